@@ -8,4 +8,4 @@ services, workspace  what steps share
 """
 
 FRAMES_PER_S = 12
-"""Most redraws of the screen a second; Textual reads TEXTUAL_FPS when it is first imported."""
+"""Maximum redraws of the screen per second; Textual reads TEXTUAL_FPS when it is first imported."""

@@ -1,4 +1,4 @@
-"""The app: a stepper on top, the step that is shown below it, keys at the foot."""
+"""The app: stepper at the top, current step below, keys at the bottom."""
 
 import asyncio
 import time
@@ -57,27 +57,27 @@ from dpr_lab.tui.widgets.stepper import Stepper, StepStatus
 from dpr_lab.tui.workspace import Workspace
 
 STEPS: tuple[type[Step], ...] = (ConnectStep, RigStep, CaptureStep, IdentifyStep, CompareStep, DiagnoseStep)
-"""The steps in the order of the work, and so their numbers and keys."""
+"""Steps in order, which defines their numbers and keys."""
 
 LEAST = (80, 24)
-"""Columns and rows that the steps need."""
+"""Minimum columns and rows."""
 
 KEYED: tuple[type[DOMNode], ...] = (*STEPS, Chart, Slider, RunBrowser)
-"""Whose actions can be given other keys, besides the app's own."""
+"""Classes whose actions can get other keys, in addition to those of the app."""
 
 
 class DprApp(Guarded, NoticeApp, ViewedApp):
     """The bench screen.
 
     Args:
-        workspace: what the operator works on
+        workspace: current work of the operator
         folder: where the workspace is saved and unexpected errors are logged
         keymap: the operator's keys, see `dpr_lab.tui.keys`
-        notices: what to say first
+        notices: messages at the start
         steps: the steps to show
-        sight: confirms that the operator sees the screen; by default the terminal does
+        sight: confirms that the operator sees the screen; default: the terminal
         allow_release: whether a browser may release too
-        read_only: whether the screen may only show: no order to a device, no file written
+        read_only: whether the screen is read-only: no command to a device, no file written
     """
 
     TITLE = "dpr-lab"
@@ -140,7 +140,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         yield KeyLine()
 
     def on_mount(self) -> None:
-        """Resume at the step shown last."""
+        """Resume at the last step."""
         self.theme_changed_signal.subscribe(self, lambda theme: self._keep_theme(theme.name))
         self.app_resume_signal.subscribe(self, lambda _: self.terminal.forget())
         if not self.is_headless:
@@ -156,12 +156,12 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             self.notify(notice, severity="warning", timeout=NOTICES.error_s, markup=False)
 
     async def on_unmount(self) -> None:
-        """Leave no process behind."""
+        """End all processes."""
         self.terminal.close()
         await self.device.close()
 
     def _listen(self) -> None:
-        if not self.is_running:  # the widgets may be gone before this timer is
+        if not self.is_running:  # the widgets may be removed before this timer ends
             return
         for report in self.device.reports():
             for step in self.steps:
@@ -172,11 +172,11 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.query_one(StatusLine).show(self.device, urgent, work, self.workspace.out, time.monotonic())
 
     def get_driver_class(self) -> type[Driver]:
-        """Our own, where there is one."""
+        """Our driver if there is one for this terminal."""
         return our_driver(super().get_driver_class())
 
     async def on_event(self, event: events.Event) -> None:
-        """An answer to a key comes at once."""
+        """Draw the response to a key at once."""
         if isinstance(event, events.Key | events.MouseDown):
             self.terminal.hurry()
         await super().on_event(event)
@@ -185,10 +185,10 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         """Report a key without a function."""
         if event.is_printable and len(self.screen_stack) == 1 and event.key not in self.screen.active_bindings:
             key, keys = self.get_key_display(Binding(event.key, "")), self.services.keys.of("app.help")
-            self.notify(f"{key} does nothing here now; {keys}: which keys do", timeout=NOTICES.hint_s, markup=False)
+            self.notify(f"{key} has no function here now; {keys} shows the keys", timeout=NOTICES.hint_s, markup=False)
 
     def on_cursor_position(self, event: events.CursorPosition) -> None:
-        """The terminal confirmed a frame."""
+        """Register that the terminal confirmed a frame."""
         self.terminal.confirmed(event.x, event.y)
 
     def _display(self, screen: Screen[object], renderable: RenderableType | None) -> None:
@@ -201,11 +201,11 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
 
     @property
     def current(self) -> Step:
-        """The step that is shown."""
+        """The current step."""
         return next(step for step in self.steps if step.NAME == self.workspace.step)
 
     def redraw(self) -> None:
-        """Draw the stepper as things stand now."""
+        """Draw the current state of the stepper."""
         keys, here = self.services.keys, self.workspace.step
         status = [
             StepStatus(s.NAME, s.outcome(), s.missing(), s.NAME == here, s.stale(), bool(s.work)) for s in self.steps
@@ -216,7 +216,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
 
     @on(Step.Done)
     def save(self) -> None:
-        """Save the workspace and show what is new; a failure to save is reported once."""
+        """Save the workspace and show changes; a failure to save is reported once."""
         try:
             if not self.read_only:
                 self.workspace.save(self.folder)
@@ -235,15 +235,15 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             self.notify(news, timeout=NOTICES.news_s, markup=False)
 
     def on_resize(self, event: events.Resize) -> None:
-        """More room shows more of the stepper; too little room is reported, and the state of the rig stays in sight."""
+        """Use the available width for the stepper; if the window is too small, report it."""
         width, height = event.size
         main = self.screen_stack[0]
         small = width < LEAST[0] or height < LEAST[1]
         if small and not main.has_class("-too-small"):
-            self._had_focus = main.focused  # what is not shown loses it
+            self._had_focus = main.focused  # a hidden widget loses the focus
         main.set_class(small, "-too-small")
         need = f"{width}x{height} is too small: the bench needs {LEAST[0]}x{LEAST[1]}. Make the window larger"
-        self.query_one("#too-small", Static).update(f"{need}, or the font smaller. A recording goes on meanwhile.")
+        self.query_one("#too-small", Static).update(f"{need}, or the font smaller. A recording continues meanwhile.")
         self.call_after_refresh(self._resized)
 
     def _resized(self) -> None:
@@ -257,14 +257,14 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.action_go(event.number)
 
     def action_go(self, number: int) -> None:
-        """Show a step, counted from 1."""
+        """Show a step, numbered from 1."""
         if not 1 <= number <= len(self.steps):
             return
         step = self.steps[number - 1]
         if step.NAME != self.workspace.step:
-            self.clear_notifications()  # they were about what is left now
+            self.clear_notifications()  # notices about the step that is left
         self.workspace.step = step.NAME
-        with self.batch_update():  # a step and its keys come in one frame
+        with self.batch_update():  # the step and its keys are drawn in one frame
             self.query_one("#steps", ContentSwitcher).current = step.id
             step.screen.set_focus(step)
             self.query_one(KeyLine).show()
@@ -274,7 +274,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             self.save()
 
     def action_move(self, by: int) -> None:
-        """Show the step before or after."""
+        """Show the previous or next step."""
         self.action_go(self.steps.index(self.current) + 1 + by)
 
     def action_help(self) -> None:
@@ -291,7 +291,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         )
 
     def action_browse(self) -> None:
-        """Look at the runs, and choose those to work on."""
+        """Show the runs for selection."""
         self.push_screen(RunBrowser(self.services, self.workspace.runs), self._choose_runs)
 
     @on(TableGiven)
@@ -299,7 +299,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.action_import_table(event.file)
 
     def action_import_table(self, file: Path | None = None) -> None:
-        """Import a recording of another logger, with the rig that is chosen."""
+        """Import a recording of another logger with the current rig."""
         from dpr_lab.tui.steps.table_import import TableImport
 
         self.push_screen(TableImport(self.workspace.rig, self.workspace.out / "runs", file), self._imported)
@@ -307,17 +307,17 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
     def _imported(self, run: Path | None) -> None:
         if run is not None:
             self._choose_runs([*self.workspace.runs, run])
-            news = f"imported as {run}, and taken for identification"
+            news = f"imported as {run}, and selected for identification"
             self.notify(news, timeout=NOTICES.news_s, markup=False)
 
     def action_next_theme(self) -> None:
-        """Dark, light, high contrast."""
+        """Switch between dark, light and high contrast."""
         names = [theme.name for theme in THEMES]
         here = names.index(self.theme) if self.theme in names else -1
         self.theme = names[(here + 1) % len(names)]
 
     def action_next_unit(self) -> None:
-        """Angles in degrees, or in radians."""
+        """Switch between degrees and radians."""
         names = list(UNITS)
         self.workspace.angles = names[(names.index(self.workspace.unit.name) + 1) % len(names)]
         self.current.enter()
@@ -329,7 +329,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.current.focus()
 
     async def action_quit(self) -> None:
-        """Quit; ask first when something would be lost."""
+        """Quit, with a confirmation if something would be lost."""
         stakes = [text for step in self.steps if (text := step.at_stake())]
         if not stakes:
             self.exit()
@@ -337,12 +337,12 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             self.push_screen(Question(f"Quit now? {' '.join(stakes)}", "Quit", "Stay"), self._quit_if)
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
-        """The steps, and every action with its key, in the command palette."""
+        """The steps, and every action with its key, for the command palette."""
         yield from super().get_system_commands(screen)
         yield from Palette(self, self.steps, self.services.keys, self.action_go).commands()
 
     def save_picture(self, filename: str | None, path: str | None, time_format: str | None) -> str | None:
-        """Save a picture of the screen in the folder of the work; report where, or why not."""
+        """Save a screenshot in the folder of the results, and report where, or why it failed."""
         folder = Path(path) if path else self.workspace.out / "screenshots"
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -354,16 +354,16 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         return saved
 
     def action_report(self) -> None:
-        """Open the page that the step wrote."""
+        """Open the report of the step."""
         page = self.current.report()
         if page is None or not page.is_file():
-            raise DprError("No report here yet: Compare and Diagnose write one each when they have run")
+            raise DprError("No report in this step yet: Compare and Diagnose each write one")
         open_page(self, page)
 
     def mishap(self, error: Exception) -> None:
         """Report an error to the operator; an unexpected one is written to a log file with its traceback.
 
-        Whatever a handler, an action or a worker of a step raises ends here; the app lives on.
+        All exceptions of handlers, actions and workers of a step end here; the app continues.
         """
         if isinstance(error, WorkerFailed) and isinstance(error.error, Exception):
             error = error.error

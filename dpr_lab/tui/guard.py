@@ -1,4 +1,4 @@
-"""Errors inside a widget are shown and logged; the widget lives on."""
+"""Errors inside a widget are shown and logged, and the widget continues."""
 
 import traceback
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from textual.message_pump import MessagePump
 
 
 class Guarded(MessagePump):
-    """Mixin for widgets of ours: Textual ends a widget whose handler raises, and the bench must not end."""
+    """Mixin for our widgets: Textual ends a widget whose handler raises, but the screen must continue."""
 
     async def _dispatch_message(self, message: Message) -> None:
         try:
@@ -21,10 +21,10 @@ class Guarded(MessagePump):
 
 @dataclass(frozen=True, slots=True)
 class ErrorLogSettings:
-    """Size of the log of errors."""
+    """Maximum size of the error log."""
 
     largest: int = 1_000_000
-    """Bytes of `errors.log` from which it becomes `errors.log.1`, which replaces the one before."""
+    """Size at which `errors.log` is renamed to `errors.log.1`, replacing the previous one, bytes."""
 
 
 ERROR_LOG = ErrorLogSettings()

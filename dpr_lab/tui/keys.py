@@ -1,4 +1,4 @@
-"""Which key does what: the defaults stand with the actions, a file of the operator's replaces them.
+"""Key bindings: defaults are defined with the actions, and a file of the operator can replace them.
 
 [capture]
 release = "space"
@@ -26,26 +26,26 @@ from dpr_lab.whole_file import regular
 MODIFIERS = ("ctrl", "shift", "alt", "super", "meta", "hyper")
 
 Keymap = dict[str, str]
-"""Id of an action -> keys, with commas between."""
+"""Id of an action -> keys, separated by commas."""
 
 MENTION = re.compile(r"\{([a-z]+\.[a-z_0-9]+)\}")
-"""An action in a text, in whose place its key is shown: `press {capture.start}`."""
+"""Placeholder of an action in a text, replaced by its key: `press {capture.start}`."""
 
 
 @dataclass(frozen=True, slots=True)
 class KeyNames:
-    """The keys as they are, for every text that names one."""
+    """Current keys, for every text that names one."""
 
     keys: Mapping[str, str]
     """Id of an action -> its keys."""
     display: Callable[[str], str]
-    """How a key is written."""
+    """Function for the display of a key."""
 
     def of(self, action: str) -> str:
-        """The first key of an action.
+        """First key of an action.
 
         Raises:
-            KeyError: no such action.
+            KeyError: unknown action.
         """
         return self.display(self.keys[action].split(",")[0].strip())
 
@@ -62,7 +62,7 @@ def keys_file() -> Path:
 def about_keys() -> str:
     """Help text on changing keys."""
     return f"""
-**Your own keys** stand in `{keys_file()}`: below the name of a place, an action and its key, such as
+**Your own keys** are defined in `{keys_file()}`: below the name of a place, an action and its key, such as
 
     [capture]
     release = "space"
@@ -73,15 +73,16 @@ action or a key that does not exist, or gives two actions of one place the same 
 
 
 def load_keymap(path: Path, everywhere: type[DOMNode], places: Iterable[type[DOMNode]]) -> Keymap:
-    """The operator's keys.
+    """Keys of the operator.
 
     Args:
-        path: the file; none there means no changes
-        everywhere: whose actions work in every place: the app
-        places: whose actions work only while they are shown: the steps, charts, ...
+        path: the file; without it the defaults are used
+        everywhere: class whose actions work in every place: the app
+        places: classes whose actions work only while they are shown: the steps, charts, ...
 
     Raises:
-        ConfigError: not TOML, no such action, no such key, or one key for two actions of one place.
+        ConfigError: the file is not TOML, or contains an unknown action, an unknown key, or one key for two actions of
+        one place.
     """
     try:
         table = tomllib.loads(regular(path, ConfigError).read_text(encoding="utf-8"))
@@ -94,7 +95,7 @@ def load_keymap(path: Path, everywhere: type[DOMNode], places: Iterable[type[DOM
     known = common | {name: keys for place in local for name, keys in place.items()}
     for name, keys in keymap.items():
         if name not in known:
-            raise ConfigError(f"{path}: {name}: no such action (there are: {', '.join(sorted(known))})")
+            raise ConfigError(f"{path}: {name}: unknown action (known actions: {', '.join(sorted(known))})")
         for key in keys.split(","):
             _check_key(path, name, key)
     for defaults in local or [{}]:
@@ -103,7 +104,7 @@ def load_keymap(path: Path, everywhere: type[DOMNode], places: Iterable[type[DOM
 
 
 def actions(owner: type[DOMNode]) -> dict[str, str]:
-    """Ids and default keys of a class's own actions."""
+    """Ids and default keys of the actions of a class."""
     bindings = owner.__dict__.get("BINDINGS", ())
     return {binding.id: binding.key for binding in bindings if isinstance(binding, Binding) and binding.id}
 
@@ -115,7 +116,7 @@ def _flat(path: Path, table: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
         for action, key in keys.items():
             name = f"{place}.{action}"
             if not isinstance(key, str) or not key.strip():
-                raise ConfigError(f'{path}: {name} = {key!r}: write a key such as "r" or "ctrl+r"')
+                raise ConfigError(f'{path}: {name} = {key!r}: give a key such as "r" or "ctrl+r"')
             yield name, ",".join(part.strip() for part in key.split(","))
 
 
@@ -124,7 +125,7 @@ def _check_key(path: Path, name: str, key: str) -> None:
     if len(base) == 1 or base in {known.value for known in Keys}:
         if all(modifier in MODIFIERS for modifier in modifiers):
             return
-    raise ConfigError(f"{path}: {name} = {key!r}: no such key: write for example r, space, f5 or ctrl+r")
+    raise ConfigError(f"{path}: {name} = {key!r}: unknown key: use for example r, space, f5 or ctrl+r")
 
 
 def _check_clashes(path: Path, keymap: Keymap, defaults: Mapping[str, str]) -> None:
@@ -133,9 +134,11 @@ def _check_clashes(path: Path, keymap: Keymap, defaults: Mapping[str, str]) -> N
         for key in _spelled_out(keymap.get(name, defaults[name])):
             other = taken.setdefault(key, name)
             if other != name and (name in keymap or other in keymap):
-                raise ConfigError(f"{path}: the key {key!r} is both {other} and {name}: give one of them another key")
+                raise ConfigError(
+                    f"{path}: the key {key!r} is assigned to both {other} and {name}: give one of them another key"
+                )
 
 
 def _spelled_out(keys: str) -> list[str]:
-    """Keys by their names: `question_mark` for `?`, as Textual compares them."""
+    """Normalised names of keys: `question_mark` for `?`, as in Textual."""
     return [binding.key for binding in Binding.make_bindings([Binding(keys, "compare")])]

@@ -1,4 +1,4 @@
-"""Where a line may end on the screen: never between a number and its unit, and what follows stands below the text."""
+"""Line breaks on the screen: never between a number and its unit, with continuation lines indented to the text."""
 
 import re
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ _UNIT = rf"(?:[°%]|ppm|{_ATOM})(?:[ /]{_ATOM})*(?!\w)"
 _WORD = re.compile(rf"\s*(?:\S*\d\)? {_UNIT}\S*|\S+)\s*")
 
 _BEFORE = re.compile(r"(?: +|[a-z][a-z ]*? {2,})?(?:[•✔✘?■□] |\d+\. )?")
-"""What stands before the text of a line: blanks or a label in a column, and a mark or a number."""
+"""Prefix of a line before its text: blanks or a label in a column, and a mark or a number."""
 
 NARROWEST = 16
 """Columns of text; where a label leaves fewer, what follows begins at the edge."""
@@ -28,7 +28,7 @@ def keep_units_whole() -> None:
 
 @dataclass(frozen=True, slots=True)
 class Hanging(Visual):
-    """Lines whose continuations are indented as far as their text."""
+    """Lines whose continuation lines are indented to the start of the text."""
 
     content: Content
 
@@ -36,15 +36,15 @@ class Hanging(Visual):
         return self.content.plain
 
     def render_strips(self, width: int, height: int | None, style: Style, options: RenderOptions) -> list[Strip]:
-        """As Textual asks."""
+        """Part of the interface of Textual."""
         return self._broken(width).render_strips(width, height, style, options)
 
     def get_optimal_width(self, rules: RulesMap, container_width: int) -> int:
-        """As Textual asks."""
+        """Part of the interface of Textual."""
         return self.content.get_optimal_width(rules, container_width)
 
     def get_minimal_width(self, rules: RulesMap) -> int:
-        """As Textual asks."""
+        """Part of the interface of Textual."""
         return self.content.get_minimal_width(rules)
 
     def get_height(self, rules: RulesMap, width: int) -> int:
@@ -57,7 +57,7 @@ class Hanging(Visual):
 
 
 def _hung(line: Content, width: int) -> list[Content]:
-    """One line, in as many as it needs."""
+    """One line, wrapped to several if needed."""
     found = _BEFORE.match(line.plain)
     indent = found.end() if found is not None else 0
     if line.cell_length <= width or width - indent < NARROWEST:

@@ -1,4 +1,4 @@
-"""Pages that the steps wrote, opened in a browser."""
+"""Open reports of the steps in a browser."""
 
 import os
 import sys
@@ -13,7 +13,7 @@ from dpr_lab.tui.texts import NOTICES
 
 
 def open_page(app: App[Any], page: Path) -> None:
-    """Open a page; where there is no desktop, name it."""
+    """Open a page; without a desktop, return its path in a message."""
     if sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys():
         app.notify(f"The report is {page} (no desktop to open it on)", timeout=NOTICES.news_s, markup=False)
     else:

@@ -21,10 +21,10 @@ class Palette:
     steps: Sequence[Step]
     keys: KeyNames
     go: Callable[[int], None]
-    """Shows a step, counted from 1."""
+    """Function that shows a step, numbered from 1."""
 
     def commands(self) -> Iterator[SystemCommand]:
-        """The steps and all actions; an action of another step is done there."""
+        """The steps and all actions; an action of another step opens this step first."""
         for number, step in enumerate(self.steps, 1):
             yield SystemCommand(f"{number} {step.NAME}", f"Go to step {number}", partial(self.go, number))
             yield from (self._command(binding, step.NAME, number) for binding in _bindings(step))
@@ -45,6 +45,6 @@ class Palette:
 
 
 def _bindings(owner: DOMNode) -> list[Binding]:
-    """The actions of a class that have words."""
+    """Actions of a class that have a description."""
     own = owner.__class__.__dict__.get("BINDINGS", ())
     return [binding for binding in own if isinstance(binding, Binding) and binding.description]

@@ -1,4 +1,4 @@
-"""Paths completed while they are written."""
+"""Completion of paths during input."""
 
 from pathlib import Path
 
@@ -6,10 +6,10 @@ from textual.suggester import Suggester
 
 
 class PathSuggester(Suggester):
-    """The first folder, or file of a kind, that begins as what is written; `~` is the user's own folder.
+    """First folder, or file with a suffix, that begins with the input; `~` is the home folder.
 
     Args:
-        suffix: of the files, with the dot; folders alone where it is empty, all files for `*`
+        suffix: suffix of the files with the dot; empty: only folders; `*`: all files
     """
 
     def __init__(self, suffix: str) -> None:
@@ -17,7 +17,7 @@ class PathSuggester(Suggester):
         self._suffix = suffix
 
     async def get_suggestion(self, value: str) -> str | None:
-        """What is written, completed."""
+        """The completed input."""
         folder, _, prefix = value.rpartition("/")
         where = Path(f"{folder}/" if "/" in value else ".").expanduser()
         try:

@@ -1,6 +1,6 @@
-"""What a page in a browser may do without `--allow-release`: look, and nothing else.
+"""Permissions of a page in a browser without `--allow-release`: display only.
 
-Refused is all that is not in the tables below, so that what is added later is refused until it is listed.
+Everything that is not in the tables below is refused, including later additions.
 """
 
 import errno
@@ -12,7 +12,8 @@ from typing import Any
 from dpr_lab.errors import SafetyStop
 
 READ_ONLY = (
-    "This page is read-only: it sends nothing to the device and writes no file. Work at the bench, or start with"
+    "This page is read-only: it sends nothing to the device and writes no file. Use the screen at the rig,"
+    " or start with"
     " dpr-lab tui --serve PORT --allow-release"
 )
 
@@ -36,17 +37,19 @@ ACTIONS = frozenset(
         *("to", "verify", "view", "whole", "zoom", "zoom_y"),
     )
 )
-"""Actions of ours that only show something; those of Textual's widgets move a cursor or a text and are free."""
+"""Our actions that only show something; those of Textual's widgets, which move a cursor or edit a text, are
+permitted.
+"""
 
 SCREENS = frozenset(("CommandPalette", "HelpScreen", "MessageScreen", "Question", "RunBrowser"))
-"""Screens on top of a step that only show something, by the names of their classes."""
+"""Names of the screen classes on top of a step that only show something."""
 
 JOBS = frozenset(("survey", "verify"))
-"""Jobs that only read run files, by the names of their functions."""
+"""Names of the job functions that only read run files."""
 
 
 def changes(owner: object, action: str) -> bool:
-    """Whether an action is one of ours and does more than show something."""
+    """Whether an action is ours and does more than show something."""
     method = getattr(owner, f"action_{action}", None)
     return method is not None and str(method.__module__).startswith("dpr_lab.") and action not in ACTIONS
 
@@ -67,9 +70,10 @@ _CHANGES = frozenset(
 
 
 def forbid_writing() -> None:
-    """Refuse from now on every call of this process that writes a file, changes a folder or starts a program.
+    """From now on, refuse every call of this process that writes a file, changes a folder or starts a program.
 
-    The tables above give the operator a reason; this holds where one of them forgets something. It cannot be undone.
+    The tables above give the operator a reason; this is a second protection, in case a table is incomplete. It cannot
+    be undone.
     """
     sys.dont_write_bytecode = True
     sys.addaudithook(_refuse_writing)

@@ -1,4 +1,4 @@
-"""What a step works with: all that it knows of the app around it."""
+"""Services of the app for a step."""
 
 from dataclasses import dataclass
 
@@ -11,27 +11,27 @@ from dpr_lab.tui.workspace import Workspace
 
 @dataclass(frozen=True, slots=True)
 class Services:
-    """The same for every step."""
+    """Services common to all steps."""
 
     workspace: Workspace
     device: DeviceConnection
     order: tuple[str, ...]
-    """Names of all steps in the order of the work."""
+    """Names of all steps in order."""
     keys: KeyNames
     sight: Sight
-    """Whether the operator sees what is shown."""
+    """Whether the operator sees the screen."""
 
     def key_of(self, step: str) -> str:
-        """The key that shows the step of that name."""
+        """Key that shows the step with this name."""
         return self.keys.of(f"app.step_{self.order.index(step) + 1}")
 
     async def connect(self) -> None:
-        """Call the device that the workspace names; raises as `require_free` does."""
+        """Start the handshake with the device of the workspace; raises like `require_free`."""
         self.require_free()
         await self.device.open(self.workspace.link, self.workspace.rig, self.workspace.out / "runs")
 
     def require_free(self) -> None:
-        """Raise DprError while an attempt is under way."""
+        """Raise DprError during an attempt."""
         if self.device.attempt is not None:
             ways = f"press {self.key_of('Capture')}, then {self.keys.of('capture.end')}"
             raise DprError(f"A capture is under way: end it first ({ways})")

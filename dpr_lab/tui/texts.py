@@ -1,4 +1,4 @@
-"""Rows and sentences as the screen shows them."""
+"""Rows and sentences for the screen."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,17 +18,17 @@ class NoticeTimes:
     """Duration of notices, s, and their number; Escape dismisses them. All are in the message log."""
 
     stays_s: float = 86400.0
-    """An error: until Escape or another step."""
+    """Duration of an error: until Escape or another step."""
     error_title: str = "Error (esc: close · {app.messages}: all messages)"
     error_s: float = 30.0
-    """A warning that says what to do about it."""
+    """Duration of a warning with an instruction."""
     news_s: float = 20.0
-    """Of a job that ended while another step was shown, and of a release that was refused on a slow line."""
+    """Duration of a notice of a job that ended while another step was shown, or of a release refused on a slow line."""
 
     hint_s: float = 5.0
-    """That a key does nothing."""
+    """Duration of a notice that a key has no function."""
     most: int = 2
-    """So many stand at once: more would cover what they are about."""
+    """Maximum number of notices at a time; more would cover the content."""
 
 
 ABOUT_TERMS = (
@@ -39,7 +39,7 @@ NOTICES = NoticeTimes()
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> RenderableType:
-    """A table as wide as its cells need: words read from the left, numbers from the right and in one line."""
+    """A table as wide as its cells need: text aligned left, numbers right and on one line."""
     made = Table(
         title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0)
     )
@@ -52,7 +52,7 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
 
 
 def sentences(title: str, lines: Sequence[str], *, mark: str = "•", numbered: bool = False) -> RenderableType:
-    """A list of sentences below a title, each behind a mark or its number from 1; nothing where there are none."""
+    """A list of sentences below a title, with a mark or numbers from 1; empty without sentences."""
     if not lines:
         return Text("")
     items = Table.grid(padding=(0, 1))
@@ -67,7 +67,7 @@ def counted_runs(count: int) -> str:
 
 
 def shorter(names: Sequence[str], most: int = 6) -> str:
-    """Names by comma, the first few of many."""
+    """The first few of many names, separated by commas."""
     more = len(names) - most
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
@@ -86,14 +86,14 @@ def named_runs(runs: Sequence[Path]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Bars:
-    """Horizontal bars of any width, for each a label, a value, its interval if it has one, and a text after the bar."""
+    """Horizontal bars of any width, each with a label, a value, an optional interval, and a text after the bar."""
 
     rows: Sequence[tuple[str, float, tuple[float, float] | None, str]]
     top: float | None = None
-    """Value of a full bar; the largest one by default."""
+    """Value of a full bar; default: the largest one."""
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """One line each."""
+        """One line for each bar."""
         label = max((len(row[0]) for row in self.rows), default=0)
         text_width = max((len(row[3]) for row in self.rows), default=0)
         width = max(options.max_width - label - text_width - 4, 8)

@@ -1,4 +1,4 @@
-"""The looks: dark, light, and high contrast for a bright workshop or tired eyes."""
+"""Themes: dark, light, and high contrast."""
 
 from textual.theme import Theme
 
@@ -46,4 +46,4 @@ CONTRAST = Theme(
     dark=True,
 )
 THEMES = (DARK, LIGHT, CONTRAST)
-"""In the order in which the key goes through them."""
+"""Themes in the order in which the key switches them."""

@@ -1,4 +1,4 @@
-"""An app that can be read-only: it then runs only the actions and shows only the screens that change nothing."""
+"""App that can be read-only: it then allows only actions and screens that change nothing."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ class ViewedApp(App[None]):
     """Application in a read-only page; it refuses actions with one sentence."""
 
     read_only = False
-    """Whether it may only show: no order to a device, no file written."""
+    """Whether it is read-only: no command to a device, no file written."""
 
     async def _dispatch_action(self, namespace: DOMNode, action_name: str, params: Any) -> bool:
         if self.read_only and changes(namespace, action_name):
@@ -26,7 +26,7 @@ class ViewedApp(App[None]):
         """Show a screen on top of this one.
 
         Raises:
-            SafetyStop: one that does more than show something, of a read-only page.
+            SafetyStop: in a read-only page, a screen that does more than show something.
         """
         if self.read_only and type(screen).__name__ not in SCREENS:
             raise SafetyStop(READ_ONLY)
@@ -35,12 +35,12 @@ class ViewedApp(App[None]):
     def deliver_screenshot(
         self, filename: str | None = None, path: str | None = None, time_format: str | None = None
     ) -> str | None:
-        """Save a picture of the screen; of a read-only page say that none is saved."""
+        """Save a screenshot; on a read-only page, report that none is saved."""
         if self.read_only:
             self._handle_exception(SafetyStop(READ_ONLY))
             return None
         return self.save_picture(filename, path, time_format)
 
     def save_picture(self, filename: str | None, path: str | None, time_format: str | None) -> str | None:
-        """Save a picture of the screen; where it is."""
+        """Save a screenshot and return its path."""
         return super().deliver_screenshot(filename, path, time_format)

@@ -1,4 +1,4 @@
-"""The screen as a page for a browser on this computer."""
+"""The screen as a page in a browser on this computer."""
 
 import asyncio
 import os
@@ -15,7 +15,7 @@ from dpr_lab.errors import ConfigError, LinkError
 from dpr_lab.tui.terminal.signals import SETTINGS
 
 HOST = "127.0.0.1"
-NEEDS = "a page needs textual-serve: pip install 'dpr-lab[web]'"
+NEEDS = "this option needs textual-serve: pip install 'dpr-lab[web]'"
 HEADERS = {"Referrer-Policy": "no-referrer", "X-Frame-Options": "DENY", "Cache-Control": "no-store"}
 
 
@@ -23,15 +23,15 @@ def serve(command: Sequence[str], port: int) -> None:
     """Run a command for every browser that opens the page, until Ctrl-C.
 
     Other computers cannot reach it. Other users of this computer can reach the port, so every address starts with a
-    random token, which is printed and nowhere else: `http://127.0.0.1:PORT/TOKEN/`. Without it the answer is 403. Pages
-    of other places that are open in the same browser are refused, and the page itself may load nothing from elsewhere.
+    random token, which is only printed: `http://127.0.0.1:PORT/TOKEN/`. Requests without it are answered with 403.
+    Requests from other pages in the same browser are refused, and the page itself may load nothing from elsewhere.
 
     Args:
-        command: runs the screen
-        port: of the page
+        command: command that runs the screen
+        port: port of the page
 
     Raises:
-        ConfigError: what serves it is not installed.
+        ConfigError: the package that serves it is not installed.
         LinkError: the port is taken.
     """
     try:
@@ -55,7 +55,7 @@ def policy(place: str) -> str:
 
 
 def _page(command: Sequence[str], port: int, token: str) -> Any:
-    """The server of the page.
+    """Server of the page.
 
     Raises:
         ImportError: textual-serve is not installed.
@@ -93,11 +93,15 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
             return app
 
         async def on_startup(self, app: Any) -> None:
-            """Of this app and of the one below its token: nothing is to be done twice."""
+            """Called for this app and for the one below its token; registers handlers only once."""
 
         async def announce(self, app: Any) -> None:
-            logging.getLogger("aiohttp.access").setLevel(logging.WARNING)  # it would log the token
-            print(f"open http://{place}/{token}/", "whoever has this address has the screen; Ctrl-C ends it", sep="\n")
+            logging.getLogger("aiohttp.access").setLevel(logging.WARNING)  # the default would log the token
+            print(
+                f"open http://{place}/{token}/",
+                "anyone who has this address can use the screen; Ctrl-C ends it",
+                sep="\n",
+            )
             sys.stdout.flush()
 
         async def on_shutdown(self, app: Any) -> None:
@@ -127,7 +131,7 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
                 await screen.start(*size)
                 await self._process_messages(websocket, screen)
             except (ValueError, LookupError, TypeError, AssertionError):
-                pass  # not what our page sends
+                pass  # not sent by our page
             finally:
                 await screen.stop()
                 self.screens.pop(websocket, None)
@@ -140,7 +144,7 @@ def _screen_type() -> type:
     from textual_serve.app_service import AppService  # pyright: ignore[reportMissingImports]
 
     class ServedScreen(AppService):
-        """A screen in its own process and session, which ends within a bounded time."""
+        """A screen in its own process and session, which ends within a limited time."""
 
         async def _open_app_process(self, width: int = 80, height: int = 24) -> Process:
             self._process = process = await asyncio.create_subprocess_exec(
@@ -155,7 +159,7 @@ def _screen_type() -> type:
             return process
 
         async def on_data(self, payload: bytes) -> None:
-            with suppress(ConnectionError):  # a screen that ends is read to its end, or it waits for us for ever
+            with suppress(ConnectionError):  # the output of a screen is read to its end, otherwise it would block
                 await super().on_data(payload)
 
         async def on_meta(self, data: bytes) -> None:

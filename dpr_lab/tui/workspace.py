@@ -1,4 +1,4 @@
-"""What the operator works on, kept from one start of the bench screen to the next."""
+"""Work of the operator, stored between sessions of the screen."""
 
 import os
 from dataclasses import dataclass, field
@@ -13,13 +13,13 @@ from dpr_lab.report.angles import UNITS, AngleUnit
 
 FILE = "bench.json"
 RECENT = 5
-"""How many rigs and folders are remembered."""
+"""Number of remembered rigs and folders."""
 UNSAVED = (
-    "what is on the bench will not be remembered at the next start (runs and results are kept): free the disk or the"
-    " folder, or name another in DPR_LAB_STATE"
+    "the current rig, link and runs will not be remembered at the next start (runs and results are kept):"
+    " free disk space, or set another folder in DPR_LAB_STATE"
 )
 
-FRESH = "the bench starts fresh; choose rig, link and runs again (recordings and results are kept)"
+FRESH = "the screen starts with an empty workspace; choose rig, link and runs again (recordings and results are kept)"
 
 
 def state_folder() -> Path:
@@ -34,46 +34,46 @@ class Workspace:
     rig: str = "paper"
     """Rig file, or the name of a built-in one."""
     link: str = ""
-    """URL of the device; empty for the rig file's."""
+    """URL of the device; empty: that of the rig file."""
     out: Path = field(default_factory=lambda: Path("bench"))
-    """Folder that holds runs/, model.json, report/ and diagnosis/."""
+    """Folder that contains runs/, model.json, report/ and diagnosis/."""
     runs: list[Path] = field(default_factory=list)
     """Run files selected for identification."""
     recent_rigs: list[str] = field(default_factory=list)
-    """Rig files used before, the last one first."""
+    """Recent rig files, last one first."""
     recent_folders: list[Path] = field(default_factory=list)
-    """Folders whose runs were looked at, the last one first."""
+    """Recent folders of runs, last one first."""
     torque: str = ""
-    """`commanded`: these drove the joints of runs that hold both kinds; empty: the measured ones did."""
+    """`commanded`: use these torques for runs that contain both kinds; empty: the measured ones."""
     held_out: list[Path] = field(default_factory=list)
-    """Run files that only measure how far a diagnosis closes the gap."""
+    """Held-out run files, which only validate a diagnosis."""
     undecided: Path | None = None
-    """A recorded run that was neither kept nor repeated."""
+    """Recorded run that was neither kept nor repeated."""
     model: Path | None = None
     diagnosis: Path | None = None
     made_from: dict[str, dict[str, str]] = field(default_factory=dict)
-    """Step -> what its result rests on, as `basis` gave it."""
+    """Step -> inputs of its result, from `basis`."""
     took: dict[str, float] = field(default_factory=dict)
-    """Step -> how long its work took for each run the last time, s."""
+    """Step -> duration of its last job per run, s."""
     theme: str = "dpr-dark"
     angles: str = "degrees"
-    """Unit in which they are shown (`dpr_lab.report.angles`)."""
+    """Unit of displayed angles (`dpr_lab.report.angles`)."""
     step: str = ""
-    """Name of the step shown last."""
+    """Name of the last step."""
 
     @property
     def unit(self) -> AngleUnit:
-        """The unit in which angles are shown."""
+        """Unit of displayed angles."""
         return UNITS.get(self.angles, UNITS["degrees"])
 
     @property
     def both_torques(self) -> bool:
-        """Whether a run that is selected holds measured and commanded torques."""
+        """Whether a selected run contains measured and commanded torques."""
         return any(map(_holds_both, (*self.runs, *self.held_out)))
 
     @property
     def driven_by(self) -> str | None:
-        """`commanded` where these are to be taken, and some run leaves the choice; else None."""
+        """`commanded` if these are selected and a run contains both kinds; otherwise None."""
         return (self.torque or None) if self.both_torques else None
 
     def basis(self) -> dict[str, str]:
@@ -87,7 +87,7 @@ class Workspace:
         }
 
     def used(self, rig: str) -> None:
-        """Remember a rig file that was read."""
+        """Remember a rig file."""
         self.recent_rigs = [rig, *(other for other in self.recent_rigs if other != rig)][:RECENT]
 
     def looked_at(self, folder: Path) -> None:
@@ -95,10 +95,10 @@ class Workspace:
         self.recent_folders = [folder, *(other for other in self.recent_folders if other != folder)][:RECENT]
 
     def save(self, folder: Path) -> None:
-        """Write it as JSON, whole or not at all.
+        """Write the workspace as JSON, atomically.
 
         Raises:
-            ConfigError: the folder cannot be written to.
+            ConfigError: the folder cannot be written.
         """
         fresh = folder / f"{FILE}.new"
         try:
@@ -126,7 +126,7 @@ _WORKSPACE = TypeAdapter(Workspace)
 def load(folder: Path) -> tuple[Workspace, list[str]]:
     """Saved workspace, and notices about changes since.
 
-    A damaged file means a fresh start; a run, model or diagnosis that is gone is dropped. Never raises.
+    A damaged file gives an empty workspace; a missing run, model or diagnosis is removed. Never raises.
     """
     path = folder / FILE
     try:
@@ -154,4 +154,4 @@ def _drop_missing(workspace: Workspace) -> list[str]:
     if workspace.diagnosis is not None and not workspace.diagnosis.exists():
         gone.append(workspace.diagnosis)
         workspace.diagnosis = None
-    return [f"{path}: is gone, so it was dropped from the bench" for path in gone]
+    return [f"{path}: does not exist any more and was removed from the workspace" for path in gone]

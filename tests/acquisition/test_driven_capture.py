@@ -42,7 +42,7 @@ def test_torques_that_never_came_are_counted_said_and_not_made_up(
     lost = run.lost["torque"]
     assert lost > 20
     assert sum(run.lost.values()) == lost
-    assert f"{lost} samples came without their torques" in captured.quality.sentence
+    assert f"{lost} samples arrived without their torques" in captured.quality.sentence
     assert "degraded: lost by cause: torque" in captured.quality.sentence
     rows = np.searchsorted(T, run.swing.t + 1e-9, side="right") - 1
     assert run.swing.torques == pytest.approx(TAU[rows], abs=1e-9)
@@ -71,7 +71,7 @@ def test_torques_of_no_known_unit_are_refused(paper: Rig, tmp_path: Path, table:
     link = WithoutPage(open_transport(simulated(torques=table).url))
     with Device(link) as device:  # pyright: ignore[reportArgumentType]
         device.connect()
-        with pytest.raises(LinkError, match="the page of its INFO that tells their unit was lost: connect again"):
+        with pytest.raises(LinkError, match="the page of its INFO with their unit was lost: connect again"):
             capture(device, paper, "X2", SHORT, tmp_path, confirm=agree)
 
 

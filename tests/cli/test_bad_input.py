@@ -116,7 +116,7 @@ def test_no_such_pose(tmp_path: Path, cli) -> None:
     done = cli("capture", "--rig", "paper", "--link", "sim://?clock=fast", "--pose", "X9", "--out", tmp_path)
     assert done.code == 3
     assert "X1" in done.err
-    assert "bring the rods" not in done.err
+    assert "move the rods" not in done.err
 
 
 @pytest.mark.parametrize(

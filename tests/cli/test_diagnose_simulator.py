@@ -62,7 +62,7 @@ def test_it_speaks_the_names_of_the_file(cli, bench: tuple[Path, Rig]) -> None:
     assert done.code == 0, done.err
     assert "Joint 1 is 'shoulder' and joint 2 is 'elbow' in robot.xml." in done.out
     assert "What to change in robot.xml" in done.out
-    assert "With --out FOLDER the changed robot.xml is written there." in done.out
+    assert "With --out FOLDER the changed robot.xml is written to this folder." in done.out
 
 
 def test_what_does_not_fit_is_refused_first(cli, bench: tuple[Path, Rig], paper: Rig) -> None:

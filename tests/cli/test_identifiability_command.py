@@ -67,5 +67,5 @@ def test_the_outer_rod_alone_on_a_free_arm_is_refused_with_the_reason() -> None:
     table = load_rig("paper").model_dump(exclude_none=True)
     table["rig"]["L0"] = 0.3
     free = Rig.model_validate(table | {"arm": {"mode": "free"}})
-    with pytest.raises(ConfigError, match="modelled with both rods or with the inner rod"):
+    with pytest.raises(ConfigError, match="supported with both rods or with the inner rod"):
         with_rods(free, "outer", None)

@@ -51,7 +51,7 @@ def test_flags_describe_arm_length_geared_joints_zeros_and_mounted_rods(cli, tmp
     [
         ((*FLAGS, "--geared", "3"), 3, "joints.geared"),
         ((*FLAGS, "--rods", "outer", "--elbow", "clamped"), 3, "no elbow to clamp"),
-        (FLAGS[:-2], 2, "--m2 is needed: Outer rod, kg"),
+        (FLAGS[:-2], 2, "--m2 is required: Mass of the outer rod, kg"),
         (
             (*FLAGS[:-1], "heavy"),
             2,
@@ -72,11 +72,11 @@ def test_what_no_rig_file_may_hold(cli, tmp_path: Path, words: tuple[str, ...], 
 def test_a_terminal_is_asked(tmp_path: Path) -> None:
     answers = {
         "Name of the rig": "asked",
-        "Between the two joints": "0.3",
+        "Distance between the two joints": "0.3",
         "Length of the outer rod": "far\n0.25",  # asked again after a word
         "Inner rod": "0.21",
         "Outer rod": "0.12+-0.002",
-        "What sits on the elbow": "",
+        "Mass of the parts at joint 2": "",
         "Counts per turn": "",
         "encoder reads": "absolute",
         "Link to the device": "",

@@ -13,7 +13,7 @@ def opens_and_stays_open(folder: Path, cli) -> None:
     """A trial of seed 5 that was diagnosed."""
     shown = cli("trials", "open", folder)
     assert shown.code == 0, shown.err
-    assert "the seal holds" in shown.out
+    assert "the seal is valid" in shown.out
     assert "hidden: length error, inner rod [wrong_length_L1]; diagnosis:" in shown.out
     late = cli("trials", "run", folder)
     assert late.code == 3
@@ -74,8 +74,8 @@ def test_a_campaign_ends_with_scores_and_a_page(tmp_path: Path, cli) -> None:
 def test_a_trial_that_fails_is_told_and_the_others_stand(tmp_path: Path, cli) -> None:
     done = cli("trials", "campaign", "--n", 1, "--kind", "clean", "--plant", "none", "--jobs", 1, "--out", tmp_path)
     assert done.code == 1
-    assert "trial 0: the simulated device says: none: no such file" in done.err
-    assert "run it again" in done.err
+    assert "trial 0: the simulated device reports: none: no such file" in done.err
+    assert "run the command again" in done.err
     assert "no such file" in (tmp_path / "trials.html").read_text()
 
 
@@ -118,8 +118,8 @@ def test_wrong_words_are_refused(tmp_path: Path, cli) -> None:
     [
         (("draw", "--rig", "nonesuch", "--out", "t"), 3, "no built-in name of rigs"),
         (("draw", "--plant", "nonesuch", "--out", "t"), 3, "no built-in name of plants"),
-        (("run", "nowhere"), 3, "holds no finished trial"),
-        (("open", "nowhere"), 3, "holds no finished trial"),
+        (("run", "nowhere"), 3, "contains no finished trial"),
+        (("open", "nowhere"), 3, "contains no finished trial"),
         (("campaign", "--rig", "nonesuch", "--out", "t"), 3, "no built-in name of rigs"),
         (("campaign", "--n", "1", "--scheduler", "localhost", "--out", "t"), 4, "tcp://127.0.0.1:8786"),
     ],

@@ -105,7 +105,7 @@ def test_what_is_lost_is_said_with_its_reason(paper: Rig, bent: dict, name: str)
     files = FORMATS[name].written(model_of(paper, bent), paper)
     lost = json.loads(files[f"{FORMATS[name].main}.lost.json"])["lost"]
     assert set(lost) == {"stribeck_joint2", "latency_joint2", "unheard_of --> <x/>"}
-    assert "not what their encoders read" in lost["latency_joint2"]
+    assert "not encoder readings" in lost["latency_joint2"]
     root = ElementTree.fromstring(files[FORMATS[name].main])
     assert root.find("x") is None
     whole = FORMATS[name].written(model_of(paper, SAID), paper)

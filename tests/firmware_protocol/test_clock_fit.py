@@ -86,7 +86,7 @@ def test_the_line_is_numpy_s_weighted_one(rng: np.random.Generator):
     ids=["none", "one", "two", "one tick"],
 )
 def test_too_few_exchanges_make_no_fit(exchanges: list[Exchange]):
-    with pytest.raises(ValueError, match="do not make a clock fit"):
+    with pytest.raises(ValueError, match="are not enough for a clock fit"):
         fit_clock(exchanges, RATE_HZ)
 
 

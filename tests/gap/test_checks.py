@@ -176,5 +176,5 @@ def test_a_recording_is_taken_by_the_torques_that_are_asked_for(diagnosis: Diagn
     assert done[0].after[TILT] + done[0].after[OFFSET] > 0.9
     np.savetxt(tmp_path / "y.csv", np.column_stack(columns[:3]), delimiter=",", header=names[:59], comments="")
     import_csv(tmp_path / "y.csv", rig, out=tmp_path / "y.mcap")
-    with pytest.raises(RunError, match=r"holds no commanded torques, only measured.*: leave out --torque"):
+    with pytest.raises(RunError, match=r"contains no commanded torques, only measured.*: remove the option --torque"):
         take_check(CheckRequest(file, asked, (tmp_path / "y.mcap",), torque="commanded"))

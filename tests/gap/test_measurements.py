@@ -38,7 +38,7 @@ def test_a_value_that_fits_nobody_is_questioned_and_once_confirmed_speaks_for_an
     assert found.probabilities[NONE_OF_THEM] > 0.999
     assert found.verdict == "unexplained"
     assert found.sentence.startswith("After check 1-abcd")
-    assert "none of the named effects explains what was measured" in found.sentence
+    assert "none of the named effects explains the measured value" in found.sentence
     assert found.remedies == []
 
 

@@ -54,7 +54,7 @@ def test_measured_values_that_fix_b_make_absolute_sizes(paper: Rig) -> None:
     rig = known(paper, paper.nominal, "l2", "m2", "J2", "m1", "mb")
     measured = scale(rig, seen(rig, rig.nominal))
     assert measured.fixed_by == "measured"
-    assert "Measured values of the rig file fix" in measured.sentence
+    assert "Measured values of the rig file determine" in measured.sentence
 
 
 def test_an_absolute_interval_is_as_wide_as_fit_and_scale_together() -> None:

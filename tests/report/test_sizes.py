@@ -60,4 +60,4 @@ def test_a_negative_drift_of_friction_is_put_into_words(diagnosis) -> None:
         }
     )
     result = diagnosis(scale=NOT_MEASURED, effects=[drift])
-    assert "viscous friction falls during the swing" in sizes_cell(result, drift)
+    assert "viscous friction decreases during the swing" in sizes_cell(result, drift)

@@ -99,15 +99,15 @@ def test_a_header_in_a_comment_and_columns_by_number(tmp_path):
 def test_milliseconds_are_taken_only_when_said(tmp_path):
     file = table(tmp_path / "a.csv", ("time_ms", "theta1", "theta2"), T * 1000, THETA1, THETA2)
     assert_the_swing(read(file, time_unit="ms"))
-    with pytest.raises(RunError, match="'time_ms' is in ms by its name: leave out --time-unit"):
+    with pytest.raises(RunError, match="'time_ms' is in ms by its name: remove --time-unit"):
         read(file)
-    with pytest.raises(RunError, match="says ms, but the unit given is s"):
+    with pytest.raises(RunError, match="states ms, but the given unit is s"):
         read(file, columns={"t": "time_ms"})
 
 
 def test_degrees_taken_for_radians_are_noticed(tmp_path):
     file = table(tmp_path / "a.csv", ("t", "theta1 [°]", "theta2_deg"), T, THETA1, THETA2)
-    with pytest.raises(RunError, match=r"says °, but the unit given is rad"):
+    with pytest.raises(RunError, match=r"states °, but the given unit is rad"):
         read(file, columns={"theta1": "theta1 [°]"})
 
 
@@ -137,8 +137,8 @@ def test_uneven_times_doubled_rows_gaps_and_nan_survive_to_the_file(tmp_path):
     expected = np.array([float(f"{value:.12g}") for value in t])[kept]
     np.testing.assert_allclose(run.t, expected - expected[0], rtol=0, atol=1e-12)
     np.testing.assert_allclose(run.theta[:, 1], THETA1[kept], atol=1e-9)
-    assert any(note == "rows without a value (NaN), left out as gaps: 1" for note in run.notes)
-    assert any(note == "rows with the time of the row before, left out: 1" for note in run.notes)
+    assert any(note == "rows without a value (NaN), treated as gaps: 1" for note in run.notes)
+    assert any(note == "rows with the same time as the previous row, removed: 1" for note in run.notes)
     assert any(note.startswith("gaps kept: ") and "the longest 0.50" in note for note in run.notes)
     assert verify(tmp_path / "a.mcap").ok
     extra = info(tmp_path / "a.mcap").extra
@@ -184,7 +184,7 @@ def test_a_column_of_words_and_an_empty_first_row_do_no_harm(tmp_path):
     file.write_text("\n".join([head + ",state", "-0.005,,,held", *rows]))
     run = read(file)
     assert_the_swing(run)
-    assert run.notes == ("rows without a value (NaN), left out as gaps: 1",)
+    assert run.notes == ("rows without a value (NaN), treated as gaps: 1",)
 
 
 def test_a_last_row_cut_off_is_left_out_and_said(tmp_path):
@@ -203,20 +203,20 @@ HEAD = "t,theta1,theta2\n"
     [
         (b"", "is empty"),
         (b" \n\n", "is empty"),
-        (b"# only a remark\n", "holds no rows"),
+        (b"# only a remark\n", "contains no rows"),
         (HEAD.encode(), "no row of numbers"),
         (b"dear diary,\ntoday it swung\n", "no row of numbers"),
         (bytes(range(256)) * 9, "binary file"),
         ("t,theta1\n".encode("utf-16"), "binary file"),
-        (f"{HEAD}0,1,2\n".encode(), "only 1 row is left"),
-        (f"{HEAD}0,1,2\n0,1,2\n".encode(), "only 1 row is left"),
-        (f"{HEAD}0,1,2\n1,1,2\n0.5,1,2\n2,1,2\n".encode(), "line 4: time runs backwards, from 1 s to 0.5 s"),
-        (f"{HEAD}0,1,2\n1,1\n2,1,2\n".encode(), "line 3 has 2 fields where there are 3 columns"),
+        (f"{HEAD}0,1,2\n".encode(), "only 1 row remains"),
+        (f"{HEAD}0,1,2\n0,1,2\n".encode(), "only 1 row remains"),
+        (f"{HEAD}0,1,2\n1,1,2\n0.5,1,2\n2,1,2\n".encode(), "line 4: time decreases from 1 s to 0.5 s"),
+        (f"{HEAD}0,1,2\n1,1\n2,1,2\n".encode(), "line 3 has 2 fields, but there are 3 columns"),
         (f"{HEAD}0,1,2\n1,one,2\n2,1,2\n".encode(), "line 3: 'one' in column 'theta1' is not a number"),
         (f"{HEAD}0,1,2\n1,nan,2\n2,1,2\n".encode(), "1 of 3 rows have no value"),
         (f"{HEAD}0,1,2\n{'5' * 70},1,2\n".encode(), "rows are 5.55556e+69 s apart"),
         (f"{HEAD}0,1,2\n1,1,2\n2,1,2\n1{'0' * 12},1,2\n".encode(), "the table lasts 1e+12 s"),
-        (f"{HEAD}nan,1,2\nnan,1,2\n".encode(), "the time column holds no number"),
+        (f"{HEAD}nan,1,2\nnan,1,2\n".encode(), "the time column contains no number"),
         (
             b"t_s,theta1_rad,omega1\n0,1,2\n1,1,2\n",
             "no single column found for theta2; the table has: t_s, theta1_rad, omega1",
@@ -254,7 +254,7 @@ def test_an_outlier_is_left_out_and_never_made_plausible(tmp_path, wild, rows):
     run = read(table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, theta2))
     kept = np.delete(np.arange(len(T)), rows)
     np.testing.assert_allclose(run.theta[:, 2], THETA2[kept], atol=1e-9)
-    assert f"theta2: outliers left out: {len(rows)}" in run.notes
+    assert f"theta2: outliers removed: {len(rows)}" in run.notes
     assert not any("unwrapped" in note for note in run.notes)
 
 
@@ -264,7 +264,7 @@ def test_an_outlier_in_counts_is_left_out_too(tmp_path):
     file = table(tmp_path / "a.csv", ("time", "counts1", "counts2"), T, counts[:, 1], counts[:, 2])
     run = read(file, unit="counts")
     assert len(run.t) == len(T) - 1
-    assert "theta2: outliers left out: 1" in run.notes
+    assert "theta2: outliers removed: 1" in run.notes
 
 
 def test_a_logger_that_wraps_back_and_forth_at_its_end_is_unwrapped(tmp_path):
@@ -286,8 +286,8 @@ def test_a_column_that_is_empty_throughout_is_an_axis_that_was_not_recorded(tmp_
     nothing = np.full_like(T, np.nan)
     run = read(table(tmp_path / "a.csv", ("t", "theta0", "theta1", "theta2"), T, nothing, THETA1, THETA2))
     assert_the_swing(run)
-    assert any("theta0: its column is empty throughout" in note for note in run.notes)
-    with pytest.raises(RunError, match="theta2 is empty throughout; both rods are needed"):
+    assert any("theta0: its column is empty" in note for note in run.notes)
+    with pytest.raises(RunError, match="theta2 is empty; both rods are required"):
         read(table(tmp_path / "b.csv", ("t", "theta1", "theta2"), T, THETA1, nothing))
 
 

@@ -96,5 +96,5 @@ def test_an_existing_file_or_one_in_the_place_of_the_folder_is_said(tmp_path, su
 
 
 def test_an_unknown_format_lists_the_known(tmp_path):
-    with pytest.raises(RunError, match=r"no such format as '.xlsx'; there are: .csv, .parquet, .h5, .mat"):
+    with pytest.raises(RunError, match=r"unknown format '.xlsx'; known formats: .csv, .parquet, .h5, .mat"):
         export(make(), tmp_path / "swing.xlsx")

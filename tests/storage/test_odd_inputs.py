@@ -76,7 +76,7 @@ def test_nested_groups_and_thousands_of_data_sets_are_refused(tmp_path: Path) ->
         for number in range(3000):
             file.create_group(f"g{number}")
     for name in ("deep.h5", "wide.h5"):
-        with pytest.raises(RunError, match="copy its columns into a file of their own"):
+        with pytest.raises(RunError, match="copy the columns of one recording into a new file"):
             read_any(tmp_path / name)
 
 
@@ -108,7 +108,9 @@ def test_zeros_that_swell_are_refused_before_they_fill_memory(suffix: str, tmp_p
         pq, pa = pytest.importorskip("pyarrow.parquet"), pytest.importorskip("pyarrow")
         pq.write_table(pa.table({"t": zeros}), path)
     assert path.stat().st_size < 200_000
-    with pytest.raises(RunError, match="which no recording does: save its columns without compression, or as CSV"):
+    with pytest.raises(
+        RunError, match="which is too much for a recording: save its columns without compression, or as CSV"
+    ):
         read_any(path)
 
 

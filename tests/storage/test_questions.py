@@ -72,14 +72,14 @@ def test_a_certain_mistake_is_questioned_with_the_option_that_mends_it(
         ("free/us_as_s", "--time-unit ms or us"),
         ("free/time_of_few_digits", r"time column has too few digits.*\(--rate-hz\)"),
         ("free/other_pose", r"not in pose X2 .*: it is pose X1 \(--pose X1\)"),
-        ("free/reversed_rows", "time runs backwards in all rows: sort the rows by time"),
+        ("free/reversed_rows", "time decreases in all rows: sort the rows by time"),
         ("free/bad_word", "is not a number: correct it, or leave the field empty"),
         ("degrees/decimal_commas", "if commas are decimal signs, export it with semicolons"),
         ("free/nan_half", "too many for a recording.*--start-s, --duration-s"),
         ("free/identical_angles", "hold the same numbers.*--elbow clamped"),
         ("wild/constant_theta1", "is constant while theta2 turns.*--rods outer"),
         ("free/constant_theta2", "is constant while theta1 turns.*--rods inner.*--elbow clamped"),
-        ("free/constant_both", "the rods stand still throughout"),
+        ("free/constant_both", "the rods are at rest throughout"),
         ("wild/held_middle", "held between 2 motions.*--start-s 0 --duration-s 1.*--start-s 2.*--keep-rest"),
         ("free/six_rows", "only 6 rows of a swing"),
     ],
@@ -109,7 +109,7 @@ def test_another_pose_than_the_one_named_leads_to_the_reading_that_starts_there(
     rows = np.loadtxt(SAMPLES / "side.csv", delimiter=",", skiprows=1) * [1.0, factor, factor]
     np.savetxt(tmp_path / "a.csv", rows, "%.10g", ",", header="time_s,angle1_deg,angle2_deg", comments="")
     rig = load_rig(SAMPLES / "bench.toml")
-    with pytest.raises(RunError, match=f"not in pose side .*: it does if .*{mend}$"):
+    with pytest.raises(RunError, match=f"not in pose side .*: it would if .*{mend}$"):
         import_csv(tmp_path / "a.csv", rig, ImportOptions(**{**RIGHT, "pose": "side", **options}))
 
 
@@ -129,7 +129,7 @@ def test_rows_that_are_kept_although_the_rods_are_held_are_questioned(
 ) -> None:
     for name, questioned in (("free/none", False), ("free/held_start", True)):
         understood = preview(tables[name].write(tmp_path), paper, ImportOptions(keep_rest=True))
-        assert any("leave --keep-rest out" in one.sentence for one in understood.questions) == questioned
+        assert any("remove --keep-rest" in one.sentence for one in understood.questions) == questioned
 
 
 def test_a_clamped_elbow_that_is_said_to_be_free_is_refused(paper: Rig, tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ def test_a_run_without_release_or_samples_is_refused(tmp_path):
     theta = np.full((5, 3), 0.1)
     with pytest.raises(RunError, match="has no release"):
         load_run(record(tmp_path / "a.mcap", theta, summary=RunSummary()))
-    with pytest.raises(RunError, match="holds no samples"):
+    with pytest.raises(RunError, match="contains no samples"):
         load_run(record(tmp_path / "b.mcap", theta[:0]))
     with pytest.raises(RunError, match="ends at tick 4, before the release at tick 9"):
         load_run(record(tmp_path / "c.mcap", theta, release=9))

@@ -59,7 +59,7 @@ def test_text_in_any_form(tmp_path: Path) -> None:
     in_degrees = np.column_stack([T * 1e3, np.degrees(ROWS[:, 1:])])
     assert is_the_swing(read(text(tmp_path / "e.csv", in_degrees, head="time_ms,theta1_deg,theta2 [°]\n")))
     run = read(text(tmp_path / "f.txt", ROWS))
-    assert run.notes == ("columns without names taken as t, theta1, theta2",)
+    assert run.notes == ("columns without names are interpreted as t, theta1, theta2",)
 
 
 def write_mat(path: Path, **held: Any) -> Path:
@@ -105,7 +105,7 @@ def test_a_matrix_beside_scalars_words_and_tables_of_something_else(tmp_path: Pa
     file = WRITERS[suffix](tmp_path / f"a{suffix}", data=ROWS, fs=np.array(200.0), other=np.arange(7.0))
     assert is_the_swing(read(file, take=("data",)))
     assert is_the_swing(read(file))
-    with pytest.raises(RunError, match="nothing in it is named 'date'; there are: data, fs, other"):
+    with pytest.raises(RunError, match="contains nothing named 'date'; it contains: data, fs, other"):
         read(file, take=("date",))
 
 
@@ -157,7 +157,7 @@ def test_what_unpacks_to_more_than_a_recording_is_refused_unread(
 
 def test_a_pickle_in_an_array_is_not_loaded(tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", t=np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    with pytest.raises(RunError, match="pickled objects, which could be code"):
+    with pytest.raises(RunError, match="pickled objects, which could contain code"):
         read(tmp_path / "a.npz")
     (tmp_path / "b.npy").write_bytes(pickle.dumps([1]))
     with pytest.raises(RunError):
@@ -197,22 +197,22 @@ def test_columns_of_different_length_are_named(tmp_path: Path, suffix: str) -> N
     if suffix == ".parquet":
         return  # cannot hold them
     file = WRITERS[suffix](tmp_path / f"a{suffix}", **SWING | {"theta2": THETA2[:-1]})
-    with pytest.raises(RunError, match="columns of different length: theta2 199 values where the others have 200"):
+    with pytest.raises(RunError, match="columns of different length: theta2 199 values, but the others have 200"):
         read(file)
 
 
 def test_what_is_no_table_at_all(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "a.xlsx", "w") as archive:
         archive.writestr("xl/workbook.xml", "<workbook/>")
-    with pytest.raises(RunError, match="save the table as CSV"):
+    with pytest.raises(RunError, match="save the table of a spreadsheet as CSV"):
         read(tmp_path / "a.xlsx")
-    with pytest.raises(RunError, match="holds no columns of numbers; it holds: name"):
+    with pytest.raises(RunError, match="contains no columns of numbers; it contains: name"):
         read(write_mat(tmp_path / "b.mat", name="swing"))
-    with pytest.raises(RunError, match=r"without metadata.yaml, so no ROS 2 bag"):
+    with pytest.raises(RunError, match=r"without metadata.yaml and thus not a ROS 2 bag"):
         read(tmp_path)
     long = text(tmp_path / "c.csv", ROWS, head="t,theta1,theta2\n")
     long.write_text(long.read_text() + f"9,{'9' * 5000},1\n")
-    assert any("outliers left out: 1" in note or "without a value" in note for note in read(long).notes)
+    assert any("outliers removed: 1" in note or "without a value" in note for note in read(long).notes)
 
 
 Topic = tuple[str, tuple[str, ...], np.ndarray]
@@ -282,12 +282,12 @@ def test_bags_that_cannot_be_understood(tmp_path: Path, suffix: str) -> None:
     joints = ("theta1", "theta2")
     write = BAGS[suffix]
     two = write(tmp_path / f"two{suffix}", [("/a", joints, ROWS), ("/b", joints, ROWS + 0.1)])
-    with pytest.raises(RunError, match="on several topics: choose with --take one of /a, /b"):
+    with pytest.raises(RunError, match="on several topics: choose one with --take: /a, /b"):
         read(two)
     assert is_the_swing(read(two, take=("/a",)))
     for topics, said in (
-        ([], "holds no sensor_msgs/JointState"),
-        ([("/a", ("theta1", "theta1"), ROWS)], "two joints of one name in a JointState: theta1, theta1"),
+        ([], "contains no sensor_msgs/JointState"),
+        ([("/a", ("theta1", "theta1"), ROWS)], "two joints with the same name in a JointState: theta1, theta1"),
         ([("/a", ("theta1", "theta2", "tip"), ROWS)], "a JointState of 3 names and 2 positions"),
     ):
         with pytest.raises(RunError, match=said):
@@ -298,7 +298,7 @@ def test_a_run_is_exported_as_joint_states_and_comes_back(tmp_path: Path) -> Non
     run = import_csv(text(tmp_path / "a.csv", ROWS, head="t,theta1,theta2\n"), RIG, out=tmp_path / "run.mcap")
     bag = export(run, tmp_path / "b.mcap")
     assert is_the_swing(read(bag))
-    with pytest.raises(RunError, match="is a run of dpr-lab already"):
+    with pytest.raises(RunError, match="is already a run of dpr-lab"):
         read(tmp_path / "run.mcap")
     unstamped = write_mcap(tmp_path / "c.mcap", [("/joint_states", ("theta1", "theta2"), ROWS)], stamped=False)
     assert is_the_swing(read(unstamped))
@@ -338,7 +338,7 @@ def test_points_of_deeplabcut_and_their_noise(tmp_path: Path) -> None:
     parts = "bodyparts," + ",".join(name for name in names for _ in range(3))
     head = f"{scorer}\n{parts}\ncoords," + ",".join(["x", "y", "likelihood"] * 3) + "\n"
     file = text(tmp_path / "a.csv", np.column_stack([np.arange(N), *columns]), head=head)
-    with pytest.raises(RunError, match="of a table without time say --rate-hz"):
+    with pytest.raises(RunError, match="for a table without time give --rate-hz"):
         read(file)
     run = read(file, rate_hz=200.0)
     kept = np.delete(np.arange(N), [40, 41, 42])

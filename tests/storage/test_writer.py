@@ -112,7 +112,7 @@ def test_an_existing_file_is_never_overwritten(tmp_path):
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(RunError, match=r"file: this folder cannot be made"):
+    with pytest.raises(RunError, match=r"file: this folder cannot be created"):
         RunWriter(tmp_path / "file" / "a.mcap", RunMetadata(RIG, None, 1000))
 
 

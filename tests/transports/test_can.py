@@ -121,7 +121,7 @@ def test_pulled_slcan_adapter_is_device_lost(adapter: tuple[int, str]) -> None:
     ("url", "sentence"),
     [
         ("can://carrier-pigeon/x", "unknown CAN backend 'carrier-pigeon'; python-can has:.*slcan.*virtual"),
-        ("can://virtual", "names no channel"),
+        ("can://virtual", "contains no channel"),
         ("can://slcan/dev/nothing?settle_s=0", "there is no port /dev/nothing"),
         ("can://socketcan/can7", "socketcan cannot open can7"),
     ],

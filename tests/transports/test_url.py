@@ -18,7 +18,7 @@ def test_url_keeps_case_of_windows_ports_and_splits_device_paths() -> None:
 @pytest.mark.parametrize(
     ("query", "sentence"),
     [
-        ("bud=9600", "unknown option 'bud' (this kind of link knows: baud)"),
+        ("bud=9600", "unknown option 'bud' (options of this kind of link: baud)"),
         ("baud=fast", "baud = 'fast': is not a positive whole number"),
         ("baud=0", "is not a positive whole number"),
         ("baud=-5", "is not a positive whole number"),

@@ -71,7 +71,7 @@ def test_a_truth_that_is_not_the_sealed_one_does_not_count(diagnosed: Trial, par
     else:
         kept[part] = "0" * len(kept[part])
     file.write_text(json.dumps(kept))
-    with pytest.raises(DprError, match="not the one that was sealed"):
+    with pytest.raises(DprError, match="does not match the seal"):
         open_trial(read_trial(diagnosed.folder))
     assert not diagnosed.opened.exists()
 

@@ -308,8 +308,8 @@ async def test_a_key_that_does_nothing_says_so_and_old_notices_make_room(tmp_pat
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("3", "r", "k", "8")
         assert said(app).splitlines() == [
-            "k does nothing here now; f1: which keys do",
-            "8 does nothing here now; f1: which keys do",
+            "k has no function here now; f1 shows the keys",
+            "8 has no function here now; f1 shows the keys",
         ]
         await pilot.press("1")  # they were about what is left now
         assert said(app) == ""
@@ -325,7 +325,7 @@ async def test_the_report_is_opened_by_key(tmp_path: Path, said, monkeypatch, un
     app = DprApp(Workspace(out=tmp_path / "my bench"), tmp_path / "state")
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("5", "f2")
-        assert "No report here yet" in said(app)
+        assert "No report in this step yet" in said(app)
         page.parent.mkdir(parents=True)
         page.touch()
         await pilot.press("f2")

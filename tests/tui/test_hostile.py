@@ -84,7 +84,7 @@ async def test_a_state_folder_that_cannot_be_written_is_a_sentence(tmp_path: Pat
     app = DprApp(workspace, state, notices=notices)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
-        assert f"{state}: Not a directory: what is on the bench will not be remembered" in said(app)
+        assert f"{state}: Not a directory: the current rig, link and runs will not be remembered" in said(app)
         await pilot.press("escape", "2", "3", "t")
         await pilot.pause()
         assert "will not be remembered" not in said(app)  # once is enough

@@ -43,13 +43,13 @@ def test_every_action_of_every_place_has_an_id_of_its_own() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[capture]\nfire = 'r'", "capture.fire: no such action (there are: app.browse"),
-        ("[capture]\nrelease = 'hyperspace'", "capture.release = 'hyperspace': no such key"),
-        ("[capture]\nrelease = 'shiftctrl+r'", "no such key: write for example r, space, f5 or ctrl+r"),
+        ("[capture]\nfire = 'r'", "capture.fire: unknown action (known actions: app.browse"),
+        ("[capture]\nrelease = 'hyperspace'", "capture.release = 'hyperspace': unknown key"),
+        ("[capture]\nrelease = 'shiftctrl+r'", "unknown key: use for example r, space, f5 or ctrl+r"),
         ("[capture]\nrelease = 'k'", "the key 'k' is both capture.release and capture.keep"),
         ("[capture]\nrelease = 'n'", "the key 'n' is both app.next and capture.release"),
         ("[app]\nhelp = 's'", "the key 's' is both app.help and "),
-        ("[capture]\nrelease = 3", "capture.release = 3: write a key"),
+        ("[capture]\nrelease = 3", "capture.release = 3: give a key"),
         ("release = 'r'", "release: write the actions of a place below its name"),
         ("[capture", "cannot be used"),
     ],

@@ -130,7 +130,7 @@ def test_effects_are_chosen_by_name() -> None:
     assert list(chosen_library(("base_tilt", "air_drag_both"), ("base_tilt",))) == ["air_drag_both"]
     with pytest.raises(ConfigError, match="no effect named gremlin"):
         chosen_library(None, ("gremlin",))
-    with pytest.raises(ConfigError, match="leave no effect"):
+    with pytest.raises(ConfigError, match="exclude all effects"):
         chosen_library(("base_tilt",), ("base_tilt",))
 
 

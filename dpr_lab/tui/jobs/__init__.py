@@ -1,1 +1,1 @@
-"""Long work in processes of its own: the workflows that the command line runs too, with progress over a pipe."""
+"""Long jobs in separate processes: the workflows of the command line, with progress over a pipe."""

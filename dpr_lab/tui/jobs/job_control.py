@@ -1,4 +1,4 @@
-"""The work's end of the pipe: reports go out; pause, stop and questions come in."""
+"""Job side of the pipe: sends reports, receives pause, stop and questions."""
 
 import contextlib
 import os
@@ -27,7 +27,7 @@ class JobControl:
         self._asked: SimpleQueue[Any] = SimpleQueue()
 
     def report(self, value: Any) -> None:
-        """Tell how far it is; the value must be picklable."""
+        """Report progress; the value must be picklable."""
         self.send(JobProgress(value))
 
     def proceed(self) -> bool:
@@ -36,7 +36,7 @@ class JobControl:
         return not self._stop.is_set()
 
     def questions(self) -> Iterator[Any]:
-        """Yield questions without end; only the newest of those that arrived meanwhile."""
+        """Yield questions in an endless loop; of several pending ones only the newest."""
         while True:
             question = self._asked.get()
             while not self._asked.empty():
@@ -44,7 +44,7 @@ class JobControl:
             yield question
 
     def listen(self) -> None:
-        """Execute orders until the connection closes; then end the process."""
+        """Execute commands until the connection closes, then end the process."""
         with contextlib.suppress(EOFError, OSError):
             while True:
                 match self._connection.recv():
@@ -60,13 +60,13 @@ class JobControl:
         os._exit(1)
 
     def send(self, event: JobEvent) -> None:
-        """Tell something; from any thread."""
+        """Send a report, from any thread."""
         with self._sending:
             self._connection.send(event)
 
 
 def work(connection: Connection, function: Callable[..., Any], arguments: dict[str, Any]) -> None:
-    """The process, from start to end: `function(control, **arguments)`, and how it ended."""
+    """Main function of the process: `function(control, **arguments)`, and the report of its end."""
     _leave_the_terminal_alone()
     control = JobControl(connection)
     threading.Thread(target=control.listen, daemon=True).start()
@@ -81,7 +81,7 @@ def work(connection: Connection, function: Callable[..., Any], arguments: dict[s
 
 
 def _leave_the_terminal_alone() -> None:
-    """Keys and screen belong to whoever started this process; they, and a recording in another process, come first."""
+    """Ignore Ctrl-C, which belongs to the parent process, and lower the priority."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     nowhere = os.open(os.devnull, os.O_RDWR)
     for descriptor in (1, 2):

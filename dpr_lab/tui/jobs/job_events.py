@@ -1,4 +1,4 @@
-"""What a job tells the screen: progress, and in the end how it ended."""
+"""Events of a job for the screen: progress and end."""
 
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -15,28 +15,28 @@ class JobProgress:
 
 @dataclass(frozen=True, slots=True)
 class JobCompiling:
-    """The work waits for a kernel, or a further one, to be compiled."""
+    """The job waits for the compilation of a kernel."""
 
 
 @dataclass(frozen=True, slots=True)
 class JobFinished:
-    """The work is done."""
+    """The job has finished."""
 
     result: Any
 
 
 @dataclass(frozen=True, slots=True)
 class JobFailed:
-    """The work ended without a result."""
+    """The job ended without a result."""
 
     message: str
     """What happened and what to do."""
     details: str = ""
-    """Traceback of what should not have happened; empty for an error that the operator can act on."""
+    """Traceback of an unexpected error; empty for an error that the operator can resolve."""
 
     @property
     def error(self) -> Exception:
-        """The same as an exception, with the traceback as a note."""
+        """The failure as an exception, with the traceback as a note."""
         if not self.details:
             return DprError(self.message)
         error = RuntimeError(self.message)
@@ -46,7 +46,7 @@ class JobFailed:
 
 @dataclass(frozen=True, slots=True)
 class JobCancelled:
-    """The work was ended on request; nothing of it is kept."""
+    """The job was cancelled; its result is discarded."""
 
 
 JobEvent: TypeAlias = JobProgress | JobCompiling | JobFinished | JobFailed | JobCancelled

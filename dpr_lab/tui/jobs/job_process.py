@@ -1,4 +1,4 @@
-"""The screen's end of the pipe: a job starts, is steered, and is listened to."""
+"""Screen side of the pipe: start and control of a job, and its events."""
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -15,7 +15,7 @@ from dpr_lab.tui.read_only import refuse_job
 
 
 class JobProcess:
-    """A function that runs in its own process from its construction.
+    """A function that runs in a separate process from its construction on.
 
     Args:
         function: called there as `function(control, **arguments)`; importable by name
@@ -36,7 +36,7 @@ class JobProcess:
         """Yield the events of the job until its end; blocks, so call it in a thread.
 
         Args:
-            patience_s: how long the process may take to be gone after that before it is ended
+            patience_s: maximum time for the process to exit before it is ended
         """
         event: JobEvent = JobProgress(None)
         while isinstance(event, JobProgress | JobCompiling):
@@ -54,7 +54,7 @@ class JobProcess:
         self.paused = True
 
     def resume(self) -> None:
-        """Let it go on."""
+        """Continue the job."""
         self._send("resume")
         self.paused = False
 
@@ -80,21 +80,21 @@ class JobProcess:
         if self._cancelled:
             return JobCancelled()
         return JobFailed(
-            f"the work's process ended unexpectedly (exit code {self._process.exit_code}); nothing was lost but its"
-            " result: start it again; close other programs if memory was short"
+            f"the process of the job ended unexpectedly (exit code {self._process.exit_code}); only its"
+            f" result was lost: start it again, and close other programs if memory was short"
         )
 
 
 @dataclass
 class JobHeard(Message, bubble=False):
-    """A message of a job, for the widget that started it."""
+    """Event of a job, for the widget that started it."""
 
     job: JobProcess
     event: JobEvent
 
 
 def start_job(owner: DOMNode, function: Callable[..., Any], **arguments: Any) -> JobProcess:
-    """Start a job as `JobProcess` does; its events reach its owner as `JobHeard`.
+    """Start a job like `JobProcess`; its owner receives its events as `JobHeard`.
 
     Raises:
         SafetyStop: the page is read-only, and the job does more than read.

@@ -1,6 +1,6 @@
-"""The jobs of the screen: workflows that run under a `JobControl`, and what is done to single run files.
+"""Jobs of the screen: workflows under a `JobControl`, and actions on single run files.
 
-The process that draws the screen only names these functions; what is heavy is imported where they run.
+The process that draws the screen only refers to these functions; large libraries are imported where they run.
 """
 
 from collections.abc import Sequence
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 
 def identify(control: JobControl, *, request: IdentifyRequest) -> IdentifyResult:
-    """Identify; can be paused, and stopped with the best so far."""
+    """Identify; can be paused, and stopped with the best result so far."""
     return identify_runs(request, control.report, control.proceed)
 
 
 def diagnose(control: JobControl, *, request: DiagnoseRequest) -> DiagnoseResult:
-    """Diagnose."""
+    """Diagnose the runs."""
     return diagnose_runs(request, control.report)
 
 
@@ -61,7 +61,7 @@ def compare(control: JobControl, *, request: CompareRequest, keep: KeptCompariso
     """Compare and save the result; then answer each `FreeRunStart` with a free run until cancelled."""
     result = compare_runs(request, control.report)
     if keep is not None and not result.left_out:
-        with suppress(DprError):  # for convenience alone: what is not kept is simulated again
+        with suppress(DprError):  # for convenience only: comparisons that are not stored are simulated again
             keep.save(result.comparisons)
     control.report(ComparisonSaved(result.left_out))
     for start in control.questions():
@@ -78,7 +78,7 @@ class RunSurveyed:
 
 
 def survey(control: JobControl, *, paths: Sequence[Path]) -> None:
-    """Look into run files, one after the other."""
+    """Read the metadata of run files one after the other."""
     from dpr_lab.errors import RunError
     from dpr_lab.storage.inspect import info
 
@@ -90,7 +90,7 @@ def survey(control: JobControl, *, paths: Sequence[Path]) -> None:
 
 
 def verify(control: JobControl, *, path: Path) -> str:
-    """Check a run file as `dpr-lab run verify` does, and say what was found."""
+    """Check a run file like `dpr-lab run verify`, and return the result as text."""
     from dpr_lab.storage.inspect import verify as verify_run
 
     checked = verify_run(path)
@@ -98,14 +98,14 @@ def verify(control: JobControl, *, path: Path) -> str:
 
 
 def recover(control: JobControl, *, path: Path, out: Path) -> str:
-    """Save what a cut run still holds as `dpr-lab run recover` does, and say how much that is."""
+    """Recover a damaged run like `dpr-lab run recover`, and return the number of samples as text."""
     from dpr_lab.storage.inspect import recover as recover_run
 
     return f"{recover_run(path, out)} samples recovered: {out.name}"
 
 
 def export(control: JobControl, *, path: Path, out: Path) -> str:
-    """Write a run in another format as `dpr-lab run export` does, and say where it is."""
+    """Write a run in another format like `dpr-lab run export`, and return the path as text."""
     from dpr_lab.storage.export import export as export_run
     from dpr_lab.storage.reader import load_run
 

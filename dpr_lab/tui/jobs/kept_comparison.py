@@ -1,4 +1,4 @@
-"""Compared runs kept in a file, so that nothing is simulated again only to be looked at."""
+"""Stored comparisons, which need not be simulated again for display."""
 
 import zipfile
 from collections.abc import Sequence
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class KeptComparison:
-    """A file of arrays, and what they are to be of."""
+    """A file of arrays, and the inputs they belong to."""
 
     file: Path
     subject: str
-    """Model and runs, as they are now: what was kept of others does not count."""
+    """Current model and runs: stored comparisons of others are ignored."""
 
     def save(self, comparisons: "Sequence[Comparison]") -> None:
         """Save the comparisons in one file, atomically.

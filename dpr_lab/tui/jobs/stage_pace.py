@@ -1,15 +1,15 @@
-"""How long work goes on that is done in stages."""
+"""Estimate of the remaining time of a job with stages."""
 
 from collections.abc import Collection, Mapping
 
 
 class StagePace:
-    """Reckons with typical times of the stages, at the pace of those that are done.
+    """Estimate from typical times of the stages, scaled by the stages finished so far.
 
     Args:
-        typical: stage -> how long it takes, s; in their order
-        steady: those whose time does not depend on the result: they show the pace
-        began: when the first began, s
+        typical: stage -> typical duration, s, in order
+        steady: stages whose duration does not depend on the result, used for the scale
+        began: start of the first stage, s
     """
 
     def __init__(self, typical: Mapping[str, float], steady: Collection[str], began: float) -> None:

@@ -1,1 +1,1 @@
-"""Messages to the operator: shown, kept in a list, and kept in a file."""
+"""Messages to the operator: shown, listed, and logged in a file."""

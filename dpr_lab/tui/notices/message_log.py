@@ -1,4 +1,4 @@
-"""The messages of a session, in a list and in a file of bounded size."""
+"""Messages of a session in a list and in a file of limited size."""
 
 from collections import deque
 from contextlib import suppress
@@ -14,9 +14,9 @@ class MessageLogSettings:
     """Limits of the message log."""
 
     shown: int = 500
-    """Messages in the list: more than an operator scrolls through."""
+    """Maximum number of messages in the list."""
     file_bytes: int = 250_000
-    """Size at which the file is renamed to `.1` and a new one begins: some two thousand messages."""
+    """Size at which the file is renamed to `.1` and a new one starts: about two thousand messages."""
 
 
 SETTINGS = MessageLogSettings()
@@ -25,10 +25,10 @@ FILE = "messages.log"
 
 @dataclass(frozen=True, slots=True)
 class LoggedMessage:
-    """A message, with its instant."""
+    """A message with its time."""
 
     when: datetime
-    """In UTC."""
+    """Time in UTC."""
     severity: str
     """`information`, `warning` or `error`."""
     text: str
@@ -36,14 +36,14 @@ class LoggedMessage:
 
 @dataclass(slots=True)
 class MessageLog:
-    """Keeps messages; a disk that fails costs the file and nothing else."""
+    """Stores messages; if the disk fails, only the file is lost."""
 
     file: Path
     messages: deque[LoggedMessage] = field(default_factory=lambda: deque(maxlen=SETTINGS.shown))
-    """The oldest first."""
+    """Messages, oldest first."""
 
     def add(self, severity: str, text: str) -> None:
-        """Keep a message, in one line of the file."""
+        """Store a message, in one line of the file."""
         message = LoggedMessage(datetime.now(UTC), severity, text)
         self.messages.append(message)
         line = f"{message.when:%Y-%m-%dT%H:%M:%SZ} {severity}: {printable(' '.join(text.split()))}\n"

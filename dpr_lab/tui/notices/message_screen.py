@@ -1,4 +1,4 @@
-"""All messages of the session, the newest on top."""
+"""All messages of the session, newest first."""
 
 from typing import ClassVar
 
@@ -18,7 +18,7 @@ class MessageScreen(ModalScreen[None]):
     """A page to scroll through.
 
     Args:
-        log: what is shown
+        log: the displayed messages
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,f4", "dismiss", "Close", id="messages.close")]
@@ -28,13 +28,13 @@ class MessageScreen(ModalScreen[None]):
         self._log = log
 
     def compose(self) -> ComposeResult:
-        """One message below another, each with its time."""
+        """One message per line with its time."""
         with VerticalScroll(classes="dialog") as page:
-            page.border_title = "Messages, the newest first"
+            page.border_title = "Messages, newest first"
             page.border_subtitle = "esc: close · up, down: scroll"
             lines = [_line(message) for message in reversed(self._log.messages)]
             yield Static(Content("\n").join(lines or [Content("no messages yet")]), markup=False)
-            yield Static(f"\nkept in {self._log.file}", markup=False)
+            yield Static(f"\nstored in {self._log.file}", markup=False)
 
 
 def _line(message: LoggedMessage) -> Content:

@@ -1,4 +1,4 @@
-"""An app whose messages are logged, and whose errors stay until they are taken away."""
+"""App with a message log, whose errors are shown until they are dismissed."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ class NoticeApp(App[None]):
         super().notify(message, severity=severity, **options)
 
     def on_notify(self, event: Notify) -> None:
-        """Log a message unless it is still shown; when space is short, errors are removed last."""
+        """Log a message unless it is currently shown; if space is short, errors are removed last."""
         new, standing = event.notification, [*self._notifications]
         if any(notice.message == new.message for notice in standing):
             event.prevent_default()

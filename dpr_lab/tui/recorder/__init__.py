@@ -1,1 +1,1 @@
-"""The process that owns the device, and the screen's end of it: drawing can never cost a sample."""
+"""Process that owns the device, and the screen side of its pipe: drawing cannot cause lost samples."""

@@ -1,4 +1,4 @@
-"""One try at a pose, as the recorder tells of it."""
+"""One attempt at a pose, from the reports of the recorder."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -29,13 +29,13 @@ class Attempt:
 
     number: int
     name: str
-    """Of the pose."""
+    """Name of the pose."""
     pose: Pose
     phase: Phase = Phase.PLACING
     theta: tuple[float, float, float] | None = None
     """Newest absolute angles, rad."""
     error: tuple[float, float] | None = None
-    """How far the rods are off the pose, rad."""
+    """Error of the rods relative to the pose, rad."""
     rest: RestReading | None = None
     latched: bool | None = None
     lost: Mapping[str, int] = field(default_factory=dict)
@@ -47,14 +47,14 @@ class Attempt:
 
     @property
     def trace(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Time since the release (n,), s, and absolute angles (n, 3), rad, as they are drawn."""
+        """Time since the release (n,), s, and absolute angles (n, 3), rad, for display."""
         if not self._t:
             return np.empty(0), np.empty((0, 3))
         return np.concatenate(self._t), np.concatenate(self._theta)
 
     @property
     def obstacle(self) -> str:
-        """Why the rods may not be released now; empty when they may."""
+        """Reason why the rods may not be released now; empty if they may."""
         if self.phase is Phase.READY:
             return ""
         if self.phase is Phase.SETTLING and self.rest is not None and self.rest.restless:
@@ -84,7 +84,7 @@ class Attempt:
             case Released():
                 self.phase, self.error = Phase.RECORDING, None
             case SwingReading():
-                self.phase, self.error = Phase.RECORDING, None  # Released may have gone unread
+                self.phase, self.error = Phase.RECORDING, None  # the message Released may have been missed
                 self.theta, self.recorded = progress.theta, progress
                 t, theta = progress.fresh
                 self._t.append(t)

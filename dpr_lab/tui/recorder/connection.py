@@ -1,4 +1,4 @@
-"""The device as the screen knows it: the process that owns it, its last report, and its age."""
+"""State of the device for the screen: the process that owns it, its last report, and its age."""
 
 import asyncio
 import time
@@ -28,34 +28,34 @@ class DeviceConnection:
     """At most one recorder at a time."""
 
     log: Path
-    """File for what the recorder's process prints."""
+    """File for the output of the recorder process."""
     connected: Connected | None = None
-    """The device's greeting; None while there is none."""
+    """Handshake of the device; None without one."""
     opening: float | None = None
-    """Since when a device is called that has not answered, `time.monotonic()`, s."""
+    """Start of the pending handshake, `time.monotonic()`, s."""
     message: str = ""
-    """Why there is no device any more, or why none answered."""
+    """Reason why the device was lost, or why none answered."""
     lost: Connected | None = None
-    """The device that was connected and went away."""
+    """Device that was connected and lost."""
     attempt: int | None = None
-    """The attempt under way."""
+    """Current attempt."""
     seen: Sighting = field(default_factory=Sighting)
-    """The rods as they were last seen; kept when the device is gone."""
+    """Last known position of the rods; kept after the device is lost."""
     ordered: float | None = None
-    """When a release was ordered whose outcome is not known, `time.monotonic()`, s."""
+    """Time of a release command whose result is unknown, `time.monotonic()`, s."""
     read_only: bool = False
-    """Whether no device may be opened or ordered anything."""
+    """Whether opening devices and sending commands is disabled."""
     _recorder: Recorder | None = None
 
     async def open(self, url: str, rig: str, runs: Path) -> None:
-        """Call a device; a report tells whether it answers. One that was connected is let go first."""
+        """Start the handshake with a device, after disconnecting the current one; a report contains the result."""
         self._refuse()
         await self.close()
         self.opening = time.monotonic()
         self._recorder = await asyncio.to_thread(Recorder, url, rig, runs, self.log)
 
     async def close(self) -> None:
-        """Let the device go; a recording under way is finished as incomplete."""
+        """Disconnect from the device; a current recording is finished as incomplete."""
         recorder, self._recorder = self._recorder, None
         self.connected = self.lost = self.opening = self.attempt = self.ordered = None
         self.message, self.seen = "", Sighting()
@@ -63,11 +63,11 @@ class DeviceConnection:
             await asyncio.to_thread(recorder.close)
 
     def fresh(self, now: float) -> bool:
-        """Whether the device is connected and was heard recently."""
+        """Whether the device is connected and has reported recently."""
         return self.connected is not None and self.seen.fresh(now)
 
     def tell(self, order: RecorderOrder) -> None:
-        """Give the recorder an order; without one it is dropped."""
+        """Send a command to the recorder; ignored without a recorder."""
         self._refuse()
         if self._recorder is not None:
             self.attempt = order.attempt if isinstance(order, CaptureAttempt) else self.attempt

@@ -1,4 +1,4 @@
-"""A capture as the operator sees it: reports go out, the go-ahead and the cancel come in."""
+"""Capture for the screen: sends reports, receives the permission to release and cancel requests."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -19,19 +19,19 @@ from dpr_lab.tui.recorder.settings import SETTINGS
 def carry_out(
     order: CaptureAttempt, device: Device, rig: Rig, runs: Path, inbox: Inbox, outbox: Outbox
 ) -> AttemptFinished:
-    """Execute an order to capture; raises as `capture` does."""
+    """Execute a capture command; raises like `capture`."""
     guided = _GuidedCapture(order, device, inbox, outbox)
     captured = capture(device, rig, order.pose, order.options, runs, guided.on_progress, guided.confirm)
     return AttemptFinished(order.attempt, captured, device.clock_fit())
 
 
 def lost_since(before: Mapping[str, int], device: Device) -> dict[str, int]:
-    """Samples lost since the device had lost that many, by cause."""
+    """Samples lost since the given loss counts, by cause."""
     return {cause: count - before[cause] for cause, count in device.losses.items()}
 
 
 class _GuidedCapture:
-    """The two ways in which a capture asks for the operator."""
+    """The two callbacks of a capture to the operator."""
 
     def __init__(self, order: CaptureAttempt, device: Device, inbox: Inbox, outbox: Outbox) -> None:
         self._order, self._device, self._inbox, self._outbox = order, device, inbox, outbox
@@ -41,7 +41,7 @@ class _GuidedCapture:
         self._unsent: list[SwingReading] = []
 
     def on_progress(self, progress: Progress) -> None:
-        """Report; ends the capture by raising when the operator wants that or is gone."""
+        """Send a report; raises to end the capture if the operator cancels or the screen is lost."""
         self._released = self._released or isinstance(progress, Released)
         self._end_if_wanted()
         if isinstance(progress, SwingReading):
@@ -55,7 +55,7 @@ class _GuidedCapture:
             self._unsent.clear()
 
     def confirm(self) -> bool | None:
-        """Whether to release: only on an order given for this attempt and pose, after it was asked for, just now."""
+        """Whether to release: only on a recent command for this attempt and pose, given after it was requested."""
         self._end_if_wanted()
         if self._asked_at is None:
             self._asked_at = time.monotonic()
@@ -79,6 +79,6 @@ def _thinned(recorded: SwingReading) -> SwingReading:
 
 
 def _joined(readings: Sequence[SwingReading]) -> SwingReading:
-    """The newest reading, with the points of those that found no room in the pipe."""
+    """Newest reading, with the points of earlier ones that could not be sent."""
     t, theta = zip(*(reading.fresh for reading in readings), strict=True)
     return replace(readings[-1], fresh=(np.concatenate(t), np.concatenate(theta)))

@@ -1,4 +1,4 @@
-"""Both ends of the recorder's pipe, each on a thread of its own: neither hears late because the other is busy."""
+"""Both directions of the recorder's pipe in separate threads, so that neither delays the other."""
 
 import contextlib
 import queue
@@ -10,7 +10,7 @@ from dpr_lab.tui.recorder.settings import SETTINGS
 
 
 class Inbox:
-    """Orders of the screen; a cancel is received at any time."""
+    """Commands of the screen; a cancel request is received at any time."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -18,17 +18,17 @@ class Inbox:
         self._go_ahead: queue.SimpleQueue[GoAhead] = queue.SimpleQueue()
         self._cancelled: set[int] = set()
         self.gone = False
-        """Whether the screen is gone."""
+        """Whether the screen is lost."""
         threading.Thread(target=self._listen, name="orders", daemon=True).start()
 
     def next(self) -> Exercise | CaptureAttempt | None:
-        """Next order, if any."""
+        """Next command, if any."""
         with contextlib.suppress(queue.Empty):
             return self._waiting.get_nowait()
         return None
 
     def take_go_ahead(self) -> GoAhead | None:
-        """Return the latest go-ahead and remove it."""
+        """Return the latest release command and remove it."""
         latest = None
         with contextlib.suppress(queue.Empty):
             while True:
@@ -36,9 +36,9 @@ class Inbox:
         return latest
 
     def why_to_end(self, attempt: int) -> str:
-        """Why an attempt is to end; empty when it is not."""
+        """Reason why an attempt must end; empty if it need not."""
         if self.gone:
-            return "the screen is gone"
+            return "the screen is lost"
         return "stopped by the operator" if attempt in self._cancelled else ""
 
     def _listen(self) -> None:
@@ -55,7 +55,7 @@ class Inbox:
 
 
 class Outbox:
-    """Messages to the screen; a screen that does not read must not stop a recording."""
+    """Messages to the screen; a screen that does not read must not block a recording."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -64,22 +64,22 @@ class Outbox:
         self._sender.start()
 
     def add(self, report: RecorderReport) -> None:
-        """Something the screen must hear."""
+        """Send a message that must not be lost."""
         self._waiting.put(report)
 
     def add_if_read(self, report: RecorderReport) -> bool:
-        """Send something that is soon out of date, unless reports wait unread; returns whether it is sent."""
+        """Send a message that is soon outdated, unless reports are waiting; returns whether it was sent."""
         room = self._waiting.qsize() < SETTINGS.unread
         if room:
             self._waiting.put(report)
         return room
 
     def close(self) -> None:
-        """Send what is left, for as long as the screen reads."""
+        """Send the remaining messages as long as the screen reads."""
         self._waiting.put(None)
         self._sender.join(SETTINGS.go_ahead_lasts_s)
 
     def _send(self) -> None:
-        with contextlib.suppress(OSError):  # the screen is gone
+        with contextlib.suppress(OSError):  # the screen is lost
             for report in iter(self._waiting.get, None):
                 self._connection.send(report)

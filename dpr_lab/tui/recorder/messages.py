@@ -1,4 +1,4 @@
-"""Messages between the screen and the process that records."""
+"""Messages between the screen and the recorder process."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ class Exercise:
 
 @dataclass(frozen=True, slots=True)
 class CaptureAttempt:
-    """Guide the rods to a pose and, on a go-ahead for this very attempt, let them go."""
+    """Guide the rods to a pose and release them on a command for this attempt."""
 
     attempt: int
     pose: str
@@ -29,12 +29,12 @@ class CaptureAttempt:
 
 @dataclass(frozen=True, slots=True)
 class GoAhead:
-    """The operator's order to release; an old one, or one for another attempt or pose, counts for nothing."""
+    """Release command of the operator; an old one, or one for another attempt or pose, is ignored."""
 
     attempt: int
     pose: str
     given_at: float
-    """`time.monotonic()`, s; the clock is the computer's, the same in every process."""
+    """`time.monotonic()`, s, which is common to all processes of the computer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,25 +55,27 @@ class Connected:
     info: DeviceInfo
     rate_hz: int
     loads: tuple[str, ...]
-    """What the rate takes of the link, a sentence for each limit."""
+    """Load of the link at this rate, a sentence for each limit."""
     problem: str
-    """Why the rate or the rig does not fit this device; empty when they do."""
+    """Reason why the rate or the rig does not match this device; empty if they match."""
 
     @property
     def simulated(self) -> bool:
-        """Whether there are no rods."""
+        """Whether the device is simulated, without real rods."""
         return self.url.startswith("sim:") or (self.info.simulated_time and leads_to_software(self.url))
 
 
 @dataclass(frozen=True, slots=True)
 class Idle:
-    """Position of the rods without an attempt."""
+    """Position of the rods outside an attempt."""
 
     theta: tuple[float, float, float]
     """Absolute angles, rad."""
     latched: bool
     at: float
-    """When the device was heard, `time.monotonic()`, s; the clock is the computer's, the same in every process."""
+    """Time of the last message of the device, `time.monotonic()`, s, which is common to all processes of the
+    computer.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +85,7 @@ class Exercised:
     samples: int
     lost: Mapping[str, int]
     clock: ClockFit | None
-    """None for a device whose time is simulated."""
+    """Clock fit; None for a device with simulated time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,23 +95,23 @@ class AttemptSeen:
     attempt: int
     progress: Progress
     latched: bool | None
-    """None before the first report of the device."""
+    """State of the latch; None before the first report of the device."""
     at: float
-    """When the device was heard, `time.monotonic()`, s."""
+    """Time of the last message of the device, `time.monotonic()`, s."""
     lost: Mapping[str, int] = field(default_factory=dict)
-    """Since this attempt began, by cause."""
+    """Losses since the start of this attempt, by cause."""
 
 
 @dataclass(frozen=True, slots=True)
 class GoAheadAsked:
-    """The rods are at the pose and at rest; the attempt waits for a go-ahead."""
+    """The rods are at the pose and at rest; the attempt waits for the release command."""
 
     attempt: int
 
 
 @dataclass(frozen=True, slots=True)
 class AttemptFinished:
-    """An attempt ended with a judged recording."""
+    """An attempt ended with a checked recording."""
 
     attempt: int
     captured: Captured
@@ -118,10 +120,10 @@ class AttemptFinished:
 
 @dataclass(frozen=True, slots=True)
 class RecorderFailed:
-    """Something did not work."""
+    """Report of an error."""
 
     attempt: int | None
-    """None when no attempt was under way."""
+    """Number of the attempt; None without an attempt."""
     message: str
     """What happened and what to do."""
     alive: bool

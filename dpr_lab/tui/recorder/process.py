@@ -1,7 +1,7 @@
-"""The process that owns the device: link, driver and capture live here, so that drawing can never cost a sample.
+"""Process that owns the device: link, driver and capture run here, so that drawing cannot cause lost samples.
 
-It obeys orders from a pipe and reports what happens. When the other end of the pipe is gone, so is the operator:
-nothing is released any more, a recording under way is finished as incomplete, and the process ends.
+It executes commands from a pipe and sends reports. If the other side of the pipe is lost, so is the operator: nothing
+is released any more, a current recording is finished as incomplete, and the process ends.
 """
 
 import contextlib
@@ -36,14 +36,14 @@ from firmware_protocol.messages import Position
 
 
 def serve(connection: Connection, url: str, rig_name: str, runs: Path, log: Path) -> None:
-    """The process, from start to end.
+    """Main function of the process.
 
     Args:
-        connection: to the screen
-        url: the link to open; empty for the rig file's
+        connection: connection to the screen
+        url: link to open; empty: that of the rig file
         rig_name: rig file or built-in name
         runs: folder of the run files
-        log: file for what libraries print
+        log: file for the output of libraries
     """
     _leave_the_terminal(log)
     inbox, outbox = Inbox(connection), Outbox(connection)
@@ -135,7 +135,7 @@ class _IdleWatch:
             self._tell(status.latched, self._device.heard_at)
 
     def _tell(self, latched: bool, at: float) -> None:
-        """Say what is new; of rods that rest, only now and then that they were heard: what is redrawn costs."""
+        """Report changes; for resting rods only an occasional sign of life, because redrawing costs time."""
         last, still = self._last, self._still()
         if last is not None and still and latched == last.latched and at - last.at < SETTINGS.idle_s:
             return
@@ -146,20 +146,20 @@ class _IdleWatch:
         self._outbox.add_if_read(self._last)
 
     def _still(self) -> bool:
-        """Whether no encoder reads anything but noise around the last reported angle."""
+        """Whether the readings of all encoders are within noise of the last reported angles."""
         noise = 1 + SETTINGS.noises * self._rig.encoders.noise_counts
         return all(joint in self._told and abs(n - self._told[joint]) <= noise for joint, n in self._counts.items())
 
 
 def _leave_the_terminal(log: Path) -> None:
-    """Keys and screen belong to the other process; a terminal that closes ends that one, and we finish our file."""
+    """Ignore Ctrl-C, which belongs to the other process; when that ends, finish the file."""
     if hasattr(os, "setsid"):
         os.setsid()
     signal.signal(signal.SIGTERM, _interrupt)
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
-    except OSError:  # the recording comes before what libraries print
+    except OSError:  # the recording has priority over the output of libraries
         descriptor = os.open(os.devnull, os.O_WRONLY)
     sys.stdout.flush()
     for number in (1, 2):

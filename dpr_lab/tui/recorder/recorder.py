@@ -1,4 +1,4 @@
-"""The screen's end of the pipe to the process that owns the device."""
+"""Screen side of the pipe to the process that owns the device."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -13,10 +13,10 @@ class Recorder:
     """A process that controls a device, from its construction until `close`.
 
     Args:
-        url: the link to open; empty for the rig file's
+        url: link to open; empty: that of the rig file
         rig: rig file or built-in name
         runs: folder of the run files
-        log: file for what the process prints
+        log: file for the output of the process
     """
 
     def __init__(self, url: str, rig: str, runs: Path, log: Path) -> None:
@@ -25,7 +25,7 @@ class Recorder:
         self._over = False
 
     def tell(self, order: RecorderOrder) -> None:
-        """Give an order; one to a process that is gone is answered by the report that it is."""
+        """Send a command; if the process has ended, a report says so."""
         with suppress(OSError):
             self._process.pipe.send(order)
 
@@ -40,6 +40,6 @@ class Recorder:
             yield report
 
     def close(self, patience_s: float = 5.0) -> None:
-        """Let the process finish its file within a time limit, then end it; closing twice is harmless."""
+        """Let the process finish its file within a time limit, then end it; repeated calls have no effect."""
         self._over = True
         self._process.end(patience_s)

@@ -1,4 +1,4 @@
-"""What was last seen of the rods, and how long ago: nothing is stated as fact that may have changed since."""
+"""Last readings of the rods and their age: nothing is shown as current that may have changed since."""
 
 import math
 from dataclasses import dataclass
@@ -13,10 +13,13 @@ class SightingSettings:
     """Validity of the last readings."""
 
     fresh_s: float = 1.5
-    """A device reports ten times a second and counts as lost after one; beyond that nobody knows."""
+    """Time after which the last readings count as outdated, s; a device reports ten times per second and counts as
+    lost after one.
+    """
     outcome_s: float = 4.0
-    """After an order to release. The recorder drops an order after 2 s, and a device answers RELEASE within 1 s. So a
-    latch that is reported closed later than this was not opened by that order."""
+    """Time after a release command, s. The recorder discards a command after 2 s, and a device answers RELEASE
+    within 1 s. A latch that is reported closed later than this was therefore not opened by that command.
+    """
 
 
 SETTINGS = SightingSettings()
@@ -24,21 +27,21 @@ SETTINGS = SightingSettings()
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """The rods and the latch, at one instant."""
+    """The rods and the latch at one instant."""
 
     theta: tuple[float, float, float] | None = None
     """Absolute angles, rad."""
     latched: bool | None = None
-    """As the device reported; None before its first report."""
+    """State of the latch reported by the device; None before its first report."""
     at: float = -math.inf
-    """`time.monotonic()`, s."""
+    """Time of the reading, `time.monotonic()`, s."""
 
     def fresh(self, now: float) -> bool:
-        """Whether it still holds."""
+        """Whether it is still current."""
         return now - self.at <= SETTINGS.fresh_s
 
     def settles(self, ordered: float) -> bool:
-        """Whether it shows what became of a release that was ordered at this time, `time.monotonic()`, s."""
+        """Whether it shows the result of a release command given at this time, `time.monotonic()`, s."""
         if self.latched is None:
             return False
         return self.at >= ordered if not self.latched else self.at > ordered + SETTINGS.outcome_s
@@ -49,7 +52,7 @@ class Sighting:
 
 
 def seen_in(report: Idle | AttemptSeen, before: Sighting) -> Sighting:
-    """Update the last readings by a report; values that it lacks are kept."""
+    """Update the last readings by a report; values missing in the report are kept."""
     if isinstance(report, Idle):
         return Sighting(report.theta, report.latched, report.at)
     theta = before.theta

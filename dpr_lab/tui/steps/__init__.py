@@ -1,1 +1,1 @@
-"""The six steps, a screen page each: they know the workspace, the device and their own jobs, never the app."""
+"""The six steps, one page each: they use the workspace, the device and their own jobs, but never the app."""

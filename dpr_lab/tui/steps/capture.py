@@ -1,4 +1,4 @@
-"""Place the rods, let them go, record, judge."""
+"""Step Capture: place the rods, release them, record, check."""
 
 import random
 import time
@@ -41,13 +41,13 @@ class CaptureChoices:
     """Choices of the operator."""
 
     durations: tuple[float, ...] = (5.0, 10.0, 20.0, 30.0, 60.0)
-    """How long to record, s; after the last comes until rest, and then the first again."""
+    """Durations of a recording, s; the last one is followed by "until rest"."""
     most_repeats: int = 5
-    """Of each pose; more swings of one pose tell little that is new."""
+    """Numbers of recordings of each pose; more swings of one pose add little information."""
     pose_timeout: float = 1800.0
-    """How long the operator has to reach a pose, s: at a screen one sees what is missing, so there is time."""
+    """Maximum time to reach a pose, s: long, because the screen shows what is missing."""
     rest_timeout: float = 120.0
-    """How long the held rods have to become still, s."""
+    """Maximum time for the held rods to come to rest, s."""
 
 
 CHOICES = CaptureChoices()
@@ -110,11 +110,11 @@ What is grey is old: the device was not heard since, and the latch may have open
         self._chance = random.SystemRandom()
 
     def compose(self) -> ComposeResult:
-        """One view of it all."""
+        """Single view of all parts."""
         yield CaptureView()
 
     def on_mount(self) -> None:
-        """Read the workspace's rig, whose own step tells what is wrong with it; what is old grows older."""
+        """Read the rig of the workspace, whose own step reports errors; outdated readings are updated."""
         self.set_interval(SIGHTING.fresh_s / 3, self._age)
         with suppress(ConfigError):
             self._rig = load_rig(self.workspace.rig)
@@ -125,9 +125,9 @@ What is grey is old: the device was not heard since, and the latch may have open
         return counted_runs(count) if count else ""
 
     def missing(self) -> str:
-        """A device, and poses."""
+        """A connected device, and a rig with poses."""
         if self.device.opening is not None:
-            return "Capture needs a device: one is being connected, wait"
+            return "Capture needs a device: wait until the connection is complete"
         if self.device.connected is None:
             table = self.services.keys.of("app.import")
             connect = self.services.key_of("Connect")
@@ -139,14 +139,17 @@ What is grey is old: the device was not heard since, and the latch may have open
         return ""
 
     def at_stake(self) -> str:
-        """A swing that is being recorded, or that was and is not decided about."""
+        """A current recording, or one that is not decided yet."""
         if self.recording is not None:
-            return "The recording under way ends here; what was recorded until then is kept."
+            return "The current recording ends now; the data recorded so far are kept."
         if self.workspace.undecided is None:
             return ""
         keep = self.services.keys.of("capture.keep")
         name = run_name(self.workspace.undecided)
-        return f"Nothing is lost: the file of {name} stays, and the next start asks again ({keep} in Capture keeps it)."
+        return (
+            f"Nothing is lost: the file of {name} is kept, and the next session asks again ({keep} in"
+            f" Capture keeps it)."
+        )
 
     @property
     def recording(self) -> RecordingNow | None:
@@ -163,7 +166,7 @@ What is grey is old: the device was not heard since, and the latch may have open
         return self._countdown is not None
 
     def enter(self) -> None:
-        """Read the rig file again: it may have changed."""
+        """Read the rig file again, because it may have changed."""
         self._rig = None
         self._rig = load_rig(self.workspace.rig)
         if self._pose not in self._rig.poses:
@@ -172,11 +175,11 @@ What is grey is old: the device was not heard since, and the latch may have open
         self._draw()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Keep and Again only where a recording waits for a decision."""
+        """Show Keep and Again only if a recording waits for a decision."""
         return action not in ("keep", "again") or self.workspace.undecided is not None
 
     def hear(self, report: RecorderReport) -> None:
-        """Follow the attempt under way."""
+        """Follow the current attempt."""
         self._follow_order()
         match report:
             case RecorderFailed():
@@ -185,7 +188,9 @@ What is grey is old: the device was not heard since, and the latch may have open
                 self._follow(report)
             case _:
                 pass
-        if self.display and self._countdown is None:  # nothing moves behind it: the line is for the countdown
+        if (
+            self.display and self._countdown is None
+        ):  # nothing changes behind the countdown, so that the link is free for it
             self._draw()
 
     def _age(self) -> None:
@@ -201,13 +206,13 @@ What is grey is old: the device was not heard since, and the latch may have open
             raise DprError(self.missing())
         self._attempts += 1
         self._ended = None
-        self.app.clear_notifications()  # they were about the attempt before
+        self.app.clear_notifications()  # notices about the previous attempt
         self.attempt = Attempt(self._attempts, self._pose, self._rig.poses[self._pose])
         self.device.tell(CaptureAttempt(self._attempts, self._pose, self.options))
         self._draw()
 
     def action_release(self) -> None:
-        """Count down, then order the release; refused unless the rods are at the pose and at rest."""
+        """Count down, then send the release command; refused unless the rods are at the pose and at rest."""
         attempt = self.attempt
         obstacle = self._obstacle()
         if attempt is None or obstacle:
@@ -221,16 +226,16 @@ What is grey is old: the device was not heard since, and the latch may have open
         self.app.push_screen(self._countdown, self._counted_down)
 
     def action_keep(self) -> None:
-        """Take the recording into the workspace."""
+        """Add the recording to the workspace."""
         self.workspace.runs.append(self._decided("keep"))
         self._pose = next_pose(self._done(), self._repeats, self._pose)
         self.post_message(self.Done())
         self._draw()
 
     def action_again(self) -> None:
-        """Put the recording aside and try the same pose again."""
+        """Set the recording aside and repeat the pose."""
         moved = set_aside(self._decided("repeat"))
-        self.notify(f"kept aside: {moved}", markup=False)
+        self.notify(f"set aside: {moved}", markup=False)
         self.post_message(self.Done())
         if self.missing():
             self._draw()
@@ -238,13 +243,13 @@ What is grey is old: the device was not heard since, and the latch may have open
             self.action_start()
 
     def action_end(self) -> None:
-        """End the attempt under way; the rods stay held."""
+        """End the current attempt; the rods stay held."""
         if self.attempt is None or self.attempt.phase is Phase.JUDGED:
-            raise DprError("Nothing to end: no attempt is under way")
+            raise DprError("Nothing to end: there is no current attempt")
         self.device.tell(CancelAttempt(self.attempt.number))
 
     def action_pose(self, by: int) -> None:
-        """Choose another pose."""
+        """Select another pose."""
         self._require_none()
         if self._rig is not None and self._rig.poses:
             names = list(self._rig.poses)
@@ -268,9 +273,9 @@ What is grey is old: the device was not heard since, and the latch may have open
         self._draw()
 
     async def action_connect(self) -> None:
-        """Connect again, after the cable was out."""
+        """Connect again after the cable was unplugged."""
         if self.device.connected is not None:
-            raise DprError(f"Connected already: {self.services.key_of('Connect')} shows the device, and others")
+            raise DprError(f"Already connected: {self.services.key_of('Connect')} shows the device, and others")
         if self.device.opening is None:
             self._ended = None
             await self.services.connect()
@@ -278,16 +283,16 @@ What is grey is old: the device was not heard since, and the latch may have open
             self._draw()
 
     def _require_none(self) -> None:
-        """Raise DprError while an attempt is under way: it goes on as it began."""
+        """Raise DprError during an attempt, because its settings cannot change."""
         if self.attempt is not None:
             raise DprError(self.worded(BUSY))
 
     def _obstacle(self) -> str:
-        """Why the rods may not be released now; empty when they may."""
+        """Reason why the rods may not be released now; empty if they may."""
         if self.attempt is None:
             return self.worded("press {capture.start} to be guided to the pose first")
         if not self.device.fresh(now := time.monotonic()):
-            return f"no word from the device, {self.device.seen.ago(now)}"
+            return f"no message from the device, {self.device.seen.ago(now)}"
         return self.attempt.obstacle
 
     def _counted_down(self, release: bool | None) -> None:
@@ -307,7 +312,7 @@ What is grey is old: the device was not heard since, and the latch may have open
         self._draw()
 
     def _follow_order(self) -> None:
-        """Say so when the rods turn out to be held after a release was ordered."""
+        """Report that the rods are held although a release was commanded."""
         if self._ordered and self.device.ordered is None:
             self._ordered = False
             if self.device.seen.latched:
@@ -329,7 +334,10 @@ What is grey is old: the device was not heard since, and the latch may have open
             self.post_message(self.Done())
         elif isinstance(report, AttemptSeen) and isinstance(report.progress, HangReading) and not report.progress.ok:
             off = ", ".join(map(self.workspace.unit.text, report.progress.error))
-            warning = f"The rods hang {off} off straight down: counts were lost, or the rig file's zero is wrong"
+            warning = (
+                f"The hanging rods deviate by {off} from the vertical: counts were lost, or the zero"
+                f" in the rig file is wrong"
+            )
             self.notify(warning, severity="warning", markup=False)
 
     def _failed(self, report: RecorderFailed) -> None:
@@ -342,10 +350,10 @@ What is grey is old: the device was not heard since, and the latch may have open
         self.post_message(self.Done())
 
     def _decided(self, what: str) -> Path:
-        """The run that was not decided about, which it is from now on."""
+        """The run that was undecided; its decision is made by the caller."""
         run, self.workspace.undecided = self.workspace.undecided, None
         if run is None:
-            raise DprError(f"Nothing to {what} yet: a recording must be finished first")
+            raise DprError(f"Nothing to {what} yet: no recording is finished")
         self.attempt = None
         return run
 

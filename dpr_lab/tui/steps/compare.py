@@ -1,4 +1,4 @@
-"""Compare the model with the measurement, from any release and any instant of it."""
+"""Step Compare: comparison of the model with the measurement, with free runs from any run and instant."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,33 +41,34 @@ class CompareSettings:
     """Settings of the comparison charts."""
 
     noise_sigmas: int = 2
-    """Half the noise band; 95 % of what is only noise lies inside."""
+    """Half width of the noise band in standard deviations; 95 % of pure noise is inside."""
     tall: int = 36
-    """Rows of the step from which on angle and error are shown one above the other."""
+    """Minimum rows of the step for showing angle and error one above the other."""
     start_step_s: float = 0.5
-    """Spacing of the instants a free run can start from: the length of the comparison's segments."""
+    """Spacing of the possible starts of a free run, s: the length of the segments."""
 
 
 SETTINGS = CompareSettings()
 
 
 class CompareStep(JobStep):
-    """Measured and simulated angles, and what is left between them."""
+    """Measured and simulated angles, and their difference."""
 
     NAME = "Compare"
     PURPOSE = "simulates the runs with the model"
     WORK = ""
     RESTS_ON = ("the runs", "the model", "the torques")
     HELP = f"""
-Simulates every selected run with the model. A **free run** starts from the state fitted at one instant and goes on by
-itself; the slider moves that instant. It can be predicted up to the horizon (bar on the slider, line in the chart):
-beyond it the start state's uncertainty alone moves the simulation visibly, which says nothing about the model.
+Simulates every selected run with the model. A **free run** starts from the state fitted at one instant and is not
+corrected afterwards; the slider moves that instant. It can be predicted up to the horizon (bar on the slider, line in
+the chart): beyond it the uncertainty of the initial state alone moves the simulation visibly, so the difference is no
+test of the model.
 
-The **segment residual** is what half-second segments with free start states leave; inside the band
+The **segment residual** is the residual of half-second segments with free initial states; inside the band
 (±{SETTINGS.noise_sigmas}σ of the noise floor) and without a pattern it is noise.
 
-`{{compare.beside}}` draws a second run into the same picture, or the same run by another model, whose file you write
-into the field (`{{compare.edit}}`), such as the corrected `diagnosis/model.json`.
+`{{compare.beside}}` draws a second run into the same picture, or the same run by another model, whose file you enter
+in the field (`{{compare.edit}}`), such as the corrected `diagnosis/model.json`.
 
 In the chart: + and - zoom, arrows move, shift with up and down stretches, 0 shows everything again.
 `{{chart.cursors}}` sets two cursors that read off values and differences (again: moves the other one; again: takes them
@@ -125,7 +126,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         return counted_runs(len(self._comparisons)) if self._comparisons and self._of is not None else ""
 
     def enter(self) -> None:
-        """Show the last comparison; compare if there is none. A stale comparison is kept and marked."""
+        """Show the last comparison, or compare if there is none. A stale comparison is kept and marked."""
         self._draw()
         if self.missing():
             self.say(self.missing())
@@ -137,27 +138,27 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
                 self.start_work()
 
     def report(self) -> Path | None:
-        """As `dpr-lab compare` writes it."""
+        """Report of the comparison, as `dpr-lab compare` writes it."""
         return self.workspace.out / "report" / "report.html"
 
     @property
     def work(self) -> str:
-        """The simulation of all runs; its job stays to answer afterwards."""
+        """The simulation of all runs is complete; its job continues to answer requests."""
         return "" if self._saved else super().work
 
     def pace(self, now: float) -> str:
-        """By runs."""
+        """Remaining time from the number of runs."""
         done, net = len(self._comparisons), now - self._begun - self._compiled_s
         return f"about {net * (self._runs - done) / done:.0f} s left" if 0 < done < self._runs else ""
 
     def stale(self) -> str:
-        """Model or runs are not those compared last."""
+        """Whether model or runs differ from those of the last comparison."""
         if not self._comparisons or not self._saved or self.missing() or self._of == self._subject():
             return ""
         return self.worded("STALE, model, runs or torques changed; {compare.start}: run again")
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Its job stays to answer, so it can always be started again."""
+        """Always true: the job stays only to answer, so it can be restarted."""
         return action != "torque" or super().check_action(action, parameters)
 
     def start_work(self) -> None:
@@ -185,7 +186,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
             case ComparisonSaved(left_out):
                 self._saved = True
                 self.made()
-                without = f"; left out: {', '.join(map(run_name, left_out))}" if left_out else ""
+                without = f"; skipped: {', '.join(map(run_name, left_out))}" if left_out else ""
                 self._draw(self.worded(f"saved in {self.workspace.out / 'report'}, {{app.report}} opens it{without}"))
                 self.post_message(self.Done())
             case FreeRunFrom():
@@ -193,12 +194,12 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
                 self._draw()
 
     def ended(self, why: str) -> None:
-        """No answers any more; what was compared stays."""
+        """The job cannot answer any more; the comparison stays."""
         self._of = None
         self.say(self.worded(f"{why} ({{app.browse}})") if self._left_out and not self._comparisons else why)
 
     def action_cycle(self, what: str) -> None:
-        """The next run, axis or view."""
+        """Show the next run, axis or view."""
         picker = self.query_one(f"#{what}", Select)
         options = {"run": range(len(self._comparisons)), "axis": range(len(AXES)), "view": VIEWS}[what]
         if len(options):
@@ -207,7 +208,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         next(chart for chart in self.query(Chart) if chart.display).focus()
 
     def action_edit(self) -> None:
-        """Name another model."""
+        """Enter another model."""
         self.query_one(SecondCurve).edit()
 
     def action_beside(self) -> None:
@@ -223,7 +224,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         self.query_one(Slider).action_move(steps)
 
     def show(self, comparisons: "list[Comparison]") -> None:
-        """Draw these."""
+        """Draw the current selection."""
         self._comparisons = list(comparisons)
         self._offer_runs()
 
@@ -244,7 +245,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         if not isinstance(run, int):
             return
         if self.job is None:
-            self.say(self.worded("Kept from before: {compare.start} simulates them again, for free runs from here"))
+            self.say(self.worded("Stored result: {compare.start} simulates the runs again, for free runs from here"))
             return
         start = FreeRunStart(run, event.slider.value)
         if start in self._free_runs:
@@ -253,7 +254,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
             self.job.ask(start)
 
     def on_resize(self, event: Resize) -> None:
-        """A tall screen shows angle and error."""
+        """Show angle and error on a tall screen."""
         self._arrange()
 
     @property
@@ -267,7 +268,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
 
     @property
     def _kept(self) -> KeptComparison:
-        """Where comparisons of this model and these runs are kept."""
+        """Folder of the stored comparisons of this model and these runs."""
         return KeptComparison(self.workspace.out / "report" / "compared.npz", repr(self._subject()))
 
     def _offer_runs(self) -> None:
@@ -307,7 +308,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         self.say(text)
 
     def _free_run(self, shown: "Comparison") -> "FreeRun":
-        """The free run from where the slider stands; the last one known while that is being simulated."""
+        """Free run from the slider position, or the last known one while it is simulated."""
         from dpr_lab.identification.compare import FreeRun
 
         run = self._comparisons.index(shown)
@@ -351,7 +352,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         )
 
     def _second_error(self, shown: "Comparison", axis: int, freely: bool) -> list[Series]:
-        """What the second run or model leaves, from the release."""
+        """Residual of the second run or model from the release on."""
         second = self.query_one(SecondCurve).chosen
         if second is None:
             return []
@@ -375,7 +376,7 @@ def _label(comparison: "Comparison") -> str:
 
 
 def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
-    """The numbers of `dpr-lab compare`'s table, inner and outer rod."""
+    """Numbers in the table of `dpr-lab compare`, inner and outer rod."""
     from dpr_lab.report.tables import COMPARISON_COLUMNS, comparison_rows, to_the_end
 
     row = dict(zip(COMPARISON_COLUMNS, comparison_rows([comparison], unit)[0], strict=True))
@@ -392,7 +393,7 @@ def _ends_before(freely: "FreeRun", shown: "Comparison") -> bool:
 
 
 def _range_of(angle: NDArray[np.float64]) -> tuple[float, float]:
-    """The measurement's own range, so that a free run that tumbles away leaves the chart."""
+    """Range of the measurement, so that a free run that diverges leaves the chart."""
     low, high = float(np.nanmin(angle)), float(np.nanmax(angle))
     room = max(0.06 * (high - low), 0.01)
     return low - room, high + room

@@ -1,4 +1,4 @@
-"""Find the device and greet it."""
+"""Step Connect: find the device and connect to it."""
 
 import time
 from contextlib import suppress
@@ -29,25 +29,25 @@ from dpr_lab.tui.widgets.readout import BAD, GOOD, angles_text, old_text, ordere
 SIMULATED = TRANSPORTS["sim"].example
 CONNECTING = "connecting ({connect.disconnect}: give up)"
 COMPILING = "compiling the simulated rig, once on this computer: about half a minute ({connect.disconnect}: give up)"
-OWN = "or the URL of another link ({connect.edit} writes it here); empty: the rig file's own"
+OWN = "or the URL of another link ({connect.edit} to enter it); empty: that of the rig file"
 UNTESTED = "not done: press {connect.exercise}"
 CLOSES = " (closes the latch)"
 LINKS = "\n".join(f"- {kind.name}: `{kind.example}`" for kind in TRANSPORTS.values() if kind.example != SIMULATED)
 
 
 class ConnectStep(Step):
-    """Links found, one to choose, and what the device answered."""
+    """Available links, the selected one, and the answer of the device."""
 
     NAME = "Connect"
     HELP = f"""
-Choose where the device is: a link from the list, or a URL of your own (`{{connect.edit}}`).
+Choose the link to the device: one from the list, or your own URL (`{{connect.edit}}`).
 
 {LINKS}
-- a simulated rig, to try everything without hardware: `{{connect.simulate}}`; a rig that is connected is let go only
-  after you confirmed
+- a simulated rig, to try everything without hardware: `{{connect.simulate}}`; a connected rig is disconnected only
+  after you confirm
 
-`{{connect.exercise}}` lets the device stream for two seconds: what arrives, what is lost, and how well its clock
-follows this computer's. That closes the latch, and leaves it closed.
+`{{connect.exercise}}` makes the device stream for two seconds and shows the received and lost samples, and the error
+of its clock relative to this computer. This closes the latch and leaves it closed.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("c", "connect", "Connect", id="connect.connect"),
@@ -63,14 +63,14 @@ follows this computer's. That closes the latch, and leaves it closed.
         self._exercised: Exercised | str = ""
 
     def compose(self) -> ComposeResult:
-        """The links, a field for a URL, the answer."""
+        """Links, a field for a URL, and the answer."""
         yield OptionList(id="links")
         yield Input(placeholder=self.worded(OWN), id="url")
         with VerticalScroll(id="answer", can_focus=False):
             yield Static(id="device")
 
     def on_mount(self) -> None:
-        """Look for links; what is old grows older."""
+        """Search for links; outdated readings are updated."""
         self.set_interval(SIGHTING.fresh_s / 3, self._age)
         self.query_one(Input).value = self.workspace.link
         self.action_look()
@@ -83,7 +83,7 @@ follows this computer's. That closes the latch, and leaves it closed.
         return "simulated" if connected.url.startswith("sim:") else connected.info.uid[-8:]
 
     def enter(self) -> None:
-        """Show what is known, with the list ready for Enter."""
+        """Show the known links, with the list ready for Enter."""
         self.query_one(OptionList).focus()
         self._draw()
 
@@ -99,7 +99,9 @@ follows this computer's. That closes the latch, and leaves it closed.
                 self._exercised = report
             case RecorderFailed():
                 self._exercised = ""
-                if report.alive or self.device.lost is not None or not self.display:  # the page says the others
+                if (
+                    report.alive or self.device.lost is not None or not self.display
+                ):  # the page shows the other messages
                     mild = report.alive and self.device.ordered is None
                     severity = "warning" if mild else "error"
                     self.notify(report.message, severity=severity, timeout=NOTICES.error_s, markup=False)
@@ -118,7 +120,7 @@ follows this computer's. That closes the latch, and leaves it closed.
         await self._connect(self.query_one(Input).value)
 
     async def action_connect(self) -> None:
-        """Connect to the link under the cursor, or while the list has none to the URL in the field."""
+        """Connect to the selected link, or to the URL in the field if the list has no selection."""
         links = self.query_one(OptionList)
         here = links.highlighted_option if links.has_focus else None
         await self._connect(here.id if here is not None and here.id else self.query_one(Input).value)
@@ -130,12 +132,12 @@ follows this computer's. That closes the latch, and leaves it closed.
         self._exercised = ""
         await self.services.connect()
         self.query_one(OptionList).focus()
-        self.action_look()  # it is the one that was used last
+        self.action_look()  # the one used last
         self.post_message(self.Done())
         self._draw()
 
     async def action_simulate(self) -> None:
-        """Connect to a simulated rig; where that lets a rig go, only on a yes."""
+        """Connect to a simulated rig; disconnecting a connected rig requires a confirmation."""
         connected = self.device.connected
         if connected is None or connected.simulated:
             await self._simulate(True)
@@ -148,7 +150,7 @@ follows this computer's. That closes the latch, and leaves it closed.
             await self._connect(SIMULATED)
 
     async def action_disconnect(self) -> None:
-        """Let the device go."""
+        """Disconnect from the device."""
         self.services.require_free()
         await self.device.close()
         self.post_message(self.Done())
@@ -159,9 +161,9 @@ follows this computer's. That closes the latch, and leaves it closed.
         self.query_one(Input).focus()
 
     def action_exercise(self) -> None:
-        """See what the link is worth."""
+        """Test the link."""
         if self.device.opening is not None:
-            raise DprError(self.worded("A connection is under way: wait, or give it up with {connect.disconnect}"))
+            raise DprError(self.worded("The connection is not complete: wait, or cancel it with {connect.disconnect}"))
         connected = self.device.connected
         if connected is None:
             raise DprError("Connect a device first: choose a link and press Enter")
@@ -175,7 +177,7 @@ follows this computer's. That closes the latch, and leaves it closed.
             self._draw()
 
     def action_look(self) -> None:
-        """Look for links again."""
+        """Search for links again."""
         self._look()
 
     @work(thread=True, exclusive=True)
@@ -189,19 +191,19 @@ follows this computer's. That closes the latch, and leaves it closed.
         for url, what in self._offers(found).items():
             links.add_option(Option(Content(f"{url:<34} {what}"), id=url))
         if not found.serial:
-            hint = self.worded("no serial port found: plug the device in and press {connect.look}")
+            hint = self.worded("no serial port found: connect the device and press {connect.look}")
             links.add_option(Option(Content(hint), disabled=True))
         links.highlighted = 0
 
     def _offers(self, found: Links) -> dict[str, str]:
-        """URL -> what it is; the last one used comes first."""
+        """URL -> description; the one used last comes first."""
         offers = {}
         if self.workspace.link:
             offers[self.workspace.link] = "used last"
         with suppress(ConfigError):
             own = load_rig(self.workspace.rig).link.url
-            if not own.startswith("sim:"):  # what a rig file has that names none
-                offers.setdefault(own, "the rig file's own")
+            if not own.startswith("sim:"):  # default of a rig file without a link
+                offers.setdefault(own, "link of the rig file")
         offers |= {f"serial://{port.device}?baud=921600": _described(port) for port in found.serial}
         offers |= {f"can://socketcan/{name}?bitrate=1000000": "CAN interface" for name in found.can_interfaces}
         return offers | {SIMULATED: "simulated rig, no hardware needed"}
@@ -261,7 +263,7 @@ def _identity(connected: Connected) -> list[Content]:
 def _clock_fit(exercised: Exercised) -> str:
     clock = exercised.clock
     if clock is None:
-        return "not compared: this device's time is simulated"
+        return "not compared, because the time of this device is simulated"
     return (
         f"known to ±{1e6 * clock.offset_std:.0f} µs, runs {clock.rate_ppm:+.0f} ± {clock.rate_ppm_std:.0f} ppm"
         f" ({clock.n} pings, shortest {1e6 * clock.rtt_min:.0f} µs)"

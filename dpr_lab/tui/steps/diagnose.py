@@ -1,4 +1,4 @@
-"""Why simulation and rig differ; the verdict first, then where, which, how far, and what to do next."""
+"""Step Diagnose: verdict first, then location, causes, gap reduction and recommendations."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -45,29 +45,29 @@ STAGES_S: Mapping[str, float] = {
     "evidence": 0.1,
     "report": 2.0,
 }
-"""How long a stage takes for each release of 10 s where one effect or two are named, s, measured on two cores."""
+"""Typical duration of each stage per release of 10 s with one or two named effects, s, on two cores."""
 
 STEADY = ("bare model", "how far", "evidence")
-"""Stages whose time does not depend on the result."""
+"""Stages whose duration does not depend on the result."""
 
 NONE_LEFT = "every selected run is held out: hold out fewer ({diagnose.hold_out}), or select more ({app.browse})"
 
 
 class DiagnoseStep(JobStep):
-    """Runs in, a diagnosis out."""
+    """Diagnosis of the selected runs."""
 
     NAME = "Diagnose"
-    PURPOSE = "says where the simulation differs from the rig, which effect causes it, and how sure that is"
-    WORK = "the diagnosis that is running"
+    PURPOSE = "shows where the simulation differs from the rig, which effect causes it, and with which probability"
+    WORK = "the current diagnosis"
     RESTS_ON = ("the rig", "the runs", "the held-out runs", "the model", "the torques")
     HELP = """
-Says where the simulation still differs from the rig, which unmodelled effect causes it, how sure that is, what else it
-could be, how much of the gap closes on data not used for the fit, and what to record or measure next.
+Shows where the simulation differs from the rig, which unmodelled effect causes it, its probability and alternatives,
+how far the gap closes on held-out data, and what to record or measure next.
 
-- **held out** (`{diagnose.hold_out}`): runs that take no part in the fit: what is named must carry over to them.
-- **torques** (`{diagnose.torque}`): where runs hold measured and commanded ones, which of them drove the joints.
+- **held out** (`{diagnose.hold_out}`): runs that are not fitted; they validate the named effects.
+- **torques** (`{diagnose.torque}`): selects measured or commanded torques for runs that contain both.
 - *Where* shows the torque or encoder error that would explain the gap, with its 90 % interval.
-- Effects that these recordings cannot tell apart are one class and share its probability.
+- Effects that these recordings cannot distinguish form one class and share its probability.
 
 Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/` in the bench's folder, as
 `dpr-lab diagnose --out` writes them.
@@ -76,7 +76,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         *(key for key in job_keys("diagnose") if key.action in ("start", "cancel", "torque")),
         Binding("h", "hold_out", "Hold out", id="diagnose.hold_out", tooltip="hold out runs"),
         Binding("v", "view", "View", id="diagnose.view"),
-        Binding("o", "place", "Other", id="diagnose.place", tooltip="the other place of the gap"),
+        Binding("o", "place", "Other", id="diagnose.place", tooltip="another location of the gap"),
     ]
     DEFAULT_CSS = """
     DiagnoseStep #form { height: 1; }
@@ -99,11 +99,11 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self._pace: StagePace | None = None
 
     def compose(self) -> ComposeResult:
-        """The form, the verdict, and the rest in tabs."""
+        """The form, the verdict, and the details in tabs."""
         with Horizontal(id="form"):
             yield Label("held out")
             yield Static(id="held-out", markup=False)
-            yield Label("effects at most")
+            yield Label("maximum number of effects")
             yield Input("4", id="max-effects", type="integer", compact=True)
             yield Label("seed")
             yield Input("0", id="seed", type="integer", compact=True)
@@ -122,7 +122,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
                     yield Static(id=f"{name}-text")
 
     def outcome(self) -> str:
-        """The verdict in a few words."""
+        """Verdict in a few words."""
         if self._found is None:
             return ""
         named = len(self._found.effects)
@@ -131,7 +131,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         return self._found.verdict.replace("_", " ")
 
     def enter(self) -> None:
-        """Show what is held out, and the workspace's diagnosis."""
+        """Show the held-out runs, and the diagnosis of the workspace."""
         self._show_held_out()
         if self._found is not None and self._unit is not self.workspace.unit:
             self._draw(self._found)
@@ -163,12 +163,12 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.begin(jobs.diagnose, request=request)
 
     def pace(self, now: float) -> str:
-        """By stages."""
+        """Remaining time from the stages."""
         left = self._pace.left(now) if self._pace is not None else None
         return f"about {left:.0f} s left" if left is not None else ""
 
     def compiling(self, now: float) -> None:
-        """Report that compilation makes this stage longer once."""
+        """Report once that compilation makes this stage longer."""
         super().compiling(now)
         if self._pace is not None:
             self._pace.compiling(now)
@@ -187,13 +187,13 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
                 self.say(f"{_progress(self._stage.number, self._stage.of)}: {in_words(value.text)}")
 
     def finished(self, result: Any) -> None:
-        """The diagnosis, saved already."""
+        """The diagnosis, already saved."""
         self.workspace.diagnosis = self._shown = self._record
         self.show(result.diagnosis)
         self.post_message(self.Done())
 
     def ended(self, why: str) -> None:
-        """Without a diagnosis; the one from before is still there, with its sentence."""
+        """End without a diagnosis; the previous one is still shown, with its sentence."""
         from dpr_lab.report.gap.tables import sentence
 
         found = self._found
@@ -201,7 +201,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.say(f"Ended without a {'new ' if before else ''}diagnosis: {why}{before}")
 
     def report(self) -> Path | None:
-        """The view next to the diagnosis."""
+        """Show the next view of the diagnosis."""
         return self._shown.with_name("diagnosis.html") if self._shown is not None else None
 
     def action_hold_out(self) -> None:
@@ -211,14 +211,14 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.app.push_screen(browser, self._hold_out)
 
     def action_place(self) -> None:
-        """The next place in which the gap can lie."""
+        """Show the next location of the gap."""
         self.query_one(TabbedContent).active = "where"
         picker = self.query_one("#place", Select)
         if self._found is not None and self._found.where and isinstance(picker.value, int):
             picker.value = (picker.value + 1) % len(self._found.where)
 
     def show(self, found: "Diagnosis") -> None:
-        """Draw a diagnosis: the verdict, and the rest in tabs."""
+        """Draw a diagnosis: the verdict, and the details in tabs."""
         from dpr_lab.report.words import in_words
 
         self._found = found
@@ -237,7 +237,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self._draw(found)
 
     def _draw(self, found: "Diagnosis") -> None:
-        """All of it, in the unit in which angles are shown now."""
+        """All tabs, in the current unit of angles."""
         from dpr_lab.report.gap.tables import sentence
 
         self._unit = unit = self.workspace.unit
@@ -263,7 +263,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.query_one("#held-out", Static).update(named_runs(self.workspace.held_out) or "none")
 
     def _doubt(self, found: "Diagnosis") -> str:
-        """Said where the diagnosis is of other runs than those selected."""
+        """Note that the diagnosis belongs to other runs than the selected ones."""
         from dpr_lab.gap.screen.pieces import whole
 
         closed = found.gap.closed_held_out
@@ -289,7 +289,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         ]
         zero = Series("", at, np.zeros(len(at)), "foreground")
         scale, clipped = signal_scale(value, reach)
-        note = " Part of it lies outside the picture." if clipped else ""
+        note = " Part of it is outside the picture." if clipped else ""
         self.query_one("#place-text", Static).update(in_words(place.sentence) + note)
         self.query_one("#place-map", Chart).show(
             [zero, *edges, Series("estimate", at, value)],
@@ -304,7 +304,7 @@ def _progress(number: int, of: int) -> str:
 
 
 def _which(found: "Diagnosis", unit: AngleUnit) -> Group:
-    """Named effects with their probabilities and twins, what else each can be, sensor faults."""
+    """Named effects with their probabilities and twins, their alternatives, sensor faults."""
     from dpr_lab.report.gap import tables as gap_tables
 
     others = {name: p for name, p in found.probabilities.items() if name in ("no_gap", "unexplained")}
@@ -322,7 +322,7 @@ def _which(found: "Diagnosis", unit: AngleUnit) -> Group:
 
 
 def _effect(row: Sequence[str]) -> Group:
-    """A named effect: how sure, its twins, its size with 90 % intervals."""
+    """A named effect: probability, twins, size with 90 % intervals."""
     from dpr_lab.report.gap import tables as gap_tables
 
     name, twins, probability, share, parameters = row
@@ -334,7 +334,7 @@ def _effect(row: Sequence[str]) -> Group:
 
 
 def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
-    """The gap as effects are added, and the share that closes on data not used for the fit."""
+    """Gap as effects are added, and its reduction on held-out data."""
     from dpr_lab.report.digits import three
     from dpr_lab.report.gap import tables as gap_tables
     from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences
@@ -355,12 +355,15 @@ def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
     shares += [(words(run, held_out=True), share, None) for run, share in closed.held_out.items()]
     low, high = closed.interval90
     closing = [
-        f"\nOn releases that took no part in the fit {closed.estimate:.1%} of the gap above the noise closes (90 %"
+        f"\nOn held-out data {closed.estimate:.1%} of the gap above the noise closes (90 %"
         f" interval {low:.1%} to {high:.1%})",
         Bars([(name, max(share, 0.0), interval, f"{share:.1%}") for name, share, interval in shares], top=1.0),
     ]
     if not gap.waterfall:
-        closing = [f"\n{'There is no gap' if found.verdict == 'no_gap' else 'No effect is named'}: nothing closes"]
+        closing = [
+            f"\n{'There is no gap' if found.verdict == 'no_gap' else 'No effect is named'}, so there"
+            f" is no gap reduction"
+        ]
     if parts := repeatability_parts(found):
         closing += [
             f"\nShares of the mean squared residual. {' '.join(repeatability_sentences(found))}",
@@ -378,7 +381,7 @@ def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
 
 
 def _next(found: "Diagnosis", unit: AngleUnit) -> Group:
-    """What to do, what would have been seen, what was taken for granted."""
+    """Recommendations, minimum detectable effects and assumptions."""
     from dpr_lab.report.gap import tables as gap_tables
     from dpr_lab.report.words import in_words
 

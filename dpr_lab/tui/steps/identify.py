@@ -1,4 +1,4 @@
-"""From runs to a model, with the search's convergence live, pause, and a stop that keeps the best so far."""
+"""Step Identify: identification with live convergence, pause, and a stop that keeps the best result so far."""
 
 import time
 from pathlib import Path
@@ -35,22 +35,23 @@ class IdentifyStep(JobStep):
     """Identification of the selected runs; writes model.json."""
 
     NAME = "Identify"
-    PURPOSE = "finds the parameters of the rig from these runs, inside the bounds of its file"
-    WORK = "the identification that is running"
+    PURPOSE = "estimates the parameters of the rig from these runs, inside the bounds of its file"
+    WORK = "the current identification"
     RESTS_ON = ("the rig", "the runs", "the torques")
     CAN_PAUSE = True
     HELP = """
-Finds the kinetic parameters from the selected runs: a global search inside the rig file's bounds, then a local fit that
-goes to the noise floor.
+Estimates the kinetic parameters from the selected runs: a global search inside the bounds of the rig file, then a
+local fit down to the noise floor.
 
-- **objective** `segments` restarts every quarter second, so that chaos cannot spoil the search; `paper` is the
-  paper's E(Z), one free run over the whole record.
+- **objective** `segments` restarts every quarter second, so that chaos does not disturb the search; `paper` is the
+  published E(Z), one free run over the whole record.
 - **search** is the algorithm, **seed** makes it repeatable.
-- **torques** (`{identify.torque}`): where runs hold measured and commanded ones, which of them drove the joints.
-- A search that is stopped early keeps its best individual and finishes from there; a cancelled one keeps nothing.
+- **torques** (`{identify.torque}`): selects measured or commanded torques for runs that contain both.
+- A search that is stopped early continues with the local fit from its best individual; a cancelled one has no result.
 
-A free swing fixes five ratios. Which of the nine parameters are fixed too, and by what, stands under *Nine
-parameters*; what to measure to fix the others stands under *What is seen*. The model is written to `model.json` in the
+A free swing determines five ratios. Which of the nine parameters are determined, and by what, is shown under *Nine
+parameters*; the measurements that determine the others are shown under *Identifiability*. The model is written to
+`model.json` in the
 bench's folder.
 """
     BINDINGS: ClassVar[list[BindingType]] = [*job_keys("identify"), Binding("v", "view", "View", id="identify.view")]
@@ -94,7 +95,7 @@ bench's folder.
             with TabPane("Convergence", id=TABS[0]), Horizontal():
                 yield Chart(id="cost")
                 yield Chart(id="fitness")
-            for name, title in zip(TABS[1:], ("Ratios", "Nine parameters", "What is seen"), strict=True):
+            for name, title in zip(TABS[1:], ("Ratios", "Nine parameters", "Identifiability"), strict=True):
                 with TabPane(title, id=name), VerticalScroll():
                     yield Static(id=f"{name}-text")
 
@@ -134,14 +135,14 @@ bench's folder.
         self.begin(jobs.identify, request=request)
 
     def pace(self, now: float) -> str:
-        """Progress by generations; a search may end sooner, and the local fit follows."""
+        """Progress by generations; the search may end earlier, and the local fit follows."""
         if self._fitting or not self._history:
             return ""
         left = time_left(self._instants, self._history[-1].at_most - self._history[-1].number)
         return f"search at most {left:.0f} s more" if left is not None else ""
 
     def progressed(self, value: Any) -> None:
-        """A run was read, a generation is done, or the search is."""
+        """Progress: a run was read, a generation finished, or the search ended."""
         match value:
             case RunRead(notes=notes):
                 for note in notes:
@@ -153,39 +154,39 @@ bench's folder.
                 self._draw_convergence()
             case LocalFitBegan():
                 self._fitting = True
-                self.say("search done; the local fit goes to the bottom of the basin")
+                self.say("search finished; the local fit follows")
 
     def finished(self, result: Any) -> None:
-        """The model, saved already."""
+        """The model, already saved."""
         self.workspace.model = self._shown = result.file
         self.show_model(result.model)
         self.query_one(TabbedContent).active = TABS[1]
         self.post_message(self.Done())
         if result.model.failures:
             failed = "; ".join(result.model.failures)
-            raise DprError(f"{failed} (the model is kept in {self._shown}, not to be trusted)")
+            raise DprError(f"{failed} (the model was written to {self._shown}, but it is not reliable)")
 
     def ended(self, why: str) -> None:
-        """Without a model; the one from before is still there, with its sentence."""
+        """End without a model; the previous one is still shown, with its sentence."""
         if self.model is None:
             self.say(f"ended without a model: {why}")
         else:
             self.show_model(self.model, f"Ended without a new model ({why}); the previous one is shown. ")
 
     def action_pause(self) -> None:
-        """Pause, or go on."""
+        """Pause or continue."""
         super().action_pause()
         if self.job is not None and self._history:
             self._instants.clear()
             self.say(self._standing(self._history[-1]))
 
     def action_stop(self) -> None:
-        """End the search, keep its best."""
+        """End the search and keep its best result."""
         super().action_stop()
-        self.say("stopping after this generation; its best goes on to the local fit")
+        self.say("stopping after this generation; the local fit starts from its best individual")
 
     def show_model(self, model: "Model", news: str = "") -> None:
-        """Draw a model: what it says, behind any news, its convergence, its numbers and what fixed each."""
+        """Draw a model: summary after any news, convergence, values and what determined each."""
         from dpr_lab.report import tables
 
         self.model = model
@@ -194,12 +195,12 @@ bench's folder.
         self._history = _history(model)
         self._draw_convergence()
         warnings = sentences("Warnings", [*model.failures, *model.warnings], mark="!")
-        ratios = table("Five ratios: all that a free swing fixes", tables.RATIO_COLUMNS, tables.ratio_rows(model))
+        ratios = table("Five ratios, which a free swing determines", tables.RATIO_COLUMNS, tables.ratio_rows(model))
         absolute = tables.base_rows(model)
-        base = [table("Base parameters: these runs show their scale too", tables.BASE_COLUMNS, absolute)] * bool(
-            absolute
-        )
-        nine = table("Nine parameters, and what fixed each", tables.PARAMETER_COLUMNS, tables.parameter_rows(model))
+        base = [
+            table("Base parameters, because these runs also determine the scale", tables.BASE_COLUMNS, absolute)
+        ] * bool(absolute)
+        nine = table("Nine parameters and what determined them", tables.PARAMETER_COLUMNS, tables.parameter_rows(model))
         self.query_one("#ratios-text", Static).update(
             Group(ratios, Text(tables.ratio_note(model), "dim"), *base, warnings)
         )
@@ -207,7 +208,7 @@ bench's folder.
         self.query_one("#seen-text", Static).update(_seen(model))
 
     def _doubt(self, model: "Model") -> str:
-        """Said where the model is of other runs than those selected."""
+        """Note that the model belongs to other runs than the selected ones."""
         used, selected = {Path(run.file).name for run in model.runs}, {run.name for run in self.workspace.runs}
         return "" if used == selected or not selected else " This model is of other runs than those selected now."
 
@@ -235,12 +236,12 @@ bench's folder.
 
 
 def time_left(instants: list[float], generations: int, recent: int = 8) -> float | None:
-    """Time the coming generations take at the pace of the last ones, s; None while there is no pace yet.
+    """Estimated time of the remaining generations from the last ones, s; None without data.
 
     Args:
-        instants: when each generation since the start or the last pause ended, s
-        generations: how many are to come at most
-        recent: how many generations tell the pace
+        instants: end of each generation since the start or the last pause, s
+        generations: maximum number of remaining generations
+        recent: number of generations used for the estimate
     """
     if len(instants) < 2:
         return None
@@ -257,18 +258,18 @@ def _history(model: "Model") -> list[GenerationDone]:
 
 
 def _seen(model: "Model") -> Group:
-    """What the recordings can tell at all, and which bench measurement tells more."""
+    """Identifiability of the parameters from the recordings, and recommended bench measurements."""
     from dpr_lab.identification.directions import described
 
     found = model.identifiability
     if found is None:
-        return Group("This model does not say what its runs can tell.")
+        return Group("This model contains no identifiability analysis.")
     free = [described(direction) for direction in found.null_space]
     return Group(
-        f"The recordings see {found.rank} of 9 directions.\n",
-        sentences("Changes that no recording and no measured value can see:", free),
+        f"The recordings determine {found.rank} of 9 directions.\n",
+        sentences("Parameter changes that neither recordings nor measured values can detect:", free),
         sentences("Additional measurements on the bench, best first:", found.advice),
-        "" if free else "All nine are fixed; a further measurement only makes them more exact.",
+        "" if free else "All nine are determined; a further measurement only reduces their uncertainty.",
     )
 
 

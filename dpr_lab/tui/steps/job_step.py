@@ -1,4 +1,4 @@
-"""A step whose work is a job in a process of its own: starting it, hearing from it, and the keys that steer it."""
+"""A step with a job in a separate process: its start, its events, and the keys that control it."""
 
 import time
 from collections.abc import Callable
@@ -22,7 +22,7 @@ def job_keys(place: str) -> list[Binding]:
     """Keys that control the job of a step."""
     return [
         Binding("s", "start", "Start", id=f"{place}.start"),
-        Binding("w", "pause", "Wait/go on", id=f"{place}.pause"),
+        Binding("w", "pause", "Pause/continue", id=f"{place}.pause"),
         Binding("x", "stop", "End", id=f"{place}.stop"),
         Binding("X", "cancel", "Cancel", id=f"{place}.cancel"),
         torque_key(place),
@@ -30,7 +30,7 @@ def job_keys(place: str) -> list[Binding]:
 
 
 def torque_key(place: str) -> Binding:
-    """The key that chooses between measured and commanded torques, shown where runs hold both."""
+    """Key that selects measured or commanded torques, shown if runs contain both."""
     return Binding("T", "torque", "Torques", id=f"{place}.torque", tooltip="measured or commanded torques")
 
 
@@ -38,16 +38,16 @@ READING = "reading the runs"
 
 
 class JobStep(Step):
-    """A step with at most one job at work; what it reports arrives as calls of the four methods below."""
+    """A step with at most one running job, whose events arrive as calls of the four methods below."""
 
     PURPOSE: ClassVar[str]
-    """What a start does, in a few words."""
+    """Description of the job in a few words."""
     WORK: ClassVar[str]
-    """What runs, as an object of `lose`: `the identification`."""
+    """Name of the running work: `the identification`."""
     RESTS_ON: ClassVar[tuple[str, ...]] = ()
-    """What its result is made from, of `Workspace.basis`."""
+    """Inputs of its result, keys of `Workspace.basis`."""
     CAN_PAUSE: ClassVar[bool] = False
-    """Whether its work asks `JobControl.proceed`."""
+    """Whether its job supports `JobControl.proceed`."""
 
     DEFAULT_CSS = """
     JobStep Select:focus SelectCurrent { text-style: reverse; }
@@ -92,11 +92,11 @@ class JobStep(Step):
         return f"{text}, {pace}" if pace else text
 
     def pace(self, now: float) -> str:
-        """Remaining time estimated from its progress, where no earlier run shows it; empty while unknown."""
+        """Remaining time estimated from the progress, without data of an earlier job; empty if unknown."""
         return ""
 
     def made(self) -> None:
-        """Note what the result rests on that is there now, and how long it took without compiling."""
+        """Store the inputs of the result, and the duration without compilation."""
         self.workspace.made_from[self.NAME] = self._basis
         self.workspace.took[self.NAME] = (time.monotonic() - self._begun - self._compiled_s) / self._runs
 
@@ -105,7 +105,7 @@ class JobStep(Step):
         return max(len(self.workspace.runs), 1)
 
     def missing(self) -> str:
-        """Runs, first of all."""
+        """Runs are required by every job."""
         step = self.services.key_of("Capture")
         none = self.worded(f"No runs selected: record some in step {step}, or choose recorded ones ({{app.browse}})")
         return "" if self.workspace.runs else none
@@ -115,7 +115,7 @@ class JobStep(Step):
         self.query_one("#state", Static).update(text)
 
     def invite(self) -> None:
-        """Say what a start would do, while there is no result and nothing runs."""
+        """Describe the job if there is no result and no running job."""
         if self.job is None and not self.outcome() and not self.missing():
             self.say(self.worded(f"{{{self.NAME.lower()}.start}}: {self.PURPOSE}"))
 
@@ -123,7 +123,7 @@ class JobStep(Step):
         """Start the job of the form; called only if nothing is missing and no job runs."""
 
     def compiling(self, now: float) -> None:
-        """The job waits for a kernel, or a further one, to be compiled."""
+        """The job waits for the compilation of a kernel."""
         self._kernels += 1
         self._compiling = self._compiling or now
         self.say(f"{COMPILING} (kernel {self._kernels})")
@@ -135,10 +135,10 @@ class JobStep(Step):
         """The job is done."""
 
     def ended(self, why: str) -> None:
-        """The job ended without a result; an error has been shown already."""
+        """The job ended without a result; the error has already been shown."""
 
     def at_stake(self) -> str:
-        """The work that runs."""
+        """The running job."""
         return f"{self.WORK.capitalize()} ends without a result." if self.WORK and self.job is not None else ""
 
     def begin(self, function: Callable[..., Any], **arguments: Any) -> None:
@@ -148,7 +148,7 @@ class JobStep(Step):
         self._kernels, self._compiling, self._compiled_s = 0, None, 0.0
         self.job = start_job(self, function, **arguments)
         if self.display:
-            self.focus()  # what had it may be in a tab that is no longer shown, and no key would steer the work
+            self.focus()  # the focused widget may be in a hidden tab, so that no key would control the job
         self.refresh_bindings()
         self.post_message(self.Done())
 
@@ -158,7 +158,7 @@ class JobStep(Step):
             self.focus()
 
     def on_unmount(self) -> None:
-        """Nobody is left to work for."""
+        """The step was closed: cancel the job."""
         self._stop_job()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
@@ -175,9 +175,9 @@ class JobStep(Step):
         return shown.get(action, True)
 
     def action_torque(self) -> None:
-        """Measured or commanded torques, in every step."""
+        """Select measured or commanded torques for all steps."""
         self.workspace.torque = "" if self.workspace.torque else "commanded"
-        chosen = f"taken: the {self.workspace.torque or 'measured'} torques of runs that hold both kinds"
+        chosen = f"selected: {self.workspace.torque or 'measured'} torques for runs that contain both kinds"
         self.say(self.worded(f"{chosen}; {{{self.NAME.lower()}.start}}: run again"))
         self.post_message(self.Done())
 
@@ -188,7 +188,7 @@ class JobStep(Step):
         self.start_work()
 
     def action_pause(self) -> None:
-        """Pause, or go on."""
+        """Pause or continue."""
         if self.job is not None:
             self.job.resume() if self.job.paused else self.job.pause()
 
@@ -211,11 +211,11 @@ class JobStep(Step):
         """Integer in a form field; by default a random 32-bit seed.
 
         Raises:
-            ConfigError: no such number.
+            ConfigError: the text is not such a number.
         """
         text = self.query_one(f"#{name}", Input).value
         if not text.isdecimal() or not least <= int(text) <= most:
-            raise ConfigError(f"{name} = {text!r}: write a whole number from {least} to {most}")
+            raise ConfigError(f"{name} = {text!r}: enter an integer from {least} to {most}")
         return int(text)
 
     def action_view(self) -> None:

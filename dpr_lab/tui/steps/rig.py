@@ -1,4 +1,4 @@
-"""Choose the rig and see what is known of it."""
+"""Step Rig: choose the rig file and show its content."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,7 +25,7 @@ from dpr_lab.tui.steps.rig_editor import RigEditor
 from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.widgets.readout import BAD
 
-UNNAMED = "No rig is named: choose one from the list, or write the path of a rig file ({rig.edit})"
+UNNAMED = "No rig is selected: choose one from the list, or enter the path of a rig file ({rig.edit})"
 CORRECT = "correct it, then press {rig.read}"
 
 
@@ -38,19 +38,19 @@ class TableGiven(Message):
 
 
 class RigStep(Step):
-    """The rig's parameters, poses and encoders."""
+    """Parameters, poses and encoders of the rig."""
 
     NAME = "Rig"
     HELP = """
-Choose the rig file that describes your rig: one that you used before or a built-in one from the list, or `{rig.edit}`
-and the path of your own. `{rig.write}` opens the file that is shown, to change it and to save it, a built-in one under
-another name; it is saved only when it passes the checks of every rig file.
+Choose the rig file that describes your rig: a recent or built-in one from the list, or the path of your own file
+(`{rig.edit}`). `{rig.write}` opens the shown file for editing; a built-in file is saved under another name. The file
+is saved only if it passes all checks.
 
-A parameter is either searched for between bounds, or measured on the bench with a standard uncertainty, with which it
-then enters the identification. `{rig.read}` reads the file again after you changed it.
+A parameter is either searched for between bounds, or measured on the bench with a standard uncertainty, which the
+identification then uses. `{rig.read}` reads the file again after a change.
 
-`{app.import}` imports a recording of another logger (a table, `.mat`, `.npz`, `.h5`, `.parquet`, a ROS 2 bag) with the
-rig that is chosen.
+`{app.import}` imports a recording of another logger (a table, `.mat`, `.npz`, `.h5`, `.parquet`, a ROS 2 bag) with
+the selected rig.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("i", "edit", "Type in", id="rig.edit", tooltip="name another rig file"),
@@ -65,7 +65,7 @@ rig that is chosen.
         self._rig: Rig | None = None
 
     def compose(self) -> ComposeResult:
-        """Names, a field for a path, the rig."""
+        """Names, a field for a path, and the rig."""
         yield OptionList(id="names")
         hint = "rig file (.toml), or a built-in name; right completes a path"
         yield Input(placeholder=hint, id="rig_file", suggester=PathSuggester(".toml"))
@@ -83,16 +83,16 @@ rig that is chosen.
         return self._rig.name if self._rig is not None else ""
 
     def enter(self) -> None:
-        """Read the file again: it may have changed; the list is ready for Enter."""
+        """Read the file again, because it may have changed; the list is ready for Enter."""
         self.query_one(OptionList).focus()
         self._read()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Say that there is more where it does not fit."""
+        """Indicate that there is more than fits on the screen."""
         return action != "page" or self.query_one("#described").max_scroll_y > 0
 
     def action_page(self, by: int) -> None:
-        """Show more of the rig, or what was before."""
+        """Scroll through the rig."""
         described = self.query_one("#described")
         described.scroll_page_down() if by > 0 else described.scroll_page_up()
 
@@ -103,7 +103,7 @@ rig that is chosen.
 
     @on(Input.Submitted)
     async def action_read(self) -> None:
-        """Take the rig in the field; a connected device is greeted again for it."""
+        """Use the rig in the field; a connected device repeats its handshake for it."""
         self.services.require_free()
         name = self.query_one(Input).value.strip()
         if not name:
@@ -135,7 +135,7 @@ rig that is chosen.
             await self.action_read()
 
     def _offer(self) -> None:
-        """Rigs used before, then those built in."""
+        """Recent rigs, then the built-in ones."""
         built_in = sorted(path.stem for path in (BUILTIN / "rigs").glob("*.toml"))
         before = [name for name in self.workspace.recent_rigs if name not in built_in]
         options = [Option(Content(f"{name}  (used before)"), id=name) for name in before]

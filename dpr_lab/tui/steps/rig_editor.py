@@ -1,4 +1,4 @@
-"""A rig file written on the screen: checked as every rig file is before it is saved."""
+"""Editor for a rig file, which is checked before it is saved."""
 
 from pathlib import Path
 from typing import ClassVar
@@ -20,10 +20,10 @@ from dpr_lab.whole_file import write_text
 
 
 class RigEditor(Guarded, ModalScreen[Path | None]):
-    """The text of a rig file and where to save it; dismissed with the file that was saved.
+    """Text of a rig file and its path; dismissed with the saved file.
 
     Args:
-        source: the rig file to begin with
+        source: initial rig file
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -55,15 +55,15 @@ class RigEditor(Guarded, ModalScreen[Path | None]):
             yield KeyLine()
 
     def on_mount(self) -> None:
-        """The text is to be edited."""
+        """Focus the text."""
         self.query_one(TextArea).focus()
 
     def action_leave(self) -> None:
-        """Leave; on a yes where that loses what was changed."""
+        """Close, with a confirmation if changes would be lost."""
         if self.query_one(TextArea).text == self._text:
             self.dismiss(None)
         else:
-            question = Question("Leave and lose what was changed here?", "Leave", "Stay")
+            question = Question("Close and discard the changes?", "Leave", "Stay")
             self.app.push_screen(question, self._leave_if)
 
     def _leave_if(self, sure: bool | None) -> None:
@@ -71,7 +71,7 @@ class RigEditor(Guarded, ModalScreen[Path | None]):
             self.dismiss(None)
 
     def action_save(self) -> None:
-        """Check the text, and write it whole or not at all."""
+        """Check the text, and write it atomically."""
         text, target = self.query_one(TextArea).text, Path(self.query_one(Input).value.strip()).expanduser()
         try:
             parse_rig(text)

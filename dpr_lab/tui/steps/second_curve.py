@@ -1,4 +1,4 @@
-"""Second curve of Compare: another run, or the same run by another model."""
+"""Second curve in Compare: another run, or the same run with another model."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison
 
 NOTHING, OTHER_MODEL = -1, -2
-"""What can be chosen besides the other runs, which are chosen by their numbers."""
+"""Choices in addition to the other runs, which are chosen by their numbers."""
 
 
 class SecondCurve(Guarded, Horizontal):
     """A list to choose from, and a field for another model's file.
 
     Args:
-        services: whose workspace holds the runs
+        services: services with the workspace of the runs
     """
 
     DEFAULT_CSS = """
@@ -65,7 +65,7 @@ class SecondCurve(Guarded, Horizontal):
         yield Input(placeholder=hint, id="other", suggester=PathSuggester(".json"), compact=True)
 
     def offer(self, runs: "Sequence[Comparison]", names: Sequence[str], shown: int) -> None:
-        """Offer these runs but for the one that is shown."""
+        """Offer these runs, except the displayed one."""
         self._runs, self._names, self._shown = runs, names, shown
         options = [(Content("second curve: none"), NOTHING)]
         options += [(Content(f"second curve: {name}"), i) for i, name in enumerate(names) if i != shown]
@@ -79,14 +79,14 @@ class SecondCurve(Guarded, Horizontal):
 
     @property
     def chosen(self) -> "Comparison | None":
-        """The second run, or the same run by the other model."""
+        """The second run, or the same run with the other model."""
         number = self.query_one(Select).value
         if number == OTHER_MODEL and self._shown < len(self._runs):
             return self._model.get(self._runs[self._shown].run)
         return self._runs[number] if isinstance(number, int) and 0 <= number < len(self._runs) else None
 
     def cycle(self) -> None:
-        """The next one."""
+        """Select the next one."""
         picker, values = self.query_one(Select), [value for _, value in self._offered] or [NOTHING]
         here = values.index(picker.value) if isinstance(picker.value, int) and picker.value in values else -1
         picker.value = values[(here + 1) % len(values)]
@@ -96,7 +96,7 @@ class SecondCurve(Guarded, Horizontal):
         self._field.focus()
 
     def on_unmount(self) -> None:
-        """Nobody is left to simulate for."""
+        """The step was closed: cancel the job."""
         self._end()
 
     @property
@@ -110,7 +110,7 @@ class SecondCurve(Guarded, Horizontal):
 
     @on(Input.Submitted)
     def _named(self, event: Input.Submitted) -> None:
-        """Simulate the runs by another model too; by none where the field is empty."""
+        """Simulate the runs with another model; no simulation if the field is empty."""
         self._end()
         self._model = {}
         if name := event.value.strip():
@@ -118,7 +118,7 @@ class SecondCurve(Guarded, Horizontal):
             runs, torque = tuple(self._services.workspace.runs), self._services.workspace.driven_by
             request = CompareRequest(runs, model, None, leave_out=True, torque=torque)
             self._job = start_job(self, jobs.compare, request=request)
-            self.post_message(self.Offered(f"simulating by {model}"))
+            self.post_message(self.Offered(f"simulating with {model}"))
 
     @on(JobHeard)
     def _heard(self, message: JobHeard) -> None:

@@ -1,4 +1,4 @@
-"""A step of the bench screen: what all six have in common."""
+"""Base class of the six steps of the screen."""
 
 from pathlib import Path
 from typing import ClassVar
@@ -17,20 +17,20 @@ from dpr_lab.tui.workspace import Workspace
 class Step(Guarded, Vertical, can_focus=True):
     """A page of the stepper.
 
-    It can take the focus itself, so that its keys work while none of its widgets has it.
+    It can have the focus, so that its keys work when none of its widgets has it.
 
     Args:
-        services: what it works with
-        id: Textual's
+        services: services of the app
+        id: id of the widget
     """
 
     NAME: ClassVar[str]
     """One word, for the stepper."""
     HELP: ClassVar[str | None] = ""
-    """Markdown: what the step is for and what its keys do."""
+    """Markdown: purpose of the step and its keys."""
 
     class Done(Message):
-        """The step has something new: the stepper is redrawn and the workspace saved."""
+        """The step has changed: the stepper is redrawn and the workspace saved."""
 
     def __init__(self, services: Services, *, id: str | None = None) -> None:
         super().__init__(id=id)
@@ -47,7 +47,7 @@ class Step(Guarded, Vertical, can_focus=True):
         return self.services.device
 
     def worded(self, text: str) -> str:
-        """A text with the operator's keys in it, see `KeyNames.fill`."""
+        """A text with action names replaced by the operator's keys, see `KeyNames.fill`."""
         return self.services.keys.fill(text)
 
     @property
@@ -65,7 +65,7 @@ class Step(Guarded, Vertical, can_focus=True):
         return ""
 
     def stale(self) -> str:
-        """Changes since the result was computed, and the key that repeats it; empty while it is current."""
+        """Changes since the result was computed, and the key that repeats it; empty if it is current."""
         return ""
 
     @property
@@ -74,7 +74,7 @@ class Step(Guarded, Vertical, can_focus=True):
         return ""
 
     def report(self) -> Path | None:
-        """The page that the step wrote."""
+        """Report of the step."""
         return None
 
     def missing(self) -> str:
@@ -88,5 +88,5 @@ class Step(Guarded, Vertical, can_focus=True):
         """Handle a report of the recorder."""
 
     def at_stake(self) -> str:
-        """A sentence: what becomes of work that is not finished if the operator quits now; empty when there is none."""
+        """A sentence on work that would be lost if the operator quits now; empty if there is none."""
         return ""

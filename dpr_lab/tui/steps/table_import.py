@@ -1,4 +1,4 @@
-"""Import a recording of another logger: its options, a preview, and a question where the preview warns."""
+"""Import of a recording of another logger: options, a preview, and a confirmation if there are warnings."""
 
 import asyncio
 import shlex
@@ -29,12 +29,12 @@ WARNING = "warning: "
 
 
 class TableImport(Guarded, ModalScreen[Path | None]):
-    """The options and the preview of `dpr-lab import table`; dismissed with the run that was written.
+    """The options and the preview of `dpr-lab import table`; dismissed with the written run.
 
     Args:
         rig: rig file, or the name of a built-in one
         runs: folder of the run
-        file: the recording; None asks for it
+        file: the recording; None: entered by the operator
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -53,9 +53,9 @@ class TableImport(Guarded, ModalScreen[Path | None]):
         self._shown: tuple[ImportRequest, Preview] | None = None
 
     def compose(self) -> ComposeResult:
-        """File, options, and what is understood of it."""
+        """File, options, and interpretation."""
         with Vertical() as page:
-            page.border_title = f"Import a table, with the rig {self._rig}: nothing is written yet"
+            page.border_title = f"Import a table, with the rig {self._rig}: nothing has been written yet"
             text = str(self._file) if self._file is not None else ""
             yield Input(text, placeholder=FILE, id="table", suggester=PathSuggester("*"), compact=True)
             yield Input(placeholder=OPTIONS, id="options", compact=True)
@@ -64,13 +64,13 @@ class TableImport(Guarded, ModalScreen[Path | None]):
             yield KeyLine()
 
     async def on_mount(self) -> None:
-        """Show the file as it is, where it is known."""
+        """Show the file with default options, if it is known."""
         self.query_one("#table" if self._file is None else "#options", Input).focus()
         if self._file is not None:
             await self.on_input_submitted()
 
     async def on_input_submitted(self) -> None:
-        """Show the file with the options as they are now."""
+        """Show the file with the current options."""
         self._shown = None
         try:
             request = self._request()
@@ -82,7 +82,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
         self._show(Content("\n").join([*_lines(preview), Content(""), _options_text()]))
 
     async def action_save(self) -> None:
-        """Write the run that the preview shows; ask first where it warns."""
+        """Write the run of the preview, with a confirmation if there are warnings."""
         try:
             seen = self._shown is not None and self._shown[0] == self._request()
         except DprError:
@@ -90,14 +90,15 @@ class TableImport(Guarded, ModalScreen[Path | None]):
         if not seen or self._shown is None:
             await self.on_input_submitted()
             if self._shown is not None:
-                self.notify("This is the preview of what would be imported now: look at it, then import", markup=False)
+                self.notify("This is the preview of the import: check it, then import", markup=False)
             return
         warnings = warnings_of(self._shown[1])
         if not warnings:
             await self._save(True)
             return
         self.app.push_screen(
-            Question(f"Import it in spite of this?\n\n{chr(10).join(warnings)}", "Import", "Back"), self._save
+            Question(f"Import the table in spite of these warnings?\n\n{chr(10).join(warnings)}", "Import", "Back"),
+            self._save,
         )
 
     async def _save(self, sure: bool | None) -> None:
@@ -116,7 +117,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
     def _request(self) -> ImportRequest:
         name = self.query_one("#table", Input).value.strip()
         if not name:
-            raise ConfigError(f"no table is named: write the {FILE}")
+            raise ConfigError(f"no table is given: enter the {FILE}")
         typed = parse_options(self.query_one("#options", Input).value)
         return ImportRequest(
             Path(name).expanduser(), self._rig, self._runs, typed.options, rods=typed.rods, elbow=typed.elbow

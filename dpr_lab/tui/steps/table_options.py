@@ -1,4 +1,4 @@
-"""The options of `dpr-lab import table`, typed on the screen as they are typed in the command."""
+"""Options of `dpr-lab import table` as text on the screen."""
 
 import argparse
 import shlex
@@ -13,20 +13,20 @@ from dpr_lab.storage.tables.options import ImportOptions, TypedOption, typed_opt
 
 @dataclass(frozen=True, slots=True)
 class TypedOptions:
-    """Typed options of an import."""
+    """Options of an import."""
 
     options: ImportOptions
     rods: str | None
-    """Which hang on the rig; as the rig file says when None."""
+    """Mounted rods; None: as in the rig file."""
     elbow: str | None
-    """Whether joint 2 can turn; likewise."""
+    """Whether joint 2 is free or clamped; None: as in the rig file."""
 
 
 def parse_options(text: str) -> TypedOptions:
-    """The options of a line such as `--angles relative --unit deg --columns t=time`.
+    """Parse options such as `--angles relative --unit deg --columns t=time`.
 
     Raises:
-        RunError: an option or a value that there is not.
+        RunError: an unknown option or an invalid value.
     """
     try:
         words = shlex.split(text)
@@ -54,7 +54,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> _Parser:
-    """An option for every field of `ImportOptions`, and for what hangs on the rig."""
+    """Parser with an option for every field of `ImportOptions`, and for the mounting."""
     parser = _Parser(add_help=False, allow_abbrev=False, argument_default=argparse.SUPPRESS)
     for option in typed_options():
         flag = f"--{option.name.replace('_', '-')}"
@@ -70,7 +70,7 @@ def _parser() -> _Parser:
 
 
 def _reader(option: TypedOption) -> Callable[[str], Any]:
-    """Reads a value; what it refuses is a message of the parser."""
+    """Function that converts a value; an error becomes a message of the parser."""
     if not option.reads_text:
         return option.kind
 

@@ -1,4 +1,4 @@
-"""Between the app and the terminal: only what changed is sent, no faster than it is drawn, and drawn is confirmed.
+"""Output to the terminal: only changes are sent, no faster than they are drawn, and drawing is confirmed.
 
 frame    cells wanted and cells sent
 plain    no control characters in what is drawn

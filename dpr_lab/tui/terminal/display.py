@@ -1,8 +1,8 @@
-"""Frames go out, confirmations come in.
+"""Output of frames, with confirmation.
 
-Behind each frame the cursor is set to a cell that stands for the frame's number, and the terminal is asked where the
-cursor is (`ESC [ 6 n`; ECMA-48, DSR). It answers (`ESC [ row ; column R`) when it has drawn all that came before; so
-the answer confirms the frame, and no key and no late answer can be taken for it.
+After each frame the cursor is set to a cell that represents the number of the frame, and the terminal is asked for the
+cursor position (`ESC [ 6 n`; ECMA-48, DSR). It answers (`ESC [ row ; column R`) when it has drawn everything before.
+The answer therefore confirms the frame, and no key and no late answer can be mistaken for it.
 """
 
 import asyncio
@@ -22,17 +22,17 @@ from dpr_lab.tui.terminal.multiplexer import from_environment
 from dpr_lab.tui.terminal.pace import Pace
 
 BEGIN, END = "\x1b[?2026h", "\x1b[?2026l"
-"""A terminal that knows synchronized output shows what is between them at once."""
+"""Synchronized output: a terminal that supports it shows the enclosed output at once."""
 WHY_UNSEEN = "use a terminal on this computer, a faster line or a smaller window, or release with dpr-lab capture"
 
 
 class Display:
-    """Draws on a terminal what Textual wants, as fast as the terminal confirms it.
+    """Draws the output of Textual on a terminal, as fast as the terminal confirms it.
 
     Args:
-        driver: writes to the terminal; None while there is none
-        colours: the terminal's
-        allow_release: whether what a browser shows counts as seen by the operator
+        driver: driver of the terminal; None without one
+        colours: colours of the terminal
+        allow_release: whether display in a browser counts as seen by the operator
     """
 
     def __init__(
@@ -45,10 +45,10 @@ class Display:
         self._later: asyncio.TimerHandle | None = None
         self._waiting: dict[int, asyncio.Future[float]] = {}
         self.together = False
-        """Whether the terminal knows synchronized output."""
+        """Whether the terminal supports synchronized output."""
 
     def show(self, update: CompositorUpdate, size: Size) -> None:
-        """Draw an update, when its turn comes; one that is overtaken by another is never sent."""
+        """Draw an update when it is due; an update that is superseded is never sent."""
         if (self._frame.width, self._frame.height) != size:
             self._frame = CellFrame(size.width, size.height, self._colours)
             self._pace = Pace(max(size.width * size.height, 1), time.monotonic())
@@ -56,17 +56,17 @@ class Display:
         self._send_soon()
 
     def forget(self) -> None:
-        """Something else was on the terminal: send everything again."""
+        """The content of the terminal is unknown: send everything again."""
         self._frame.forget()
         self._send_soon()
 
     def hurry(self) -> None:
-        """The operator waits for an answer to a key."""
+        """The operator waits for the response to a key."""
         self._pace.refill()
         self._send_soon()
 
     def confirmed(self, column: int, row: int) -> None:
-        """The terminal reported where the cursor is, from 0."""
+        """The terminal reported the cursor position, from 0."""
         now = time.monotonic()
         for number in [n for n in range(max(self._number - 64, 0), self._number + 1) if self._cell(n) == (column, row)]:
             round_trip = self._pace.confirmed(number, now)
@@ -77,17 +77,17 @@ class Display:
 
     @property
     def multiplexer(self) -> str:
-        """Terminal multiplexer as of `Sight.multiplexer`; none in a browser."""
+        """Terminal multiplexer as in `Sight.multiplexer`; empty in a browser."""
         driver = self._driver()
         if driver is None or driver.is_web:
             return ""
         return from_environment(os.environ) or getattr(driver, "multiplexer", "")
 
     async def seen(self, patience_s: float) -> float:
-        """As `Sight.seen` says."""
+        """As `Sight.seen`."""
         driver = self._driver()
         if driver is None or driver.is_headless:
-            raise SafetyStop(f"this screen is drawn on no terminal, so nobody can see the countdown: {WHY_UNSEEN}")
+            raise SafetyStop(f"this screen is not drawn on a terminal, so nobody can see the countdown: {WHY_UNSEEN}")
         if driver.is_web and not self._allow_release:
             raise SafetyStop(READ_ONLY)
         number = self._send()
@@ -96,13 +96,13 @@ class Display:
             return await asyncio.wait_for(waiting, patience_s)
         except TimeoutError:
             raise SafetyStop(
-                f"the terminal did not confirm within {patience_s:g} s that it drew the countdown: {WHY_UNSEEN}"
+                f"the terminal did not confirm the countdown within {patience_s:g} s: {WHY_UNSEEN}"
             ) from None
         finally:
             self._waiting.pop(number, None)
 
     def close(self) -> None:
-        """Nothing is drawn any more."""
+        """Stop drawing."""
         if self._later is not None:
             self._later.cancel()
 
@@ -120,7 +120,7 @@ class Display:
             self._send()
 
     def _send(self) -> int:
-        """Send what changed, and ask for its confirmation; returns the frame's number."""
+        """Send the changes and request confirmation; returns the number of the frame."""
         driver = self._driver()
         assert driver is not None
         self._number += 1
@@ -133,6 +133,6 @@ class Display:
         return self._number
 
     def _cell(self, number: int) -> tuple[int, int]:
-        """The cell that stands for a frame: in the right half, since `ESC [ 1 ; 2 R` is a key's too."""
+        """Cell that represents a frame: in the right half, because `ESC [ 1 ; 2 R` is also sent by a key."""
         right = max(self._frame.width // 2, 1)
         return self._frame.width - 1 - number % right, number // right % max(self._frame.height, 1)

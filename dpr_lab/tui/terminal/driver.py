@@ -1,4 +1,4 @@
-"""Textual's driver for terminals: writes without waiting, asks what the terminal is, and ends within a bounded time."""
+"""Driver of Textual for terminals that writes without waiting, identifies the terminal, and ends in limited time."""
 
 import os
 import selectors
@@ -11,28 +11,28 @@ from dpr_lab.tui.terminal.replies import ReplyParser
 from dpr_lab.tui.terminal.writer import TerminalWriter
 
 RESTORE = "\x1b[0m\x1b[?1000l\x1b[?1003l\x1b[?1015l\x1b[?1006l\x1b[?2004l\x1b[?1004l\x1b[?7h\x1b[<u\x1b[?1049l\x1b[?25h"
-"""Mouse, paste and focus reports off, lines wrap, the ordinary screen and the cursor are back."""
+"""Sequence that resets mouse, paste and focus reports, line wrapping, screen and cursor."""
 
 
 class BenchDriver(LinuxDriver):
-    """Writes through a `TerminalWriter`; a terminal that hangs up ends the app."""
+    """Driver with a `TerminalWriter`; it ends the app if the terminal is closed."""
 
     _out: TerminalWriter | None = None
     multiplexer = ""
-    """Name of a multiplexer that answered for the terminal; empty as long as none did."""
+    """Name of a multiplexer that answered for the terminal; empty if none did."""
 
     @property
     def idle(self) -> bool:
-        """Whether the terminal has taken everything."""
+        """Whether the terminal has received everything."""
         return self._out is None or self._out.idle
 
     def start_application_mode(self) -> None:
-        """Start, and query the type of the terminal; it replies before it confirms the first frame."""
+        """Start, and query the type of the terminal, which answers before it confirms the first frame."""
         super().start_application_mode()
         self.write(QUERY)
 
     def write(self, data: str) -> None:
-        """Write soon."""
+        """Write without waiting."""
         if self._out is None:
             assert self._file is not None
             self._out = TerminalWriter(self._file.fileno())
@@ -45,7 +45,7 @@ class BenchDriver(LinuxDriver):
             self._out.stop(RESTORE)
 
     def run_input_thread(self) -> None:
-        """Wait for keys and replies until the end."""
+        """Read keys and replies until the end."""
         parser = ReplyParser(self._identified, self._debug)
         decode = getincrementaldecoder("utf-8")().decode
         with selectors.SelectSelector() as selector:
@@ -54,7 +54,7 @@ class BenchDriver(LinuxDriver):
                 if selector.select(0.1):
                     data = os.read(self.fileno, 4096)
                     if not data:
-                        raise OSError("the terminal sends nothing any more")
+                        raise OSError("the terminal no longer sends anything")
                     text = decode(data)
                     for event in parser.feed(text) if text else ():
                         self.process_message(event)
@@ -64,7 +64,7 @@ class BenchDriver(LinuxDriver):
     def _run_input_thread(self) -> None:
         try:
             self.run_input_thread()
-        except OSError:  # the terminal hung up
+        except OSError:  # the terminal was closed
             self._app.call_later(self._app.exit)
 
     def _identified(self, multiplexer: str) -> None:

@@ -1,4 +1,4 @@
-"""Which driver draws: our own for terminals, which never waits for a slow one, and for pages, which end with theirs."""
+"""Selection of the driver: our own for terminals, which never waits for a slow one, and for browser pages."""
 
 from textual.driver import Driver
 
@@ -10,7 +10,7 @@ def our_driver(textuals: type[Driver]) -> type[Driver]:
 
         return PageDriver
     if textuals.__name__ == "LinuxDriver":
-        from dpr_lab.tui.terminal.driver import BenchDriver  # needs termios, which not every system has
+        from dpr_lab.tui.terminal.driver import BenchDriver  # requires termios, which not every system has
 
         return BenchDriver
     return textuals

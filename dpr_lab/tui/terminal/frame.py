@@ -1,4 +1,4 @@
-"""The cells of a terminal as they should be and as they were sent; what is sent is the difference."""
+"""Target and sent content of the cells of a terminal; the output is the difference."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class Look:
     ground: str = ""
 
     def after(self, before: "Look | None") -> str:
-        """The control sequence that leads here from a look; from an unknown one for None."""
+        """Control sequence that changes from another look to this one; None: from an unknown one."""
         if before is None or before.attributes != self.attributes:
             parts = [part for part in ("0", self.attributes, self.colour, self.ground) if part]
         else:
@@ -36,16 +36,16 @@ class FrameSettings:
     """Costs of terminal output."""
 
     bridge: int = 4
-    """Unchanged cells between two changed ones that cost less than moving the cursor over them."""
+    """Number of unchanged cells between two changed ones that are cheaper than a cursor movement."""
     looks: int = 4096
-    """Looks remembered; a screen has some dozen, and some styles differ by nothing that is seen."""
+    """Maximum number of cached looks; a screen has some dozen, and some styles are visibly equal."""
 
 
 SETTINGS = FrameSettings()
 Cell = tuple[str, Look]
 BLANK: Cell = (" ", Look())
 UNKNOWN: Cell = ("", Look("?"))
-"""Equal to no cell that is wanted."""
+"""Content that differs from every cell."""
 
 
 class CellFrame:
@@ -54,7 +54,7 @@ class CellFrame:
     Args:
         width: columns
         height: rows
-        colours: the terminal's; None draws without
+        colours: colours of the terminal; None: no colours
     """
 
     def __init__(self, width: int, height: int, colours: ColorSystem | None) -> None:
@@ -66,16 +66,16 @@ class CellFrame:
         self.forget()
 
     def forget(self) -> None:
-        """Nothing is known of what the terminal shows: the next changes are all cells."""
+        """The content of the terminal is unknown: the next changes are all cells."""
         self._sent = [[UNKNOWN] * self.width for _ in range(self.height)]
 
     @property
     def changed(self) -> bool:
-        """Whether the terminal shows something else than it should."""
+        """Whether the terminal differs from the target."""
         return self._wanted != self._sent
 
     def paint(self, update: CompositorUpdate) -> None:
-        """Take in what Textual wants to be drawn."""
+        """Update the target with the output of Textual."""
         if isinstance(update, LayoutUpdate):
             for y, strips in enumerate(update.strips, update.region.y):
                 x = update.region.x
@@ -88,7 +88,7 @@ class CellFrame:
                         self._put(max(x, begin), y, strip.crop(max(begin - x, 0), end - x))
 
     def changes(self) -> str:
-        """Output that updates the terminal to the new frame; it then counts as sent."""
+        """Output that updates the terminal to the new frame, which then counts as sent."""
         out: list[str] = []
         pen: Look | None = None
         for y, (wanted, sent) in enumerate(zip(self._wanted, self._sent, strict=True)):
@@ -105,7 +105,7 @@ class CellFrame:
         return "".join(out)
 
     def _put(self, x: int, y: int, strip: Strip) -> int:
-        """Write a strip from a cell on; returns where it ends."""
+        """Write a strip from a cell on; returns the end."""
         row = self._wanted[y] if 0 <= y < self.height else None
         for segment in strip:
             if segment.control:
@@ -148,7 +148,7 @@ class CellFrame:
 
 
 def _runs(wanted: Sequence[Cell], sent: Sequence[Cell]) -> Iterator[tuple[int, int]]:
-    """First cell and end of each stretch to be sent; cells between two that cost less than a jump are in it."""
+    """First cell and end of each section to send; short gaps that cost less than a cursor movement are included."""
     if wanted == sent:
         return
     first = last = -1

@@ -1,6 +1,6 @@
-"""Recognise programs that keep a session and answer cursor queries in place of the terminal in front of the operator.
+"""Detection of programs that keep a session and answer cursor queries in place of the operator's terminal.
 
-tmux, GNU screen, Zellij and mosh are terminals of their own: they confirm a frame at once, also with nobody attached.
+tmux, GNU screen, Zellij and mosh are terminals themselves: they confirm a frame at once, even if nobody is attached.
 """
 
 import re
@@ -16,15 +16,15 @@ IN_ATTRIBUTES = {"83": "GNU screen", "84": "tmux", "1;10;0": "mosh"}
 Sources: screen's ansi.c and tmux's input.c send the first letter of their name, mosh's terminalfunctions.cc this text.
 """
 IN_VERSION = ("tmux", "screen", "zellij")
-"""Words in the reply to `ESC [ > q` (XTVERSION, xterm)."""
+"""Texts in the reply to `ESC [ > q` (XTVERSION, xterm)."""
 
 QUERY = "\x1b[>c\x1b[>q"
-"""Asks the terminal for its attributes and its version."""
+"""Queries for the attributes and the version of the terminal."""
 ATTRIBUTES = re.compile(r"\x1b\[>([\d;]*)c")
 
 
 def from_environment(environment: Mapping[str, str]) -> str:
-    """Name of the multiplexer that the environment variables show; empty for none."""
+    """Name of the multiplexer according to environment variables; empty for none."""
     for variable, name in IN_ENVIRONMENT.items():
         if environment.get(variable):
             return name
@@ -32,10 +32,10 @@ def from_environment(environment: Mapping[str, str]) -> str:
 
 
 def from_attributes(reply: str) -> str:
-    """Name of the multiplexer that sent these attributes, such as `84;0;0`; empty for a terminal."""
+    """Name of the multiplexer for these attributes, such as `84;0;0`; empty for a terminal."""
     return IN_ATTRIBUTES.get(reply) or IN_ATTRIBUTES.get(reply.partition(";")[0], "")
 
 
 def from_version(reply: str) -> str:
-    """Name of the multiplexer that sent this version, such as `tmux 3.4`; empty for a terminal."""
+    """Name of the multiplexer for this version, such as `tmux 3.4`; empty for a terminal."""
     return reply if any(word in reply.lower() for word in IN_VERSION) else ""

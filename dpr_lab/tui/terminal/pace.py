@@ -1,4 +1,4 @@
-"""When the next frame may be sent: not before the last one is drawn, and not more than the line should carry."""
+"""Time of the next frame: after the previous one is drawn, and within the capacity of the line."""
 
 from dataclasses import dataclass
 
@@ -8,11 +8,11 @@ class PaceSettings:
     """Limits of unconfirmed output."""
 
     bytes_per_cell_s: float = 3.5
-    """What moving pictures may take of a line: 6.7 kB/s at 80x24, under what 115200 baud carry."""
+    """Maximum rate for animations, bytes/s: 6.7 kB/s at 80x24, below the capacity of 115200 baud."""
     burst_per_cell: float = 6.0
-    """Sent at once before that limit holds: a whole screen in colours."""
+    """Amount that is sent at once before this limit applies: a whole screen in colours."""
     lost_after_s: float = 2.0
-    """A frame that is not confirmed for so long no longer holds back the next one."""
+    """Time after which an unconfirmed frame no longer delays the next one, s."""
 
 
 SETTINGS = PaceSettings()
@@ -22,8 +22,8 @@ class Pace:
     """Frames sent and confirmed; all times are arguments, s.
 
     Args:
-        cells: of the terminal
-        now: the time
+        cells: number of cells of the terminal
+        now: current time
     """
 
     def __init__(self, cells: int, now: float) -> None:
@@ -32,7 +32,7 @@ class Pace:
         self._out: dict[int, float] = {}
 
     def wait(self, now: float) -> float:
-        """Time until the next frame may be sent, s; 0 for at once."""
+        """Time until the next frame may be sent, s; 0: now."""
         self._count(now)
         budget = max(-self._credit, 0.0) / (SETTINGS.bytes_per_cell_s * self._cells)
         return max(budget, *(at + SETTINGS.lost_after_s - now for at in self._out.values()), 0.0)
@@ -42,13 +42,13 @@ class Pace:
         self._credit = SETTINGS.burst_per_cell * self._cells
 
     def sent(self, frame: int, size: int, now: float) -> None:
-        """A frame of so many bytes was sent."""
+        """Register a frame of this number of bytes."""
         self._count(now)
         self._credit -= size
         self._out[frame] = now
 
     def confirmed(self, frame: int, now: float) -> float | None:
-        """Confirm a frame and all before it; return the round trip time, s, or None for an unknown frame."""
+        """Confirm a frame and all earlier ones; return the round trip time, s, or None for an unknown frame."""
         sent = self._out.get(frame)
         self._out = {other: at for other, at in self._out.items() if other > frame}
         return None if sent is None else now - sent

@@ -1,4 +1,4 @@
-"""The driver of a screen in a browser: Textual's, and the screen ends with the server that it writes to."""
+"""Driver of a screen in a browser: that of Textual, extended such that the screen ends with its server."""
 
 import os
 import signal
@@ -11,23 +11,23 @@ from dpr_lab.tui.terminal.signals import SETTINGS
 
 
 class PageDriver(WebDriver):
-    """Driver that ends the screen when the server is gone and drops the remaining output.
+    """Driver that ends the screen when the server ends, and discards the remaining output.
 
-    A server that was killed cannot end its screens. Its end of the pipes is closed then: input ends, output fails.
+    A server that was killed cannot end its screens, but its side of the pipes is closed: input ends, output fails.
     """
 
     def write(self, data: str) -> None:
-        """Send what is drawn, while there is somebody to send it to."""
+        """Send the output if the server still exists."""
         with suppress(OSError):
             super().write(data)
 
     def write_meta(self, data: dict[str, object]) -> None:
-        """Send something else than what is drawn."""
+        """Send data other than the output."""
         with suppress(OSError):
             super().write_meta(data)
 
     def run_input_thread(self) -> None:
-        """Read what is typed; its end ends the screen in good order, or at once where that takes too long."""
+        """Read the input; its end ends the screen, or terminates it if this takes too long."""
         super().run_input_thread()
         if not self.exit_event.is_set():
             watch = threading.Timer(SETTINGS.patience_s, os._exit, (SETTINGS.exit_code,))

@@ -1,4 +1,4 @@
-"""What is drawn is characters alone: a name, a note or a device's words cannot steer the terminal, wherever shown."""
+"""Removal of control characters from the output, so that no text can control the terminal."""
 
 from rich.segment import Segment
 from textual.color import Color
@@ -11,7 +11,7 @@ class Plain(LineFilter):
     """Replaces control characters by visible text and cuts the line to its width."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
-        """The same line without them."""
+        """The same line without control characters."""
         if all(text.isprintable() or printable(text) == text for text, _, _ in segments):
             return segments
         spelled = [Segment(printable(text), style, control) for text, style, control in segments]

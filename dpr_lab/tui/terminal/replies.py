@@ -1,4 +1,4 @@
-"""Keys of a terminal, and its replies to the question what it is."""
+"""Keys of a terminal, and its replies to queries of its type."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -17,18 +17,18 @@ class ReplySettings:
     """Format of replies of the terminal."""
 
     longest: int = 64
-    """Characters of a version; known ones have 8 to 30."""
+    """Maximum length of a version; known ones have 8 to 30 characters."""
 
 
 SETTINGS = ReplySettings()
 
 
 class ReplyParser(XTermParser):
-    """Textual's parser, extended by replies that it would take for keys.
+    """Parser of Textual, extended by replies that it would interpret as keys.
 
     Args:
         identified: called with the name of a multiplexer that replied
-        debug: Textual's
+        debug: passed to the parser of Textual
     """
 
     def __init__(self, identified: Callable[[str], object], debug: bool = False) -> None:
@@ -41,7 +41,7 @@ class ReplyParser(XTermParser):
         return [events.Key(Keys.Ignore, sequence)] if reply else super()._sequence_to_key_events(sequence, alt)
 
     def _in_reply(self, sequence: str) -> bool:
-        """Whether a sequence is part of a reply; the parser offers every sequence as it grows."""
+        """Whether a sequence is the beginning of a reply; the parser passes every sequence as it grows."""
         if self._version is not None:
             return self._goes_on(sequence)
         if sequence == VERSION_BEGINS:

@@ -1,4 +1,4 @@
-"""Whether the operator has seen what is shown: nothing that moves rods goes by what nobody saw."""
+"""Evidence that the operator has seen the screen: no release without it."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -9,16 +9,16 @@ class SightSettings:
     """Required speed of a terminal."""
 
     round_trip_s: float = 0.3
-    """From a frame until the terminal has confirmed that it drew it: what an eye takes for at once."""
+    """Maximum time until the terminal confirms a frame, s: nearly immediate for the eye."""
     patience_s: float = 10.0
-    """How long a slow line may take to draw the first picture of a countdown."""
+    """Maximum time for a slow line to draw the first frame of a countdown, s."""
     least_columns: int = 40
     least_rows: int = 12
-    """Size of a terminal in which the dialog is seen whole."""
+    """Minimum size of a terminal that shows the complete dialog."""
     code_s: float = 60.0
-    """How long the code that a multiplexer requires may take, until the countdown is cancelled."""
+    """Maximum time to type the code that a multiplexer requires, s."""
     code_length: int = 3
-    """Characters of that code: a program or a stuck key guesses it in one of 6840 tries."""
+    """Length of this code: a program or a stuck key guesses it in one of 6840 tries."""
 
 
 SIGHT = SightSettings()
@@ -29,16 +29,16 @@ class Sight(Protocol):
 
     @property
     def multiplexer(self) -> str:
-        """Name of a program that confirms frames in place of the operator's terminal; empty where none is known."""
+        """Name of a program that confirms frames in place of the operator's terminal; empty if none is known."""
         ...
 
     async def seen(self, patience_s: float) -> float:
-        """Send what is to be shown now, and wait until the terminal has confirmed that it drew it.
+        """Send the current frame and wait until the terminal has confirmed that it was drawn.
 
         Returns:
-            The round trip, s.
+            the round trip time, s
 
         Raises:
-            SafetyStop: it did not within the patience, or nobody is there to see it; says why and what to do.
+            SafetyStop: no confirmation in time, or nobody can see it; the message says why and what to do.
         """
         ...

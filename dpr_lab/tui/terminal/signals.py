@@ -1,4 +1,4 @@
-"""SIGTERM, SIGHUP and SIGINT end the screen as its own key does, and within a bounded time."""
+"""SIGTERM, SIGHUP and SIGINT end the screen like its own key, within a limited time."""
 
 import os
 import signal
@@ -13,23 +13,23 @@ class EndSettings:
     """Time limits of the shutdown."""
 
     exit_code: int = 130
-    """The command line's for an interruption."""
+    """Exit code of the command line after an interruption."""
     patience_s: float = 25.0
-    """For the end in good order: a recorder that does not answer is ended by signals within 15 s."""
+    """Maximum time for a regular end, s: a recorder that does not answer is ended by signals within 15 s."""
 
 
 SETTINGS = EndSettings()
 
 
 def end_on_signals(end: Callable[[], object], restore: Callable[[], object]) -> None:
-    """Let these signals end the app.
+    """End the app on these signals.
 
-    A handler of Python's runs between two steps of the main thread, so `end` must only ask for the end. If the process
-    is still there after a while, for any reason, the terminal is restored and the process ends at once; the
-    recorder finishes its file by itself when the other end of its pipe is gone.
+    A Python signal handler runs between two steps of the main thread, so `end` must
+    only ask for the end. If the process is still there after a while, for any reason, the terminal is restored and the
+    process ends at once; the recorder finishes its file by itself when the other end of its pipe is gone.
 
     Args:
-        end: asks for the end
+        end: requests the end
         restore: restores the terminal
     """
 

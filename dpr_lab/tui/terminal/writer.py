@@ -1,4 +1,4 @@
-"""Bytes to a terminal that may be slow, stopped, or gone: who writes never waits."""
+"""Output to a terminal that may be slow, stopped, or closed, without waiting."""
 
 import os
 import select
@@ -13,11 +13,11 @@ class TerminalWriterSettings:
     """Settings of the output to the terminal."""
 
     at_once: int = 512
-    """Bytes handed to the terminal at a time; between two of them it can be stopped."""
+    """Maximum number of bytes written at a time; the output can be stopped in between."""
     patience_s: float = 3.0
-    """How long the end waits for a slow terminal to take what is left."""
+    """Maximum time at the end for a slow terminal to accept the remaining output, s."""
     grace_s: float = 0.5
-    """And then for the thread to notice that it is to give up."""
+    """Additional time for the thread to stop, s."""
 
 
 SETTINGS = TerminalWriterSettings()
@@ -27,7 +27,7 @@ class TerminalWriter:
     """A thread that writes to a terminal.
 
     Args:
-        fileno: the terminal
+        fileno: file descriptor of the terminal
     """
 
     def __init__(self, fileno: int) -> None:
@@ -40,17 +40,17 @@ class TerminalWriter:
 
     @property
     def idle(self) -> bool:
-        """Whether the terminal has taken everything."""
+        """Whether the terminal has received everything."""
         return not self._waiting and not self._busy
 
     def write(self, text: str) -> None:
-        """Write soon."""
+        """Write without waiting."""
         with self._changed:
             self._waiting.append(text.encode("utf-8", "replace"))
             self._changed.notify()
 
     def stop(self, last_words: str) -> None:
-        """Write what is left, and end within a bounded time.
+        """Write the remaining output, and end within a limited time.
 
         Args:
             last_words: written in its place if the terminal does not take it
@@ -68,7 +68,7 @@ class TerminalWriter:
             if select.select([], [self._fileno], [], 0)[1]:
                 os.write(self._fileno, last_words.encode())
         except (OSError, termios.error):
-            pass  # the terminal is gone, so there is nothing to restore
+            pass  # the terminal was closed, so there is nothing to restore
 
     def _run(self) -> None:
         while True:

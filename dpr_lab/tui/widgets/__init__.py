@@ -1,1 +1,1 @@
-"""What steps are made of: drawings, read-outs, choices and dialogs."""
+"""Widgets of the steps: drawings, readouts, selections and dialogs."""

@@ -1,4 +1,4 @@
-"""A canvas of dots that can be drawn without colours too."""
+"""Canvas of dots that can also be drawn without colours."""
 
 from rich.segment import Segment
 from rich.style import Style
@@ -7,7 +7,7 @@ from textual_hires_canvas import Canvas
 
 
 class PlainCanvas(Canvas):
-    """A canvas whose every segment has a style, as Textual's filter for NO_COLOR asks for."""
+    """Canvas whose every segment has a style, as required by Textual's filter for NO_COLOR."""
 
     def render_line(self, y: int) -> Strip:
         """Render one line; without a layout only its style."""

@@ -1,4 +1,4 @@
-"""The picture of a capture: what to do, the rods, the read-outs, the poses to go, and the swing."""
+"""View of a capture: instruction, rods, readouts, remaining poses, and swing."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ from dpr_lab.tui.widgets.readout import BAD, GOOD, Placement
 
 BEGIN = "press {capture.start}: the latch closes and you are guided to the pose"
 BEGIN_HELD = "the latch is closed; press {capture.start} to be guided to the pose"
-ALL_DONE = "all poses are recorded: {app.next} goes on. {capture.start} records this one again"
+ALL_DONE = "all poses are recorded: {app.next} shows the next step. {capture.start} records this one again"
 RELEASING = "RELEASING after the countdown. Any key but {capture.release} stops it"
 CODE_FIRST = "RELEASING after the code that is shown. Any other key stops it"
 SENT = "RELEASE sent: the latch opens. Keep clear"
@@ -43,44 +43,44 @@ class CaptureState:
 
     rig: Rig
     pose: str
-    """Name of the chosen pose; empty where the rig has none."""
+    """Name of the selected pose; empty if the rig has none."""
     attempt: Attempt | None
     ended: Attempt | None
-    """The attempt before, where it ended without a verdict: what it recorded stays in sight."""
+    """Previous attempt if it ended without a verdict: its recording stays visible."""
     seen: Sighting
-    """The rods as they were last seen."""
+    """Last known position of the rods."""
     now: float
-    """`time.monotonic()`, s."""
+    """Current time, `time.monotonic()`, s."""
     live: bool
-    """Whether what was seen last still holds."""
+    """Whether the last readings are still current."""
     lost: bool
-    """Whether a device that was connected is gone."""
+    """Whether a connected device was lost."""
     ordered: float | None
-    """When a release was ordered whose outcome is not known, `time.monotonic()`, s."""
+    """Time of a release command whose result is unknown, `time.monotonic()`, s."""
     countdown: bool
     """Whether the countdown to a release runs."""
     code: bool
-    """Whether it begins only after a code that the operator types."""
+    """Whether it starts only after the operator typed a code."""
     undecided: str
-    """A run of an earlier session that was neither kept nor repeated."""
+    """Run of an earlier session that was neither kept nor repeated."""
     unit: AngleUnit
     keys: KeyNames
     options: CaptureOptions
     done: Mapping[str, int]
-    """Runs kept, by pose."""
+    """Number of kept runs by pose."""
     repeats: int
     obstacle: str
-    """Why no attempt can begin; empty when one can."""
+    """Reason why no attempt can start; empty if one can."""
 
     @property
     def all_done(self) -> bool:
-        """Whether every pose is recorded as often as it is wanted, and none is being repeated."""
+        """Whether every pose has the requested number of recordings and none is being repeated."""
         recorded = bool(self.done) and all(number >= self.repeats for number in self.done.values())
         return self.attempt is None and recorded
 
     @property
     def held(self) -> bool:
-        """Whether the latch is known to hold the rods now."""
+        """Whether the latch is currently known to hold the rods."""
         return self.live and self.seen.latched is True
 
 
@@ -97,7 +97,7 @@ class CaptureView(Vertical):
         yield Chart(id="swing")
 
     def show(self, state: CaptureState) -> None:
-        """Draw a state; what looks as before is not drawn again."""
+        """Draw a state, without redrawing unchanged parts."""
         swung = state.attempt or state.ended
         self.set_class(swung is not None and swung.phase is Phase.RECORDING and state.live, "-swinging")
         for name, content in (
@@ -154,7 +154,7 @@ def headline(state: CaptureState) -> Content:
             f"{state.pose}: {text}" if state.pose else text, "bold $warning" if state.obstacle else ""
         )
     if not state.live:
-        return Content.styled(f"NO WORD from the device, {state.seen.ago(state.now)}: keep clear", "bold $error")
+        return Content.styled(f"NO MESSAGE from the device, {state.seen.ago(state.now)}: keep clear", "bold $error")
     return Content.styled(f"{attempt.name}: {_now(attempt, state)}", TONES.get(attempt.phase, "bold"))
 
 
@@ -216,7 +216,7 @@ def _judgement(verdict: QualityReport) -> Iterator[Content]:
 
 
 def _placement(state: CaptureState) -> Placement | None:
-    """Where the rods are to go; nowhere once all poses are recorded."""
+    """Target position of the rods; none after all poses are recorded."""
     if state.all_done:
         return None
     if state.attempt is not None:

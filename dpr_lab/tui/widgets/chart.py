@@ -1,4 +1,4 @@
-"""A line chart for the terminal: series, a noise band, marks; zoom and pan by keyboard or mouse."""
+"""Line chart for the terminal: series, a noise band, marks; zoom and pan by keyboard or mouse."""
 
 import asyncio
 import time
@@ -31,13 +31,13 @@ class ChartSettings:
     """Appearance of a chart."""
 
     tick_columns: int = 11
-    """Columns for a number on the x axis, with room to the next."""
+    """Columns per number on the x axis, including the gap."""
     tick_rows: float = 1.5
-    """Rows from one number on the y axis to the next, at least."""
+    """Minimum rows per number on the y axis."""
     end_label: int = 9
-    """Longest name at the end of a line; a longer one stands above the chart only."""
+    """Maximum length of a name at the end of a line; a longer name is shown above the chart only."""
     margin: float = 0.05
-    """Room above and below the lines, as a share of their height."""
+    """Space above and below the lines, as a share of their height."""
 
 
 SETTINGS = ChartSettings()
@@ -45,16 +45,16 @@ SETTINGS = ChartSettings()
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """One line: distinguished by its name at its end as well as by the theme's colour."""
+    """One line, distinguished by the name at its end and by its colour."""
 
     label: str
     x: Array
-    """(n,) increasing."""
+    """(n,) increasing x values."""
     y: Array
     """(n,) values; NaN breaks the line."""
     tone: Tone = "primary"
     on_top: bool = False
-    """Whether it is drawn over the lines that it coincides with."""
+    """Whether it is drawn on top of coinciding lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ class _EndLabel:
 
 
 class _Plot(PlotWidget, can_focus=False):
-    """The plot below a chart's head."""
+    """The plot below the head of a chart."""
 
     end_labels: Sequence[_EndLabel] = ()
     """Names at the ends of lines."""
@@ -174,16 +174,16 @@ class Chart(Vertical, can_focus=True):
         x_range: tuple[float, float] | None = None,
         y_range: tuple[float, float] | None = None,
     ) -> None:
-        """Draw these instead of what was drawn; a view that was zoomed or panned stays where it is.
+        """Replace the content; a zoomed or panned view is kept.
 
         Args:
             series: lines to draw
-            x_label: what lies along x, with its unit
-            y_label: what lies along y, with its unit
+            x_label: quantity on the x axis with unit
+            y_label: quantity on the y axis with unit
             marks: vertical lines
             band: horizontal band, such as the noise floor
-            x_range: what to show of x until it is zoomed; all by default
-            y_range: what to show of y until it is zoomed; by default what the lines in view fill
+            x_range: initial range of x; default: all
+            y_range: initial range of y; default: that of the visible lines
         """
         content = _Content(tuple(series), x_label, y_label, tuple(marks), band, x_range, y_range)
         if not _same(content, self._content):
@@ -197,13 +197,13 @@ class Chart(Vertical, can_focus=True):
         return x_view, self._y_view or self._content.y_range or self._y_fitting(x_view)
 
     def compose(self) -> ComposeResult:
-        """What the lines are, above the lines."""
+        """Legend above the chart."""
         yield self._head
         yield self._readings
         yield self._plot
 
     def on_mount(self) -> None:
-        """Draw what was to be shown before, and again in other colours with every theme."""
+        """Draw the pending content, and redraw with every theme."""
         self._plot.margin_top, self._plot.margin_bottom, self._plot.margin_left = 0, 1, 8
         self.app.theme_changed_signal.subscribe(self, lambda _: self._draw_soon())
         self._draw_soon()
@@ -213,7 +213,7 @@ class Chart(Vertical, can_focus=True):
         self._draw_soon()
 
     def action_zoom(self, direction: int) -> None:
-        """Shorten or lengthen what is shown of x, around its middle."""
+        """Zoom the x axis around its middle."""
         self._x_view = zoomed(self.view[0], direction)
         self._draw_soon()
 
@@ -223,7 +223,7 @@ class Chart(Vertical, can_focus=True):
         self._draw_soon()
 
     def action_pan(self, right: int, up: int) -> None:
-        """Move what is shown by a tenth of it."""
+        """Pan by a tenth of the view."""
         x_view, y_view = self.view
         if right:
             self._x_view = moved(x_view, right)
@@ -232,7 +232,7 @@ class Chart(Vertical, can_focus=True):
         self._draw_soon()
 
     def action_whole(self) -> None:
-        """Show everything again."""
+        """Reset the view."""
         self._x_view = self._y_view = None
         self._draw_soon()
 
@@ -245,7 +245,7 @@ class Chart(Vertical, can_focus=True):
         self._draw_soon()
 
     def action_cursor(self, columns: int) -> None:
-        """Move the cursor whose turn it is, by so many columns."""
+        """Move the active cursor by a number of columns."""
         if self._cursors is not None:
             low, high = self.view[0]
             wide = max(self._plot.size.width - self._plot.margin_left - 2, 8)
@@ -263,7 +263,7 @@ class Chart(Vertical, can_focus=True):
     def _draw_soon(self) -> None:
         if self._pending is None and self._can_draw():
             wait = self._drawn_at + 1 / FRAMES_PER_S - time.monotonic()
-            # A timer of Textual never fires where the machine was busy for as long as it was set for.
+            # A timer of Textual never fires if the machine was busy for the whole interval.
             self._pending = asyncio.get_running_loop().call_later(wait, self.call_later, self._draw)
 
     def _can_draw(self) -> bool:
@@ -296,7 +296,7 @@ class Chart(Vertical, can_focus=True):
         self._plot.set_ylimits(*y_view)
 
     def _share_for_labels(self) -> float:
-        """Room behind a view for the names of its lines, as a share of it."""
+        """Space to the right of the view for the names of the lines, as a share of the view."""
         columns = max(self._plot.size.width - self._plot.margin_left - 2, 8)
         longest = max((len(s.label) for s in self._content.series if len(s.label) <= SETTINGS.end_label), default=0)
         several = len(self._content.series) > 1 and 4 * longest < columns
@@ -317,7 +317,7 @@ class Chart(Vertical, can_focus=True):
             self._plot.plot(x[piece], y[piece], line_style=self._colour(series.tone), hires_mode=HiResMode.BRAILLE)
 
     def _draw_band(self, band: Band, x_view: tuple[float, float], columns: int) -> None:
-        """Dots, two cells apart, each in the quarter of its row where the edge lies."""
+        """Dots at every second cell, each in the quarter of its row that contains the edge."""
         x = x_view[0] + (np.arange(0, columns, 2) + 0.5) * (x_view[1] - x_view[0]) / columns
         for edge in (band.low, band.high):
             style, y = self._colour(band.tone), np.full(len(x), edge)
@@ -347,14 +347,14 @@ class Chart(Vertical, can_focus=True):
         return text
 
     def _colour(self, tone: Tone) -> str:
-        """The theme's colour as Rich names it; the terminal's own where the theme leaves it to the terminal."""
+        """Colour of the theme in the notation of Rich; the terminal's own colour if the theme leaves it open."""
         try:
             return Color.parse(self.app.theme_variables[tone]).hex6
         except (KeyError, ColorParseError):
             return "default"
 
     def _y_fitting(self, x_view: tuple[float, float]) -> tuple[float, float]:
-        """All of y that lies inside an x view, with some room."""
+        """Range of y inside an x view, with some margin."""
         inside = [s.y[(s.x >= x_view[0]) & (s.x <= x_view[1])] for s in self._content.series]
         band = self._content.band
         low, high = range_of([*inside, *([np.array([band.low, band.high])] if band else [])])
@@ -363,7 +363,7 @@ class Chart(Vertical, can_focus=True):
 
 
 def _same(one: _Content, other: _Content) -> bool:
-    """Whether two contents look alike."""
+    """Whether two contents look the same."""
     if len(one.series) != len(other.series) or replace(one, series=()) != replace(other, series=()):
         return False
     return all(

@@ -1,4 +1,4 @@
-"""What a chart shows of its lines: ranges, views, ticks."""
+"""Scales of a chart: ranges, views, ticks."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -17,18 +17,18 @@ class ViewSettings:
     """Settings of zoom and pan."""
 
     zoom: float = 1.5
-    """How much shorter a view gets by one press of its key."""
+    """Factor of the width of a view for one press of the zoom key."""
     pan: float = 0.1
-    """Share of a view that one press moves it by."""
+    """Share of a view for one press of the pan key."""
     narrowest: float = 1e-9
-    """Width of a view over its values: ticks closer than that look the same, and near rounding they are."""
+    """Minimum width of a view relative to its values: closer ticks look the same, and rounding becomes visible."""
 
 
 SETTINGS = ViewSettings()
 
 
 def range_of(values: Iterator[Array] | Sequence[Array]) -> tuple[float, float]:
-    """Smallest and largest finite value, apart from each other; 0 and 1 of nothing."""
+    """Smallest and largest finite value, made different if equal; 0 and 1 without values."""
     finite = [kept for array in values if len(kept := array[np.isfinite(array)])]
     if not finite:
         return 0.0, 1.0
@@ -37,18 +37,18 @@ def range_of(values: Iterator[Array] | Sequence[Array]) -> tuple[float, float]:
 
 
 def smallest(low: float, high: float) -> float:
-    """The narrowest view whose ticks can still be distinguished in floating point."""
+    """Narrowest view whose ticks can be distinguished in floating point."""
     return SETTINGS.narrowest * max(abs(low), abs(high), SETTINGS.narrowest)
 
 
 def zoomed(view: tuple[float, float], direction: int) -> tuple[float, float]:
-    """A shorter or longer view around the same middle."""
+    """A view scaled about its middle."""
     middle, half = (view[0] + view[1]) / 2, (view[1] - view[0]) / 2 * SETTINGS.zoom**-direction
     return (middle - half, middle + half) if half > smallest(*view) else view
 
 
 def moved(view: tuple[float, float], direction: int) -> tuple[float, float]:
-    """A view further on by its share."""
+    """A view moved by a share of its width."""
     step = direction * SETTINGS.pan * (view[1] - view[0])
     return view[0] + step, view[1] + step
 
@@ -61,7 +61,7 @@ def visible(x: Array, y: Array, x_view: tuple[float, float], columns: int) -> tu
 
 
 def even_ticks(low: float, high: float, most: int) -> list[float]:
-    """Round numbers in even steps, at most so many (two at least), inside a view."""
+    """Round numbers in even steps inside a view, at most the given number (at least two)."""
     power = 10.0 ** math.floor(math.log10(max((high - low) / max(most, 2), 1e-300)))
     for step in (power, 2 * power, 5 * power, 10 * power, 20 * power):
         first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
@@ -71,6 +71,6 @@ def even_ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def pieces(y: Array) -> Iterator[slice]:
-    """Stretches without NaN."""
+    """Sections without NaN."""
     edges = np.flatnonzero(np.diff(np.isfinite(y), prepend=False, append=False))
     return (slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))

@@ -1,4 +1,4 @@
-"""Which poses are recorded how often, and which is next."""
+"""Number of recordings of each pose, and the next pose."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -26,7 +26,7 @@ def next_pose(done: Mapping[str, int], repeats: int, current: str) -> str:
 
 
 def checklist_text(done: Mapping[str, int], repeats: int, current: str) -> Content:
-    """A line for each pose."""
+    """One line for each pose."""
     return Content("\n").join(_line(pose, number, repeats, pose == current) for pose, number in done.items())
 
 
@@ -36,7 +36,7 @@ def _line(pose: str, number: int, repeats: int, current: bool) -> Content:
 
 
 def set_aside(run: Path) -> Path:
-    """Move a run and its hash out of the way; returns where it is now."""
+    """Move a run and its hash to the folder of set-aside runs; returns the new path."""
     folder = run.parent / ASIDE
     folder.mkdir(exist_ok=True)
     moved = folder / run.name

@@ -1,4 +1,4 @@
-"""Three, two, one: the last moment to change one's mind before the rods are let go."""
+"""Countdown before a release: the last opportunity to cancel."""
 
 import asyncio
 import random
@@ -16,26 +16,26 @@ from dpr_lab.errors import SafetyStop
 from dpr_lab.tui.terminal.sight import SIGHT, Sight
 
 LETTERS = "acdefhjkmnpqrtuvwxyz"
-"""Letters of a code; none that is easily taken for another."""
+"""Letters of a code, without those that are easily confused."""
 
 
 def new_code(chance: random.Random, without: frozenset[str]) -> str:
-    """A code of different letters, none of which is one of the release keys `without`."""
+    """A code of different letters, without the release keys `without`."""
     return "".join(chance.sample([letter for letter in LETTERS if letter not in without], SIGHT.code_length))
 
 
 class Countdown(ModalScreen[bool]):
     """Countdown that returns True after all numbers were displayed.
 
-    It begins when the terminal has confirmed that it drew it; a number that is not confirmed in time, any key but the
-    release key, a click, or leaving the terminal answer false. A multiplexer confirms with nobody attached: there the
-    operator types the code that is shown, and then the countdown begins.
+    It starts when the terminal has confirmed that it was drawn. A number that is not confirmed in time, any key except
+    the release key, a click, or a loss of focus returns False. A multiplexer also confirms if nobody is attached: with
+    a multiplexer the operator first types a displayed code.
 
     Args:
-        pose: what is about to be released
-        keys: the release keys, by Textual's names; pressing one again changes nothing
-        sight: confirms what was seen
-        code: to be typed where a multiplexer confirms what is shown, see `new_code`
+        pose: pose of the release
+        keys: the release keys with their names in Textual; pressing one again has no effect
+        sight: confirms that the screen was seen
+        code: code to type if a multiplexer confirms the frames, see `new_code`
     """
 
     SECONDS: ClassVar[int] = 3
@@ -50,28 +50,28 @@ class Countdown(ModalScreen[bool]):
         self._typed = asyncio.Event()
         self._over = self._covered = False
         self.why = ""
-        """Why nothing is released."""
+        """Reason why nothing is released."""
 
     @property
     def waits_for_code(self) -> bool:
-        """Whether the operator has to type the code first."""
+        """Whether the operator must type the code first."""
         return bool(self._to_type)
 
     def compose(self) -> ComposeResult:
-        """Build the announcement, the number, and the hint how to stop it."""
+        """Build the announcement, the number, and the hint how to cancel."""
         with Vertical(classes="dialog small"):
             yield Static(id="asked", markup=False)
             yield Digits(str(self.SECONDS))
             yield Static("Any other key stops this; the rods stay held.")
 
     def on_mount(self) -> None:
-        """Start counting, or ask for the code."""
+        """Start the countdown, or request the code."""
         self._show()
         self.run_worker(self._count())
         self.watch(self.app, "app_focus", self._watch_focus, init=False)
 
     def on_key(self, event: events.Key) -> None:
-        """Take a letter of the code, or stop at any other key."""
+        """Check a letter of the code, or cancel on any other key."""
         event.stop()
         event.prevent_default()
         if event.key in self._keys:
@@ -86,28 +86,28 @@ class Countdown(ModalScreen[bool]):
         self.stop(f"{pressed}, which is not the next letter of the code" if self._to_type else pressed)
 
     def on_click(self) -> None:
-        """Stop at a click."""
+        """Cancel on a click."""
         self.stop("the mouse was clicked")
 
     def on_resize(self, event: events.Resize) -> None:
-        """Stop where the dialog has no room."""
+        """Cancel if the dialog does not fit any more."""
         if event.size.width < SIGHT.least_columns or event.size.height < SIGHT.least_rows:
             self.stop("the window became too small to show the countdown")
 
     def on_screen_suspend(self) -> None:
-        """Stop when another screen covers this one."""
+        """Cancel if another screen covers this one."""
         if not self._over:
             self._over = self._covered = True
             self.why = "another dialog opened"
 
     def on_screen_resume(self) -> None:
-        """Close after the covering screen is gone."""
+        """Close after the covering screen is closed."""
         if self._covered:
             self._covered = False
             self.dismiss(False)
 
     def stop(self, why: str) -> None:
-        """Answer that the rods are not to be released, for this reason."""
+        """Return False with this reason."""
         if not self._over:
             self._over, self.why = True, why
             self._covered = not self.is_current
@@ -119,7 +119,7 @@ class Countdown(ModalScreen[bool]):
             self.stop("the terminal lost the focus")
 
     def _show(self) -> None:
-        """The number once it counts; the code before."""
+        """The number during the countdown; the code before."""
         self.query_one(Digits).display = not self._to_type
         asked = Content(f"RELEASING {self._pose} in")
         if self._to_type:
@@ -128,8 +128,8 @@ class Countdown(ModalScreen[bool]):
                 f"RELEASE {self._pose}: type ",
                 (typed, "dim"),
                 (left, "bold reverse"),
-                f"\n\n{self.SECONDS} s after its last letter the latch opens. {self._multiplexer} confirms pictures"
-                " also while nobody is attached: the code shows that you see this one.\n",
+                f"\n\n{self.SECONDS} s after its last letter the latch opens. {self._multiplexer} confirms"
+                f" frames even if nobody is attached: the code shows that you see this screen.\n",
             )
         self.query_one("#asked", Static).update(asked)
 
@@ -144,7 +144,7 @@ class Countdown(ModalScreen[bool]):
                 await asyncio.sleep(max(started + self.SECOND_S - time.monotonic(), 0.0))
             await self._be_seen()
             if self._sight.multiplexer != self._multiplexer:
-                raise SafetyStop(f"{self._sight.multiplexer} answered only now for the terminal: try again")
+                raise SafetyStop(f"{self._sight.multiplexer} answered only now in place of the terminal: try again")
         except SafetyStop as unseen:
             self.stop(str(unseen))
             return
@@ -153,7 +153,7 @@ class Countdown(ModalScreen[bool]):
             self.dismiss(True)
 
     async def _be_typed(self) -> None:
-        """Wait until the code was typed, where one is required."""
+        """Wait for the code if one is required."""
         if not self._code:
             return
         try:
@@ -162,7 +162,7 @@ class Countdown(ModalScreen[bool]):
             raise SafetyStop(f"the code was not typed within {SIGHT.code_s:g} s") from None
 
     async def _come_into_sight(self) -> None:
-        """Wait until a slow line has drawn the dialog and then answers at once."""
+        """Wait until a slow line has drawn the dialog and then responds at once."""
         give_up = time.monotonic() + SIGHT.patience_s
         while (round_trip := await self._drawn()) > SIGHT.round_trip_s:
             if time.monotonic() > give_up:
@@ -173,7 +173,7 @@ class Countdown(ModalScreen[bool]):
             raise _too_slow(round_trip)
 
     async def _drawn(self) -> float:
-        """Until what is shown is painted and drawn; the terminal's round trip, s."""
+        """Wait until the current content is drawn; returns the round trip time, s."""
         painted = asyncio.Event()
         self.call_after_refresh(painted.set)
         await painted.wait()

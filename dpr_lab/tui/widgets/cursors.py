@@ -1,4 +1,4 @@
-"""Two cursors in a chart, and what they read off its lines."""
+"""Two cursors in a chart, and the values of its lines there."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,9 +16,9 @@ class Cursors:
     """Positions of the cursors."""
 
     at: tuple[float, float]
-    """On the x axis."""
+    """Positions on the x axis."""
     moving: int = 0
-    """Which of them is moved: 0 or 1."""
+    """Active cursor: 0 or 1."""
 
     def moved(self, by: float) -> "Cursors":
         """Copy with the active cursor moved."""
@@ -40,10 +40,10 @@ def readings(cursors: Cursors, x_label: str, lines: Sequence[tuple[str, Array, A
     """Cursor positions, values of each line there, and their differences; one row per cursor and per pair of lines.
 
     Args:
-        cursors: where they stand
-        x_label: what lies along x
+        cursors: positions of the cursors
+        x_label: quantity on the x axis
         lines: name, x and y of each line
-        colours: of the cursors, as Rich names them
+        colours: colours of the cursors in the notation of Rich
     """
     text = Text(no_wrap=True, overflow="ellipsis")
     for number, (name, x) in enumerate(zip(NAMES, cursors.at, strict=True)):
@@ -61,7 +61,7 @@ def readings(cursors: Cursors, x_label: str, lines: Sequence[tuple[str, Array, A
 
 
 def _at(cursors: Cursors, x: Array, y: Array) -> tuple[float, float]:
-    """A line between its points; NaN where it is not."""
+    """Linear interpolation of a line between its points; NaN outside."""
     if not len(x):
         return float("nan"), float("nan")
     a, b = np.interp(cursors.at, x, y, left=np.nan, right=np.nan).tolist()

@@ -1,4 +1,4 @@
-"""Small screens on top of a step: help, and a question before something would be lost."""
+"""Dialogs on top of a step: help, and a confirmation before something would be lost."""
 
 from typing import ClassVar
 
@@ -9,11 +9,11 @@ from textual.screen import ModalScreen
 from textual.widgets import Button, Markdown, Static
 
 HELP_KEY = Binding("f1,question_mark", "app.help", "Help", id="app.help")
-"""Help, wherever there is some: a screen on top of the app hides the app's own keys."""
+"""Key of the help, repeated here because a screen on top of the app hides the app's own keys."""
 
 
 class HelpScreen(ModalScreen[None]):
-    """Purpose of a step, and all keys."""
+    """Help: purpose of a step, and all keys."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,f1,question_mark", "dismiss", "Close", id="help.close")]
 
@@ -29,7 +29,7 @@ class HelpScreen(ModalScreen[None]):
 
 
 class Question(ModalScreen[bool]):
-    """Yes or no; everything but an explicit yes is a no."""
+    """Confirmation: everything except an explicit yes is a no."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("y", "answer(True)", "Yes", id="question.yes"),
@@ -49,9 +49,9 @@ class Question(ModalScreen[bool]):
                 yield Button(f"{self._yes} (y)", id="yes", variant="error")
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
-        """A button is an answer too."""
+        """Handle a button."""
         self.dismiss(event.button.id == "yes")
 
     def action_answer(self, answer: bool) -> None:
-        """A key is an answer."""
+        """Handle a key."""
         self.dismiss(answer)

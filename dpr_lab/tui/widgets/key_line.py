@@ -1,4 +1,4 @@
-"""The row at the foot: the keys that work where the operator is."""
+"""Bottom row with the active keys."""
 
 from typing import ClassVar
 
@@ -9,10 +9,10 @@ from textual.widget import Widget
 
 
 class KeyLine(Widget):
-    """The active keys in one text, drawn in the same frame as what they belong to.
+    """The active keys in one text, drawn in the same frame as the focused widget.
 
-    Textual's footer has a widget for each key and makes them again some frames after the focus moved: until then it
-    shows the keys of the step before.
+    The footer of Textual has a widget for each key and replaces them some frames after a change of focus, so that it
+    would show the keys of the previous step until then.
     """
 
     ALLOW_SELECT = False
@@ -30,15 +30,15 @@ class KeyLine(Widget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.set_reactive(Widget.auto_links, False)  # a link has a colour of its own
+        self.set_reactive(Widget.auto_links, False)  # links have their own colour
         self._keys: list[tuple[Binding, bool]] = []
 
     def on_mount(self) -> None:
-        """Follow the focus."""
+        """Update when the focus changes."""
         self.screen.bindings_updated_signal.subscribe(self, self._follow)
 
     def show(self) -> None:
-        """Draw the keys that are active now, with the first key of each action."""
+        """Draw the active keys, with the first key of each action."""
         shown: dict[str, tuple[Binding, bool]] = {}
         for active in self.screen.active_bindings.values():
             if active.binding.show:
@@ -48,7 +48,7 @@ class KeyLine(Widget):
             self.refresh()
 
     def render(self) -> Text:
-        """Keys with their words; a click on them is the key."""
+        """Keys with their descriptions; a click on one triggers it."""
         line = Text(no_wrap=True)
         for binding, enabled in self._keys:
             line.append_text(self._worded(binding, enabled)).append(" ")

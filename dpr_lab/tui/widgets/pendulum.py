@@ -1,4 +1,4 @@
-"""The arm and its rods as they stand now, drawn in Braille dots."""
+"""Drawing of the arm and the rods in Braille dots."""
 
 import math
 from collections.abc import Sequence
@@ -24,9 +24,9 @@ class Lengths:
 
 
 class Pendulum(PlainCanvas):
-    """Seen from the end of the arm: the rods swing in the picture, the arm shows as far as it is turned out of sight.
+    """View from the end of the arm: the rods move in the plane of the picture.
 
-    Dots mark the pose that is wanted, lines the rods.
+    The rotation of the arm is shown in perspective. Dots mark the requested pose, lines the rods.
     """
 
     def __init__(self, *, id: str | None = None) -> None:
@@ -37,7 +37,7 @@ class Pendulum(PlainCanvas):
         self._old = False
 
     def show(self, theta: Angles | None, wanted: Angles | None, lengths: Lengths, *, old: bool = False) -> None:
-        """Draw rods at `theta`, and the pose `wanted` behind them; None leaves either out; `old` draws them in grey."""
+        """Draw rods at `theta`, and the pose `wanted` behind them; None: omitted; `old`: drawn in grey."""
         same = (self._wanted, self._lengths, self._old) == (wanted, lengths, old)
         if not same or not _alike(theta, self._theta):
             self._theta, self._wanted, self._lengths, self._old = theta, wanted, lengths, old
@@ -75,7 +75,7 @@ class Pendulum(PlainCanvas):
 
     @property
     def _scale(self) -> float:
-        """Columns for a metre, so that the rods reach nearly to the edge; a row is as high as two columns are wide."""
+        """Columns per metre, so that the rods reach nearly to the edge; a row is as high as two columns are wide."""
         reach = max(self._lengths.inner + self._lengths.outer, 1e-9)
         return 0.95 * min(self.size.width / 2, self.size.height) / reach
 
@@ -89,7 +89,7 @@ class Pendulum(PlainCanvas):
 
 
 def _alike(one: Angles | None, other: Angles | None) -> bool:
-    """Whether no dot of the picture would move: encoder noise is no reason to draw."""
+    """Whether no dot of the picture would move, so that encoder noise causes no redrawing."""
     if one is None or other is None:
         return one is other
     return all(abs(a - b) < 3e-3 for a, b in zip(one, other, strict=True))

@@ -1,4 +1,4 @@
-"""What the operator reads while placing the rods: each angle and its target, rest, latch, losses."""
+"""Readouts during the placement of the rods: each angle and its target, rest, latch, losses."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,17 +17,17 @@ GOOD, BAD, UNKNOWN = "✔", "✘", "?"
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """The rods and the pose they should be in."""
+    """The rods and their target pose."""
 
     wanted: tuple[float, float]
     """Angles of inner and outer rod, rad."""
     error: tuple[float, float]
-    """How far they are off, whole turns aside, rad."""
+    """Errors relative to the target without whole turns, rad."""
     tolerance: float
 
 
 def placement_text(placement: Placement, unit: AngleUnit) -> Content:
-    """Two lines for each rod: the angle, and how far and which way to turn it."""
+    """Two lines for each rod: the angle, and the angle and direction to turn it."""
     lines = [
         line
         for name, wanted, error in zip(("inner θ1", "outer θ2"), placement.wanted, placement.error, strict=True)
@@ -45,13 +45,13 @@ def _rod(name: str, wanted: float, error: float, tolerance: float, unit: AngleUn
 
 
 def bar(error: float, tolerance: float, cells_wide: int = 21, reach: float = 3.0) -> str:
-    """Bar of an error: `[ ]` is the tolerance, the mark moves inside it, arrows show that it is outside.
+    """Bar of an error: `[ ]` is the tolerance, the mark is the error; arrows show an error outside the bar.
 
     Args:
-        error: what is off, rad
-        tolerance: how far it may be off, rad
+        error: error, rad
+        tolerance: permitted error, rad
         cells_wide: length of the bar
-        reach: how many tolerances it reaches to either side
+        reach: range of the bar on each side in tolerances
     """
     half = cells_wide // 2
     edge = round(half / reach)
@@ -67,21 +67,21 @@ def bar(error: float, tolerance: float, cells_wide: int = 21, reach: float = 3.0
 
 
 def rest_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
-    """Whether the rods are at rest; if not, which limit failed."""
+    """Whether the rods are at rest; otherwise the exceeded limit."""
     if rest is None:
-        return Content.styled(f"rest   {UNKNOWN} looked at once they are in place", "dim")
+        return Content.styled(f"rest   {UNKNOWN} checked when the rods are at the pose", "dim")
     limits = QUALITY_LIMITS.rest
     faults = []
     if rest.speed > limits.speed:
         faults.append(f"drift {unit.speed(rest.speed)} (limit {unit.speed(limits.speed)})")
     if rest.spread > limits.spread(rig):
-        faults.append(f"shaking {unit.size(rest.spread)} (limit {unit.size(limits.spread(rig))})")
+        faults.append(f"vibration {unit.size(rest.spread)} (limit {unit.size(limits.spread(rig))})")
     text = "\n         ".join(faults) or f"still, drift {unit.speed(rest.speed)}"
     return Content.styled(f"rest   {GOOD if rest.ok else BAD} {text}", _tone(rest.ok))
 
 
 def latch_text(latched: bool | None) -> Content:
-    """Whether the latch holds the rods, where that is known now."""
+    """Whether the latch holds the rods, if it is currently known."""
     if latched is None:
         return Content.styled(f"latch  {UNKNOWN} UNKNOWN", "bold $warning")
     return Content("latch  ■ CLOSED, the rods are held" if latched else "latch  □ OPEN, the rods are free")
@@ -90,7 +90,7 @@ def latch_text(latched: bool | None) -> Content:
 def angles_text(theta: Sequence[float], unit: AngleUnit) -> str:
     """Absolute angles without whole turns: the arm within half a turn of 0, the rods between -90 and 270 degrees.
 
-    The rods rest near 180 degrees (hanging) or near 0 (upright); neither lies at an end of that range.
+    The rods rest near 180 degrees (hanging) or near 0 (upright), far from the ends of this range.
     """
     arm, *rods = np.asarray(theta)
     return unit.all_of([_wrapped(arm, 0.0), *(_wrapped(rod, np.pi / 2) for rod in rods)])
@@ -101,13 +101,13 @@ def _wrapped(angle: float, middle: float) -> float:
 
 
 def ordered_text(ordered: float, now: float) -> Content:
-    """A release that was ordered and whose outcome is not known."""
+    """Note on a release command whose result is unknown."""
     text = f"latch  {UNKNOWN} UNKNOWN\n       RELEASE was sent {now - ordered:.1f} s ago: the rods may be free"
     return Content.styled(text, "bold $warning")
 
 
 def old_text(seen: Sighting, ordered: float | None, now: float, unit: AngleUnit) -> Content:
-    """Last readings, marked as old; the latch may have moved since."""
+    """Last readings, marked as outdated; the latch may have moved since."""
     lines = [latch_text(None) if ordered is None else ordered_text(ordered, now)]
     if seen.latched is not None and ordered is None:
         was = "CLOSED" if seen.latched else "OPEN"

@@ -1,4 +1,4 @@
-"""The run browser: what was recorded, filtered, checked, exported, and chosen to work on."""
+"""Run browser: list, filter, check, export and select recorded runs."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -39,30 +39,32 @@ class RunBrowser(Guarded, ModalScreen[list[Path] | None]):
     """Selection of runs; returns the new selection, or None if it is unchanged.
 
     Args:
-        services: whose workspace says where runs are recorded, with subfolders
-        selected: what is chosen so far, wherever it is
-        others: runs from elsewhere to choose from too
-        title: what they are chosen for
-        take_here: whether ending without a choice takes the run under the cursor
+        services: services with the workspace, which defines the folder of the runs
+        selected: current selection, from any folder
+        others: additional runs from other folders
+        title: purpose of the selection
+        take_here: whether an empty selection selects the run under the cursor
     """
 
     NAME = "Runs"
     HELP = """
-Choose runs: `{runs.choose}` takes the one under the cursor or leaves it, `{runs.all}` all that are shown;
-`{runs.accept}` ends with this choice (with the run under the cursor where none was chosen), `{runs.leave}` with the one
-from before. `{runs.filter}` shows only those with the words you write.
+Select runs: `{runs.choose}` selects or deselects the one under the cursor, `{runs.all}` all shown ones;
+`{runs.accept}` closes the list with this selection (with the run under the cursor if it is empty), `{runs.leave}`
+with the previous one. `{runs.filter}` shows only runs that contain the entered words.
 
 `{runs.verify}` checks the file under the cursor: hash, chunks, ticks, end. `{runs.export}` writes it in another format,
-to `exports/` next to the folder of the runs. `{runs.recover}` writes what a cut run still holds as a whole file.
-`{runs.note}` edits the note of the run under the cursor; it is kept in a file of its own; the run file never changes.
+to `exports/` next to the folder of the runs. `{runs.recover}` writes the valid part of a damaged run as a complete
+file.
+`{runs.note}` edits the note of the run under the cursor; it is stored in a separate file, because a run file never
+changes.
 
-`{runs.import}` ends with this choice and imports a table of another logger, which is then chosen too.
+`{runs.import}` closes the list with this selection and imports a table of another logger, which is then selected too.
 
-`{runs.folder}` lists the runs of another folder, where the right arrow completes a path and up and down bring folders
-looked at before; what is chosen stays chosen.
+`{runs.folder}` lists the runs of another folder, where the right arrow completes a path, and up and down show recent
+folders; the selection is kept.
 
-A run whose state is *cut* ends before it was finished and gives the samples up to there; one that is *unreadable* gives
-none. The reason stands below the list.
+A run with the state *cut* is incomplete and contains the samples before its end; an *unreadable* run contains none.
+The reason is shown below the list.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("enter", "accept", "Use", id="runs.accept", priority=True),
@@ -122,7 +124,7 @@ none. The reason stands below the list.
             yield KeyLine()
 
     def on_mount(self) -> None:
-        """List the files at once, what is in them as it is read."""
+        """List the files at once, and their metadata as they are read."""
         table = self._table
         for column in COLUMNS:
             table.add_column(column, key=column or "chosen")
@@ -130,7 +132,7 @@ none. The reason stands below the list.
         table.focus()
 
     def on_unmount(self) -> None:
-        """Nobody is left to look for."""
+        """The list was closed: cancel the job."""
         for job in self._jobs:
             job.cancel()
 
@@ -148,33 +150,33 @@ none. The reason stands below the list.
             self._to_list()
 
     def action_leave(self) -> None:
-        """Leave the selection as it was; in the filter, go to the list."""
+        """Restore the previous selection; in the filter, go to the list."""
         if self._table.has_focus:
             self.dismiss(None)
         else:
             self._to_list()
 
     def action_import_table(self) -> None:
-        """End with this choice, and import a table."""
+        """Close with this selection, and import a table."""
         self.dismiss(self._chosen if self._touched else None)
         self.app.call_later(self.app.run_action, "app.import_table")
 
     def action_choose(self) -> None:
-        """Choose the run under the cursor, or not."""
+        """Select or deselect the run under the cursor."""
         self._touched = True
         if (path := self._here) is not None:
             self._mark(path, path not in self._chosen)
             self._table.action_cursor_down()
 
     def action_choose_all(self) -> None:
-        """Choose all that are shown; none, where all are chosen."""
+        """Select all shown runs; none if all are selected."""
         self._touched, shown = True, self._shown
         wanted = not all(path in self._chosen for path in shown)
         for path in shown:
             self._mark(path, wanted)
 
     def action_filter(self) -> None:
-        """Narrow the list."""
+        """Filter the list."""
         self.query_one("#filter").focus()
 
     def action_edit(self) -> None:
@@ -184,7 +186,7 @@ none. The reason stands below the list.
             self._ask("note", known.info.note)
 
     def action_other(self) -> None:
-        """Look into another folder."""
+        """Show another folder."""
         self._ask("folder", f"{self._folder}/")
 
     def action_verify(self) -> None:
@@ -199,14 +201,14 @@ none. The reason stands below the list.
             self.app.push_screen(FormatScreen(), partial(self._export, path))
 
     def action_recover(self) -> None:
-        """Write what a cut run still holds as a whole file in the same folder."""
+        """Write the valid part of a damaged run as a complete file in the same folder."""
         if (path := self._here) is not None:
             out = path.with_name(f"{path.stem}-recovered{path.suffix}")
             self._say(f"recovering {path.name}")
             self._jobs.append(start_job(self, jobs.recover, path=path, out=out))
 
     def on_key(self, event: Key) -> None:
-        """Up and down in the field of the folder bring those looked at before."""
+        """Up and down in the field of the folder show recent folders."""
         field, recent = self.query_one("#folder", Input), list(map(str, self._services.workspace.recent_folders))
         if field.has_focus and event.key in ("up", "down") and recent:
             here = recent.index(field.value.rstrip("/")) if field.value.rstrip("/") in recent else -1
@@ -239,13 +241,13 @@ none. The reason stands below the list.
             self._jobs.append(start_job(self, jobs.survey, paths=[path]))
 
     def _find(self) -> None:
-        """The runs of the folder, and those that were chosen elsewhere."""
+        """Runs of the folder, and selected ones from other folders."""
         found = {path.resolve(): path for path in (*sorted(self._folder.rglob("*.mcap")), *self._others, *self._chosen)}
         self._paths = list(found.values())
         self._chosen = [found[path.resolve()] for path in self._chosen]
 
     def _survey(self) -> None:
-        """List the files at once, what is in them as it is read."""
+        """List the files at once, and their metadata as they are read."""
         self._list()
         self._say("")
         if self._paths:
@@ -253,7 +255,7 @@ none. The reason stands below the list.
         else:
             step = self._services.key_of("Capture")
             other = self._services.keys.of("runs.folder")
-            self._say(f"No runs in {self._folder} yet: record some in step {step}, or look elsewhere ({other}).")
+            self._say(f"No runs in {self._folder} yet: record some in step {step}, or choose another folder ({other}).")
 
     @property
     def _table(self) -> DataTable[Text]:
@@ -326,7 +328,7 @@ none. The reason stands below the list.
 
 
 class FormatScreen(ModalScreen[str | None]):
-    """In which format to export."""
+    """Selection of an export format."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss", "Leave", id="format.leave")]
     DEFAULT_CSS = """
@@ -335,7 +337,7 @@ class FormatScreen(ModalScreen[str | None]):
     """
 
     def compose(self) -> ComposeResult:
-        """The formats."""
+        """Available formats."""
         yield OptionList(*EXPORTERS)
 
     @on(OptionList.OptionSelected)
@@ -373,7 +375,7 @@ def _about(known: RunSurveyed) -> str:
 
 
 def _reason(gate: str) -> str:
-    """Why a run is not simply ok."""
+    """Reasons why a run is not "ok"."""
     return gate if ":" in gate else ""
 
 

@@ -1,4 +1,4 @@
-"""A slider: a value on a line, moved by keys."""
+"""Slider: a value on a line, moved by keys."""
 
 from typing import ClassVar
 
@@ -43,11 +43,11 @@ class Slider(Widget, can_focus=True):
         self._label, self._unit, self._step = label, unit, step
 
     def validate_value(self, value: float) -> float:
-        """Inside, on a step."""
+        """The value inside the range, rounded to a step."""
         return min(max(round(value / self._step) * self._step, 0.0), self.maximum)
 
     def watch_maximum(self) -> None:
-        """A shorter line moves the value in."""
+        """Change the maximum; the value is reduced if needed."""
         self.value = self.validate_value(self.value)
 
     def action_move(self, steps: int) -> None:

@@ -1,4 +1,4 @@
-"""The row that is on every screen: which device, whether it is a simulation, the latch, a recording, the folder."""
+"""Status row of every screen: device, whether it is simulated, latch, recording, folder."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,29 +18,29 @@ class RecordingNow:
     t: float
     """Time since the release, s."""
     of: float | None = None
-    """How long it will be, s; None until rest."""
+    """Duration of the recording, s; None: until rest."""
 
     def __str__(self) -> str:
-        """Pose and time, as the row shows them."""
+        """Pose and time for the row."""
         of = "" if self.of is None else f" of {self.of:g}"
         return f"● REC {self.pose} {self.t:.0f}{of} s"
 
 
 COUNTDOWN = "RELEASING"
-"""In the place of a recording, while the countdown runs."""
+"""Text in place of a recording during the countdown."""
 
 
 class StatusLine(Static):
-    """Status line; it shows only what is known at present."""
+    """Status line; it shows only what is currently known."""
 
     def show(self, device: DeviceConnection, urgent: str, work: Sequence[str], folder: Path, now: float) -> None:
-        """Draw, where something changed; what has no room goes in the order in which it is missed least.
+        """Draw changes; if the space is short, the least important parts are omitted first.
 
         Args:
             device: the device
-            urgent: a recording or a countdown under way; empty for none
-            work: what is computed
-            folder: where results go
+            urgent: current recording or countdown; empty for none
+            work: running computations
+            folder: folder of the results
             now: `time.monotonic()`, s
         """
         parts = [_device(device, now), _latch(device, now)]

@@ -1,4 +1,4 @@
-"""The rows on top: the six steps, which one is shown, which are done, and what comes next."""
+"""Top rows: the six steps, the current one, the completed ones, and the next one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,13 +19,13 @@ class StepStatus:
     missing: str
     here: bool
     stale: str = ""
-    """What changed since the outcome was made; it stays readable."""
+    """Changes since the result was computed; the result stays readable."""
     working: bool = False
-    """Whether its work is under way."""
+    """Whether its job is running."""
 
     @property
     def symbol(self) -> str:
-        """One character, shown with the word."""
+        """One character, shown with the name."""
         if self.here:
             return HERE
         if self.outcome and self.stale:
@@ -34,7 +34,7 @@ class StepStatus:
 
 
 class Stepper(Static):
-    """Two rows: the steps, and in words where the operator is and what is next."""
+    """Two rows: the steps, and a sentence on the current and the next step."""
 
     class Chosen(Message):
         """A step was clicked."""
@@ -44,12 +44,12 @@ class Stepper(Static):
             self.number = number
 
     def show(self, steps: Sequence[StepStatus], next_key: str, report_key: str = "") -> None:
-        """Draw the steps as they stand, with as many of their outcomes as there is room for.
+        """Draw the current state of the steps, with as many results as fit.
 
         Args:
-            steps: all, in their order
-            next_key: the key that leads on
-            report_key: the key that opens the page that the step wrote; empty where there is none
+            steps: all steps in order
+            next_key: key of the next step
+            report_key: key that opens the report of the step; empty if there is none
         """
         shown = len(steps)
         while (row := _row(steps, shown)).cell_len > max(self.app.size.width - 2, 1) and shown > 0:
@@ -57,12 +57,12 @@ class Stepper(Static):
         self.update(Text("\n", no_wrap=True, overflow="ellipsis").join([row, _words(steps, next_key, report_key)]))
 
     def action_choose(self, number: int) -> None:
-        """A click on a step."""
+        """Handle a click on a step."""
         self.post_message(self.Chosen(number))
 
 
 def _row(steps: Sequence[StepStatus], shown: int) -> Text:
-    """The steps side by side; the first of those with an outcome tell it."""
+    """The steps in one row; the first ones with a result show it."""
     row, left = Text(no_wrap=True, overflow="ellipsis"), shown
     for number, step in enumerate(steps, 1):
         outcome = f" ({step.outcome})" if step.outcome and left > 0 else ""
@@ -76,12 +76,12 @@ def _row(steps: Sequence[StepStatus], shown: int) -> Text:
 def _words(steps: Sequence[StepStatus], next_key: str, report_key: str) -> Text:
     index = next((i for i, step in enumerate(steps) if step.here), 0)
     here = steps[index]
-    words = here.missing or f"{here.name}: {here.outcome or ('under way' if here.working else 'to be done')}"
+    words = here.missing or f"{here.name}: {here.outcome or ('running' if here.working else 'to be done')}"
     if here.outcome and report_key:
         words += f" · {report_key}: report"
     if here.outcome and here.stale:
         return Text(f"{words} · {here.stale}", "bold italic", no_wrap=True, overflow="ellipsis")
     if not here.missing and index + 1 < len(steps):
-        key = f" ({next_key})" if next_key else ""  # behind a dialog no key leads on
+        key = f" ({next_key})" if next_key else ""  # with a dialog open, no key shows the next step
         words += f" · next{key}: {index + 2} {steps[index + 1].name}"
     return Text(words, "italic", no_wrap=True, overflow="ellipsis")

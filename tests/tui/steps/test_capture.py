@@ -136,7 +136,7 @@ async def test_what_no_check_fails_by_is_said_too(app: DprApp, until) -> None:
         step = await connect(pilot, until, SIM, replace(SECOND, until_rest=True, max_duration=1.0))
         await to_judged(pilot, until, step)
         assert "good" in headline(app)
-        assert "the rods had not come to rest" in str(app.query_one("#readout", Static).render())
+        assert "the rods were still moving" in str(app.query_one("#readout", Static).render())
 
 
 async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, said) -> None:
@@ -354,7 +354,7 @@ async def test_a_cable_pulled_while_recording_costs_the_rest_of_the_swing_only(a
         await to_ready(pilot, until, step)
         await pilot.press("r")
         await until(pilot, lambda: step.attempt.recorded is not None and step.attempt.recorded.t > 0.5)
-        assert step.at_stake() == "The recording under way ends here; what was recorded until then is kept."
+        assert step.at_stake() == "The current recording ends now; the data recorded so far are kept."
         await pilot.press("1", "z")
         await until(pilot, lambda: "A capture is under way: end it first" in said(app))
         await pilot.press("3")
@@ -491,7 +491,7 @@ async def test_quitting_before_a_swing_is_kept_asks_and_the_next_start_offers_it
         run = await to_judged(pilot, until, step)
         await pilot.press("ctrl+q")
         assert isinstance(app.screen, Question)
-        assert f"the file of {run_name(run)} stays, and the next start asks again (k in Capture keeps it)" in str(
+        assert f"the file of {run_name(run)} is kept, and the next session asks again (k in Capture keeps it)" in str(
             app.screen.query_one(Static).render()
         )
         await pilot.press("y")

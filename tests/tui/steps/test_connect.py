@@ -60,7 +60,7 @@ async def test_simulated_time_has_no_clock_fit(app: DprApp) -> None:
     async with app.run_test(size=(80, 24)):
         app.device.connected = Connected("socket://rig:5000", SIMULATED_TIME, 1000, (), "")
         app.steps[0].hear(Exercised(1000, {}, None))
-        assert "this device's time is simulated" in " ".join(shown(app, "#device").split())
+        assert "the time of this device is simulated" in " ".join(shown(app, "#device").split())
         app.device.connected = None
 
 
@@ -71,7 +71,7 @@ async def test_a_connection_under_way_is_named_and_can_be_given_up(app: DprApp, 
         await connect(pilot, f"serial://{os.ttyname(theirs)}?baud=921600")
         await until(pilot, lambda: app.device.opening)
         await pilot.press("l")
-        assert "A connection is under way: wait, or give it up with z" in said(app)
+        assert "The connection is not complete: wait, or cancel it with z" in said(app)
         await pilot.press("z")
         await until(pilot, lambda: not app.device.opening)
         assert shown(app, "#device") == "not connected"

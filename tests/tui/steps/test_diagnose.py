@@ -52,7 +52,7 @@ async def test_from_runs_to_a_saved_diagnosis(lab, until, recorded: list[Path], 
         assert pilot.app.workspace.held_out == recorded[2:]
         await pilot.press("s")
         await until(pilot, lambda: "step" in text(pilot.app, "#state"))
-        assert step(pilot.app).at_stake() == "The diagnosis that is running ends without a result."
+        assert step(pilot.app).at_stake() == "The current diagnosis ends without a result."
         await until(pilot, lambda: step(pilot.app).job is None)
         folder = pilot.app.workspace.out / "diagnosis"
         assert pilot.app.workspace.diagnosis == folder / "diagnosis.json"
@@ -149,7 +149,7 @@ async def test_without_a_gap_there_is_no_empty_picture_of_where(lab, fixed_diagn
             shown.show(load_diagnosis(record))
             assert [shown.query_one(name).display for name in ("#place", "#place-map")] == [drawn] * 2
         assert "There is no gap to locate." in text(pilot.app, "#place-text")
-        assert "There is no gap: nothing closes" in text(pilot.app, "#far-text")
+        assert "There is no gap, so there is no gap reduction" in text(pilot.app, "#far-text")
         assert "90 % interval" not in text(pilot.app, "#far-text")
         await pilot.press("v")
         assert pilot.app.focused is shown  # a picture that is not shown takes no keys

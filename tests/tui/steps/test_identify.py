@@ -33,7 +33,7 @@ def step(app: App[None]) -> IdentifyStep:
 async def test_from_runs_to_a_saved_model(lab, until, recorded: list[Path]) -> None:
     async with lab(IdentifyStep, runs=recorded) as pilot:
         await pilot.press("s")
-        assert step(pilot.app).at_stake() == "The identification that is running ends without a result."
+        assert step(pilot.app).at_stake() == "The current identification ends without a result."
         await until(pilot, lambda: step(pilot.app).job is None)
         bench = pilot.app.workspace
         assert bench.model == bench.out / "model.json"
@@ -43,7 +43,7 @@ async def test_from_runs_to_a_saved_model(lab, until, recorded: list[Path]) -> N
         assert "The residual is noise alone" in text(pilot.app, "#state")
         assert all(name in text(pilot.app, "#ratios-text") for name in model.ratios)
         assert "only its bounds" in text(pilot.app, "#nine-text")
-        assert "The recordings see 5 of 9 directions" in text(pilot.app, "#seen-text")
+        assert "The recordings determine 5 of 9 directions" in text(pilot.app, "#seen-text")
         assert "Additional measurements on the bench" in text(pilot.app, "#seen-text")
         assert step(pilot.app).outcome() == "model of 3 runs"
         assert step(pilot.app).at_stake() == ""
@@ -164,7 +164,7 @@ async def test_a_damaged_model_is_told_and_the_step_lives_on(lab, tmp_path: Path
     broken.write_text("{}")
     async with lab(IdentifyStep, model=broken) as pilot:
         (notice,) = pilot.app._notifications
-        assert "is not a model that dpr-lab wrote" in notice.message
+        assert "is not a model of dpr-lab" in notice.message
         assert step(pilot.app).job is None
 
 
@@ -194,7 +194,7 @@ async def test_torques_are_chosen_where_runs_hold_both_kinds(
         writer.finish(RunSummary(release_tick=0))
     async with lab(IdentifyStep, runs=[tmp_path / "both.mcap"]) as pilot:
         await pilot.press("T")
-        assert "taken: the commanded torques of runs that hold both kinds; s: run again" in text(pilot.app, "#state")
+        assert "selected: commanded torques for runs that contain both kinds; s: run again" in text(pilot.app, "#state")
         bench = pilot.app.workspace
         assert (bench.driven_by, bench.basis()["the torques"]) == ("commanded", "commanded")
         assert json.loads((pilot.app.folder / "bench.json").read_text())["torque"] == "commanded"

@@ -78,14 +78,14 @@ def test_an_option_that_there_is_not_is_a_sentence(text: str, why: str) -> None:
 
 @pytest.mark.slow
 async def test_a_warning_is_confirmed_before_the_run_is_used(lab, until, table: Path) -> None:
-    # 170 degrees were imported as 170 rad and taken for identification.
+    # 170 degrees were imported as 170 rad and selected for identification.
     async with lab(CaptureStep) as pilot:
         app: DprApp = pilot.app
         assert "f5 imports a table" in app.steps[0].missing()
         await pilot.press("f5")
         assert isinstance(app.screen, TableImport)
         await pilot.press("ctrl+s")
-        await until(pilot, lambda: "no table is named" in understood(pilot))
+        await until(pilot, lambda: "no table is given" in understood(pilot))
         await preview(pilot, until, table, "--unit deg")
         assert "deg, absolute, upright is 0" in understood(pilot)
         assert "warning: " in understood(pilot)
@@ -113,14 +113,14 @@ async def test_nothing_is_imported_that_the_preview_did_not_show(lab, until, tab
         app.screen.query_one("#options", Input).value = "--zero hanging --unit deg"
         await pilot.press("ctrl+s")
         await until(pilot, lambda: "deg, absolute, hanging is 0" in understood(pilot))
-        assert "look at it, then import" in said(app)
+        assert "check it, then import" in said(app)
         assert app.workspace.runs == []
         await pilot.press("ctrl+s")
         await until(pilot, lambda: isinstance(app.screen, Question) or app.workspace.runs)
         if isinstance(app.screen, Question):
             await pilot.press("y")
         await until(pilot, lambda: len(app.workspace.runs) == 1)
-        assert "taken for identification" in said(app)
+        assert "selected for identification" in said(app)
         run = load_run(app.workspace.runs[-1])
         assert run.theta[0, 1] == pytest.approx(3.1415926 + 0.4, abs=1e-4)
 

@@ -66,10 +66,10 @@ def test_a_recorder_that_is_stopped_makes_everything_old(on_terminal) -> None:
     recorder = next(pid for pid in children(terminal.process.pid) if b"spawn_main" in command(pid))
     os.kill(recorder, signal.SIGSTOP)
     try:
-        terminal.until_shown("NO WORD from the device")
+        terminal.until_shown("NO MESSAGE from the device")
         nothing_is_stated_that_is_not_known(terminal)
         terminal.press("r")
-        terminal.until_shown("Not released: no word from the device")
+        terminal.until_shown("Not released: no message from the device")
     finally:
         os.kill(recorder, signal.SIGCONT)
     terminal.until_shown("latch CLOSED")  # heard again, and nothing was let go meanwhile

@@ -51,7 +51,7 @@ def test_a_recording_leaves_a_serial_console_room(on_terminal) -> None:
 @pytest.mark.parametrize(
     ("options", "why"),
     [
-        ({"answers": False}, "did not confirm within 10 s"),
+        ({"answers": False}, "did not confirm the countdown within 10 s"),
         pytest.param({"bytes_per_s": 300.0}, "terminal", marks=pytest.mark.long),
     ],
     ids=["a terminal that does not answer", "a line that is too slow"],
