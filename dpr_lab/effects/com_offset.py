@@ -70,6 +70,6 @@ COM_OFFSET_LINK2 = Effect(
     joints=(1,),
     twins=("encoder_offset_joint2",),
     quantities=(BenchQuantity("offset of the centroid across the outer rod", "y", ("offset_m",)),),
-    bench_check=("Lay the outer rod on a knife edge along its axis: a centroid beside the axis tips it to that side."),
+    bench_check=("Lay the outer rod on a knife edge along its axis: a centroid offset tips it to that side."),
     source=_SOURCE,
 )
