@@ -79,12 +79,17 @@ def fmu(model: Model, rig: Rig, standard: str = "3.0") -> bytes:
         ConfigError: the required package is not installed.
         DprError: the package failed to build the unit.
     """
+    return built_unit(python_module(model, rig), _SLAVE, standard)
+
+
+def built_unit(module: str, slave: str, standard: str) -> bytes:
+    """A unit of a Python module and a slave class in the words of FMI 3.0; errors as of `fmu`."""
     package = BUILDERS[standard]
     if importlib.util.find_spec(package) is None:
         raise ConfigError(f"an FMU of FMI {standard} needs {package}: pip install dpr-lab[exports]")
     with tempfile.TemporaryDirectory() as folder:
         script = Path(folder) / f"corrected_model_fmi{standard[0]}.py"
-        script.write_text(python_module(model, rig) + _in_words_of(standard), encoding="utf-8")
+        script.write_text(module + _in_words_of(slave, standard), encoding="utf-8")
         # In a separate process: the builder imports the script under its name.
         built = subprocess.run(
             [sys.executable, "-m", package, "build", "-f", script.name], cwd=folder, capture_output=True, text=True
@@ -95,8 +100,8 @@ def fmu(model: Model, rig: Rig, standard: str = "3.0") -> bytes:
         return units[0].read_bytes()
 
 
-def _in_words_of(standard: str) -> str:
+def _in_words_of(slave: str, standard: str) -> str:
     """The slave class with the names of the package, which finds the class by the literal name of its base."""
     if standard == "3.0":
-        return _SLAVE
-    return _SLAVE.replace("Float64 as Real", "Real").replace("pythonfmu3", BUILDERS[standard]).replace("Fmi3", "Fmi2")
+        return slave
+    return slave.replace("Float64 as Real", "Real").replace("pythonfmu3", BUILDERS[standard]).replace("Fmi3", "Fmi2")
