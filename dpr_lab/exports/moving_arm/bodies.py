@@ -13,9 +13,6 @@ from dpr_lab.exports.bodies import Rod
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 
-LEAST_MASS = 1.05
-"""Smallest mass of a rod, over the smallest that its moment and inertia allow."""
-
 
 @dataclass(frozen=True, slots=True)
 class ArmBodies:
@@ -45,8 +42,13 @@ def absolute_parameters(model: MovingArmModel) -> dict[str, float]:
     return {name: value if name == "L0" else value * scale for name, value in values.items()}
 
 
-def arm_bodies(model: MovingArmModel, rig: Rig) -> ArmBodies:
+def arm_bodies(model: MovingArmModel, rig: Rig, margin: float = 1.05) -> ArmBodies:
     """Bodies with the motion of the model.
+
+    Args:
+        model: the model
+        rig: its rig
+        margin: smallest mass of a rod, relative to the smallest that its moment and inertia allow
 
     Raises:
         ConfigError: the recordings determine no inertia of the arm, or no bodies with positive masses have this motion.
@@ -62,11 +64,11 @@ def arm_bodies(model: MovingArmModel, rig: Rig) -> ArmBodies:
     least2 = S2**2 / values["b"] if both else 0.0
     nominal1, nominal2 = rig.parameters["m1"].nominal, rig.parameters["m2"].nominal if both else 0.0
     for share in (1.0, 0.5, 0.25, 0.0):  # smaller masses leave more of A to the arm
-        m2 = max(share * nominal2, LEAST_MASS * least2)
+        m2 = max(share * nominal2, margin * least2)
         S1, about1 = values["e1"] / model.rig.g - m2 * L1, values["a"] - m2 * L1**2
         if about1 <= 0.0:
             continue
-        m1 = max(share * nominal1, LEAST_MASS * S1**2 / about1, 1e-6)
+        m1 = max(share * nominal1, margin * S1**2 / about1, 1e-6)
         alone = values["A"] - (m1 + m2) * L0**2
         if alone > 0.0:
             inner = _rod(L1, m1, S1, about1, values["c1"])
