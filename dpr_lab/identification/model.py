@@ -228,7 +228,8 @@ class Model(Shown, _Record):
         rms = " and ".join(f"{1e3 * value:.3g} mrad ({name})" for name, value in self.fit.rms_rad.items())
         doubts = f"; {len(self.failures)} checks failed" if self.failures else ""
         search = search_words(self.search.algorithm)
-        return f"Model of rig {self.rig.name} from {len(self.runs)} runs, {search}: {rms}{doubts}"
+        runs = f"{len(self.runs)} run{'s' * (len(self.runs) != 1)}"
+        return f"Model of rig {self.rig.name} from {runs}, {search}: {rms}{doubts}"
 
     def _rows(self) -> list[Row]:
         rows = [

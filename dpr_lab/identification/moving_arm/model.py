@@ -78,7 +78,8 @@ class MovingArmModel(Shown, BaseModel):
 
     def _heading(self) -> str:
         rms = ", ".join(f"{1e3 * value:.3g} mrad ({name})" for name, value in self.fit.rms_rad.items())
-        return f"Model of rig {self.rig.name} with a moving arm from {len(self.runs)} runs: {rms}"
+        runs = f"{len(self.runs)} run{'s' * (len(self.runs) != 1)}"
+        return f"Model of rig {self.rig.name} with a moving arm from {runs}: {rms}"
 
     def _rows(self) -> list[Row]:
         rows = [(name, f"{one.value:.5g}", f"{one.std:.2g}") for name, one in self.ratios.items()]
