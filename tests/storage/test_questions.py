@@ -113,6 +113,20 @@ def test_another_pose_than_the_one_named_leads_to_the_reading_that_starts_there(
         import_csv(tmp_path / "a.csv", rig, ImportOptions(**{**RIGHT, "pose": "side", **options}))
 
 
+@pytest.mark.parametrize("name", ["side", "elbow"])
+def test_a_zero_elsewhere_is_questioned_with_the_offset_that_mends_it(name: str, tmp_path: Path) -> None:
+    file = tmp_path / "a.csv"
+    rows = np.loadtxt(SAMPLES / f"{name}.csv", delimiter=",", skiprows=1) + np.array([0.0, 30.0, -20.0])
+    np.savetxt(file, rows, "%.10g", ",", header="time_s,angle1_deg,angle2_deg", comments="")
+    rig, given = load_rig(SAMPLES / "bench.toml"), {**RIGHT, "offset": {"theta1": 5.0}}
+    option, value = preview(file, rig, ImportOptions(**given)).mend
+    offset = {axis: float(number) for axis, number in (word.split("=") for word in value.split(","))}
+    assert option == "--offset"
+    assert offset == pytest.approx({"theta1": -30.0, "theta2": 20.0}, abs=1.0)
+    mended = preview(file, rig, ImportOptions(**{**RIGHT, "offset": offset, "pose": name}))
+    assert mended.questions == ()
+
+
 def test_an_arm_that_moves_but_is_given_as_clamped_is_questioned(paper: Rig, tmp_path: Path) -> None:
     arm = ArmConfig(mode="free", J0=0.05, c0=0.02, k0=1.0)
     swing = record(load_plant("paper", 5).model_copy(update={"arm": arm}), paper, 2.0, 200)[0].swing

@@ -10,7 +10,8 @@ angles and times are interpreted correctly, and a large one otherwise. It needs 
 simulation.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,12 @@ class EnergySettings:
     """
     slack: float = 3.0
     """Factor by which a base parameter may differ from the value of the rig file."""
+    zeros: int = 18
+    """Number of zeros per turn that are tried for each rod."""
+    refined: int = 5
+    """Number of pairs of zeros that are refined, the best first."""
+    zero_rows: int = 800
+    """Number of rows for that."""
     friction: float = 100.0
     """Factor by which a viscous coefficient, which is poorly known, may exceed the value of the rig file."""
 
@@ -82,14 +89,62 @@ def energy_fit(
         rig: the recorded rig
         settings: settings of the test
     """
+    moving = _motion(t, rods, rig, settings)
+    return None if moving is None else _balance(moving, torques, rig, settings)
+
+
+def energy_zeros(t: Array, rods: Array, rig: Rig, settings: EnergySettings = ENERGY) -> tuple[float, float] | None:
+    """Angles to add to both rods, within a turn, so that a free swing conserves its energy best; None without motion.
+
+    Args:
+        t: (n,) s
+        rods: (n, 2) absolute angles, rad
+        rig: the recorded rig
+        settings: settings of the test
+    """
+    from scipy.optimize import minimize
+
+    every = max(1, len(rods) // settings.zero_rows)
+    moving = _motion(t[::every], rods[::every], rig, settings)
+    if moving is None:
+        return None
+
+    def residual(added: Array) -> float:
+        fit = _balance(replace(moving, rods=moving.rods + added), None, rig, settings)
+        return np.inf if fit is None else fit.residual
+
+    steps = np.arange(settings.zeros) * 2 * np.pi / settings.zeros
+    starts = sorted((np.array(pair) for pair in product(steps, steps)), key=residual)[: settings.refined]
+    best = min((minimize(residual, start, method="Nelder-Mead") for start in starts), key=lambda one: one.fun)
+    inner, outer = np.remainder(best.x + np.pi, 2 * np.pi) - np.pi
+    return float(inner), float(outer)
+
+
+@dataclass(frozen=True, slots=True)
+class _Motion:
+    """Motion of the rods at the centres of windows."""
+
+    near: NDArray[np.intp]
+    """(k,) rows."""
+    t: Array
+    """(k,) s."""
+    rods: Array
+    """(k, 2) rad."""
+    omega: Array
+    """(k, 2) rad/s."""
+
+
+def _motion(t: Array, rods: Array, rig: Rig, settings: EnergySettings) -> _Motion | None:
     with np.errstate(all="ignore"):
         try:
             moving = _velocities(t, rods, periods(rig)[1] * settings.window_share, settings)
         except np.linalg.LinAlgError:  # instants so uneven that they are numerically equal
             return None
-    if moving is None or not all(np.isfinite(part).all() for part in moving):
-        return None
-    near, t, rods, omega = moving
+    return None if moving is None or not all(np.isfinite(part).all() for part in moving) else _Motion(*moving)
+
+
+def _balance(moving: _Motion, torques: Array | None, rig: Rig, settings: EnergySettings) -> EnergyFit | None:
+    near, t, rods, omega = moving.near, moving.t, moving.rods, moving.omega
     base = base_parameters(rig.nominal, rig.L1, rig.g)
     a, b, d, e1, c1, c2 = base.tolist()
     (th1, th2), (w1, w2) = rods.T, omega.T

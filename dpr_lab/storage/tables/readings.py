@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
 from dpr_lab.storage.tables.columns import AXES, TO_SECONDS
-from dpr_lab.storage.tables.energy import EnergyFit, energy_fit
+from dpr_lab.storage.tables.energy import EnergyFit, energy_fit, energy_zeros
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import unwrapped
 
@@ -33,6 +33,8 @@ class ReadingSettings:
     """Factor by which the residual of another interpretation must be smaller."""
     sure: float = 0.1
     """Maximum residual of another interpretation."""
+    zero_rad: float = 0.02
+    """Difference of a zero below which it is not proposed, rad: a diagnosis fits it as an encoder offset."""
     alike: float = 2.0
     """Interpretations whose residuals differ by less than this factor are equally good; the one with fewer changes
     is preferred.
@@ -55,18 +57,19 @@ class OtherReading:
     time_factor: float = 1.0
     scale: tuple[float, float] = (1.0, 1.0)
     """Additional factors of the option `--scale` for the two rods."""
+    offset: tuple[float, float] = (0.0, 0.0)
+    """Values that are then added to the two rods, in the unit of the table."""
 
     @property
     def mend(self) -> tuple[str, ...]:
         """Command-line options; empty if the correction is not certain."""
-        if self.scale == (1.0, 1.0):
-            return self.words
-        scale = dict(self.options.scale)
-        for axis, factor in zip(AXES[1:], self.scale, strict=True):
+        zeros = {**dict.fromkeys(AXES[1:], 0.0), **self.options.offset}
+        scale, offset = dict(self.options.scale), dict(zeros)
+        for axis, factor, added in zip(AXES[1:], self.scale, self.offset, strict=True):
             scale[axis] = scale.get(axis, 1.0) * factor
-        each = [f"{axis}={factor:g}" for axis, factor in scale.items() if factor != 1]
-        both = set(scale) == set(AXES[1:]) and len(set(scale.values())) == 1
-        return (*self.words, "--scale", f"{scale['theta1']:g}" if both else ",".join(each))
+            offset[axis] = offset[axis] * factor + added
+        words = self.words if self.scale == (1.0, 1.0) else (*self.words, *_per_rod("--scale", scale, 1.0))
+        return words if offset == zeros else (*words, *_per_rod("--offset", offset, 0.0))
 
     @property
     def sentence(self) -> str:
@@ -77,9 +80,9 @@ class OtherReading:
     def mirrored(self) -> "OtherReading":
         """The mirror image of the rods, which has the same energy."""
         turned = {axis: -self.values[axis] for axis in AXES[1:]}
-        signs = -self.scale[0], -self.scale[1]
+        signs, offset = (-self.scale[0], -self.scale[1]), (-self.offset[0], -self.offset[1])
         causes = self.causes if signs == (-1.0, 1.0) else (*self.causes, "both angles have the opposite sign")
-        return replace(self, causes=causes, values={**self.values, **turned}, scale=signs)
+        return replace(self, causes=causes, values={**self.values, **turned}, scale=signs, offset=offset)
 
 
 def angles(values: Values, options: ImportOptions, rig: Rig, path: Path) -> tuple[Array, NDArray[np.int64] | None]:
@@ -133,10 +136,38 @@ def better_readings(
         again = energy_fit(t * reading.time_factor, other[:, 1:], torques, rig)
         if again is not None and again.residual < min(SETTINGS.sure, fit.residual / SETTINGS.better):
             tried.append((again.residual, reading))
+    if not tried and torques is None and (moved := _with_other_zeros(t, values, options, rig, path)):
+        return [moved]
     best = min((residual for residual, _ in tried), default=np.inf)
     alike = [reading for residual, reading in tried if residual <= SETTINGS.alike * best]
     fewest = min((len(reading.causes) for reading in alike), default=0)
     return [reading for reading in alike if len(reading.causes) == fewest]
+
+
+def _with_other_zeros(t: Array, values: Values, options: ImportOptions, rig: Rig, path: Path) -> OtherReading | None:
+    """The same table with the zeros of the rods at which a free swing conserves its energy; None if there are none."""
+    if options.unit == "counts":
+        return None
+    read = angles(values, options, rig, path)[0][:, 1:]
+    added = energy_zeros(t, read, rig)
+    again = None if added is None else energy_fit(t, read + added, None, rig)
+    if added is None or again is None or again.residual > SETTINGS.right / SETTINGS.alike:
+        return None
+    inner, outer = added
+    unit = TO_RADIANS[options.unit or "rad"]
+    columns = (inner, (outer - inner + np.pi) % (2 * np.pi) - np.pi if options.angles == "relative" else outer)
+    digits = 1 if options.unit == "deg" else 3
+    offset = tuple(round(one / unit, digits) if abs(one) > SETTINGS.zero_rad else 0.0 for one in columns)
+    moved = {axis: values[axis] + value for axis, value in zip(AXES[1:], offset, strict=True)}
+    cause = "the zeros of the angles are elsewhere"
+    return OtherReading((cause,), (), {**values, **moved}, options, offset=(offset[0], offset[1]))
+
+
+def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[str, str]:
+    """An option with a value for both rods, or for each."""
+    if set(value) == set(AXES[1:]) and len(set(value.values())) == 1:
+        return option, f"{value['theta1']:g}"
+    return option, ",".join(f"{axis}={one:g}" for axis, one in value.items() if one != neutral)
 
 
 def other_readings(values: Values, options: ImportOptions, columns: Mapping[str, str]) -> Iterator[OtherReading]:
