@@ -1,8 +1,9 @@
-"""Sets of effects and their fits, each made once, with the ways out of local minima.
+"""Sets of effects and their fits: each set is fitted once, with measures against local minima.
 
-A fit far from the noise may end where a few or long segments hold it. So an effect is started from several shapes,
-from short segments, from the set above and from the set below, and the best of these counts. A set that is fitted
-again keeps the better fit. Each move fits in a copy of its own, so that no fit reaches an earlier state of the search.
+A fit far from the noise may end in a local minimum that a few segments, or long ones, cause. Therefore an effect is
+started from several shapes, from short segments, and from the sets with one effect more and one effect fewer; the best
+of these fits counts. If a set is fitted again, the better fit is kept. Each move fits in its own copy, so that no fit
+changes an earlier state of the search.
 """
 
 from collections.abc import Callable, Mapping
@@ -41,21 +42,21 @@ class Effort:
     """Number of candidates that are fitted for each set."""
 
     rough: int = 6
-    """Iterations of a fit far from the noise."""
+    """Number of iterations of a fit far from the noise."""
     fine: int = 15
-    """Iterations of one near it."""
+    """Number of iterations of a fit near the noise."""
     preview: int = 3
-    """Iterations from each of several shapes, of which the best goes on."""
+    """Number of iterations from each of several shapes; the best of these fits is continued."""
     thorough: int = 30
-    """Iterations from the best of several shapes."""
+    """Number of iterations from the best of several shapes."""
     short: int = 12
-    """Iterations from short segments."""
+    """Number of iterations from short segments."""
     achieved: float = 0.5
-    """Share of the predicted fall of chi2 below which a fit is tried again from shorter segments."""
+    """Fraction of the predicted reduction of chi2 below which a fit is repeated from shorter segments."""
     starts: int = 4
-    """Shapes from which an effect with several of them is fitted."""
+    """Number of shapes of an effect from which more than one is fitted."""
     leading: float = 0.5
-    """Share of the best score from which several shapes are worth a fit."""
+    """Fraction of the best score above which further shapes are fitted."""
 
 
 EFFORT = Effort()
@@ -63,7 +64,7 @@ EFFORT = Effort()
 
 @dataclass(frozen=True, slots=True)
 class FittedSets:
-    """The sets of effects that one move has before it, and the ways to fit more."""
+    """The sets of effects that are available to a move, and the functions that fit further sets."""
 
     recordings: Recordings
     problem: Problem
@@ -72,9 +73,9 @@ class FittedSets:
     """The model without effects."""
     on_progress: Progress
     expected: frozenset[str] = frozenset()
-    """Effects that the rig is known to have, large or small: no recording need show them."""
+    """Effects that the rig is known to have, of any size: they need not be visible in a recording."""
     unseen_chi2: Callable[[Hypothesis], float] | None = None
-    """Sum of chi2 on runs held out; none where there are none."""
+    """Function that returns the sum of chi2 on held-out runs; None without held-out runs."""
     _fits: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     _tests: dict[frozenset[str], ScoreTest] = field(default_factory=dict)
     _short: list[tuple[Problem, NDArray[np.float64]]] = field(default_factory=list)
@@ -89,28 +90,28 @@ class FittedSets:
 
     @property
     def tests(self) -> Mapping[frozenset[str], ScoreTest]:
-        """The score tests on them."""
+        """The score tests on the fitted sets."""
         return MappingProxyType(self._tests)
 
     def resumed(
         self, fits: Mapping[frozenset[str], Hypothesis], tests: Mapping[frozenset[str], ScoreTest]
     ) -> "FittedSets":
-        """The same recordings and library with a copy of other fits and score tests."""
+        """The same recordings and library, with copies of the fits and score tests."""
         return replace(self, _fits=dict(fits), _tests=dict(tests))
 
     def keep(self, model: Hypothesis) -> Hypothesis:
-        """Store a fit if it is the best of its set; return the best."""
+        """Store a fit if it is the best of its set; return the best fit of the set."""
         best = self._fits.get(model.key)
         if best is None or model.fit.chi2 <= best.fit.chi2:
             self._fits[model.key] = best = model
         return best
 
     def unexpected(self, model: Hypothesis) -> list[str]:
-        """Effects of a set that only the recordings speak for."""
+        """Effects of a set that are supported by the recordings alone."""
         return [name for name in model.effects if name not in self.expected]
 
     def start(self) -> Hypothesis:
-        """The bare model with what the rig is known to have and these recordings show, the largest score first."""
+        """The bare model with the known effects of the rig that these recordings show, the largest score first."""
         model = self.bare
         while scores := [
             score for score in self.test(model).ranking if score.effect.name in self.expected and score.gain > 0
@@ -128,7 +129,7 @@ class FittedSets:
         return self._tests[model.key]
 
     def with_one(self, model: Hypothesis, score: Score) -> Hypothesis:
-        """A set with one effect more, from shorter segments too where chi2 falls far less than its score predicts."""
+        """A set with one additional effect; also fitted from shorter segments if chi2 falls far less than predicted."""
         key = model.key | {score.effect.name}
         if key in self._fits:
             return self._fits[key]
@@ -140,7 +141,7 @@ class FittedSets:
         return self.keep(larger)
 
     def _best_shape(self, model: Hypothesis, score: Score) -> Hypothesis:
-        """Fit from the best shape; where there are several, from the best few."""
+        """Fit from the best shape; if the effect has several shapes, from the best few."""
         test = self.test(model)
         leading = score.gain > EFFORT.leading * test.ranking[0].gain
         starts = test.shaped[score.effect.name][: EFFORT.starts if leading else 1]
@@ -157,7 +158,7 @@ class FittedSets:
         return self._short[0]
 
     def on_short(self) -> "FittedSets":
-        """Sets fitted to short segments, which effects bend less."""
+        """Sets fitted to short segments, in which the influence of an effect is closer to linear."""
         cut, initial = self.short()
         start = self.bare.fit.estimate.changed(initial=initial)
         bare = hypothesis(cut, (), fit(cut, start, free_parameters(start, (), cut), iterations=EFFORT.fine))
@@ -169,13 +170,13 @@ class FittedSets:
         return self.escaped(hypothesis(self.problem, short.effects, long))
 
     def _lengthened(self, near: Fit, initial: NDArray[np.float64], iterations: int) -> Fit:
-        """A fit in short segments carried on to these; they begin at `initial` where the short ones say nothing."""
+        """Continue a fit to short segments; initial states that it lacks are taken from `initial`."""
         cut, _ = self.short()
         initial_states = carried(cut.segments, near.estimate.initial, self.problem.segments, initial)
         return fit(self.problem, near.estimate.changed(initial=initial_states), near.free, iterations=iterations)
 
     def escaped(self, model: Hypothesis) -> Hypothesis:
-        """The same set, tried once more where a few segments, or long ones, may hold it at a local minimum."""
+        """Fit the same set again where a few segments, or long ones, may cause a local minimum."""
         if not at_noise_floor(model):
             model = self._better(without_outstanding(self.problem, model.fit), model)
         if not at_noise_floor(model) and model.effects:
@@ -191,7 +192,7 @@ class FittedSets:
         return hypothesis(self.problem, model.effects, other) if other.chi2 < model.fit.chi2 else model
 
     def without(self, model: Hypothesis, effect: str) -> Hypothesis:
-        """The better of the fits from above and, where a score test leads to the set, from below."""
+        """The better of two fits: from the larger sets and, if a score test leads to the set, from a smaller one."""
         key = model.key - {effect}
         if key in self._fits:
             return self._fits[key]
@@ -205,9 +206,9 @@ class FittedSets:
         return self.keep(smaller)
 
     def replaced(self, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
-        """The set with another effect replacing one, started without either and with both; None if it has no score.
+        """The set with another effect in place of one, started without either and with both; None without a score.
 
-        Of two related effects the one takes over what the other explains, where a fit from neither may get lost.
+        Of two related effects, one takes over the share of the other, whereas a fit from neither may diverge.
         """
         less = self.without(model, effect)
         score = self.test(less).of(other)
@@ -231,7 +232,7 @@ class FittedSets:
         return self.keep(model if other is None or other.cost >= model.cost else other)
 
     def converged(self, model: Hypothesis) -> Hypothesis:
-        """A set fitted to the end where it was only fitted roughly, without effects that came out as nothing."""
+        """A set fitted to convergence where it was fitted only approximately; effects of zero size are removed."""
         model = self._fits[model.key]
         if model.effects and not model.fit.converged:
             done = fit(self.problem, model.fit.estimate, model.fit.free, iterations=2 * EFFORT.fine)

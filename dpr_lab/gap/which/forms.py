@@ -1,8 +1,9 @@
-"""What effects could do in another functional form: their own torque or reading error times a free function.
+"""Other functional forms of the effects: the torque or reading error of each, multiplied by a free function.
 
-The library holds each effect in one form, and a real one may have another: friction by a power of the load, a spring
-that softens, a delay that shrinks with speed. While something is left over, one effect more may only be making up for
-that, so it has to explain what no other form of the rest could.
+The library contains each effect in one functional form, and a real effect may have another: friction that grows with a
+power of the load, a softening spring, a delay that decreases with speed. While a residual remains, an additional effect
+may merely compensate for such a deviation. It must therefore explain a part of the residual that no other form of the
+remaining effects can explain.
 """
 
 import numpy as np
@@ -30,13 +31,13 @@ Array = NDArray[np.float64]
 
 
 def own_share(problem: Problem, less: Hypothesis, test: ScoreTest, score: Score) -> float:
-    """Share of what an effect explains in addition to a set, that no other form of the set's effects explains, 0 to 1.
+    """Fraction of the reduction by an effect that no other form of a set's effects explains, 0 to 1.
 
     Args:
-        problem: what was measured
-        less: the set
+        problem: segments and noise
+        less: the set without the effect
         test: the score test on that set
-        score: of the effect, from that test
+        score: score of the effect from that test
     """
     along, linear = trajectory(problem, less.fit.estimate), test.linear
     forms = linear.projected(
@@ -53,7 +54,7 @@ def own_share(problem: Problem, less: Hypothesis, test: ScoreTest, score: Score)
 
 
 def _other_forms(problem: Problem, along: Trajectory, model: Hypothesis, name: str) -> Array:
-    """(segments, m, k) whitened readings under what an effect of a set would do in other forms."""
+    """(segments, m, k) whitened readings under the effects of a set in other functional forms."""
     effect, estimate = EFFECTS[name], model.fit.estimate
     if effect.stage == "load":
         (joint,) = effect.joints

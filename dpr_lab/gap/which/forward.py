@@ -1,4 +1,4 @@
-"""Forward selection: the score test names candidates, the best are fitted, two sets go on to the next size."""
+"""Forward selection: the score test ranks candidates, the best are fitted, and two sets are extended further."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -25,19 +25,19 @@ class Beam:
     """Width of the forward search."""
 
     fitted: int = 4
-    """Candidates of a score test that are fitted."""
+    """Number of candidates of a score test that are fitted."""
     fitted_when_far: int = 6
-    """The same far from the noise, where linear scores mislead."""
+    """The same number far from the noise, where linear scores are unreliable."""
     sets: int = 2
-    """Sets that go on from one size to the next."""
+    """Number of sets that are extended to the next size."""
     worse: float = 4.0
-    """Factor of the best set's excess up to which another goes on."""
+    """Ratio to the excess of the best set up to which another set is extended."""
     exceeded: float = 2.0
-    """Times that a fit far from the noise may exceed what its linear score predicts; 1.7 was seen."""
+    """Largest ratio of a fitted reduction to the predicted one, far from the noise; 1.7 was observed."""
     as_promising: float = 0.5
-    """Share of what a set gained by reaching the noise that another effect's score must reach to be fitted too."""
+    """Fraction of the reduction that reached the noise, which the score of another effect needs to be fitted too."""
     same_gain: float = 1e-3
-    """Relative difference of gains within which effects that are hardly distinguishable are not fitted twice."""
+    """Relative difference of reductions within which only one of several nearly indistinguishable effects is fitted."""
 
 
 BEAM = Beam()
@@ -47,12 +47,12 @@ def forward_selection(max_effects: int, *, to_floor: bool = False) -> Move:
     """The move that adds effects one at a time.
 
     Args:
-        max_effects: largest number of effects
-        to_floor: whether to stop where only noise remains: longer segments show what else there is
+        max_effects: maximum number of effects
+        to_floor: whether to stop as soon as only noise remains (longer segments show the remaining effects)
     """
     return Move(
         "add",
-        "forward selection: the candidates with the largest scores are fitted, the two best sets go on",
+        "forward selection: the candidates with the largest scores are fitted, the two best sets are extended further",
         partial(_larger_sets, max_effects=max_effects, to_floor=to_floor),
         _worth_its_price,
         then="go on",
@@ -62,7 +62,8 @@ def forward_selection(max_effects: int, *, to_floor: bool = False) -> Move:
 def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor: bool) -> Iterator[Proposal]:
     """The best set of each size.
 
-    Far from the noise one effect that does not help alone is passed: causes of one size may only help together.
+    Far from the noise, a single effect that does not reduce the excess does not stop the search: two effects of similar
+    size may reduce it only together.
     """
     best, front, passed = start, [start], False
     for _ in range(max_effects - len(sets.unexpected(start))):
@@ -98,7 +99,7 @@ def _worth_its_price(sets: FittedSets, current: Hypothesis, proposal: Proposal) 
 
 
 def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
-    """The next best sets that are no other form of the best, where they are near it."""
+    """The next best sets, near the best one, that are not other forms of it."""
     apart = [model for model in others if not _contains(sets, model, best)]
     return [model for model in apart[: BEAM.sets - 1] if excess(model) < BEAM.worse * excess(best)]
 
@@ -106,9 +107,9 @@ def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) ->
 def _with_one_more(
     sets: FittedSets, model: Hypothesis, level: Mapping[frozenset[str], Hypothesis]
 ) -> Iterator[Hypothesis]:
-    """The set with each of the most promising effects; once only noise remains, only those as promising.
+    """The set with each of the most promising effects; if only noise remains, only with equally promising ones.
 
-    A candidate that would not come near the best of its `level` at twice its predicted gain is not fitted.
+    A candidate is not fitted if twice its predicted reduction would not reach the best set of its `level`.
     """
     least = 0.0
     for score in _candidates(model, sets.test(model)):
@@ -130,7 +131,7 @@ def _contains(sets: FittedSets, one: Hypothesis, other: Hypothesis) -> bool:
 
 
 def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
-    """Effects with the largest predicted reduction, one of those hardly distinguishable, and simpler forms of each."""
+    """Effects with the largest predicted reduction, one of each nearly indistinguishable group, and simpler forms."""
     inflation = min(model.residuals.inflation, max(1.0, model.residuals.chi2 / model.residuals.dof))
     promising = [
         score

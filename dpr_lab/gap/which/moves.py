@@ -1,9 +1,11 @@
-"""The moves of the search around forward selection: each adds, drops, replaces or refits effects of the current set.
+"""The moves of the search besides forward selection: each adds, removes, replaces or refits effects of the set.
 
-A move is a generator that proposes sets, and a rule that accepts or rejects them; `MOVES`, at the end, names them all.
+A move consists of a generator of proposed sets and a rule that accepts or rejects them; `MOVES`, at the end, lists
+them.
 
-The criterion is the held-out chi-square with the price of the parameters (`Hypothesis.cost`). What fall of it means
-nothing, and from which growth of the excess on an effect is needed, is in `dpr_lab.gap.hypothesis.thresholds`.
+The criterion is the held-out chi-square plus the penalty of the parameters (`Hypothesis.cost`). The reduction that is
+not significant, and the increase of the excess from which an effect is necessary, are defined in
+`dpr_lab.gap.hypothesis.thresholds`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -24,11 +26,11 @@ from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 REPLACEMENTS = 2
-"""Candidates that are tried in place of each effect."""
+"""Number of candidates that are fitted in place of each effect."""
 
 
 def _with_what_is_known(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """The bare model with the effects that the rig is known to have and these recordings show."""
+    """The bare model with the known effects of the rig that these recordings show."""
     start = sets.start()
     if start.effects:
         yield Proposal(start)
@@ -39,7 +41,7 @@ def _known(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decisio
 
 
 def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]:
-    """The smallest set that was fitted and explains nearly as much: growth may have passed it on another branch."""
+    """The smallest fitted set that explains nearly as much; it may lie on another branch of the search."""
     adequate = [
         model
         for model in sets.fits.values()
@@ -62,7 +64,7 @@ def _adequate(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Deci
 
 
 def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """The set without the effect that is needed least; the last effect stays for its share of the whole."""
+    """The set without its least necessary effect; a single effect is judged by its share of the whole gap."""
     removable = sets.unexpected(current)
     if len(current.effects) > 1 and removable:
         fewer = [sets.without(current, name) for name in removable]
@@ -73,15 +75,15 @@ def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Pro
 
 def _not_needed(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     if proposal.value < 1:
-        return Decision(True, f"hardly needed: {proposal.value:.2g} of what keeps an effect")
+        return Decision(True, f"not necessary: {proposal.value:.2g} of the required increase")
     chance = significance(sets.bare, proposal.model, current)
     if proposal.model.cost - current.cost > chance:
-        return Decision(False, f"needed: {proposal.value:.3g} times what keeps an effect")
+        return Decision(False, f"necessary: {proposal.value:.3g} times the required increase")
     return Decision(True, f"the criterion grows by less than {chance:.3g}, which is not significant")
 
 
 def _richer(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """An effect replaced by a richer one that contains it, where the score test shows what the richer one adds."""
+    """An effect replaced by a richer one that contains it, if the score test shows a contribution of the richer one."""
     chance = THRESHOLDS.chance * current.residuals.inflation
     test = sets.test(current)
     for score in test.ranking:
@@ -109,7 +111,7 @@ def _simpler(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 
 
 def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    """While something remains, a richer form may only be making up for that, and has to add more."""
+    """While a residual remains, a richer form may merely compensate for it; it must then explain more."""
     model, closed = proposal.model, at_noise_floor(current)
     margin = indifference(sets.bare, current, share=THRESHOLDS.integrator if closed else THRESHOLDS.contained)
     alike = at_noise_floor(model) if closed else excess(model) < THRESHOLDS.slow * excess(current)
@@ -121,8 +123,8 @@ def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decis
 def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """An effect replaced by a simpler one and another effect, which together have fewer parameters.
 
-    The spare parameters of a richer form may imitate a second cause, as unequal friction in the two directions does a
-    zero offset.
+    The additional parameters of a richer form may imitate a second cause; unequal friction in the two directions
+    imitates a zero offset.
     """
     for simpler in (proposal.model for proposal in _simpler(sets, current)):
         fewer = len(current.fit.free) - len(simpler.fit.free)
@@ -138,7 +140,7 @@ def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposa
 
 
 def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """While something remains: the best set with another effect in place of one, or one in another shape."""
+    """While a residual remains: the best set with one effect replaced by another one or by another shape of it."""
     if at_noise_floor(current) or not current.effects:
         return
     best = current
@@ -163,26 +165,26 @@ def _closer(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decisi
 
 
 def _without_each(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """The set without each of its effects in turn."""
+    """The sets without one effect, for each effect in turn."""
     for name in current.effects:
         yield Proposal(sets.without(current, name))
 
 
 def _predicts_better(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    """Cross-validation: an effect that makes one run harder to predict from the others is no cause."""
+    """Cross-validation: an effect that worsens the prediction of a run from the other runs is not a cause."""
     less, tolerance = proposal.model, THRESHOLDS.chance * current.residuals.inflation
-    if excess(less) > excess(sets.bare):  # its fit got lost, and predicts nothing
+    if excess(less) > excess(sets.bare):  # its fit diverged and predicts nothing
         return Decision(False, "without it the fit does not converge")
     if (current.predictive_loss - less.predictive_loss > tolerance).any():
-        return Decision(True, "without it a run is predicted better from the others")
-    return Decision(False, "each run is predicted as well with it")
+        return Decision(True, "without it, a run is predicted better from the other runs")
+    return Decision(False, "with it, no run is predicted worse")
 
 
 def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """While something remains: the set without the effect that adds least to what other forms of the rest explain.
+    """While a residual remains: the set without the effect that contributes least beyond other forms of the rest.
 
-    An effect without which hardly anything of the explanation remains makes up for nothing else and is not proposed;
-    nor may all that are dropped leave so much more than the best set that was fitted.
+    An effect without which hardly any of the reduction remains is not proposed, because it compensates for nothing
+    else. All removed effects together may not increase the excess far above that of the best fitted set.
     """
     if at_noise_floor(current) or len(current.effects) < 2:
         return
@@ -198,7 +200,7 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
 
 
 def _makes_up_for_another_form(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    share = f"{proposal.value:.0%} of what it explains is explained by no other form of the rest"
+    share = f"{proposal.value:.0%} of its reduction is explained by no other form of the remaining effects"
     return Decision(proposal.value < THRESHOLDS.own_share, share)
 
 
@@ -211,12 +213,12 @@ def _converged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 def _fitted_to_the_end(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     fewer = len(proposal.model.effects) < len(current.effects)
     return Decision(
-        True, "at the minimum, effects without size are left out" if fewer else "the minimum was not reached"
+        True, "at the minimum; effects with zero amplitude are removed" if fewer else "the minimum was not reached"
     )
 
 
 def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """The best set, no larger, of all that were fitted while alternatives were compared and sets taken apart."""
+    """The best set of the same or smaller size among all sets that were fitted in comparisons with alternatives."""
     fits = with_alternatives(sets, predictive(sets, current))
     known = current.key & sets.expected
     others = [
@@ -232,14 +234,14 @@ def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Propo
 def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     best, chance = proposal.model, significance(sets.bare, current, proposal.model)
     if at_noise_floor(best) < at_noise_floor(current):
-        return Decision(False, "leaves more than noise")
+        return Decision(False, "the residual exceeds the noise")
     if current.cost - best.cost > chance:
         return Decision(True, f"the criterion falls by more than {chance:.3g}")
     return Decision(False, f"the criterion falls by less than {chance:.3g}, which is not significant")
 
 
 def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """The set with an indistinguishable effect, of a far more plausible size, in place of one."""
+    """The set with one effect replaced by an indistinguishable one of a far more plausible size."""
     chosen = predictive(sets, current)
     margin = indifference(sets.bare, chosen)
     for name in sets.unexpected(chosen):
@@ -257,7 +259,8 @@ def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]
 
 def _far_more_plausible(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     return Decision(
-        proposal.value > THRESHOLDS.likelier, f"indistinguishable; the prior odds of the sizes are {proposal.value:.2g}"
+        proposal.value > THRESHOLDS.likelier,
+        f"indistinguishable; the ratio of the prior probabilities of the sizes is {proposal.value:.2g}",
     )
 
 
@@ -272,7 +275,7 @@ def _predicts_held_out_runs(sets: FittedSets, current: Hypothesis, proposal: Pro
 
 
 def predictive(sets: FittedSets, model: Hypothesis) -> Hypothesis:
-    """A set without effects, the worst first, that make held-out runs harder to predict."""
+    """The set without the effects that worsen the prediction of held-out runs, the worst first."""
     if sets.unseen_chi2 is None or len(model.effects) < 2:
         return model
     fewer = [sets.without(model, name) for name in model.effects]
@@ -282,9 +285,9 @@ def predictive(sets: FittedSets, model: Hypothesis) -> Hypothesis:
 
 
 def with_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[str], Hypothesis]:
-    """All fitted sets, among them those with an alternative in place of each effect, so that fits are compared.
+    """All fitted sets, including those with an alternative in place of each effect.
 
-    Alternatives are effects that the linear scores can hardly distinguish from the effect, or prefer to it.
+    Alternatives are effects that the linear scores can hardly distinguish from the effect, or rank above it.
     """
     for name in chosen.effects:
         less = sets.without(chosen, name)
@@ -298,7 +301,7 @@ def with_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset
 
 
 def _indistinguishable(test: ScoreTest, name: str) -> Iterator[Score]:
-    """Effects with the signature of another one that are no simpler or richer form of it."""
+    """Effects with the signature of another one that are neither a simpler nor a richer form of it."""
     own = test.shaped[name][0]
     for score in test.ranking:
         form = score.effect.name in {name, *own.effect.nested} or name in score.effect.nested
@@ -312,19 +315,19 @@ def _criterion(model: Hypothesis) -> float:
 
 START = Move(
     "known effects",
-    "effects that every rig of this kind has are put in first, as far as the recordings show them",
+    "effects that every rig of this kind has are included first, as far as the recordings show them",
     _with_what_is_known,
     _known,
 )
 SMALLEST_ADEQUATE = Move(
     "smallest adequate set",
-    "a smaller set that was passed on the way and explains nearly as much is taken instead",
+    "an earlier, smaller set that explains nearly as much replaces the current one",
     _smaller_adequate,
     _adequate,
 )
 DROP = Move(
     "drop",
-    "backward elimination: an effect without which the excess hardly grows is dropped",
+    "backward elimination: an effect is removed if the excess chi-square hardly increases without it",
     _without_least_needed,
     _not_needed,
     then="repeat",
@@ -348,21 +351,22 @@ SECOND_CAUSE = Move(
 )
 EXCHANGE = Move(
     "exchange",
-    "while more than noise remains, other effects and other shapes are tried in place of each",
+    "while the residual exceeds the noise, each effect is replaced in turn by other effects and other shapes",
     _exchanged,
     _closer,
     then="repeat",
 )
 CROSS_VALIDATION = Move(
     "cross-validation",
-    "an effect that makes one run harder to predict from the others is dropped",
+    "an effect is removed if it worsens the prediction of a run from the other runs",
     _without_each,
     _predicts_better,
     then="repeat",
 )
 OWN_SHARE = Move(
     "own share",
-    "while more than noise remains, an effect that only makes up for another form of the rest is dropped",
+    "while the residual exceeds the noise, an effect is removed if other functional forms of the remaining"
+    " effects explain the same residual",
     _without_least_own,
     _makes_up_for_another_form,
     then="repeat",
@@ -370,19 +374,20 @@ OWN_SHARE = Move(
 CONVERGE = Move("converge", "the fit is continued to its minimum", _converged, _fitted_to_the_end)
 BETTER_ALTERNATIVE = Move(
     "better alternative",
-    "alternatives of each effect are fitted; a set no larger that explains more is taken instead",
+    "alternatives of each effect are fitted; a set of the same or smaller size that explains more replaces"
+    " the current one",
     _better_alternative,
     _explains_more,
 )
 MORE_PLAUSIBLE = Move(
     "more plausible size",
-    "of two indistinguishable effects the one of the far more plausible size is named",
+    "of two indistinguishable effects, the one with the far more plausible size is named",
     _more_plausible,
     _far_more_plausible,
 )
 HELD_OUT = Move(
     "held-out runs",
-    "at the end, effects that make held-out runs harder to predict are dropped",
+    "at the end, effects that worsen the prediction of held-out runs are removed",
     _without_misleading,
     _predicts_held_out_runs,
 )
@@ -400,13 +405,13 @@ REFINE = (
     OWN_SHARE,
     CONVERGE,
 )
-"""What follows forward selection, in order."""
+"""The moves after forward selection, in order."""
 
 SHORT = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM)
-"""What follows it in short segments."""
+"""The moves after forward selection in short segments."""
 
 REVISIONS = ((BETTER_ALTERNATIVE, (DROP, OWN_SHARE, CONVERGE)), (MORE_PLAUSIBLE, (CONVERGE,)))
-"""Revisions of the choice, and what follows each where it changes the set."""
+"""Revisions of the selected set, and the moves after each revision that changes the set."""
 
 MOVES = (
     START,
@@ -423,4 +428,4 @@ MOVES = (
     MORE_PLAUSIBLE,
     HELD_OUT,
 )
-"""All of them, except `forward.forward_selection` and `select.short_segments`, which take the number of effects."""
+"""All moves except `forward.forward_selection` and `select.short_segments`, which depend on the number of effects."""

@@ -1,4 +1,4 @@
-"""The driver of the search: one move after the other, each proposes sets of effects and accepts or rejects them."""
+"""Run the moves of the search in order: each proposes sets of effects and accepts or rejects them."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,17 +11,17 @@ from dpr_lab.gap.which.selected import TracedTrial
 
 
 class Proposal(NamedTuple):
-    """A set that a move would put in place of the current one."""
+    """A set that a move proposes in place of the current one."""
 
     model: Hypothesis
     value: float = float("nan")
-    """What the move measured to choose it, where the criterion alone does not decide."""
+    """Quantity by which the move selected the set, if the criterion alone does not decide."""
     trials: tuple[TracedTrial, ...] = ()
-    """Those of a search that led to it."""
+    """Trials of a nested search that led to the set."""
 
 
 class Decision(NamedTuple):
-    """Whether a proposal is accepted, and why."""
+    """Whether a proposal is accepted, and the reason."""
 
     accepted: bool
     reason: str
@@ -33,13 +33,13 @@ class Move:
 
     name: str
     purpose: str
-    """What it is for, in a sentence."""
+    """Purpose of the move, one sentence."""
     propose: Callable[[FittedSets, Hypothesis], Iterable[Proposal]]
-    """Sets to try in place of the current one, in order."""
+    """Sets to compare with the current one, in order."""
     accept: Callable[[FittedSets, Hypothesis, Proposal], Decision]
-    """Decide about one of them, given the current set."""
+    """Decide about a proposed set, given the current one."""
     then: Literal["stop", "repeat", "go on"] = "stop"
-    """After an acceptance: stop; propose again from the accepted set; or go on with the same proposals."""
+    """After an acceptance: stop; propose again from the accepted set; or continue with the same proposals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,15 +49,15 @@ class SearchState:
     current: Hypothesis
     """The best set so far."""
     fits: Mapping[frozenset[str], Hypothesis]
-    """Every set that was fitted so far, the bare model among them."""
+    """All sets that were fitted so far, including the bare model."""
     tests: Mapping[frozenset[str], ScoreTest]
-    """The score tests on them."""
+    """The score tests on the fitted sets."""
     trace: tuple[TracedTrial, ...] = ()
-    """Every trial so far, in order."""
+    """All trials so far, in order."""
 
     @classmethod
     def bare(cls, sets: FittedSets) -> "SearchState":
-        """The model without effects, at the start of a search."""
+        """The initial state of the search: the model without effects."""
         return cls(sets.bare, sets.fits, sets.tests)
 
     def after(self, move: Move, proposal: Proposal, decision: Decision) -> "SearchState":
@@ -89,7 +89,7 @@ def apply(move: Move, sets: FittedSets, state: SearchState) -> SearchState:
     Args:
         move: the move
         sets: the recordings and the library
-        state: where the search stands
+        state: the state of the search before the move
     """
     sets = sets.resumed(state.fits, state.tests)
     while True:

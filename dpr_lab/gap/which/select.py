@@ -1,10 +1,10 @@
-"""Which effects: sets of up to `max_effects`, grown by forward selection, then refined move by move.
+"""Selection of up to `max_effects` effects: forward selection, followed by the moves that refine the set.
 
-Forward selection alone is greedy and takes the first plausible effect. So two sets are carried forward, and the moves
-of `moves` drop, replace, exchange and validate effects before the set is believed. `search` runs them: each makes a
-new state of what was fitted, what was chosen and what was tried. Where the gap is far above the noise, short segments
-are searched first, because effects bend those less. If the bare model turns out to have been held at a local minimum,
-all is repeated from a better one.
+Forward selection alone is greedy and selects the first plausible effect. Therefore two sets are extended in parallel,
+and the moves of `moves` remove, replace, exchange and validate effects afterwards. `search` runs the moves; each
+returns a new state with the fitted sets, the selected set and the trials. If the gap is far above the noise, short
+segments are searched first, because the influence of an effect is closer to linear in them. If the bare model turns out
+to be fitted to a local minimum, the search is repeated from a better fit.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -22,7 +22,7 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, appl
 from dpr_lab.gap.which.selected import Selection
 
 MOST_REVISIONS = 3
-"""Times that a choice may be revised."""
+"""Maximum number of revisions of the selected set."""
 
 
 def select(
@@ -43,10 +43,10 @@ def select(
         problem: their segments
         base: the bare model, fitted
         library: effects to choose from
-        max_effects: at most so many at once
-        expected: those of the library that the rig is known to have
-        unseen_chi2: sum of chi2 on runs held out, as a set predicts them; none where there are none
-        on_progress: called with each fit and score test as it begins
+        max_effects: maximum number of effects in a set
+        expected: effects of the library that the rig is known to have
+        unseen_chi2: returns the sum of chi2 on held-out runs for a set; None without held-out runs
+        on_progress: called at the start of each fit and score test
     """
     known = frozenset(expected) & set(library)
     sets = FittedSets(recordings, problem, library, base, on_progress, known, unseen_chi2)
@@ -58,9 +58,9 @@ def select(
 
 
 def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | None:
-    """The bare model fitted from where the chosen set leads, if it was held at a local minimum; else None.
+    """The bare model fitted from the result of the selected set, if its first fit was a local minimum; else None.
 
-    An effect that only leads the fit out of such a minimum is no cause.
+    An effect that merely leads the fit out of such a minimum is not a cause.
     """
     chosen, base = selection.chosen, selection.base
     if not chosen.effects or not far_from_noise(base):
@@ -88,7 +88,7 @@ def short_segments(max_effects: int) -> Move:
     """Search in short segments far from the noise; refit the selected set in the full segments.
 
     Args:
-        max_effects: largest number of effects
+        max_effects: maximum number of effects
     """
     moves = (START, forward_selection(max_effects, to_floor=True), *SHORT)
 
@@ -100,7 +100,8 @@ def short_segments(max_effects: int) -> Move:
 
     return Move(
         "short segments",
-        "far above the noise: the set that a search in short segments chose is fitted to the whole ones",
+        "if the gap is far above the noise, the set that was selected with short segments is fitted to the"
+        " full segments",
         propose,
         _predicts_whole_segments,
     )
@@ -108,7 +109,7 @@ def short_segments(max_effects: int) -> Move:
 
 def _predicts_whole_segments(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     better = proposal.model.cost < current.cost
-    return Decision(better, f"the criterion {'falls' if better else 'does not fall'} in whole segments")
+    return Decision(better, f"the criterion {'falls' if better else 'does not fall'} in the full segments")
 
 
 def _revised(sets: FittedSets, state: SearchState) -> SearchState:
@@ -122,7 +123,7 @@ def _revised(sets: FittedSets, state: SearchState) -> SearchState:
 
 
 def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]) -> Selection:
-    """The chosen set with what the later stages compare it with: each of its effects removed or replaced."""
+    """The selected set and the sets for later comparisons: each of its effects removed or replaced."""
     sets = sets.resumed(state.fits, state.tests)
     chosen = state.current
     fits = with_alternatives(sets, chosen)
@@ -142,7 +143,7 @@ def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]
 
 
 def _path(sets: FittedSets, chosen: Hypothesis) -> tuple[tuple[str, Hypothesis], ...]:
-    """The chosen set taken apart, the least needed effect first; returned from the bare model upwards."""
+    """The effects of the selected set removed one by one, the least necessary first; ordered from the bare model."""
     path: list[tuple[str, Hypothesis]] = []
     model = chosen
     while model.effects:

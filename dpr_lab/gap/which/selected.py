@@ -1,4 +1,4 @@
-"""The chosen set of effects, what it was chosen from, and how."""
+"""The selected set of effects, the compared sets, and the trials of the search."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ class TracedTrial:
     tried: tuple[str, ...]
     """Effects of the proposed set."""
     criterion: float
-    """Of the proposed set: held-out chi-square and price of the parameters."""
+    """Criterion of the proposed set: held-out chi-square plus the penalty of the parameters."""
     change: float
-    """Of the criterion, from the current set to the proposed one; negative is better."""
+    """Change of the criterion from the current set to the proposed one; negative is better."""
     accepted: bool
     reason: str
 
@@ -33,24 +33,24 @@ class Selection:
     base: Hypothesis
     chosen: Hypothesis
     fitted: Mapping[frozenset[str], Hypothesis]
-    """Every set that was fitted."""
+    """All sets that were fitted."""
     final_test: ScoreTest
-    """The score test of further effects on the chosen set."""
+    """The score test of further effects on the selected set."""
     without: Mapping[str, Hypothesis]
-    """The chosen set without each of its effects."""
+    """The selected set without one of its effects, for each effect."""
     tests_without: Mapping[str, ScoreTest]
     """The score test on each of those sets."""
     path: tuple[tuple[str, Hypothesis], ...]
-    """From the bare model to the chosen set, one effect at a time, the largest first."""
+    """The sets from the bare model to the selected one, which differ by one effect each, the largest effect first."""
     expected: frozenset[str] = frozenset()
     """Effects that the rig is known to have; they stay in the model at any size."""
     misleading: tuple[str, ...] = ()
-    """Effects that make held-out runs harder to predict, and so are not in the chosen set."""
+    """Effects that worsen the prediction of held-out runs and are therefore not in the selected set."""
     trace: tuple[TracedTrial, ...] = ()
-    """Every trial of the search, in order."""
+    """All trials of the search, in order."""
 
     @property
     def share_explained(self) -> float:
-        """Share of the bare model's excess chi2 that the chosen effects take away, 0 to 1."""
+        """Fraction of the bare model's excess chi2 that the selected effects remove, 0 to 1."""
         before, after = self.base.residuals.excess, self.chosen.residuals.excess
         return float(np.clip(1 - max(after, 0.0) / before, 0.0, 1.0)) if before > 0 else 0.0
