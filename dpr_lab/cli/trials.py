@@ -153,6 +153,26 @@ def show_opened(opened: "Opened", trial: "Trial") -> None:
     line(f"hidden: {effects_listed(outcome.truth)}; diagnosis: {named_by(outcome)}: {outcome.grade}")
 
 
+STRATEGY_COLUMNS = ("strategy", "trials", "median", "mean", "decided", "right when stopped", "forecast error")
+"""Columns of the table of strategies."""
+
+
+def strategy_rows(strategies: dict[str, dict[str, Any]]) -> list[tuple[str, ...]]:
+    """A row for each strategy of sequential trials."""
+    return [
+        (
+            name,
+            str(one["trials"]),
+            f"{one['median_releases']:g}",
+            f"{one['mean_releases']:.2f}",
+            f"{one['decided']:.2f}",
+            f"{one['right_when_stopped']:.2f}",
+            f"{one['forecast_calibration_error']:.2f}" if one["forecasts"] else "",
+        )
+        for name, one in strategies.items()
+    ]
+
+
 @app.command()
 def campaign(
     out: Annotated[
@@ -175,6 +195,14 @@ def campaign(
     scheduler: Annotated[
         str | None, typer.Option(help="Run on the workers of this dask scheduler instead, e.g. tcp://127.0.0.1:8786.")
     ] = None,
+    plan: Annotated[
+        bool,
+        typer.Option(
+            "--plan",
+            help="Record each plant release by release until its cause is decided: by plan, from the fixed menu and"
+            " from random poses.",
+        ),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Run many trials and report scores, confusion matrix, calibration, sizes and times.
@@ -186,12 +214,13 @@ def campaign(
     from dpr_lab.report.trials.html import sentence
     from dpr_lab.report.trials.tables import KIND_COLUMNS, SCORE_COLUMNS, kind_rows, score_rows
     from dpr_lab.trials.campaign import Campaign
+    from dpr_lab.trials.next_release import CHOOSERS
     from dpr_lab.trials.workers import exposure
     from dpr_lab.workflows.campaign import CampaignRequest, run_campaign
 
     if scheduler is not None and (warning := exposure(scheduler)):
         say(warning)
-    tried_on = Campaign(tuple(kind or DRAWN), level, seed, rig, plant)
+    tried_on = Campaign(tuple(kind or DRAWN), level, seed, rig, plant, tuple(CHOOSERS) if plan else ())
     with Listener() as listener:
         done = run_campaign(CampaignRequest(tried_on, n, out, jobs or os.cpu_count() or 1, scheduler), listener)
     if as_json:
@@ -199,6 +228,8 @@ def campaign(
     else:
         table("Scores", SCORE_COLUMNS, score_rows(done.summary))
         table("Scores by kind of plant", KIND_COLUMNS, kind_rows(done.summary))
+        if plan:
+            table("Releases until decided", STRATEGY_COLUMNS, strategy_rows(done.summary["strategies"]))
         line(sentence(done.summary))
         line(f"page: {done.files['page']}")
     if done.failures:

@@ -22,6 +22,7 @@ from dpr_lab.trials.case import run_case
 from dpr_lab.trials.protocol import read_json
 from dpr_lab.trials.score import TrialOutcome, read_outcome
 from dpr_lab.trials.sealing import Kind, Level
+from dpr_lab.trials.sequential import run_sequential_case
 from dpr_lab.trials.workers import Case, Done, on_cluster, on_this_machine
 from dpr_lab.version import __version__
 
@@ -39,6 +40,9 @@ class Campaign:
     """Rig file or built-in name: centre of the random rigs."""
     plant: str = "paper"
     """Plant file or built-in name: centre of the random plants; every worker needs access to the file."""
+    strategies: tuple[str, ...] = ()
+    """Names of `CHOOSERS`: each plant is recorded release by release until decided, by each strategy. Empty: each
+    plant is recorded once from each pose of the rig file."""
 
     def cases(self, numbers: Sequence[int]) -> list[Case]:
         """Requests of the trials with these numbers, as JSON values.
@@ -53,6 +57,7 @@ class Campaign:
             "rig": path.read_text(encoding="utf-8"),
             "plant": self.plant,
             "version": __version__,
+            **({"strategies": list(self.strategies)} if self.strategies else {}),
         }
         kinds = self.kinds
         return [{"number": i, "kind": kinds[i % len(kinds)], "seed": self.seed + i, **common} for i in numbers]
@@ -135,7 +140,8 @@ def _alone(folder: Path) -> Iterator[None]:
 def _done(cases: list[Case], jobs: int, scheduler: str | None) -> Iterator[Done]:
     if not cases:
         return iter(())
-    return on_this_machine(run_case, cases, jobs) if scheduler is None else on_cluster(run_case, cases, scheduler)
+    run = run_sequential_case if cases[0].get("strategies") else run_case
+    return on_this_machine(run, cases, jobs) if scheduler is None else on_cluster(run, cases, scheduler)
 
 
 def _claim(folder: Path, campaign: Campaign) -> None:

@@ -33,8 +33,8 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
         case: as of `run_case`; `strategies`, names of `CHOOSERS`
 
     Returns:
-        strategy -> `recordings` until decided, null where they were not; `right`, of the last diagnosis; its `score`;
-        `looks`, one after each release
+        `outcome`, of the last diagnosis of the first strategy; `strategies`: `recordings` until decided, null where
+        they were not; `right` and `score`, of the last diagnosis; `looks`, one after each release
 
     Raises:
         DprError: the device, the diagnosis or the seal failed, or another version is installed here.
@@ -57,7 +57,8 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
             for name in case["strategies"]
         }
         truth = unsealed(plant.opened(), plant.public["seal"])
-    return {"outcome": {name: _judged(result, truth, rig) for name, result in results.items()}}
+    strategies = {name: _judged(result, truth, rig) for name, result in results.items()}
+    return {"outcome": next(iter(strategies.values()))["score"], "strategies": strategies}
 
 
 @dataclass(frozen=True, slots=True)

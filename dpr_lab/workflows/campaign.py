@@ -64,9 +64,12 @@ def _saved(tried: "Tried", campaign: "Campaign", out: Path) -> tuple[dict[str, A
     from dpr_lab.report.saving import write_json
     from dpr_lab.report.trials.figures import save_trial_figures
     from dpr_lab.report.trials.html import write_trials_report
+    from dpr_lab.trials.sequential_summary import read_strategies, sequential_summary
     from dpr_lab.trials.summary import summary
 
     counted = summary(tried.outcomes)
+    if campaign.strategies:
+        counted |= {"strategies": sequential_summary(read_strategies(out))}
     figures = save_trial_figures(counted, out)
     setting = (
         f"Hidden in turn: {', '.join(campaign.kinds)}; size {campaign.level}; drawn around rig “{campaign.rig}” and"

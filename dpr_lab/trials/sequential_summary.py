@@ -1,0 +1,51 @@
+"""Sequential trials by strategy: releases until decided, right when stopped, and calibration of the forecast."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dpr_lab.trials.campaign import TRIALS
+from dpr_lab.trials.next_release import SEQUENTIAL
+from dpr_lab.trials.score import Claim
+from dpr_lab.trials.summary import brier, calibration_error, wilson90
+
+Outcome = Mapping[str, Any]
+
+
+def read_strategies(folder: Path) -> list[dict[str, Outcome]]:
+    """Of each trial of a campaign's folder: strategy -> what came of it."""
+    lines = (folder / TRIALS).read_text(encoding="utf-8").splitlines()
+    return [json.loads(line)["strategies"] for line in lines if line]
+
+
+def sequential_summary(trials: Sequence[Mapping[str, Outcome]]) -> dict[str, dict[str, Any]]:
+    """Strategy -> what its trials show.
+
+    A plant that stays undecided counts as one release more than the most that are made.
+    """
+    names = list(dict.fromkeys(name for trial in trials for name in trial))
+    return {name: _of_strategy([trial[name] for trial in trials if name in trial]) for name in names}
+
+
+def _of_strategy(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    counts = [SEQUENTIAL.most + 1 if one["recordings"] is None else one["recordings"] for one in outcomes]
+    stopped = [one for one in outcomes if one["recordings"] is not None]
+    right = sum(one["right"] for one in stopped)
+    looks = [look for one in outcomes for look in one["looks"]]
+    claims = [Claim(look["stated"], look["decided"]) for look in looks if look["stated"] is not None]
+    seconds = [look["plan_seconds"] for look in looks if look["plan_seconds"] is not None]
+    return {
+        "trials": len(outcomes),
+        "median_releases": float(np.median(counts)),
+        "mean_releases": float(np.mean(counts)),
+        "decided": len(stopped) / len(outcomes),
+        "right_when_stopped": right / len(stopped) if stopped else float("nan"),
+        "right_interval90": wilson90(right, len(stopped)) if stopped else None,
+        "forecasts": len(claims),
+        "forecast_calibration_error": calibration_error(claims),
+        "forecast_brier": brier(claims),
+        "plan_seconds": float(np.median(seconds)) if seconds else float("nan"),
+    }

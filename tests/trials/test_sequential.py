@@ -1,0 +1,66 @@
+"""Sequential trials: releases that are asked for one by one, strategies, and their summary."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.errors import DprError
+from dpr_lab.rig import load_rig, parse_rig
+from dpr_lab.trials.campaign import Campaign, run_campaign
+from dpr_lab.trials.next_release import CHOOSERS, SEQUENTIAL, Situation
+from dpr_lab.trials.sealing import Kind, PlantRequest, sealed_in_memory
+from dpr_lab.trials.sequential_summary import read_strategies, sequential_summary
+
+
+@pytest.mark.slow
+def test_a_held_plant_records_what_is_asked_for_and_then_opens() -> None:
+    path = load_rig("paper").path
+    assert path is not None
+    wanted = {"theta1": 2.0, "theta2": 1.0, "duration_s": 0.5}
+    with sealed_in_memory(PlantRequest(Kind.CLEAN, seed=3), path.read_text(), direct=False) as plant:
+        assert "runs" not in plant.public
+        rig = parse_rig(plant.public["rig"])
+        first, again = (plant.record(wanted) for _ in range(2))
+        for recording in (first, again):
+            counts = np.array(recording["counts"])
+            theta = rig.theta(counts)[np.argmin(np.abs(recording["t"]))]
+            assert theta[1:] == pytest.approx([2.0, 1.0], abs=0.1)
+        assert first["counts"] != again["counts"]
+        assert plant.opened()["truth"]["effects"] == {}
+    with (
+        sealed_in_memory(PlantRequest(Kind.CLEAN, seed=3), path.read_text(), direct=False) as plant,
+        pytest.raises(DprError, match="no such release"),
+    ):
+        plant.record({**wanted, "rods": {"mounted": "none"}})
+
+
+def test_the_menu_goes_through_the_poses_of_the_rig_file_first() -> None:
+    rig = load_rig("paper")
+    release, plan = CHOOSERS["menu"](Situation(rig, [], None, np.random.default_rng(0)))
+    assert plan is None
+    assert (release.theta1, release.theta2) == (rig.poses["X1"].theta1, rig.poses["X1"].theta2)
+
+
+def test_a_summary_counts_undecided_plants_and_forecasts() -> None:
+    looks = [
+        {"stated": None, "decided": False, "plan_seconds": 1.0},
+        {"stated": 0.9, "decided": True, "plan_seconds": 2.0},
+    ]
+    decided = {"recordings": 2, "right": True, "looks": looks}
+    undecided = {"recordings": None, "right": False, "looks": [{"stated": 0.9, "decided": False, "plan_seconds": 3.0}]}
+    (one,) = sequential_summary([{"plan": decided}, {"plan": undecided}]).values()
+    assert one["mean_releases"] == (2 + SEQUENTIAL.most + 1) / 2
+    assert (one["decided"], one["right_when_stopped"], one["forecasts"]) == (0.5, 1.0, 2)
+    assert one["forecast_calibration_error"] == pytest.approx(0.4)
+    assert one["plan_seconds"] == 2.0
+
+
+@pytest.mark.long
+def test_a_plant_is_played_by_every_strategy(tmp_path: Path) -> None:
+    campaign = Campaign((Kind.SINGLE,), seed=1, strategies=tuple(CHOOSERS))
+    (outcome,) = run_campaign(campaign, 1, tmp_path).outcomes
+    (strategies,) = read_strategies(tmp_path)
+    assert list(strategies) == ["plan", "menu", "random"]
+    assert strategies["plan"]["score"]["named"] == list(outcome.named)
+    assert strategies["plan"]["recordings"] >= 2
