@@ -1,28 +1,186 @@
-"""MJCF models with one planted error, recorded in MuJoCo: first cause, and error of free runs of the corrected file.
+"""Sealed trials: MJCF and URDF models with one planted error of a drawn size, recorded in MuJoCo.
 
-python benchmarks/simulator_models.py
+    python benchmarks/simulator_models.py [--trials 40] [--first 0] [--quick] [--json]
+
+Of each: whether the first cause is the planted one, and the error of free runs of the corrected file from poses that
+were not recorded. Kind, size and format of a trial follow from its number; the diagnosis sees file and recordings.
 """
 
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from _bars import at_least, options, show
+
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.exports.planted_errors import PLANTED, held_out_error
-from tests.exports.test_least_change import changed, corrected
+from dpr_lab.exports.corrected import corrected_model
+from dpr_lab.exports.into import WORDS, into_file
+from dpr_lab.exports.into.least_change import least_change
+from dpr_lab.exports.into.replay import Simulation
+from dpr_lab.exports.programs import Replay
+from dpr_lab.exports.refit import fitted_in_words
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.simulator_models import read_model
+from dpr_lab.simulator_models.chain import double_pendulum
+from dpr_lab.workflows.rig_from import rig_from_model
+from tests.exports.planted_errors import recordings
+
+RIGHT = {
+    "friction1": 0.0, "friction2": 0.0, "armature2": 0.0, "damping1": 0.002, "damping2": 0.001, "stiffness1": 0.0,
+    "stiffness2": 0.0, "centroid1": 0.12, "centroid2": 0.125, "length": 0.3,
+}  # fmt: skip
+"""Numbers of the robot that every trial starts from, SI."""
+
+PLANTED = {
+    "friction1": ("Coulomb friction", "shoulder", (0.004, 0.008)),
+    "friction2": ("Coulomb friction", "elbow", (0.002, 0.006)),
+    "armature2": ("rotor inertia (armature)", "elbow", (2e-4, 6e-4)),
+    "damping1": ("damping", "shoulder", (0.003, 0.008)),
+    "damping2": ("damping", "elbow", (2e-4, 6e-4)),
+    "stiffness1": ("spring stiffness", "shoulder", (0.04, 0.12)),
+    "stiffness2": ("spring stiffness", "elbow", (0.03, 0.08)),
+    "centroid1": ("centroid of the body along the rod", "shoulder", (0.128, 0.14)),
+    "centroid2": ("centroid of the body along the rod", "elbow", (0.132, 0.145)),
+    "length": ("length error, inner rod", "shoulder", (0.308, 0.325)),
+}
+"""Number -> quantity and joint of the first cause, and between which true values it is drawn."""
+
+IN_URDF = ("friction1", "friction2", "damping1", "damping2", "centroid1", "centroid2", "length")
+STARTS = ((np.pi - 1.5, np.pi - 0.4), (2.3, 3.6))
+"""Absolute angles of held-out releases, rad."""
+
+
+def mjcf(n: dict[str, float]) -> str:
+    """The robot as MJCF."""
+    joints = [
+        f'axis="0 1 0" damping="{n[f"damping{j}"]}" frictionloss="{n[f"friction{j}"]}"'
+        f' stiffness="{n[f"stiffness{j}"]}" armature="{n["armature2"] if j == 2 else 0}"'
+        for j in (1, 2)
+    ]
+    return f"""<mujoco model="own">
+  <!-- drawn > weighed: "keep" me -->
+  <compiler angle="radian"/>
+  <option gravity="0 0 -9.81" timestep="0.0005" integrator="RK4"/>
+  <worldbody>
+    <body name="upper" pos="0 0 1">
+      <joint name="shoulder" {joints[0]}/>
+      <inertial pos="0 0 {-n["centroid1"]}" mass="0.3" diaginertia="0.002 0.0021 0.0005"/>
+      <body name="lower" pos="0 0 {-n["length"]}">
+        <joint name="elbow" {joints[1]}/>
+        <inertial pos="0 0 {-n["centroid2"]}" mass="0.15" diaginertia="0.0008 0.0008 0.00002"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def urdf(n: dict[str, float]) -> str:
+    """The robot as URDF."""
+    none = 'ixy="0" ixz="0" iyz="0"'
+    return f"""<robot name="own">
+  <!-- drawn > weighed: "keep" me -->
+  <link name="base"/>
+  <link name="upper"><inertial><origin xyz="0 0 {-n["centroid1"]}"/><mass value="0.3"/>
+    <inertia ixx="0.002" iyy="0.0021" izz="0.0005" {none}/></inertial></link>
+  <link name="lower"><inertial><origin xyz="0 0 {-n["centroid2"]}"/><mass value="0.15"/>
+    <inertia ixx="0.0008" iyy="0.0008" izz="0.00002" {none}/></inertial></link>
+  <joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/><origin xyz="0 0 1"/>
+    <axis xyz="0 1 0"/><dynamics damping="{n["damping1"]}" friction="{n["friction1"]}"/></joint>
+  <joint name="elbow" type="continuous"><parent link="upper"/><child link="lower"/>
+    <origin xyz="0 0 {-n["length"]}"/><axis xyz="0 1 0"/>
+    <dynamics damping="{n["damping2"]}" friction="{n["friction2"]}"/></joint>
+</robot>
+"""
+
+
+FORMATS = {"xml": mjcf, "urdf": urdf}
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """Of one trial."""
+
+    planted: str
+    size: float
+    form: str
+    first: str
+    right: bool
+    before_mrad: float
+    after_mrad: float
+    changed: str
+
+    @property
+    def reduction(self) -> float:
+        """Share of the error that the corrected file takes away."""
+        return 1 - self.after_mrad / self.before_mrad
+
+
+def trial(number: int) -> Result:
+    """Plant, record, diagnose, correct, run freely."""
+    rng = np.random.default_rng([29, number])
+    form = "urdf" if number % 3 == 2 else "xml"
+    kind = str(rng.choice(IN_URDF if form == "urdf" else list(PLANTED)))
+    quantity, joint, (low, high) = PLANTED[kind]
+    size = float(rng.uniform(low, high))
+    truth = mjcf(RIGHT | {kind: size})
+    with tempfile.TemporaryDirectory() as folder:
+        file, true_file = Path(folder) / f"robot.{form}", Path(folder) / "truth.xml"
+        file.write_text(FORMATS[form](RIGHT), encoding="utf-8")
+        true_file.write_text(truth, encoding="utf-8")
+        rig_from_model(file, Path(folder) / "rig.toml", g=9.81)
+        rig = load_rig(Path(folder) / "rig.toml")
+        runs = recordings(truth, rig)
+        diagnosis = diagnose(runs, rig)
+        read = read_model(file)
+        chain = double_pendulum(read, (), rig.g if read.gravity is None else None)
+        model = fitted_in_words(corrected_model(diagnosis, runs, rig), WORDS[read.format], runs, rig)
+        least = least_change(diagnosis, model, rig, chain, runs)
+        patched = into_file(least.model, rig, file)
+        first = least.causes[0] if least.causes else None
+        free = [_free_runs(path, text, rig) for path, text in ((true_file, None), (file, None), (file, patched.text))]
+    before, after = (1e3 * float(np.sqrt(np.mean((some - free[0]) ** 2))) for some in free[1:])
+    right = first is not None and (first.quantity, first.joint) == (quantity, joint)
+    named = f"{first.quantity}, {first.joint}" if first else "none"
+    changed = ", ".join(f"{change.element} {change.attribute}" for change in patched.changes)
+    return Result(kind, size, form, named, right, before, after, changed)
+
+
+def _free_runs(path: Path, text: bytes | None, rig: Rig) -> np.ndarray:
+    t = np.arange(0, 3, 0.005)
+    simulation = Simulation.of(path, text, (), rig.g)
+    still = {"measured": np.zeros((len(t), 2)), "simulated": np.zeros((len(t), 2)), "noise_rad": np.zeros(2)}
+    starts = [np.array([*start, 0.0, 0.0]) for start in STARTS]
+    return np.array(
+        [simulation.angles(Replay("", t, start=0.0, x0=x0, torques=np.zeros((1, 2)), **still)) for x0 in starts]
+    )
 
 
 def main() -> None:
-    """Print a table of all planted errors."""
-    print("| planted error | first cause | held-out error before, mrad | after, mrad | reduction | changed |")
-    print("|---|---|---|---|---|---|")
-    for name, planted in PLANTED.items():
-        with tempfile.TemporaryDirectory() as folder:
-            least, text, rig = corrected(Path(folder), planted.before, planted.truth)
-        first = f"{least.causes[0].quantity}, {least.causes[0].joint}" if least.causes else "none"
-        before, after = (1e3 * held_out_error(file, planted.truth, rig) for file in (planted.before, text))
-        shown = ", ".join(changed(planted.before, text))
-        print(f"| {name} | {first} | {before:.3g} | {after:.2g} | {1 - after / before:.1%} | {shown} |", flush=True)
+    """Print a table of all trials, and the bars."""
+    parser = options(__doc__)
+    parser.add_argument("--trials", type=int, default=40)
+    parser.add_argument("--first", type=int, default=0)
+    chosen = parser.parse_args()
+    count, results = 6 if chosen.quick else chosen.trials, []
+    print(
+        "| trial | planted | format | first cause | held-out error before, mrad | after, mrad | reduction | changed |"
+    )
+    print("|---|---|---|---|---|---|---|---|")
+    for number in range(chosen.first, chosen.first + count):
+        r = trial(number)
+        results.append(r)
+        errors = f"{r.before_mrad:.3g} | {r.after_mrad:.2g} | {r.reduction:.1%}"
+        print(f"| {number} | {r.planted} {r.size:.3g} | {r.form} | {r.first} | {errors} | {r.changed} |", flush=True)
+    closed = sum(r.reduction >= 0.9 for r in results)
+    bars = [
+        at_least(f"right first cause, of {count}", sum(r.right for r in results), round(0.925 * count)),
+        at_least(f"held-out error reduced by 90 %, of {count}", closed, count),
+    ]
+    show("planted errors in simulator models", bars, chosen.json)
 
 
 if __name__ == "__main__":

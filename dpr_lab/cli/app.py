@@ -23,6 +23,7 @@ from dpr_lab.cli.listing import Listing
 from dpr_lab.cli.paper import paper
 from dpr_lab.cli.plan import plan
 from dpr_lab.cli.schema import schema
+from dpr_lab.cli.serve import serve
 from dpr_lab.cli.tui import tui
 from dpr_lab.plugins.installed import OFF
 from dpr_lab.version import __version__
@@ -83,6 +84,7 @@ for command in (
     export,
     paper,
     schema,
+    serve,
     doctor,
     conform,
 ):

@@ -22,13 +22,14 @@ def export(
     ],
     rig: RigName,
     to: Annotated[
-        str,
+        str | None,
         typer.Option(
-            help="Formats, separated by commas: python, mjcf, urdf, sdf, fmu, fmu2.",
+            help="Formats, by comma: python, mjcf, urdf, sdf, fmu, fmu2. Default: mjcf,python,urdf,sdf; with"
+            " --ensemble: mjcf.",
             callback=EXPORT_NAMES.check,
             autocompletion=EXPORT_NAMES.complete,
         ),
-    ] = "mjcf,python,urdf,sdf",
+    ] = None,
     check: Annotated[
         list[Path] | None,
         typer.Option(
@@ -46,19 +47,36 @@ def export(
     joints: Annotated[
         str | None, typer.Option(help="With --into: joints of the inner and the outer rod, separated by commas.")
     ] = None,
+    ensemble: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=1000,
+            help="Number of models to sample from the posterior; --check widens them until their bands cover the run.",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="With --ensemble: seed of the random numbers.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder of the files.")] = Path("export"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Export a model to MuJoCo, Python, URDF, SDFormat or FMI, and report its accuracy there.
 
     With --into, change the identified numbers in a copy of your own MJCF, URDF or SDFormat file instead, and show the
-    difference; --check then compares both files on recordings.
+    difference; --check then compares both files on recordings. With --ensemble, write models sampled from the
+    posterior of parameters and causes, for domain randomisation.
 
     Example: dpr-lab export out/diagnosis --rig paper --to mjcf,python --check runs/x1.mcap --out export
 
     Example: dpr-lab export out/diagnosis --rig rig.toml --into robot.xml --out export
+
+    Example: dpr-lab export out/diagnosis --rig paper --ensemble 50 --check runs/x1.mcap --out ensemble
     """
     json_mode(as_json)
+    if into is not None and ensemble is not None:
+        raise typer.BadParameter("--into writes one file; leave --ensemble out")
+    if ensemble is not None:
+        _ensemble(model, rig, ensemble, seed, names_in(to or "mjcf") or (), tuple(check or ()), out, as_json)
+        return
     if into is not None:
         _into(model, rig, into, out, names_in(joints) or (), tuple(check or ()), as_json)
         return
@@ -69,7 +87,7 @@ def export(
     from dpr_lab.workflows.export import export as export_model
     from dpr_lab.workflows.export_moving_arm import ArmExportResult, export_moving_arm
 
-    formats = tuple(dict.fromkeys(names_in(to) or ()))
+    formats = tuple(dict.fromkeys(names_in(to or "mjcf,python,urdf,sdf") or ()))
     request = ExportRequest(model, rig, formats, out, tuple(check or ()), torque)
     with Listener() as listener:
         done = export_moving_arm(request, listener) or export_model(request, listener)
@@ -81,6 +99,37 @@ def export(
         _show(done)
     if done.refused:
         raise typer.Exit(1)
+
+
+def _ensemble(
+    model: Path,
+    rig: str,
+    size: int,
+    seed: int,
+    formats: tuple[str, ...],
+    check: tuple[Path, ...],
+    out: Path,
+    as_json: bool,
+) -> None:
+    from dpr_lab.cli.listener import Listener
+    from dpr_lab.report.words import in_words
+    from dpr_lab.workflows.export_ensemble import EnsembleRequest, export_ensemble
+
+    with Listener() as listener:
+        done = export_ensemble(EnsembleRequest(model, rig, size, seed, formats, out, check), listener)
+    if as_json:
+        emit(done.to_json())
+        return
+    rows = [(in_words(effects.replace("+", ", ")), count) for effects, count in done.sets.items()]
+    table(f"{size} models", ("effects", "models"), rows)
+    if done.bands:
+        columns = ("run", "covered by the 90 % band", "until, s", "mean width, mrad")
+        rows = [(b.run, f"{b.covered:.0%}", f"{b.until_s:.3g}", f"{1e3 * b.width_rad:.3g}") for b in done.bands]
+        note = f"Standard deviations multiplied by {done.factor:g}, so that the bands cover these runs."
+        table("Predictive bands", columns, rows, note=note)
+    say(f"ensemble: {done.file}")
+    if done.folders:
+        say(f"files: {done.folders[0]} to {done.folders[-1].name}")
 
 
 def _into(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dpr_lab.effects import EFFECTS, effect_params, named_params
 from dpr_lab.effects.effect import Effect
 from dpr_lab.exports import FORMATS
-from dpr_lab.exports.bodies import Effects, words_of
+from dpr_lab.exports.bodies import Effects, in_words, words_of
 from dpr_lab.exports.python_module import known_effects
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import fit
@@ -54,6 +54,26 @@ def fitted_for(formats: Sequence[str], model: Model, runs: Sequence[Run], rig: R
             effects = _without(model, lost, FORMATS[name].words)
             refitted[lost] = _with(model, _best_fit(problem, effects, [bare.ratios, model.unknowns], bare.initial))
     return {name: refitted[lost] for name, lost in losses.items()}
+
+
+def fitted_in_words(model: Model, words: frozenset[str], runs: Sequence[Run], rig: Rig) -> Model:
+    """The model with only those effects on the rods that these elements express, refitted; otherwise the same model.
+
+    Args:
+        model: the corrected model
+        words: elements of a format
+        runs: the runs to fit
+        rig: the rig
+
+    Raises:
+        RunError: as for `fitted_for`.
+    """
+    lost = frozenset(moving(model)) - set(in_words(model, rig, words))
+    if not lost:
+        return model
+    problem, bare = _bare_fit(model, runs, rig)
+    effects = _without(model, lost, words)
+    return _with(model, _best_fit(problem, effects, [bare.ratios, model.unknowns], bare.initial))
 
 
 def _best_fit(problem: Problem, effects: Effects, ratios: Sequence[Array], initial: Array) -> Estimate:

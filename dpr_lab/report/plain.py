@@ -22,6 +22,11 @@ def as_json(result: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> str:
     return json.dumps(_finite(result, "result"), indent=1, default=str, allow_nan=False)
 
 
+def as_json_line(result: Mapping[str, Any]) -> str:
+    """Format a JSON object on one line; warnings as for `as_json`."""
+    return json.dumps(_finite(result, "result"), default=str, allow_nan=False)
+
+
 def _finite(value: Any, key: str) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         warnings.warn(f"{key} is {value}, not a finite number: null is written instead", NotFinite, stacklevel=2)

@@ -73,11 +73,13 @@ def diagnose_simulator(
         IdentificationError: as for `diagnose`.
         DprError: a result cannot be written.
     """
+    from dpr_lab.exports.bodies import left_out
     from dpr_lab.exports.corrected import corrected_model
-    from dpr_lab.exports.into import into_file
+    from dpr_lab.exports.into import WORDS, into_file
     from dpr_lab.exports.into.least_change import least_change
     from dpr_lab.exports.into.replay import replay_files
     from dpr_lab.exports.into.target import refuse_other_rig
+    from dpr_lab.exports.refit import fitted_in_words
     from dpr_lab.rig import load_rig
     from dpr_lab.simulator_models import read_model
     from dpr_lab.simulator_models.chain import double_pendulum
@@ -102,9 +104,11 @@ def diagnose_simulator(
         result = diagnose(replace(request, rig=file), on_event)
     runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
     model = corrected_model(result.diagnosis, runs, rig)
-    least = least_change(result.diagnosis, model, rig, chain, runs)
+    expressible = fitted_in_words(model, WORDS[read.format], runs, rig)
+    least = least_change(result.diagnosis, expressible, rig, chain, runs)
+    lost = left_out(model, expressible.effects, read.format)
     names = tuple(rod.joint.name for rod in chain.rods)
-    done = SimulatorDiagnosis(result, simulator, read.format, names, least)
+    done = SimulatorDiagnosis(result, simulator, read.format, names, least, lost=lost)
     try:
         patched = into_file(least.model, rig, simulator, joints)
     except ConfigError as error:  # the diagnosis is still valid
@@ -113,8 +117,8 @@ def diagnose_simulator(
     old, new = (text.splitlines(keepends=True) for text in (before, after))
     diff = "".join(unified_diff(old, new, str(simulator), f"corrected {simulator.name}", n=1))
     unseen = read_runs(request.held_out, rig, ignore, request.any_clock, request.torque) or runs
-    replays = replay_files(simulator, patched.text, names, least.model, rig, unseen) if _runs_here() else []
-    done = replace(done, changes=patched.changes, diff=diff, lost=patched.lost, replays=tuple(replays))
+    replays = replay_files(simulator, patched.text, names, model, rig, unseen) if _runs_here() else []
+    done = replace(done, changes=patched.changes, diff=diff, lost=lost | patched.lost, replays=tuple(replays))
     return _written(done, request.out, after) if request.out else done
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports.into.description import into_description
+from dpr_lab.exports.into.mjcf import WORDS as MJCF_WORDS
 from dpr_lab.exports.into.mjcf import into_mjcf
 from dpr_lab.exports.into.sdf import SdfEditor
 from dpr_lab.exports.into.target import PatchedModel
@@ -24,6 +25,10 @@ WRITERS: dict[str, Writer] = {
     "sdf": partial(into_description, name="SDFormat", read=read_sdf, editor=SdfEditor()),
 }
 """Root element of a file -> what changes it."""
+
+
+WORDS: dict[str, frozenset[str]] = {"MJCF": MJCF_WORDS, "URDF": UrdfEditor.words, "SDFormat": SdfEditor.words}
+"""Format -> elements of effects that its files can contain."""
 
 
 def into_file(model: Model, rig: Rig, path: Path, joints: Sequence[str] = ()) -> PatchedModel:

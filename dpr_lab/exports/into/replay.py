@@ -63,17 +63,17 @@ def replay_files(
         ConfigError: MuJoCo is not installed, or cannot simulate a file.
     """
     swings = [release(run, rig, model) for run in runs]
-    files = [_Simulation.of(before, text, joints, rig.g) for text in (None, after)]
+    files = [Simulation.of(before, text, joints, rig.g) for text in (None, after)]
     return [_errors(swing, files) for swing in swings]
 
 
-def _errors(swing: Replay, files: Sequence["_Simulation"]) -> FileReplay:
+def _errors(swing: Replay, files: Sequence["Simulation"]) -> FileReplay:
     before, after = (swing.error(file.angles(swing)) ** 0.5 for file in files)
     return FileReplay(swing.run, float(swing.t[-1]), before, after, swing.lab**0.5)
 
 
 @dataclass(frozen=True, slots=True)
-class _Simulation:
+class Simulation:
     """A file in MuJoCo."""
 
     model: Any
@@ -85,7 +85,7 @@ class _Simulation:
     longest_step_s: float = 5e-4
 
     @classmethod
-    def of(cls, path: Path, text: bytes | None, joints: Sequence[str], g: float) -> "_Simulation":
+    def of(cls, path: Path, text: bytes | None, joints: Sequence[str], g: float) -> "Simulation":
         """Of the user's file, or of another text in its place."""
         read = read_model(path, text)
         chain = double_pendulum(read, joints, g if read.gravity is None else None)

@@ -1,0 +1,62 @@
+"""`dpr-lab serve`: jobs for other programs over standard streams."""
+
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, BinaryIO
+
+import typer
+
+
+def serve(
+    stdio: Annotated[bool, typer.Option("--stdio", help="Requests come from stdin, responses go to stdout.")] = False,
+) -> None:
+    """Run identifications and diagnoses for other programs by JSON-RPC 2.0, in one process that keeps the kernels.
+
+    Each line of stdin is one request, each line of stdout one response or progress notification. At the end of stdin
+    the queued jobs are finished. There is no network port, and no method moves or releases a rod.
+
+    Example: echo '{"jsonrpc": "2.0", "id": 1, "method": "status"}' | dpr-lab serve --stdio
+    """
+    if not stdio:
+        raise typer.BadParameter("give --stdio: requests come from stdin; there is no network port")
+    from dpr_lab.workflows.service import PARSE_ERROR, Service
+
+    answers = _only_answers()
+
+    def send(message: Mapping[str, Any]) -> None:
+        from dpr_lab.report.plain import as_json_line
+
+        answers.write(as_json_line(message).encode("utf-8") + b"\n")
+        answers.flush()
+
+    service = Service(send)
+    done = False
+    try:
+        for line in _lines(sys.stdin.buffer):
+            if line is None:
+                error = {"code": PARSE_ERROR, "message": "the line is longer than 1 MB"}
+                send({"jsonrpc": "2.0", "id": None, "error": error})
+            elif line.strip():
+                service.receive(line)
+        done = True
+    finally:
+        service.close(cancel=not done)
+
+
+def _only_answers() -> BinaryIO:
+    """The stream of answers; what else is printed goes to stderr."""
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    return answers
+
+
+def _lines(stream: BinaryIO, longest: int = 1 << 20) -> Iterator[bytes | None]:
+    """Lines of a stream; None for one that is too long, which is skipped."""
+    while line := stream.readline(longest):
+        if len(line) < longest or line.endswith(b"\n"):
+            yield line
+            continue
+        while line and not line.endswith(b"\n"):
+            line = stream.readline(longest)
+        yield None

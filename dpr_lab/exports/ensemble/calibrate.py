@@ -1,0 +1,90 @@
+"""Width of an ensemble by recordings: a model that is not complete errs by more than the noise explains.
+
+The standard deviations of the posterior are multiplied by the smallest factor with which the predictive bands cover the
+readings of calibration runs as often as they should.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from dpr_lab.exports.ensemble.bands import BANDS, PredictiveBand, predictive_band
+from dpr_lab.exports.ensemble.sampled import sampled_models
+from dpr_lab.gap.result.posterior import PosteriorComponent
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationSettings:
+    """How the factor is found."""
+
+    factors: tuple[float, ...] = (2.0, 4.0, 8.0, 16.0)
+    """Of the standard deviations, in the order in which they are tried if 1 is too small."""
+    halvings: int = 2
+    """Of the interval between the last factor that is too small and the first that is not, in its logarithm."""
+    members: int = 20
+    """Models in each trial."""
+
+
+CALIBRATED = CalibrationSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Result of a calibration."""
+
+    factor: float
+    """Of the standard deviations."""
+    covered: float
+    """Share of the readings of the calibration runs that the bands cover."""
+
+
+def calibrated(
+    model: Model, components: Sequence[PosteriorComponent], runs: Sequence[Run], rig: Rig, seed: int
+) -> Calibration:
+    """Find the factor.
+
+    Args:
+        model: the corrected model
+        components: its posterior
+        runs: the calibration runs
+        rig: the rig
+        seed: of the draws
+
+    Raises:
+        RunError: the model cannot follow a run.
+    """
+
+    def tried(factor: float) -> Calibration:
+        members = sampled_models(model, widened(components, factor), CALIBRATED.members, seed)
+        return Calibration(factor, pooled([predictive_band(model, members, run, rig, seed) for run in runs]))
+
+    low, enough = tried(1.0), None
+    for factor in CALIBRATED.factors:
+        if not low.covered < BANDS.level:
+            return low
+        enough = tried(factor)
+        if not enough.covered < BANDS.level:
+            break
+        low = enough
+    assert enough is not None
+    for _ in range(CALIBRATED.halvings):
+        middle = tried((low.factor * enough.factor) ** 0.5)
+        low, enough = (middle, enough) if middle.covered < BANDS.level else (low, middle)
+    return enough
+
+
+def widened(components: Sequence[PosteriorComponent], factor: float) -> list[PosteriorComponent]:
+    """The posterior with its standard deviations multiplied by a factor."""
+    return [
+        component.model_copy(update={"covariance": [[factor**2 * c for c in row] for row in component.covariance]})
+        for component in components
+    ]
+
+
+def pooled(bands: Sequence[PredictiveBand]) -> float:
+    """Share of all readings that the bands cover; nan without a reading."""
+    counts = [band.measured.size for band in bands]
+    covered = sum(band.covered * count for band, count in zip(bands, counts, strict=True) if count)
+    return covered / sum(counts) if sum(counts) else float("nan")

@@ -1,0 +1,148 @@
+"""A diagnosis or model in, models sampled from its posterior out."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dpr_lab.errors import ConfigError, unknown_name
+from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.diagnose import RECORD
+from dpr_lab.workflows.events import OnEvent, ignore
+from dpr_lab.workflows.reading import read_runs
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dpr_lab.exports.ensemble.bands import PredictiveBand
+    from dpr_lab.identification.model import Model
+    from dpr_lab.rig import Rig
+
+
+@dataclass(frozen=True, slots=True)
+class EnsembleRequest:
+    """Options of an ensemble."""
+
+    model: Path
+    """Model written by `identify` or `diagnose`, or the folder of a diagnosis."""
+    rig: str
+    """Rig file, or the name of a built-in one."""
+    size: int
+    """Number of models."""
+    seed: int
+    """Of the draws."""
+    formats: tuple[str, ...]
+    """Formats of each model besides the JSON file."""
+    out: Path
+    check: tuple[Path, ...] = ()
+    """Runs by which the ensemble is widened, if its predictive bands do not cover their readings."""
+
+
+@dataclass(frozen=True, slots=True)
+class BandCoverage:
+    """Coverage of one recording by the predictive band of the ensemble."""
+
+    run: str
+    covered: float
+    """Share of the readings within the 90 % band."""
+    until_s: float
+    """Predictability horizon, s."""
+    width_rad: float
+    """Mean width of the band."""
+
+
+@dataclass(frozen=True, slots=True)
+class EnsembleResult:
+    """Written files and the width of the ensemble."""
+
+    file: Path
+    folders: tuple[Path, ...]
+    """Folder of each model, if formats were asked for."""
+    sets: dict[str, int]
+    """Effects, joined by +, -> number of models with them."""
+    factor: float
+    """By which the standard deviations were multiplied."""
+    bands: tuple[BandCoverage, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Output of `dpr-lab export --ensemble --json`."""
+        paths = {"file": str(self.file), "folders": [str(folder) for folder in self.folders]}
+        return {"schema": 1, **asdict(self), **paths}
+
+
+def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> EnsembleResult:
+    """Write models drawn from the posterior of parameters and causes.
+
+    Events: `RunRead`.
+
+    Raises:
+        ConfigError: the rig is not valid, or no such format.
+        RunError: the model, its diagnosis or a run cannot be used.
+        DprError: a file cannot be written.
+    """
+    from dpr_lab.exports import FORMATS
+    from dpr_lab.exports.ensemble.bands import predictive_band
+    from dpr_lab.exports.ensemble.calibrate import calibrated, widened
+    from dpr_lab.exports.ensemble.sampled import posterior_of, sampled_models
+    from dpr_lab.gap.result.diagnosis import load_diagnosis
+    from dpr_lab.identification.model import load_model
+    from dpr_lab.report.saving import write_export
+    from dpr_lab.rig import load_rig
+
+    if unknown := [name for name in request.formats if name not in FORMATS]:
+        raise ConfigError(unknown_name(f"no format named {unknown[0]}", unknown[0], FORMATS))
+    refuse_file(request.out)
+    rig = load_rig(request.rig)
+    file = request.model / "model.json" if request.model.is_dir() else request.model
+    model, record = load_model(file), file.with_name(RECORD)
+    model.starting_point(rig)
+    posterior = posterior_of(model, load_diagnosis(record) if record.is_file() else None)
+    runs = read_runs(request.check, rig, on_event)
+    factor = calibrated(model, posterior, runs, rig, request.seed).factor if runs else 1.0
+    models = sampled_models(model, widened(posterior, factor), request.size, request.seed)
+    bands = [predictive_band(model, models, run, rig, request.seed) for run in runs]
+    folders = []
+    for number, member in enumerate(models if request.formats else ()):
+        folder = request.out / f"{number:03}"
+        for name in request.formats:
+            write_export(FORMATS[name], member, rig, folder, FORMATS[name].lost(member, rig))
+        folders.append(folder)
+    sets = _write(models, rig, request, factor)
+    return EnsembleResult(request.out / "ensemble.json", tuple(folders), sets, factor, tuple(map(_coverage, bands)))
+
+
+def _coverage(band: "PredictiveBand") -> BandCoverage:
+    return BandCoverage(band.run, band.covered, band.horizon_s, band.width_rad)
+
+
+def _write(models: "Sequence[Model]", rig: "Rig", request: EnsembleRequest, factor: float) -> dict[str, int]:
+    from dpr_lab.exports.bodies import bodies, in_words
+    from dpr_lab.report.files import write_json
+
+    members, sets = [], dict[str, int]()
+    for model in models:
+        made = bodies(model, rig, in_words(model, rig, frozenset({"offset", "added_length", "tilt"})))
+        rods = [
+            {"length_m": rod.length, "mass_kg": rod.mass, "centroid_m": rod.centroid, "inertia_kgm2": rod.inertia}
+            for rod in made.rods
+        ]
+        members.append(
+            {
+                "ratios": {name: estimate.value for name, estimate in model.ratios.items()},
+                "base": {name: parameter.value for name, parameter in model.base.items()},
+                "rods": rods,
+                "effects": model.effects,
+            }
+        )
+        name = "+".join(model.effects) or "none"
+        sets[name] = sets.get(name, 0) + 1
+    document = {
+        "schema": 1,
+        "rig": rig.name,
+        "L1_m": rig.L1,
+        "g_m_per_s2": rig.g,
+        "seed": request.seed,
+        "widened": factor,
+        "models": members,
+    }
+    write_json(document, request.out / "ensemble.json")
+    return sets

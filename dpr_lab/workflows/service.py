@@ -1,0 +1,286 @@
+"""JSON-RPC 2.0 over lines: jobs that run one after another in one process, so that kernels are loaded once.
+
+Each line is one request object. A job is answered when it ends; until then it sends `progress` notifications that name
+the id of its request. `status` and `cancel` are answered at once. No method moves or releases a rod.
+
+Source: JSON-RPC 2.0 Specification, https://www.jsonrpc.org/specification; -32800 is the code of the Language Server
+Protocol for a cancelled request.
+"""
+
+import json
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any, TypeAlias
+
+from pydantic import TypeAdapter, ValidationError
+
+from dpr_lab.errors import DprError
+from dpr_lab.version import __version__
+from dpr_lab.workflows import events
+
+PARSE_ERROR, INVALID_REQUEST, NO_METHOD, INVALID_PARAMS, INTERNAL = -32700, -32600, -32601, -32602, -32603
+FAILED, CANCELLED = -32000, -32800
+
+Id: TypeAlias = str | int | float | None
+Send: TypeAlias = Callable[[Mapping[str, Any]], None]
+
+
+class RpcError(Exception):
+    """An error response."""
+
+    def __init__(self, code: int, message: str, data: Mapping[str, Any] | None = None) -> None:
+        super().__init__(message)
+        self.code, self.data = code, data
+
+
+class JobCancelled(BaseException):
+    """A job was cancelled; raised at its next progress event."""
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """One kind of job."""
+
+    request: str
+    """`module:class` of its request, whose fields are the parameters."""
+    job: str
+    """`module:function`: (request, on_event) -> result."""
+    result: Callable[[Any], Mapping[str, Any]]
+    """Content of the response."""
+
+    @property
+    def available(self) -> bool:
+        """Whether this version has it."""
+        return find_spec(self.job.partition(":")[0]) is not None
+
+
+METHODS: dict[str, Method] = {
+    "identify": Method(
+        "dpr_lab.workflows.identify:IdentifyRequest",
+        "dpr_lab.workflows.identify:identify_any_arm",
+        lambda done: done.model.model_dump() | {"model": str(done.file)},
+    ),
+    "diagnose": Method(
+        "dpr_lab.workflows.diagnose:DiagnoseRequest",
+        "dpr_lab.workflows.diagnose:diagnose",
+        lambda done: done.to_json(),
+    ),
+    "plan": Method("dpr_lab.workflows.plan:PlanRequest", "dpr_lab.workflows.plan:plan", lambda done: done.to_json()),
+}
+"""Name of a method -> job; results are those of the command of the same name with --json."""
+
+
+@dataclass(slots=True)
+class _Job:
+    id: Id
+    answered: bool
+    """Whether a response is expected: a notification has none."""
+    method: Method
+    request: Any
+    cancelled: bool = False
+
+
+class Service:
+    """Requests in, responses and notifications out.
+
+    Args:
+        send: called with each outgoing object, from any thread, one at a time
+    """
+
+    def __init__(self, send: Send) -> None:
+        self._send, self._sending = send, threading.Lock()
+        self._jobs: deque[_Job] = deque()
+        self._running: _Job | None = None
+        self._changed = threading.Condition()
+        self._closed = False
+        self._worker = threading.Thread(target=self._work, name="jobs")
+        self._worker.start()
+
+    def receive(self, line: bytes) -> None:
+        """Handle one line."""
+        request: Any = None
+        try:
+            request = _parsed(line)
+            _refuse_invalid(request)
+            result = self._called(request)
+            if result is not None and "id" in request:
+                self._out({"id": request["id"], "result": result})
+        except RpcError as error:
+            known = isinstance(request, dict) and _is_id(request.get("id", True))
+            if not (isinstance(request, dict) and "id" not in request and "method" in request):
+                self._fail(request["id"] if known else None, error)
+
+    def close(self, *, cancel: bool = False) -> None:
+        """End: finish all jobs, or cancel them; returns when the last one has ended."""
+        with self._changed:
+            self._closed = True
+            for job in [*self._jobs, *([self._running] if self._running else [])]:
+                job.cancelled = job.cancelled or cancel
+            self._changed.notify_all()
+        self._worker.join()
+
+    def _called(self, request: Mapping[str, Any]) -> Mapping[str, Any] | None:
+        """The immediate result; None for a job, which is queued."""
+        name, params = request["method"], request.get("params", {})
+        if name == "status":
+            return self._status()
+        if name == "cancel":
+            return {"cancelled": self._cancel(params)}
+        if name not in METHODS or not METHODS[name].available:
+            raise RpcError(NO_METHOD, f"no method {name!r}; there are: {', '.join(_names())}")
+        job = _Job(request.get("id"), "id" in request, METHODS[name], _request(METHODS[name], params))
+        with self._changed:
+            if job.answered and job.id in [other.id for other in self._all()]:
+                raise RpcError(INVALID_REQUEST, f"a job with the id {job.id!r} is not finished yet: use another id")
+            self._jobs.append(job)
+            self._changed.notify_all()
+        return None
+
+    def _all(self) -> list[_Job]:
+        return [*([self._running] if self._running else []), *self._jobs]
+
+    def _status(self) -> dict[str, Any]:
+        with self._changed:
+            running, waiting = self._running, list(self._jobs)
+        return {
+            "version": __version__,
+            "methods": _names(),
+            "running": running.id if running else None,
+            "waiting": [job.id for job in waiting],
+        }
+
+    def _cancel(self, params: Mapping[str, Any]) -> bool:
+        if set(params) != {"id"} or not _is_id(params["id"]):
+            raise RpcError(INVALID_PARAMS, 'cancel takes the id of a job: {"id": 1}')
+        with self._changed:
+            found = [job for job in self._all() if job.id == params["id"]]
+            for job in found:
+                job.cancelled = True
+        return bool(found)
+
+    def _work(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._jobs or self._closed)
+                if not self._jobs:
+                    return
+                self._running = self._jobs.popleft()
+            self._run(self._running)
+            with self._changed:
+                self._running = None
+
+    def _run(self, job: _Job) -> None:
+        def on_event(event: events.Event) -> None:
+            if job.cancelled:
+                raise JobCancelled
+            if job.answered and (progress := _progress(event)):
+                self._out({"method": "progress", "params": {"id": job.id, **progress}})
+
+        try:
+            if job.cancelled:
+                raise JobCancelled
+            result = job.method.result(_imported(job.method.job)(job.request, on_event))
+            if job.answered:
+                self._out({"id": job.id, "result": result})
+        except JobCancelled:
+            self._ended(job, RpcError(CANCELLED, "the job was cancelled"))
+        except DprError as error:
+            data = {"kind": type(error).__name__, "exit_code": error.exit_code}
+            self._ended(job, RpcError(FAILED, str(error), data))
+        except Exception as error:  # a bug must not end the service
+            self._ended(job, RpcError(INTERNAL, f"internal error: {type(error).__name__}: {error}"))
+
+    def _ended(self, job: _Job, error: RpcError) -> None:
+        if job.answered:
+            self._fail(job.id, error)
+
+    def _fail(self, identifier: Id, error: RpcError) -> None:
+        body = {"code": error.code, "message": str(error), **({"data": dict(error.data)} if error.data else {})}
+        self._out({"id": identifier, "error": body})
+
+    def _out(self, message: Mapping[str, Any]) -> None:
+        with self._sending:
+            self._send({"jsonrpc": "2.0", **message})
+
+
+def _names() -> list[str]:
+    return [*(name for name, method in METHODS.items() if method.available), "status", "cancel"]
+
+
+def _parsed(line: bytes) -> Any:
+    """The object of a line.
+
+    Raises:
+        RpcError: no JSON, or numbers that JSON does not have.
+    """
+
+    def refuse(constant: str) -> None:
+        raise ValueError(f"{constant} is no number of JSON")
+
+    try:
+        return json.loads(line.decode("utf-8"), parse_constant=refuse)
+    except (ValueError, RecursionError) as error:
+        raise RpcError(PARSE_ERROR, f"the line is not JSON: {error}") from error
+
+
+def _refuse_invalid(request: Any) -> None:
+    """Raises: RpcError: no request object of JSON-RPC 2.0."""
+    if isinstance(request, list):
+        raise RpcError(INVALID_REQUEST, "batches are not supported: send one object on each line")
+    if not isinstance(request, dict) or request.get("jsonrpc") != "2.0":
+        raise RpcError(INVALID_REQUEST, 'a request is an object with "jsonrpc": "2.0", "method" and "id"')
+    if not isinstance(request.get("method"), str):
+        raise RpcError(INVALID_REQUEST, '"method" must be a string')
+    if not _is_id(request.get("id")):
+        raise RpcError(INVALID_REQUEST, '"id" must be a string, a number or null')
+    if not isinstance(request.get("params", {}), dict):
+        raise RpcError(INVALID_PARAMS, '"params" must be an object with named parameters')
+
+
+def _is_id(value: Any) -> bool:
+    return value is None or (isinstance(value, str | int | float) and not isinstance(value, bool))
+
+
+def _request(method: Method, params: Mapping[str, Any]) -> Any:
+    """The request of a job.
+
+    Raises:
+        RpcError: unknown, missing or wrong parameters.
+    """
+    kind = _imported(method.request)
+    known = [field.name for field in fields(kind)]
+    if unknown := [name for name in params if name not in known]:
+        raise RpcError(INVALID_PARAMS, f"unknown parameter {unknown[0]!r}; there are: {', '.join(known)}")
+    try:
+        return TypeAdapter(kind).validate_python(dict(params))
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise RpcError(INVALID_PARAMS, f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+
+
+def _imported(name: str) -> Any:
+    module, _, attribute = name.partition(":")
+    return getattr(import_module(module), attribute)
+
+
+def _progress(event: events.Event) -> dict[str, Any] | None:
+    """An event as parameters of a notification; None for those that say nothing."""
+    match event:
+        case events.StageBegan():
+            return {"event": "stage", "number": event.number, "of": event.of, "name": event.name}
+        case events.FitBegan() | events.ScoreTestBegan():
+            return {"event": "fit", "text": event.text}
+        case events.GenerationDone():
+            return {"event": "generation", "number": event.number, "of": event.at_most, "best_cost": event.best_cost}
+        case events.LocalFitBegan():
+            return {"event": "fit", "text": "local fit"}
+        case events.RunRead():
+            return {"event": "run", "name": event.name, "notes": list(event.notes)}
+        case events.Warned():
+            return {"event": "warning", "text": event.sentence}
+        case _:
+            return None

@@ -1,0 +1,21 @@
+"""`dpr-lab export --ensemble`: a folder for each sampled model, and one file with all of them."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+
+def test_an_ensemble_is_a_folder_for_each_model_and_one_file(cli, model: Path, tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    words = ("export", model, "--rig", "paper", "--ensemble", 3, "--seed", 1, "--out", "out")
+    done = cli(*words, "--json", cwd=tmp_path)
+    assert done.code == 0, done.err
+    assert done.json["sets"] == {"none": 3}
+    document = json.loads((tmp_path / "out" / "ensemble.json").read_text(encoding="utf-8"))
+    assert len({member["ratios"]["a/b"] for member in document["models"]}) == 3
+    for number in range(3):
+        mujoco.MjModel.from_xml_path(str(tmp_path / "out" / f"00{number}" / "corrected_model.xml"))
+    assert cli(*words, "--into", "x.xml", cwd=tmp_path).code == 2

@@ -1,0 +1,135 @@
+"""`dpr-lab serve --stdio` as another program uses it: a process, requests on lines, responses in any order."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+
+class Client:
+    """The other end of the streams."""
+
+    def __init__(self, folder: Path) -> None:
+        command = [sys.executable, "-m", "dpr_lab", "serve", "--stdio"]
+        self.process = subprocess.Popen(command, cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self.received: list[dict[str, Any]] = []
+
+    def write(self, line: bytes) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(line + b"\n")
+        self.process.stdin.flush()
+
+    def request(self, identifier: Any, method: str, **params: Any) -> None:
+        self.write(json.dumps({"jsonrpc": "2.0", "id": identifier, "method": method, "params": params}).encode())
+
+    def next(self) -> dict[str, Any]:
+        assert self.process.stdout is not None
+        message = json.loads(self.process.stdout.readline())
+        assert message.pop("jsonrpc") == "2.0"
+        self.received.append(message)
+        return message
+
+    def response(self, identifier: Any) -> dict[str, Any]:
+        """The response to a request; what comes before it is kept."""
+        while "id" not in (message := self.next()) or message["id"] != identifier:
+            pass
+        return message
+
+    def end(self) -> int:
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        self.process.stdin = None  # `communicate` would flush it
+        return self.process.wait(300)
+
+
+@pytest.fixture
+def client(tmp_path: Path) -> Iterator[Client]:
+    started = Client(tmp_path)
+    yield started
+    started.process.kill()
+    started.process.communicate()
+
+
+MALFORMED = [
+    (b"{", -32700, "is not JSON"),
+    (b"\xff\xfe", -32700, "is not JSON"),
+    (b'{"jsonrpc": "2.0", "id": 1, "method": "status", "params": {"x": NaN}}', -32700, "NaN"),
+    (b"[" * 100_000, -32700, "is not JSON"),
+    (b" " * (2 << 20), -32700, "longer than 1 MB"),
+    (b"[]", -32600, "batches"),
+    (b"1", -32600, "an object"),
+    (b'{"id": 1, "method": "status"}', -32600, '"jsonrpc": "2.0"'),
+    (b'{"jsonrpc": "2.0", "id": 1, "method": 3}', -32600, '"method"'),
+    (b'{"jsonrpc": "2.0", "id": [1], "method": "status"}', -32600, '"id"'),
+    (b'{"jsonrpc": "2.0", "id": 1, "method": "release"}', -32601, "no method 'release'"),
+    (b'{"jsonrpc": "2.0", "id": 1, "method": "identify", "params": [1]}', -32602, "named parameters"),
+    (b'{"jsonrpc": "2.0", "id": 1, "method": "identify", "params": {"runz": 1}}', -32602, "unknown parameter 'runz'"),
+    (b'{"jsonrpc": "2.0", "id": 1, "method": "identify", "params": {"runs": 3}}', -32602, "runs"),
+    (b'{"jsonrpc": "2.0", "id": 1, "method": "identify", "params": {"runs": []}}', -32602, "rig"),
+    (b'{"jsonrpc": "2.0", "id": 1, "method": "cancel", "params": {}}', -32602, "takes the id"),
+]
+
+
+def test_malformed_requests_get_errors_and_the_service_goes_on(client: Client) -> None:
+    for line, code, words in MALFORMED:
+        client.write(line)
+        error = client.next()["error"]
+        assert (error["code"], words in error["message"]) == (code, True), (line[:60], error)
+        assert "Traceback" not in error["message"]
+    client.write(b'{"jsonrpc": "2.0", "method": "release"}')  # a notification is never answered
+    client.request("last", "status")
+    status = client.next()
+    assert status["id"] == "last"
+    assert status["result"]["running"] is None
+    assert {"identify", "diagnose", "status", "cancel"} <= set(status["result"]["methods"])
+    assert client.end() == 0
+
+
+def test_a_job_reports_progress_and_answers_as_the_command_does(
+    cli: Any, client: Client, runs: list[Path], model: Path, tmp_path: Path
+) -> None:
+    files = [str(run) for run in runs]
+    client.request(1, "identify", runs=files, rig="paper", out=str(tmp_path / "model.json"))
+    client.request(2, "identify", runs=["missing.mcap"], rig="paper", out="m.json")
+    client.request(1, "identify", runs=files, rig="paper", out="twice.json")
+    assert "is not finished yet" in client.response(1)["error"]["message"]
+    result = client.response(2)["error"]
+    assert (result["code"], result["data"]) == (-32000, {"kind": "RunError", "exit_code": 3})
+    progress = [message["params"] for message in client.received if message.get("method") == "progress"]
+    assert {event["event"] for event in progress if event["id"] == 1} >= {"run", "generation", "fit"}
+    (answer,) = [m["result"] for m in client.received if m.get("id") == 1 and "ratios" in m.get("result", {})]
+    own = json.loads(model.read_text(encoding="utf-8"))["ratios"]["a/b"]["value"]
+    assert answer["ratios"]["a/b"]["value"] == pytest.approx(own, rel=1e-9)
+    assert (tmp_path / "model.json").is_file()
+    assert client.end() == 0
+
+
+def test_jobs_are_cancelled_running_and_waiting(client: Client, runs: list[Path]) -> None:
+    files = [str(run) for run in runs]
+    client.request("long", "diagnose", runs=files, rig="paper")
+    client.request("next", "diagnose", runs=files, rig="paper")
+    assert client.next()["method"] == "progress"
+    for name in ("next", "long"):
+        client.request(f"cancel {name}", "cancel", id=name)
+    assert client.response("long")["error"]["code"] == -32800
+    assert client.response("next")["error"]["code"] == -32800
+    client.request("again", "cancel", id="long")
+    assert client.response("again")["result"] == {"cancelled": False}
+    assert client.end() == 0
+
+
+def test_the_end_of_the_requests_finishes_the_jobs(client: Client, runs: list[Path], tmp_path: Path) -> None:
+    client.request(7, "identify", runs=[str(run) for run in runs], rig="paper", out=str(tmp_path / "model.json"))
+    assert client.end() == 0
+    assert (tmp_path / "model.json").is_file()
+
+
+def test_without_stdio_the_command_says_what_to_do(cli: Any) -> None:
+    done = cli("serve")
+    assert (done.code, "--stdio" in done.err) == (2, True)

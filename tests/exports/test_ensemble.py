@@ -1,0 +1,118 @@
+"""Models sampled from a posterior: their distribution, their files, and the bands that they predict."""
+
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.base import RATIOS, base_parameters
+from dpr_lab.effects import effect_params
+from dpr_lab.errors import RunError
+from dpr_lab.exports.ensemble.bands import predictive_band
+from dpr_lab.exports.ensemble.calibrate import calibrated, pooled, widened
+from dpr_lab.exports.ensemble.sampled import posterior_of, sampled_models
+from dpr_lab.fitting.estimate import Estimate, unknown_ratios
+from dpr_lab.gap.result.posterior import PosteriorComponent
+from dpr_lab.identification.model import Model
+from dpr_lab.identification.scaling.scale import Scale
+from dpr_lab.rig import Rig, load_rig
+from sim_device.plant.config import load_plant
+from sim_device.trials.offline_recorder import record
+from sim_device.trials.parameters import weighed
+from tests.a_diagnosis import made
+from tests.exports.models import base_of
+from tests.exports.test_export_command import whole_model
+
+FREE = ["a/b", "d/b", "coulomb_joint2.torque_Nm"]
+STD = np.array([0.01, 0.005, 5e-4])
+CORRELATION = np.array([[1.0, 0.8, 0.0], [0.8, 1.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+@pytest.fixture
+def model(paper: Rig) -> Model:
+    estimate = Estimate.of(unknown_ratios(base_of(paper)), effect_params({}), np.zeros((1, 4)))
+    found = whole_model(paper, estimate)
+    return found.model_copy(update={"effects": {"coulomb_joint2": {"torque_Nm": 1e-3}}})
+
+
+def component(model: Model, probability: float = 1.0, **effects: dict[str, float]) -> PosteriorComponent:
+    return PosteriorComponent(
+        probability=probability,
+        ratios={name: estimate.value for name, estimate in model.ratios.items()},
+        effects=effects or model.effects,
+        free=FREE if not effects else FREE[:2],
+        covariance=((STD[:, None] * CORRELATION * STD) if not effects else np.zeros((2, 2))).tolist(),
+    )
+
+
+def values(models: list[Model]) -> np.ndarray:
+    rows = ((m.ratios["a/b"].value, m.ratios["d/b"].value, m.effects["coulomb_joint2"]["torque_Nm"]) for m in models)
+    return np.array(list(rows))
+
+
+def test_samples_have_the_covariance_of_the_posterior_and_frictions_are_not_negative(model: Model) -> None:
+    drawn = values(sampled_models(model, [component(model)], 4000, 1))
+    assert (drawn[:, 2] >= 0).all()
+    assert (drawn[:, 2] == 0).mean() == pytest.approx(0.023, abs=0.01)  # two standard deviations
+    assert drawn[:, :2].std(axis=0) == pytest.approx(STD[:2], rel=0.05)
+    assert np.corrcoef(drawn[:, :2].T)[0, 1] == pytest.approx(0.8, abs=0.03)
+    again = values(sampled_models(model, [component(model)], 4000, 1))
+    assert np.array_equal(drawn, again)
+    wide = values(sampled_models(model, widened([component(model)], 2.0), 4000, 1))
+    assert wide[:, 0].std() == pytest.approx(2 * STD[0], rel=0.05)
+
+
+def test_causes_are_drawn_by_their_probability(model: Model) -> None:
+    two = [component(model, 0.7), component(model, 0.3, viscous_ground_link2={"friction_Nms": 1e-4})]
+    sets = [tuple(member.effects) for member in sampled_models(model, two, 1000, 2)]
+    assert sets.count(("viscous_ground_link2",)) / 1000 == pytest.approx(0.3, abs=0.04)
+
+
+def test_the_scale_moves_inertias_and_torques_together(model: Model) -> None:
+    unsure = model.model_copy(
+        update={
+            "scale": Scale(
+                b=model.base["b"].value,
+                interval90=(0.5 * model.base["b"].value, 2.0 * model.base["b"].value),
+                fixed_by="bound",
+            )
+        }
+    )
+    certain = component(model).model_copy(update={"covariance": np.zeros((3, 3)).tolist()})
+    members = sampled_models(unsure, [certain], 200, 3)
+    scales = np.array([member.base["b"].value / model.base["b"].value for member in members])
+    torques = np.array([member.effects["coulomb_joint2"]["torque_Nm"] / 1e-3 for member in members])
+    assert torques == pytest.approx(scales)
+    assert {member.ratios["a/b"].value for member in members} == {model.ratios["a/b"].value}
+    assert np.mean((scales > 0.5) & (scales < 2.0)) == pytest.approx(0.9, abs=0.06)
+
+
+def test_a_posterior_without_physical_draws_is_refused(model: Model) -> None:
+    impossible = component(model)
+    impossible = impossible.model_copy(update={"ratios": {**impossible.ratios, "a/b": -1.0}})
+    with pytest.raises(RunError, match="hardly a draw"):
+        sampled_models(model, [impossible], 1, 0)
+
+
+def test_a_diagnosis_without_a_posterior_is_refused(model: Model) -> None:
+    with pytest.raises(RunError, match="diagnose the recordings again"):
+        posterior_of(model, made())
+    (own,) = posterior_of(model, None)
+    assert own.free == list(RATIOS)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_bands_cover_the_readings_of_the_true_model_and_a_wrong_one_is_widened() -> None:
+    plant, rig = weighed(load_plant("paper", 5), load_rig("paper"))
+    runs = record(plant, rig, duration=2.0)
+    base = base_parameters(plant.Z, rig.L1, rig.g)
+    truth = whole_model(rig, Estimate.of(unknown_ratios(base), effect_params({}), np.zeros((1, 4))))
+    truth = truth.model_copy(update={"effects": {}})
+    exact = component(truth).model_copy(update={"free": FREE[:1], "covariance": [[1e-16]], "effects": {}})
+    members = sampled_models(truth, [exact], 50, 0)
+    covered = pooled([predictive_band(truth, members, run, rig, 0) for run in runs])
+    assert 0.84 < covered < 0.98
+    off = {**exact.ratios, "a/b": 1.002 * exact.ratios["a/b"]}
+    wrong = exact.model_copy(update={"ratios": off, "covariance": [[(5e-4 * off["a/b"]) ** 2]]})
+    calibration = calibrated(truth, [wrong], runs, rig, 0)
+    assert calibration.factor > 1.0
+    assert calibration.covered > 0.85
