@@ -20,7 +20,7 @@ def serve(
     """
     if not stdio:
         raise typer.BadParameter("give --stdio: requests come from stdin; there is no network port")
-    from dpr_lab.workflows.service import PARSE_ERROR, Service
+    from dpr_lab.workflows.service import RpcCode, Service
 
     answers = _only_answers()
 
@@ -35,7 +35,7 @@ def serve(
     try:
         for line in _lines(sys.stdin.buffer):
             if line is None:
-                error = {"code": PARSE_ERROR, "message": "the line is longer than 1 MB"}
+                error = {"code": int(RpcCode.PARSE_ERROR), "message": "the line is longer than 1 MB"}
                 send({"jsonrpc": "2.0", "id": None, "error": error})
             elif line.strip():
                 service.receive(line)

@@ -12,6 +12,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from enum import IntEnum
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, TypeAlias
@@ -22,8 +23,19 @@ from dpr_lab.errors import DprError
 from dpr_lab.version import __version__
 from dpr_lab.workflows import events
 
-PARSE_ERROR, INVALID_REQUEST, NO_METHOD, INVALID_PARAMS, INTERNAL = -32700, -32600, -32601, -32602, -32603
-FAILED, CANCELLED = -32000, -32800
+
+class RpcCode(IntEnum):
+    """Codes of error responses."""
+
+    PARSE_ERROR = -32700
+    INVALID_REQUEST = -32600
+    NO_METHOD = -32601
+    INVALID_PARAMS = -32602
+    INTERNAL = -32603
+    FAILED = -32000
+    """The job failed with a message for the operator."""
+    CANCELLED = -32800
+
 
 Id: TypeAlias = str | int | float | None
 Send: TypeAlias = Callable[[Mapping[str, Any]], None]
@@ -37,7 +49,7 @@ class RpcError(Exception):
         self.code, self.data = code, data
 
 
-class JobCancelled(BaseException):
+class CancelRequested(BaseException):
     """A job was cancelled; raised at its next progress event."""
 
 
@@ -131,11 +143,13 @@ class Service:
         if name == "cancel":
             return {"cancelled": self._cancel(params)}
         if name not in METHODS or not METHODS[name].available:
-            raise RpcError(NO_METHOD, f"no method {name!r}; there are: {', '.join(_names())}")
+            raise RpcError(RpcCode.NO_METHOD, f"no method {name!r}; there are: {', '.join(_names())}")
         job = _Job(request.get("id"), "id" in request, METHODS[name], _request(METHODS[name], params))
         with self._changed:
             if job.answered and job.id in [other.id for other in self._all()]:
-                raise RpcError(INVALID_REQUEST, f"a job with the id {job.id!r} is not finished yet: use another id")
+                raise RpcError(
+                    RpcCode.INVALID_REQUEST, f"a job with the id {job.id!r} is not finished yet: use another id"
+                )
             self._jobs.append(job)
             self._changed.notify_all()
         return None
@@ -155,7 +169,7 @@ class Service:
 
     def _cancel(self, params: Mapping[str, Any]) -> bool:
         if set(params) != {"id"} or not _is_id(params["id"]):
-            raise RpcError(INVALID_PARAMS, 'cancel takes the id of a job: {"id": 1}')
+            raise RpcError(RpcCode.INVALID_PARAMS, 'cancel takes the id of a job: {"id": 1}')
         with self._changed:
             found = [job for job in self._all() if job.id == params["id"]]
             for job in found:
@@ -176,30 +190,30 @@ class Service:
     def _run(self, job: _Job) -> None:
         def on_event(event: events.Event) -> None:
             if job.cancelled:
-                raise JobCancelled
+                raise CancelRequested
             if job.answered and (progress := _progress(event)):
                 self._out({"method": "progress", "params": {"id": job.id, **progress}})
 
         try:
             if job.cancelled:
-                raise JobCancelled
+                raise CancelRequested
             result = job.method.result(_imported(job.method.job)(job.request, on_event))
             if job.answered:
                 self._out({"id": job.id, "result": result})
-        except JobCancelled:
-            self._ended(job, RpcError(CANCELLED, "the job was cancelled"))
+        except CancelRequested:
+            self._ended(job, RpcError(RpcCode.CANCELLED, "the job was cancelled"))
         except DprError as error:
             data = {"kind": type(error).__name__, "exit_code": error.exit_code}
-            self._ended(job, RpcError(FAILED, str(error), data))
+            self._ended(job, RpcError(RpcCode.FAILED, str(error), data))
         except Exception as error:  # a bug must not end the service
-            self._ended(job, RpcError(INTERNAL, f"internal error: {type(error).__name__}: {error}"))
+            self._ended(job, RpcError(RpcCode.INTERNAL, f"internal error: {type(error).__name__}: {error}"))
 
     def _ended(self, job: _Job, error: RpcError) -> None:
         if job.answered:
             self._fail(job.id, error)
 
     def _fail(self, identifier: Id, error: RpcError) -> None:
-        body = {"code": error.code, "message": str(error), **({"data": dict(error.data)} if error.data else {})}
+        body = {"code": int(error.code), "message": str(error), **({"data": dict(error.data)} if error.data else {})}
         self._out({"id": identifier, "error": body})
 
     def _out(self, message: Mapping[str, Any]) -> None:
@@ -224,21 +238,21 @@ def _parsed(line: bytes) -> Any:
     try:
         return json.loads(line.decode("utf-8"), parse_constant=refuse)
     except (ValueError, RecursionError) as error:
-        raise RpcError(PARSE_ERROR, f"the line is not JSON: {error}") from error
+        raise RpcError(RpcCode.PARSE_ERROR, f"the line is not JSON: {error}") from error
 
 
 def _refuse_invalid(request: Any) -> None:
     """Raises: RpcError: no request object of JSON-RPC 2.0."""
     if isinstance(request, list):
-        raise RpcError(INVALID_REQUEST, "batches are not supported: send one object on each line")
+        raise RpcError(RpcCode.INVALID_REQUEST, "batches are not supported: send one object on each line")
     if not isinstance(request, dict) or request.get("jsonrpc") != "2.0":
-        raise RpcError(INVALID_REQUEST, 'a request is an object with "jsonrpc": "2.0", "method" and "id"')
+        raise RpcError(RpcCode.INVALID_REQUEST, 'a request is an object with "jsonrpc": "2.0", "method" and "id"')
     if not isinstance(request.get("method"), str):
-        raise RpcError(INVALID_REQUEST, '"method" must be a string')
+        raise RpcError(RpcCode.INVALID_REQUEST, '"method" must be a string')
     if not _is_id(request.get("id")):
-        raise RpcError(INVALID_REQUEST, '"id" must be a string, a number or null')
+        raise RpcError(RpcCode.INVALID_REQUEST, '"id" must be a string, a number or null')
     if not isinstance(request.get("params", {}), dict):
-        raise RpcError(INVALID_PARAMS, '"params" must be an object with named parameters')
+        raise RpcError(RpcCode.INVALID_PARAMS, '"params" must be an object with named parameters')
 
 
 def _is_id(value: Any) -> bool:
@@ -254,12 +268,12 @@ def _request(method: Method, params: Mapping[str, Any]) -> Any:
     kind = _imported(method.request)
     known = [field.name for field in fields(kind)]
     if unknown := [name for name in params if name not in known]:
-        raise RpcError(INVALID_PARAMS, f"unknown parameter {unknown[0]!r}; there are: {', '.join(known)}")
+        raise RpcError(RpcCode.INVALID_PARAMS, f"unknown parameter {unknown[0]!r}; there are: {', '.join(known)}")
     try:
         return TypeAdapter(kind).validate_python(dict(params))
     except ValidationError as error:
         first = error.errors()[0]
-        raise RpcError(INVALID_PARAMS, f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+        raise RpcError(RpcCode.INVALID_PARAMS, f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from error
 
 
 def _imported(name: str) -> Any:
