@@ -17,7 +17,7 @@ from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.identification.uncertainty import uncertainty
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
-from dpr_lab.setup import Setup, Torques
+from dpr_lab.setup import ArmMotion, Setup, Torques
 
 Z = np.array([0.21, 0.19, 0.104, 0.093, 0.215, 0.00107, 0.00093, 0.00139, 0.00128])
 RIG = load_rig("paper")
@@ -102,3 +102,19 @@ def test_a_driven_rig_is_identified_in_absolute_numbers(torques: np.ndarray, swi
     assert {value.fixed_by for value in model.base.values()} == {"data"}
     assert model.base["b"].value == pytest.approx(BASE[1], rel=0.01)
     assert with_scale(model.unknowns, 1.0)[5] == 1.0
+
+
+def test_inputs_are_averaged_run_by_run_as_segment_by_segment(torques: np.ndarray) -> None:
+    motion = ArmMotion(T, np.sin(T), np.cos(3 * T))
+    setups = (Setup(torques=Torques(T, torques)), Setup(), Setup(torques=Torques(T, -torques), arm=motion))
+    times = [T[:50], T[50:90], T[:30], T[10:200], T[200:]]
+    pushes = segments(times, [0, 0, 1, 2, 2], setups).pushes
+    expected = [np.zeros((len(t), 4)) for t in times]
+    for own, t, run in zip(expected, times, (0, 0, 1, 2, 2), strict=True):
+        if setups[run].torques is not None:
+            own[:, :2] = setups[run].torques.mean_before(t)
+        if setups[run].arm is not None:
+            own[:, 2:] = setups[run].arm.mean_before(t)
+    assert pushes == pytest.approx(np.concatenate(expected), abs=1e-12)
+    assert np.abs(pushes[51:90, :2]).min() > 0.0
+    assert pushes[50, :2].tolist() == [0.0, 0.0]

@@ -87,6 +87,30 @@ def test_a_second_start_compiles_nothing():
     assert "compiled" not in run.stdout
 
 
+LOADED = """
+import sys
+import dpr_lab.gap.diagnose
+from dpr_lab.dynamics.prediction import predict
+from dpr_lab.effects import effect_params
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.rig import load_rig
+rig = load_rig("paper")
+base = base_parameters(rig.nominal, rig.L1, rig.g)
+predict(base, effect_params({}), rig_constants(rig), segments([[0.0, 0.1]]), [[3.0, 3.0, 0.0, 0.0]])
+print([name for name in ("scipy.linalg", "scipy.special", "scipy.optimize") if name in sys.modules])
+"""
+
+
+@pytest.mark.slow
+def test_kernels_from_the_cache_load_without_what_a_compilation_imports():
+    # It takes longer to import than every kernel of a diagnosis to load.
+    for _ in range(2):
+        run = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
+    assert run.stdout == "[]\n"
+
+
 def test_without_a_writable_folder_there_is_no_cache(tmp_path):
     (tmp_path / "file").touch()
     assert open_cache(tmp_path / "file", "hash") is None

@@ -12,6 +12,7 @@ from dpr_lab.effects.effect import Recorded
 from dpr_lab.fitting.estimate import effect_parameters, ratio_parameters
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.prior import prior_of
+from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.hypothesis.score_test import score_test
 from dpr_lab.gap.screen.record import record as screened
@@ -104,3 +105,17 @@ def test_cogging_of_order_one_is_gravity_on_one_rod() -> None:
     assert rotor is not None
     assert rotor.gain == 0.0
     assert set(rotor.absorbed) == {"inertia_kgm2"}
+
+
+@pytest.mark.parametrize("twins", [0, 1, 3])
+def test_what_columns_leave_of_one_another_is_what_elimination_leaves(twins: int) -> None:
+    rng = np.random.default_rng(twins)
+    A = rng.normal(size=(40, 6))
+    A[:, 3 : 3 + twins] = A[:, :twins] + 1e-9 * A[:, :twins] ** 2  # exact to rounding: not to be divided by
+    space, order = ColumnSpace.of(A, rng.normal(size=40)), [2, 0, 1, 5, 4, 3]
+    H, left = space.H.copy(), np.zeros(6)
+    for i in order:
+        left[i] = max(H[i, i], 0.0)
+        if left[i] > 1e-9:
+            H -= np.outer(H[:, i], H[i]) / H[i, i]
+    assert space.unabsorbed(order) == pytest.approx(left, abs=1e-12)

@@ -10,7 +10,7 @@ from dpr_lab.errors import IdentificationError
 from dpr_lab.identification.identify import identify
 from dpr_lab.identification.misread.energy import energy_rise
 from dpr_lab.identification.misread.refuse import refuse_misread
-from dpr_lab.identification.misread.tried import impossible, second_look
+from dpr_lab.identification.misread.tried import fitted, impossible, second_look
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -168,6 +168,15 @@ def test_energy_from_a_source_that_nobody_described_is_named(swings, driven, on_
         assert "--torque none" in sentence
         assert "--arm prescribed" in sentence
     assert second_look(swings, paper).sentence == ""
+
+
+def test_a_fit_that_is_given_up_after_short_segments_would_not_have_become_better(swings, paper: Rig) -> None:
+    read = [replace(run, theta=run.theta * [1.0, 1.0, -1.0], counts=None) for run in swings]
+    whole, given_up = fitted(read, paper, quick=True), fitted(read, paper, quick=True, worst=20.0)
+    assert whole is not None
+    assert given_up is not None
+    assert 20.0 < given_up.chi2_per_dof < 1.1 * whole.chi2_per_dof
+    assert given_up.longest_s < 0.6 * whole.longest_s
 
 
 def test_passive_rods_and_known_torques_let_no_energy_in(swings, driven, paper: Rig) -> None:
