@@ -140,3 +140,21 @@ def test_a_free_arm_with_both_rods_is_captured_and_identified(tmp_path: Path, be
     for name, value in (("a/b", base[0]), ("d/b", base[2]), ("A/b", total), ("c0/b", config.arm.c0)):
         estimate = model.ratios[name]
         assert estimate.value == pytest.approx(value / base[1], abs=4 * estimate.std), name
+
+
+def test_the_driven_double_pendulum_is_captured_and_identified(tmp_path: Path, bench, agree) -> None:
+    rig = load_rig("driven_double")
+    with bench(rig="driven_double", plant="driven_double") as (device, _):
+        captured = capture(device, rig, "X1", OPTIONS, tmp_path, confirm=agree)
+    assert captured.quality.ok, captured.quality.sentence
+    model, config = identify_moving_arm([load_run(captured.run_file, rig)], rig), load_plant("driven_double")
+    assert not model.failures
+    base = base_parameters(config.Z, rig.L1, rig.g)
+    total = config.arm.J0 + config.Z[2:5].sum() * rig.L0**2
+    drive = config.arm_drive
+    assert drive is not None
+    truth = {"a/b": base[0], "d/b": base[2], "e1/b": base[3], "A/b": total, "kt/b": drive.gear * drive.kt}
+    for name, value in truth.items():
+        estimate = model.ratios[name]
+        assert estimate.value == pytest.approx(value / base[1], abs=4 * estimate.std), name
+    assert model.absolute["b"].value == pytest.approx(base[1], rel=0.05)  # kt of the rig file is 1 % off

@@ -83,7 +83,7 @@ def test_help_names_every_search(cli) -> None:
 
 def test_built_in_rigs_are_listed_and_shown(cli, on_terminal, tmp_path: Path) -> None:
     listed = cli("rig", "list", "--json")
-    assert [rig["name"] for rig in listed.json] == built_in_rigs() == ["furuta", "multiarm", "paper"]
+    assert [rig["name"] for rig in listed.json] == built_in_rigs() == ["driven_double", "furuta", "multiarm", "paper"]
     (tmp_path / "mine.toml").write_text(cli("rig", "show", "paper").out)
     code, shown = on_terminal([sys.executable, "-m", "dpr_lab", "rig", "show", "paper"], {"COLUMNS": "80"})
     assert (code, shown.replace("\r", "")) == (0, (tmp_path / "mine.toml").read_text())
