@@ -179,6 +179,14 @@ class ArmTable(RigTable):
     """Stiffness of a cable or spring at the arm, N m/rad; fitted only if given."""
     f0: Parameter | None = None
     """Coulomb friction of the arm, N m; fitted only if given."""
+    limits: tuple[Angle, Angle] | None = None
+    """Angles between which the arm can turn, rad: a capture does not release the rods while the arm is outside."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "ArmTable":
+        if self.limits is not None and not self.limits[0] < self.limits[1]:
+            raise ValueError(f"limits are reversed or equal: {self.limits[0]:g}, {self.limits[1]:g}")
+        return self
 
 
 class MotorTable(RigTable):

@@ -108,6 +108,8 @@ class SwingReading:
     samples: int
     fresh: tuple[NDArray[np.float64], NDArray[np.float64]]
     """Time since the release (n,), s, and absolute angles (n, 3), rad, of the samples since the last report."""
+    inputs: NDArray[np.float64] | None = None
+    """(n,) input of the arm's drive at these samples, N m, A or V; None without a drive."""
 
 
 Progress: TypeAlias = HangReading | PoseReading | RestReading | Released | SwingReading
@@ -381,10 +383,9 @@ def _follow(
         still_s = settings.rest_after_s
         t, theta = recording.tail(still_s)
         theta0, theta1, theta2 = theta[-1].tolist()
-        fresh = recording.since(reported)
-        omega = speed.after(*fresh)
-        on_progress(SwingReading(recording.t, (theta0, theta1, theta2), omega, len(recording.samples), fresh))
-        reported = len(recording.samples)
+        fresh, inputs = recording.since(reported), recording.new_inputs()
+        omega, reported = speed.after(*fresh), len(recording.samples)
+        on_progress(SwingReading(recording.t, (theta0, theta1, theta2), omega, reported, fresh, inputs))
         if until_rest and recording.t >= still_s and at_rest(t, theta, recording.rig, settings.limits.rest):
             recording.end_here()
 

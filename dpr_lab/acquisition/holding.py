@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.acquisition.batch import Batch, arrays
 from dpr_lab.acquisition.device import Device
-from dpr_lab.acquisition.rest import RODS, pose_error, rest_motion
+from dpr_lab.acquisition.rest import RODS, arm_restless, pose_error, rest_motion
 from dpr_lab.acquisition.settings import CaptureSettings
 from dpr_lab.errors import DeviceFault, LinkError, SafetyStop
 from dpr_lab.rig import JOINTS, Rig
@@ -258,10 +258,12 @@ class HeldPose:
         still = speed <= rest.speed and spread <= limit
         worst = float(np.abs(pose_error(theta, self._pose)).mean(axis=0).max())
         restless = ""
+        arm = arm_restless(t, theta, self._rig, rest)
         if not still:
             drift = f"drifting {speed:.3f} rad/s (limit {rest.speed} rad/s)" if speed > rest.speed else ""
             shaking = f"vibrating {spread:.5f} rad rms (limit {limit:.5f} rad)" if spread > limit else ""
             restless = f"the rods still moved: {' and '.join(part for part in (drift, shaking) if part)}"
         elif worst > self._pose.tolerance:
             restless = f"the rods were {worst:.3f} rad away from the pose"
+        restless = restless or arm
         return RestReading(*_placed(theta[-1], self._pose), self._pose.tolerance, speed, spread, still, restless)

@@ -61,6 +61,7 @@ class Recording:
         self._lost_before = dict(lost)
         self._lost = dict(lost)
         self._to_epoch = time.time() - time.monotonic()
+        self._inputs: list[NDArray[np.float64]] = []
 
     def __enter__(self) -> "Recording":
         return self
@@ -111,8 +112,11 @@ class Recording:
                 ticks, counts = arrays(rows)
                 extra = self._writer.metadata.extra
                 unit = int(extra.get("torque_unit_uNm", extra.get("input_unit_micro", 0)))
-                self._writer.samples(ticks, counts, torques_of(rows, unit))
+                torques = torques_of(rows, unit)
+                self._writer.samples(ticks, counts, torques)
                 self.samples.extend(ticks, counts)
+                if torques is not None and "input_unit_micro" in extra:
+                    self._inputs.append(torques[0, :, 0])
 
     @property
     def full(self) -> bool:
@@ -171,6 +175,11 @@ class Recording:
         """Time from the release (n,), s, and angles (n, 3), rad, of all samples from index `first` on."""
         ticks, counts = self.samples.newest(len(self.samples) - first)
         return (ticks - (self.release_tick or 0)) / self._writer.metadata.rate_hz, self.rig.theta(counts)
+
+    def new_inputs(self) -> NDArray[np.float64] | None:
+        """(n,) input of the arm's drive at the samples since the last call, N m, A or V; None without a drive."""
+        inputs, self._inputs = self._inputs, []
+        return np.concatenate(inputs) if inputs else None
 
     def count_losses(self, lost: Mapping[str, int]) -> None:
         """Store the current loss counters of the device."""

@@ -33,6 +33,20 @@ def at_rest(t: NDArray[np.float64], theta: NDArray[np.float64], rig: Rig, limits
     return speed <= limits.speed and spread <= limits.spread(rig)
 
 
+def arm_restless(t: NDArray[np.float64], theta: NDArray[np.float64], rig: Rig, limits: RestLimits) -> str:
+    """Reason why an arm that can move forbids a release; empty if it does not. Arguments as for `rest_motion`."""
+    if rig.arm.mode == "clamped":
+        return ""
+    speed, _ = rest_motion(t, theta[:, [0, 0, 0]])
+    if speed > limits.speed:
+        return f"the arm still moved: drifting {speed:.3f} rad/s (limit {limits.speed} rad/s)"
+    low, high = rig.arm.limits or (-np.inf, np.inf)
+    theta0 = float(theta[-1, 0])
+    if not low <= theta0 <= high:
+        return f"the arm stands at {theta0:.3f} rad, outside its limits of {low:g} to {high:g} rad ([arm] limits)"
+    return ""
+
+
 def pose_error(theta: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
     """Distance of the rods from a pose, without whole turns.
 

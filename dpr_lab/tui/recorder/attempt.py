@@ -44,6 +44,7 @@ class Attempt:
     _asked: bool = False
     _t: list[NDArray[np.float64]] = field(default_factory=list)
     _theta: list[NDArray[np.float64]] = field(default_factory=list)
+    _inputs: list[NDArray[np.float64]] = field(default_factory=list)
 
     @property
     def trace(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -51,6 +52,12 @@ class Attempt:
         if not self._t:
             return np.empty(0), np.empty((0, 3))
         return np.concatenate(self._t), np.concatenate(self._theta)
+
+    @property
+    def inputs(self) -> NDArray[np.float64]:
+        """(n,) input of the arm's drive at the samples of `trace`, N m, A or V; empty without a drive."""
+        inputs = np.concatenate(self._inputs) if self._inputs else np.empty(0)
+        return inputs if len(inputs) == len(self.trace[0]) else np.empty(0)
 
     @property
     def obstacle(self) -> str:
@@ -89,5 +96,7 @@ class Attempt:
                 t, theta = progress.fresh
                 self._t.append(t)
                 self._theta.append(theta)
+                if progress.inputs is not None:
+                    self._inputs.append(progress.inputs)
             case _:
                 pass

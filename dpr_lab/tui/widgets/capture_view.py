@@ -21,6 +21,7 @@ from dpr_lab.tui.line_breaks import Hanging
 from dpr_lab.tui.recorder.attempt import Attempt, Phase
 from dpr_lab.tui.recorder.sighting import Sighting
 from dpr_lab.tui.widgets import readout
+from dpr_lab.tui.widgets.arm_above import ArmAbove
 from dpr_lab.tui.widgets.chart import Chart, Series
 from dpr_lab.tui.widgets.checklist import checklist_text
 from dpr_lab.tui.widgets.pendulum import Lengths, Pendulum
@@ -34,6 +35,7 @@ CODE_FIRST = "RELEASING after the code that is shown. Any other key stops it"
 SENT = "RELEASE sent: the latch opens. Keep clear"
 MAY_BE_FREE = "RELEASE was sent, the rods may be free: keep clear until the latch is seen again"
 CHOICE = "{capture.keep}: keep it  {capture.again}: put it aside and repeat"
+INPUT_UNITS = {"torque": "N m", "current": "A", "voltage": "V", "acceleration": "rad/s²"}
 TONES = {Phase.READY: "bold $success", Phase.RECORDING: "bold $primary"}
 
 
@@ -92,9 +94,11 @@ class CaptureView(Vertical):
         yield Static(id="headline")
         with Horizontal(id="rods"):
             yield Pendulum(id="pendulum")
+            yield ArmAbove(id="arm")
             yield Static(id="readout")
             yield Static(id="checklist")
         yield Chart(id="swing")
+        yield Chart(id="input")
 
     def show(self, state: CaptureState) -> None:
         """Draw a state, without redrawing unchanged parts."""
@@ -109,7 +113,8 @@ class CaptureView(Vertical):
             if shown.content != content:
                 shown.update(content, layout=name == "headline")
         self._show_rods(state)
-        self._show_swing(swung, state.unit, "last swing, ended early: " if state.attempt is None else "")
+        self._show_swing(swung, state.unit, state.rig, "last swing, ended early: " if state.attempt is None else "")
+        self._show_input(swung, state.rig)
 
     def _show_rods(self, state: CaptureState) -> None:
         rig, attempt = state.rig, state.attempt
@@ -118,13 +123,30 @@ class CaptureView(Vertical):
         lengths = Lengths(rig.L0, rig.L1, rig.L2 or rig.L1)
         pose = None if wanted is None else wanted.theta.tolist()
         self.query_one(Pendulum).show(state.seen.theta, pose, lengths, old=not state.live)
+        self.set_class(rig.arm.mode != "clamped", "-arm-moves")
+        if rig.arm.mode != "clamped":
+            theta0 = None if state.seen.theta is None else state.seen.theta[0]
+            self.query_one(ArmAbove).show(theta0, rig.arm.limits, old=not state.live)
 
-    def _show_swing(self, attempt: Attempt | None, unit: AngleUnit, which: str) -> None:
+    def _show_input(self, attempt: Attempt | None, rig: Rig) -> None:
+        """Plot the input of the arm's drive below the angles, if the device reports it."""
+        inputs = attempt.inputs if attempt is not None else np.empty(0)
+        driven = attempt is not None and rig.motor is not None and len(inputs) > 0
+        self.set_class(driven, "-driven")
+        if driven and attempt is not None and rig.motor is not None:
+            quantity = f"{rig.motor.input} ({INPUT_UNITS[rig.motor.input]})"
+            line = Series(rig.motor.input, attempt.trace[0], inputs, tone="accent")
+            self.query_one("#input", Chart).show([line], x_label="time from release (s)", y_label=quantity)
+
+    def _show_swing(self, attempt: Attempt | None, unit: AngleUnit, rig: Rig, which: str) -> None:
         t, theta = attempt.trace if attempt is not None else (np.empty(0), np.empty((0, 3)))
         turns = np.round((theta[0] - attempt.pose.theta) / (2 * np.pi)) if attempt is not None and len(t) else 0
         shown = (theta - 2 * np.pi * turns) * unit.per_rad
         lines = [Series("θ1 inner", t, shown[:, 1]), Series("θ2 outer", t, shown[:, 2], tone="secondary")]
-        self.query_one(Chart).show(
+        if rig.arm.mode != "clamped":
+            arm = Series("θ0 arm", t, shown[:, 0], tone="accent")
+            lines = [lines[0], arm] if rig.rods.mounted == "inner" else [*lines, arm]
+        self.query_one("#swing", Chart).show(
             lines,
             x_label="time from release (s)",
             y_label=f"{which if len(t) else ''}angle ({unit.symbol.strip()}, 0 = upright)",
