@@ -113,4 +113,4 @@ def test_too_few_segments_cannot_decide() -> None:
     found = diagnose(runs[:1], rig)
     assert of(found).undecided.startswith("Recordings of fewer than 3 segments")
     assert of(found).of_reproducible is None
-    assert "do not show what repeats" in repeatability_sentences(found)[0]
+    assert "do not show which part of the gap is reproducible" in repeatability_sentences(found)[0]

@@ -1,19 +1,20 @@
-"""Prediction of a run that took no part in the fit, by linear algebra on the fit to all.
+"""Prediction of a held-out run by linear algebra on the fit to all runs.
 
-Normal equations add up over segments: H = sum A^T A + P and g = sum A^T e, with P the weak prior that an effect is a
-few times its typical size at most. So the fit without run r is one Gauss-Newton step away from the fit to all,
+The normal equations are sums over segments: H = sum A^T A + P and g = sum A^T e, where P is a weak prior that limits an
+effect to a few times its typical size. The fit without run r is therefore one Gauss-Newton step away from the fit to
+all runs,
 
     dp = (H - H_r)^-1 (g - g_r),    V = (H - H_r)^-1,
 
-and how well it predicts r is the logarithm of its predictive density, which for Gaussian errors is
+and the quality of the prediction of r is the logarithm of its predictive density; for Gaussian errors,
 
     -2 log p(r | rest) = chi2(all) - chi2(rest) + f (log det H - log det (H - H_r)) + const,
 
-f being the chi2 units that one independent piece of evidence costs. A parameter that only r can see then predicts
-nothing sharply, instead of something wrong. Held-out segments keep free initial states: they are scored for their
-course, not for where they begin. They keep free, too, what hardly any other run can see of the shape of an effect, such
-as the cubic term of a spring that one run alone winds up: the others would extrapolate it. The size of the effect, its
-first parameter, is always that of the others.
+where f is the chi2 of one independent piece of evidence. A parameter that only r determines therefore makes the
+prediction uncertain instead of wrong. Held-out segments keep free initial states: the score measures their course, not
+their initial state. Shape parameters that hardly any other run determines are also kept free, for example the cubic
+term of a spring that only one run winds up: the other runs would extrapolate it. The size of an effect, its first
+parameter, is always taken from the other runs.
 """
 
 from dataclasses import dataclass
@@ -27,24 +28,24 @@ from dpr_lab.fitting.problem import Problem
 Array = NDArray[np.float64]
 
 PRIOR = 10.0
-"""Standard deviation of an effect before the data, in typical sizes: wide enough for any rig, and finite."""
+"""Standard deviation of the prior of an effect, in typical sizes: wide enough for any rig, and finite."""
 
 
 @dataclass(frozen=True, slots=True)
 class FoldSettings:
-    """How recordings are left out."""
+    """Settings of cross-validation."""
 
     quarters: int = 4
-    """Folds of a single recording."""
+    """Number of folds of a single recording."""
     alone: float = 1e4
-    """Growth of the variance of a shape parameter without a run, from which hardly any other run can see it."""
+    """Growth of the variance of a shape parameter without a run above which the parameter is kept free for that run."""
 
 
 FOLDS = FoldSettings()
 
 
 def folds(problem: Problem) -> NDArray[np.int64]:
-    """(segments,) the fold of each: its run, or the quarter of the only one."""
+    """(segments,) fold of each segment: its run, or its quarter of a single run."""
     run = problem.segments.run
     return run if run.min() < run.max() else (np.arange(len(run)) * FOLDS.quarters) // len(run)
 
@@ -74,9 +75,10 @@ class _Folds:
         self.gradient = sum((one.gradient for one in self.each), np.zeros(len(free)))
 
     def seen_by_one_alone(self, one: _Fold, V: Array) -> NDArray[np.bool_]:
-        """(free,) zeros set before the run of a fold, and shape parameters of which V, without that run, knows little.
+        """(free,) parameters that are free in a held-out run, like its initial state.
 
-        They are as free there as its initial state.
+        They are the zeros that are set before that run, and shape parameters whose variance V grows too much without
+        it.
         """
         zeros = self.zeros & (np.diag(self.H) - np.diag(one.H) <= 1.0)
         if not self.shapes.any():
@@ -96,7 +98,7 @@ def left_out_chi2(fit: Fit, fold: NDArray[np.int64]) -> Array:
         V = np.asarray(np.linalg.inv(parts.H - one.H), dtype=np.float64)
         left = parts.e[one.mine] - parts.A[one.mine] @ (V @ (parts.gradient - one.gradient))
         if (own := parts.seen_by_one_alone(one, V)).any():
-            # What is tied to them moves along.
+            # parameters that are tied to the free ones move along
             columns = parts.A[one.mine] @ (V[:, own] @ np.linalg.inv(V[np.ix_(own, own)]))
             left = left - columns @ np.linalg.lstsq(columns.reshape(-1, columns.shape[2]), left.ravel(), rcond=None)[0]
         chi2[one.mine] = np.sum(left**2, axis=1)

@@ -1,4 +1,4 @@
-"""The least size of every effect that these recordings would show."""
+"""Minimum detectable size of each effect in these recordings."""
 
 from collections.abc import Mapping
 
@@ -10,22 +10,22 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import ScoreTest
 
 SIGMAS = 5.0
-"""Standard deviations from which an effect would show: no chance among some 600 shapes."""
+"""Standard deviations from which an effect is detectable: beyond chance among some 600 shapes."""
 
 SEEN = 1e-6
-"""Share of a column's squared length that what is fitted must leave, for its amplitude to be seen at all."""
+"""Fraction of a column's squared length that must remain after projection for its amplitude to be detectable."""
 
 
 def detectable(at: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, float | None]]:
-    """Minimum detectable amplitude of each effect, given what is fitted: five standard deviations.
+    """Minimum detectable amplitude of each effect, given the fitted model: five standard deviations.
 
         size = 5 sqrt(f) / | s |,
 
-    s the change of the whitened readings by one unit, initial states and fitted parameters projected out, f what one
-    independent piece of evidence costs. None where the readings do not change at all.
+    where s is the change of the whitened readings per unit, with initial states and fitted parameters projected out,
+    and f is the chi2 of one independent piece of evidence. None if the readings do not change at all.
 
     Args:
-        at: what is fitted
+        at: the fitted model
         test: its score test
     """
     spread = SIGMAS * at.residuals.inflation**0.5
@@ -49,14 +49,15 @@ def detectable(at: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, flo
 
 
 def _size(spread: float, scale: float, rest: float) -> float | None:
-    """Of a column of norm 1 / scale, of whose squared length a share is left."""
+    """Detectable amplitude of a column of norm 1 / scale, with the remaining fraction of its squared length."""
     return float(spread * scale / rest**0.5) if rest > SEEN and scale < 1 / TINY else None
 
 
 def visible(least: Mapping[str, Mapping[str, float | None]]) -> tuple[int, int]:
-    """Count the effects that would be visible at their typical size, and those that would be at any size.
+    """Count the effects that are detectable at their typical size, and those that are detectable at any size.
 
-    An effect that is invisible at any size does not act here (joint 2 of a single rod) or is absorbed by the ratios.
+    An effect that is undetectable at any size does not act in these recordings (joint 2 of a single rod) or is absorbed
+    by the ratios.
 
     Args:
         least: result of `detectable`

@@ -1,4 +1,4 @@
-"""One explanation of the gap: a set of effects, fitted with ratios and initial states, and what it leaves."""
+"""One explanation of the gap: a set of effects, fitted with ratios and initial states, and its residual."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -27,31 +27,31 @@ from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 Array = NDArray[np.float64]
 
 PRICE = 9.0
-"""chi2 units that one more parameter has to earn: the logarithm of some 1e4 samples (BIC)."""
+"""Penalty of one parameter in chi2 units: the logarithm of some 1e4 samples (BIC)."""
 
 LOST = 10.0
-"""Factor of chi2 from which a linear guess is worse to start from than what it was made of."""
+"""Factor of chi2 above which the linear prediction is a worse initial value than the set it was derived from."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
-    """A set of effects, fitted."""
+    """A fitted set of effects."""
 
     effects: tuple[str, ...]
     fit: Fit
     residuals: ResidualStatistics
     predictive_loss: Array
-    """(folds,) how badly each run is predicted by the others, in units of chi2."""
+    """(folds,) prediction error of each run from the others, in units of chi2."""
 
     @property
     def cost(self) -> float:
-        """Held-out chi2 and the price of its parameters, in units of independent evidence it leaves."""
+        """Held-out chi2 plus the penalty of the parameters, in units of independent evidence."""
         scanned = sum(len(EFFECTS[name].shapes) for name in self.effects)
         return float(self.predictive_loss.sum()) + PRICE * self.residuals.inflation * (len(self.fit.free) + scanned)
 
     @property
     def key(self) -> frozenset[str]:
-        """The set of its effects."""
+        """The names of its effects, as a set."""
         return frozenset(self.effects)
 
 
@@ -62,7 +62,7 @@ def hypothesis(problem: Problem, effects: Iterable[str], found: Fit) -> Hypothes
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
-    """Whether b is no mere scale: a known mass or torque, or friction by the force of weighed masses on a joint."""
+    """Whether b is more than a mere scale: a mass or torque is known, or friction depends on the force on a joint."""
     weighs = problem.masses_weighed and any(EFFECTS[name].stage == "load" for name in effects)
     return weighs or any(setup.weighs for setup in problem.segments.setups)
 
@@ -94,7 +94,7 @@ def refit_with(
     iterations: int,
     start: Iteration | None = None,
 ) -> Hypothesis:
-    """Fit one effect more, from the linear solution of its score test or from `start`."""
+    """Fit a set with one additional effect, from the linear solution of its score test or from `start`."""
     start = start or started_with(problem, before, test, score)
     estimate, effects = start.estimate, (*before.effects, score.effect.name)
     free = free_parameters(estimate, effects, problem)
@@ -104,14 +104,14 @@ def refit_with(
 def refit_with_from_short(
     problem: Problem, short: tuple[Problem, Array], before: Hypothesis, score: Score, iterations: int
 ) -> Hypothesis:
-    """Fit one effect more to short segments first: slower, but it converges where the effect bends the swings far.
+    """Fit one additional effect to short segments first: slower, but it converges even if the effect is large.
 
     Args:
         problem: the segments
-        short: shorter segments of the same runs, and initial states to begin with
+        short: shorter segments of the same runs, and their initial states
         before: the fit without the effect
-        score: the effect in the shape to start from
-        iterations: at most, of each of the two fits
+        score: score of the effect in its initial shape
+        iterations: maximum number of iterations of each of the two fits
     """
     cut, initial = short
     near = descend(cut, replace(_shaped(before, score), initial=initial), score.free, iterations=iterations)
@@ -122,7 +122,7 @@ def refit_with_from_short(
 
 
 def _shaped(before: Hypothesis, score: Score) -> Estimate:
-    """The fit with the effect's shape parameters at those of its score."""
+    """The fit, with the shape parameters of the effect set to those of its score."""
     params = before.fit.estimate.params.copy()
     for index, value in score.shape:
         params[index] = value
@@ -132,7 +132,7 @@ def _shaped(before: Hypothesis, score: Score) -> Estimate:
 def refit_without(
     problem: Problem, before: Hypothesis, effect: str, bare: Hypothesis, iterations: int = 15
 ) -> Hypothesis:
-    """Fit without one effect, from where the linearised fit puts the others; the bare model's b where none is seen."""
+    """Fit without one effect, from the linearised solution; b of the bare model if b is not identifiable without it."""
     names = tuple(name for name in before.effects if name != effect)
     free, linear, at = before.fit.free, before.fit.linear, before.fit.estimate
     fallen = np.array([-p.read(at) if p.effect == effect and p.amplitude else 0.0 for p in free])

@@ -1,4 +1,4 @@
-"""What a fit leaves, against the noise, and how much independent evidence its residuals hold."""
+"""Residuals of a fit relative to the noise, and the number of independent pieces of evidence in them."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -18,17 +18,17 @@ class NoiseAssumptions:
     """Assumptions on the residuals."""
 
     level: tuple[float, float] = (0.3, 1.3)
-    """Range, as variance, in which a noise floor that is off counts as noise, not as a gap."""
+    """Range of the variance ratio in which a wrong noise floor counts as noise, not as a gap."""
     most_correlated: float = 0.99
-    """Autocorrelation of neighbours, at most: beyond it a record of seconds holds no second independent piece."""
+    """Maximum autocorrelation of neighbours: above it, a record of seconds holds only one independent piece."""
     lone: float = 8.0
     """Standard deviations by which a single residual must differ from its neighbours."""
     lone_among: float = 6.0
-    """Times what those about it differ by from theirs."""
+    """Ratio of this difference to the differences of the neighbouring residuals."""
     lone_quantile: float = 0.8
-    """Of what those about it differ by: another lone one among them does not hide it."""
+    """Quantile of the neighbouring differences: a second outlier among them does not hide the first."""
     wildest: float = 1e6
-    """Standard deviations that a reading counts for where a segment cannot be followed."""
+    """Maximum residual of a reading, in standard deviations, where a segment cannot be simulated."""
 
 
 ASSUMPTIONS = NoiseAssumptions()
@@ -41,11 +41,11 @@ class ResidualStatistics:
     chi2: float
     dof: int
     level: float
-    """Variance of the residual's rough part, in units of the noise taken for the fit: the floor of what is left."""
+    """Variance of the rough part of the residual, in units of the noise that was assumed for the fit."""
     autocorrelation: float
-    """Of neighbouring residuals: the share that is smooth."""
+    """Smooth fraction of neighbouring residuals."""
     noise_correlation: float = 0.0
-    """Of neighbouring errors of reading."""
+    """Correlation of neighbouring reading errors."""
 
     @property
     def excess(self) -> float:
@@ -54,7 +54,7 @@ class ResidualStatistics:
 
     @property
     def uncertainty(self) -> float:
-        """Standard deviation of the excess when there is nothing but noise."""
+        """Standard deviation of the excess if there is nothing but noise."""
         rho = self.noise_correlation
         return self.level * (self.dof * (1 + rho) / (1 - rho)) ** 0.5
 
@@ -76,18 +76,19 @@ class ResidualStatistics:
 
 
 def bounded_residual(problem: Problem, fit: Fit) -> Array:
-    """(samples, 2) whitened residual; of a segment that cannot be followed the largest that counts."""
+    """(samples, 2) whitened residual; the maximum value in a segment that cannot be simulated."""
     wildest = ASSUMPTIONS.wildest
     return np.clip(np.nan_to_num(problem.by_sample(fit.linear.residual), nan=wildest), -wildest, wildest)
 
 
 def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
-    """Compare a fit's residual with its own roughness: white noise has as much of both, a missing effect is smooth.
+    """Compare the smooth and the rough part of a residual: equal for white noise, unequal for a missing effect.
 
-    Noise that is correlated by rho from one reading to the next is as rough as white noise of 1 - rho its variance.
-    The level of the noise is taken from differences of neighbouring residuals (von Neumann), so that a noise floor a
-    few per cent off is no gap. A residual rougher than the floor allows is an excess too. chi2 less its rough part is
-    the sum of products of neighbours, which for white noise has the variance dof.
+    Noise with the correlation rho between neighbouring readings is as rough as white noise of 1 - rho its variance. The
+    noise level is estimated from differences of neighbouring residuals (von Neumann), so that an error of the noise
+    floor by a few per cent is not taken for a gap. A residual that is rougher than the floor allows counts as excess
+    too. The difference of chi2 and its rough part is the sum of products of neighbours, which for white noise has the
+    variance dof.
 
     Source: J. von Neumann (1941), Distribution of the ratio of the mean square successive difference to the variance,
     Annals of Mathematical Statistics 12(4), 367-395.
@@ -108,10 +109,11 @@ def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
 
 
 def lone_readings(problem: Problem, at: Estimate) -> NDArray[np.bool_]:
-    """(samples, 2) readings that are off alone, up to three in a row.
+    """(samples, 2) isolated outliers: readings with a wrong value, up to three in a row.
 
-    Their residual is far from the straight line through the seven about it (Theil and Sen), farther than those before
-    and after are from theirs, and comes back: what a model lacks is smooth, or violent for a while, or a step.
+    The residual of an outlier is far from the robust straight line through the seven residuals around it (Theil and
+    Sen), farther than those before and after are from their lines, and returns: a missing effect is smooth, or violent
+    for some time, or a step.
     """
     r = np.nan_to_num(problem.weight * (problem.measured - problem.predict(at)))
     off, across = np.zeros_like(r), np.full_like(r, np.inf)
@@ -125,7 +127,7 @@ def lone_readings(problem: Problem, at: Estimate) -> NDArray[np.bool_]:
 
 
 def _off_a_line(values: Array, width: int = 7) -> Array:
-    """(n, 2) how far each value is off the robust line through `width` about it, of which some may be off."""
+    """(n, 2) deviation of each value from the robust line through the `width` values around it."""
     if len(values) < width:
         return np.zeros_like(values)
     begin = np.clip(np.arange(len(values)) - width // 2, 0, len(values) - width)

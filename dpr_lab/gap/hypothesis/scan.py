@@ -1,6 +1,7 @@
-"""Shapes worth a closer look: orders and frequencies of torques, and instants at which a reading may have stepped.
+"""Scan of shapes: orders and frequencies of torques, and instants at which a reading may have stepped.
 
-Hundreds of shapes are compared on one linearised fit; the best few go on to the score test and to nonlinear fits.
+Hundreds of shapes are compared on one linearised fit; the best few are examined by the score test and by nonlinear
+fits.
 """
 
 from dataclasses import dataclass
@@ -25,26 +26,26 @@ class ScanSettings:
     """Settings of the scan over shapes."""
 
     many: int = 24
-    """Shapes above which an effect is scanned along the swing before the score test."""
+    """Number of shapes above which an effect is scanned along the swing before the score test."""
     kept: int = 2
-    """Shapes that go on: the best, and one that is no neighbour of it."""
+    """Number of shapes that are kept: the best one, and the best one that is not its neighbour."""
     neighbours: float = 0.1
-    """Relative difference of frequencies or orders up to which two shapes are taken for one."""
+    """Relative difference of frequencies or orders up to which two shapes are neighbours."""
     finer: int = 13
-    """Shapes tried between those of the grid: its peak is as narrow as the record is long."""
+    """Number of shapes between two of the grid: the width of a peak is the inverse of the record length."""
     reach: float = 0.75
-    """How far on either side, in steps of the grid."""
+    """Distance on either side, in steps of the grid."""
     block: int = 32
-    """Columns at a time, to stay within the cache."""
+    """Number of columns that are processed at a time, to fit in the cache."""
     amplitudes: int = 2
-    """Leading amplitudes of an effect that a scan fits."""
+    """Number of leading amplitudes of an effect that a scan fits."""
 
 
 SCAN = ScanSettings()
 
 
 def shapes(effect: Effect, problem: Problem, fit: Fit, along: Trajectory, recorded: Recorded) -> list[Shape]:
-    """The shapes of an effect to put to the score test."""
+    """The shapes of an effect for the score test."""
     proposed = proposed_shapes(effect, recorded)
     if proposed is not None:
         return proposed
@@ -56,7 +57,7 @@ def shapes(effect: Effect, problem: Problem, fit: Fit, along: Trajectory, record
 
 
 def _apart(every: list[Shape], gains: Array) -> list[Shape]:
-    """The best shapes, none a neighbour of a better one."""
+    """The best shapes, none of them a neighbour of a better one."""
     kept: list[Shape] = []
     for i in np.argsort(-gains):
         first = every[i][0][1]
@@ -68,9 +69,10 @@ def _apart(every: list[Shape], gains: Array) -> list[Shape]:
 
 
 def _between(effect: Effect, kept: list[Shape], problem: Problem, fit: Fit, along: Trajectory) -> list[Shape]:
-    """The best shapes between those of the grid, where the shape varies continuously.
+    """The best shapes between those of the grid, if the shape varies continuously.
 
-    The peak of a frequency is as narrow as the record is long, far narrower than a nonlinear fit can find.
+    The width of a frequency peak is the inverse of the record length, which is too narrow for a nonlinear fit to find
+    it.
     """
     shape = effect.shapes[0]
     if len(effect.shapes) > 1 or not shape.continuous:
@@ -82,7 +84,7 @@ def _between(effect: Effect, kept: list[Shape], problem: Problem, fit: Fit, alon
 
 
 def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along: Trajectory) -> Array:
-    """(shapes,) fall of chi2 that the leading amplitudes promise, what is fitted already projected out."""
+    """(shapes,) predicted reduction of chi2 by the leading amplitudes, with the fitted model already projected out."""
     amplitudes, linear = effect.amplitudes[: SCAN.amplitudes], fit.linear
     fitted, many = ColumnSpace.of(*linear.flat), len(amplitudes)
     rows = np.concatenate([linear.A, linear.e[:, :, None], linear.Q], axis=2).transpose(0, 2, 1).copy()
@@ -95,7 +97,7 @@ def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along
         columns = along.answer(problem, along.torques(effect.stage, problem.model.constants, params))
         products = rows @ columns
         initial = products[:, -4:].copy()
-        products -= onto_initial @ initial  # as if the columns had been projected, which would cost a pass over them
+        products -= onto_initial @ initial  # equivalent to projecting the columns, without one more pass over them
         across = products[:, :-4].sum(axis=0).reshape(-1, len(chosen), many)
         own = _within(columns, columns, many) - _within(initial, initial + products[:, -4:], many)
         gains.append(fitted.gains_given(across[:-1], own, across[-1], positive))
@@ -103,7 +105,7 @@ def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along
 
 
 def _within(columns: Array, others: Array, many: int) -> Array:
-    """(shapes, many, many) products of columns (segments, rows, shapes * many) of a shape with others of the same."""
+    """(shapes, many, many) products of the columns (segments, rows, shapes * many) of each shape."""
     apart = [np.einsum("smk,smk->k", columns[:, :, : columns.shape[2] - i], others[:, :, i:]) for i in range(many)]
     found = np.empty((columns.shape[2] // many, many, many))
     for i, j in product(range(many), repeat=2):

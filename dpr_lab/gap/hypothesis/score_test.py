@@ -1,11 +1,11 @@
-"""Score test: how much every effect of the library promises, from one linearised fit.
+"""Score test: predicted reduction of chi2 by each effect of the library, from one linearised fit.
 
-With A the slopes of what is fitted already and C those of a candidate (initial states projected out of both), the fall
-of chi2 that the candidate promises is that of the bounded least-squares problem
+With A the Jacobian of the fitted parameters and C that of a candidate (initial states projected out of both), the
+predicted reduction of chi2 is that of the bounded least-squares problem
 
-    min | e - A dp - C a |^2,    friction and other one-signed amplitudes not below zero.
+    min | e - A dp - C a |^2,    friction and other one-signed amplitudes non-negative.
 
-Nothing is integrated again for it, and its solution is where the nonlinear fit of that candidate starts.
+Nothing is integrated again, and the solution is the initial value of the candidate's nonlinear fit.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -33,15 +33,15 @@ class Score:
     effect: Effect
     shape: Shape
     gain: float
-    """Fall of chi2."""
+    """Predicted reduction of chi2."""
     columns: tuple[int, ...]
-    """Of its amplitudes, among the columns of the test; those that are absorbed are left out, unless all are."""
+    """Columns of its amplitudes in the test; absorbed ones are excluded, unless all are absorbed."""
     free: tuple[FreeParameter, ...]
-    """Those of the fit and the effect's amplitudes."""
+    """Columns of the fit and of the effect's amplitudes."""
     amplitudes: Array
-    """(columns,) the linear solution's."""
+    """(columns,) linear solution."""
     absorbed: Mapping[str, str] = field(default_factory=dict)
-    """Amplitude -> what of the fit it is indistinguishable from."""
+    """Amplitude -> parameter of the fit from which it is indistinguishable."""
 
     @property
     def named_amplitudes(self) -> dict[str, float]:
@@ -52,17 +52,17 @@ class Score:
 
 @dataclass(frozen=True, slots=True)
 class ScoreTest:
-    """A fit linearised with the columns of a whole library."""
+    """A fit, linearised with the columns of a whole library."""
 
     fit: Fit
     linear: Linearisation
     free: tuple[FreeParameter, ...]
-    """Of all columns: those of the fit, then those of the candidates."""
+    """Names of all columns: those of the fit, then those of the candidates."""
     space: ColumnSpace
     ranking: tuple[Score, ...] = ()
-    """Best first; of several shapes of an effect the best."""
+    """Scores, best first; of several shapes of an effect, the best."""
     shaped: Mapping[str, tuple[Score, ...]] = field(default_factory=dict)
-    """All shapes of each effect, the best first."""
+    """Scores of all shapes of each effect, best first."""
 
     @property
     def held(self) -> tuple[int, ...]:
@@ -70,15 +70,15 @@ class ScoreTest:
         return tuple(range(len(self.fit.free)))
 
     def of(self, effect: str) -> Score | None:
-        """The best of one effect; none where it was not tested."""
+        """The best score of one effect; None if it was not tested."""
         return self.shaped[effect][0] if effect in self.shaped else None
 
     def beside(self, columns: Sequence[int]) -> ColumnSpace:
-        """Columns of candidates with what is fitted projected out."""
+        """Columns of the candidates, with the fitted parameters projected out."""
         return self.space.given(list(self.held), list(columns))
 
     def cosine(self, target: Score, other: Score) -> float:
-        """Between what `target` does and the nearest that `other` can do, what is fitted projected out."""
+        """Cosine between a change by `target` and the nearest by `other`, fitted parameters projected out."""
         own = len(target.columns)
         direction = target.amplitudes if target.amplitudes.any() else self.space.scale[list(target.columns)]
         space = self.beside((*target.columns, *other.columns))
@@ -89,10 +89,10 @@ def score_test(problem: Problem, found: Fit, library: Iterable[Effect], recorded
     """Test every effect.
 
     Args:
-        problem: what was measured
+        problem: segments and noise
         found: the fit to improve
-        library: the effects to try
-        recorded: what the recordings tell of shapes
+        library: the effects to test
+        recorded: properties of the recordings from which shapes are proposed
     """
     along = trajectory(problem, found.estimate, spacing=TRAJECTORY.coarse_s)
     candidates = [
@@ -132,7 +132,7 @@ def _score(problem: Problem, test: ScoreTest, effect: Effect, shape: Shape, colu
 
 
 def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
-    """Name of the unknown whose signature is nearest to that of an amplitude."""
+    """Name of the parameter whose signature is nearest to that of an amplitude."""
     before = [*test.held, *columns[:index]]
     nearest = before[int(np.argmax(np.abs(test.space.H[before, columns[index]])))] if before else None
     seen = nearest is not None and abs(test.space.H[nearest, columns[index]]) > 0.0

@@ -1,4 +1,4 @@
-"""Instants at which the reading of an encoder stepped and stayed: screened ones, or what residuals speak for most."""
+"""Instants of lasting steps of an encoder reading: found by the screening, or likely by the residuals."""
 
 from collections.abc import Sequence
 from itertools import repeat
@@ -13,13 +13,15 @@ from dpr_lab.fitting.whitening import padded
 from dpr_lab.gap.screen.record import Record
 
 STEPS_KEPT = 3
-"""Steps of a residual that are tried; a recording loses counts once, or so often that it is not worth fitting."""
+"""Number of steps of a residual that are tried; a recording with more lost counts is not worth fitting."""
 
 BEFORE_S = 1e-4
-"""How long before a reading its step is taken to be: within any sample period."""
+"""Time between a step and the first reading that shows it: shorter than any sample period."""
 
 BLIND = 1e-6
-"""Share of a step's squared length that its segment's initial state must leave, for the step to be seen at all."""
+"""Fraction of a step's squared length that must remain beside the segment's initial state for the step to be
+detectable.
+"""
 
 
 def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
@@ -34,15 +36,15 @@ def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
 def _possible(
     records: Sequence[Record], found: list[tuple[float, int, int, float]]
 ) -> list[tuple[float, int, int, float]]:
-    """Those of encoders whose readings are counts."""
+    """Properties of those encoders whose readings are counts."""
     return [item for item in found if records[item[2]].screened.on_grid[item[1]]]
 
 
 def _step_gains(problem: Problem, fit: Fit) -> list[tuple[float, int, int, float]]:
-    """Gain, joint, run and instant of a step at the best sample of each segment, by cumulative sums from its end.
+    """Gain, joint, run and instant of a step at the best sample of each segment, by cumulative sums from the end.
 
-    A segment wholly after the step sees a constant, which its initial state nearly absorbs; the exact offset is left
-    to the nonlinear fit.
+    A segment that lies entirely after the step contains a constant, which its initial state nearly absorbs; the
+    nonlinear fit determines the exact offset.
     """
     segments, found = problem.segments, []
     firsts, lengths = segments.offsets[:-1], np.diff(segments.offsets)
@@ -60,5 +62,5 @@ def _step_gains(problem: Problem, fit: Fit) -> list[tuple[float, int, int, float
 
 
 def _from_end(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cumulative sums from the last sample on, of (segments, samples, ...)."""
+    """Cumulative sums from the last sample backwards, of (segments, samples, ...)."""
     return np.cumsum(values[:, ::-1], axis=1)[:, ::-1]

@@ -1,4 +1,4 @@
-"""When a reduction of the cost is significant: against noise, chance, and the error of an inexact form."""
+"""Significance of a reduction of the cost: compared with noise, chance, and the error of an inexact form."""
 
 from dataclasses import dataclass
 
@@ -7,54 +7,56 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """Acceptance thresholds, set on blind trials below seed 100000 of `benchmarks/diagnosis.py` and tested on others.
+    """Acceptance thresholds.
 
-    chi2 counts in units of independent evidence, `ResidualStatistics.inflation`.
+    They were set on blind trials below seed 100000 of `benchmarks/diagnosis.py` and tested on others.
+
+    chi2 is counted in units of independent evidence, `ResidualStatistics.inflation`.
     """
 
     noise_floor: float = 4.0
-    """Standard deviations of the residual that count as noise."""
+    """Standard deviations of the residual below which it counts as noise."""
     far: float = 20.0
     """chi2 per degree of freedom above which fits may end in local minima."""
     chance: float = 30.0
-    """Fall of chi2 below which an effect is chance: the best of some 600 shapes."""
+    """Reduction of chi2 below which an effect is due to chance: the maximum over some 600 shapes."""
     chance_at_floor: float = 90.0
-    """The same for one effect more where nothing but noise is left."""
+    """The same for an additional effect if only noise remains."""
     integrator: float = 5e-4
-    """Share of what is explained that the integrator's steps leave in doubt."""
+    """Fraction of the explained chi2 that is uncertain because of the integrator's steps."""
     integrator_at_floor: float = 5e-5
-    """The same where a set leaves only noise, and so vouches for the steps."""
+    """The same if a set leaves only noise, which confirms the steps."""
     slow: float = 1.3
-    """Factor by which one effect more must at least shrink the excess, unless it is large."""
+    """Factor by which an additional effect must reduce the excess, unless it is large."""
     keeps: float = 3.0
-    """Factor by which the excess must grow without an effect, for the effect to stay."""
+    """Factor by which the excess must increase without an effect for the effect to be kept."""
     keeps_if_large: float = 1.3
-    """The same for a large one."""
+    """The same for a large effect."""
     large: float = 0.04
-    """Share of the whole gap above what another form of an effect named already could make up for."""
+    """Fraction of the whole gap above which another form of a named effect can no longer explain it."""
     small: float = 0.01
-    """Share of the gap below which an effect only makes up for another's form, while something is left."""
+    """Fraction of the gap below which an effect merely compensates for another form, while a residual remains."""
     keeps_if_small: float = 30.0
-    """Factor by which the excess must grow without a small one, for it to stay nevertheless."""
+    """Factor by which the excess must increase without a small effect for it to be kept nevertheless."""
     contained: float = 0.003
-    """Share of what is explained that a richer form of an effect must add while something is left."""
+    """Fraction of the explained chi2 that a richer form of an effect must add while a residual remains."""
     own_share: float = 0.15
-    """Share of what an effect explains that no other form of the rest explains, while something is left."""
+    """Fraction of an effect's reduction that no other form of the others explains, while a residual remains."""
     still_open: float = 0.5
-    """Share of the gap that the rest must not leave open for that to be asked."""
+    """Maximum fraction of the gap that the other effects may leave for this test to apply."""
     escaped: float = 10.0
-    """Factor by which chi2 of the bare model falls that was held at a local minimum."""
+    """Factor of the reduction of chi2 from which the bare model had been fitted to a local minimum."""
     likelier: float = 10.0
-    """Odds by the prior of its size from which an indistinguishable effect is named in the place of another."""
+    """Ratio of prior probabilities of the sizes from which an indistinguishable effect replaces a named one."""
     indistinguishable: float = 0.999
-    """Cosine of the signatures of two effects above which a recording hardly tells them apart."""
+    """Cosine of the signatures of two effects above which a recording hardly distinguishes them."""
 
 
 THRESHOLDS = Thresholds()
 
 
 def excess(model: Hypothesis) -> float:
-    """chi2 above the noise, not below what noise alone may leave."""
+    """chi2 above the noise, with the random variation of the noise as lower limit."""
     return max(model.residuals.excess, THRESHOLDS.noise_floor * model.residuals.uncertainty)
 
 
@@ -64,19 +66,19 @@ def at_noise_floor(model: Hypothesis) -> bool:
 
 
 def far_from_noise(model: Hypothesis) -> bool:
-    """Whether so much is left that a linear score is only a hint."""
+    """Whether the residual is so large that a linear score is only an indication."""
     return model.residuals.chi2 > THRESHOLDS.far * model.residuals.dof
 
 
 def indifference(
     base: Hypothesis, at: Hypothesis, *, independent: float = THRESHOLDS.chance, share: float = THRESHOLDS.integrator
 ) -> float:
-    """Difference of cost between a set and another that tells neither apart: chance, or the integrator's steps."""
+    """Difference of cost below which two sets are equally good: chance, or the integrator's steps."""
     return max(independent * at.residuals.inflation, share * (base.residuals.chi2 - at.residuals.chi2))
 
 
 def significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
-    """Fall of cost from one set to a larger one that means nothing."""
+    """Reduction of cost from one set to a larger one that is not significant."""
     if not before.effects:
         return THRESHOLDS.chance * after.residuals.inflation
     if at_noise_floor(after) and not at_noise_floor(before):
@@ -86,7 +88,7 @@ def significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> flo
 
 
 def accepted(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
-    """Whether one more effect explains more than chance, and more than an inexact functional form leaves."""
+    """Whether an additional effect explains more than chance and more than an inexact functional form."""
     if before.cost - after.cost < significance(base, before, after):
         return False
     if at_noise_floor(before) or excess(before) > THRESHOLDS.slow * excess(after):

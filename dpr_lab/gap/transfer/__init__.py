@@ -1,1 +1,1 @@
-"""How far the gap closes on recordings that took no part in the fit."""
+"""Out-of-sample gap reduction: the size of the gap before and after the named effects, on held-out recordings."""

@@ -1,4 +1,4 @@
-"""A model that runs free along a recording: a start state fitted to its first readings, nothing after."""
+"""Free runs: simulations of whole recordings, with an initial state that is fitted to the first readings only."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,9 +23,9 @@ class FreeRunSettings:
     """Settings of the free runs."""
 
     settle_s: float = 0.3
-    """What the start state is fitted to."""
+    """Time to which the initial state is fitted."""
     length_s: float = 2.6
-    """From the beginning to where the free run is compared: chaos takes over later."""
+    """Time of the comparison, from the beginning: later, chaos dominates."""
     iterations: int = 30
 
 
@@ -34,18 +34,20 @@ FREE_RUN = FreeRunSettings()
 
 @dataclass(frozen=True)
 class FreeRuns:
-    """Recordings as one model runs along them."""
+    """Free runs of one model along a set of recordings."""
 
     items: tuple[Record, ...]
-    """Each from where it can be followed: before a break there may be too few readings for a start state."""
+    """Recordings, each from the first instant that can be simulated: before a gap there may be too few readings."""
     problem: Problem
-    """What is compared, a segment of each."""
+    """Compared readings, one segment for each recording."""
     begun: Estimate
-    """The model with a start state of each, and with the zeros of encoders that are zeroed before each run."""
+    """The model with an initial state for each recording, and with the zeros of encoders that are zeroed before each
+    run.
+    """
 
     @cached_property
     def predicted(self) -> Array:
-        """(samples, 2) what the model says of the readings, rad."""
+        """(samples, 2) predicted readings, rad."""
         return self.problem.predict(self.begun)
 
     @property
@@ -55,9 +57,9 @@ class FreeRuns:
 
     @property
     def errors_rad(self) -> dict[str, float]:
-        """Run -> root mean square error after the readings that its initial state was fitted to, rad.
+        """Root mean square error of each run after the readings to which its initial state was fitted, rad.
 
-        Without a run that ends there, or that the model cannot follow to its end.
+        Runs that end there, or that the model cannot simulate to their end, are omitted.
         """
         error, t = self.problem.measured - self.predicted, self.problem.t
         unseen = [error[own][t[own] - t[own.start] >= FREE_RUN.settle_s] for own in self.rows]
@@ -73,8 +75,8 @@ def free_runs(recordings: Recordings, at: Estimate) -> FreeRuns:
     """Simulate a model freely for each recording.
 
     Args:
-        recordings: the recordings; where the first readings of one are few, `MIN_SAMPLES` of them are fitted
-        at: ratios and effects to simulate with
+        recordings: the recordings; if one has few first readings, `MIN_SAMPLES` of them are fitted
+        at: ratios and effects for the simulation
     """
     items = tuple(item.only(slice(cut(item.t, np.inf, item.breaks)[0].start, None)) for item in recordings.records)
     begun = [_begun(recordings, item, at) for item in items]
@@ -83,13 +85,15 @@ def free_runs(recordings: Recordings, at: Estimate) -> FreeRuns:
         within = item.t - item.t[0] <= FREE_RUN.length_s
         within[:MIN_SAMPLES] = True
         compared.append(replace(item.only(within), breaks=np.zeros(0)))
-    whole, _ = replace(recordings, ratios=None).only(compared).cut(np.inf)  # nothing is fitted: noise has no weight
+    whole, _ = (
+        replace(recordings, ratios=None).only(compared).cut(np.inf)
+    )  # nothing is fitted here, so the noise has no influence
     starts = np.concatenate([one.initial[:1] for one in begun])
     return FreeRuns(items, whole, at.changed(initial=starts, zeros=np.concatenate([one.zeros for one in begun])))
 
 
 def _begun(recordings: Recordings, item: Record, at: Estimate) -> Estimate:
-    """The model with the start state that the first readings of a recording show; by itself it is the first run."""
+    """The model with the initial state from the first readings of a recording, which is its only run."""
     at = at.changed(params=without_events(at.params))
     head = item.t - item.t[0] < FREE_RUN.settle_s
     head[:MIN_SAMPLES] = True
@@ -101,7 +105,7 @@ def _begun(recordings: Recordings, item: Record, at: Estimate) -> Estimate:
 
 
 def own_zeros(recordings: Recordings, at: Estimate, iterations: int) -> Array:
-    """(runs, 2) zeros of encoders that are zeroed before each run, fitted to the whole run; (0, 2) where they stay."""
+    """(runs, 2) zeros of encoders that are zeroed before each run, by a fit to the whole run; else (0, 2)."""
     if not recordings.rig.encoders.rezeroed:
         return np.zeros((0, 2))
     problem, initial = recordings.cut(LENGTHS.working)

@@ -1,4 +1,4 @@
-"""How large the gap is, before and after the named effects, on fitted and on unseen recordings."""
+"""Size of the gap before and after the named effects, on fitted and on held-out recordings."""
 
 from collections.abc import Mapping
 
@@ -25,16 +25,16 @@ def gap(
     budget: GapBudget,
     remainder: Discrepancy | None,
 ) -> Gap:
-    """Every size of the gap that a diagnosis tells.
+    """Compute all sizes of the gap that a diagnosis reports.
 
     Args:
         recordings: the fitted runs
         problem: the segments of the fitted runs
-        selection: the chosen set of effects
-        carried: how the chosen set does on recordings that took no part
-        freely: all recordings, also those that took no part, as the models before and after run along them
-        budget: what of it is reproducible
-        remainder: the discrepancy term of the chosen set; None where only noise is left
+        selection: the selected set of effects
+        carried: performance of the selected set on held-out recordings
+        freely: free runs of the models before and after, along all recordings including held-out ones
+        budget: reproducible and other shares of the gap
+        remainder: discrepancy term of the selected set; None if only noise remains
     """
     base, chosen = selection.base, selection.chosen
     models = {"before": base, "after": chosen}

@@ -1,4 +1,4 @@
-"""The gap against the noise floor: in rad by axis, in N m, and as it grows with the horizon."""
+"""Size of the gap above the noise floor: in rad for each axis, in N m, and as a function of the horizon."""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -19,13 +19,13 @@ from dpr_lab.gap.screen.sensor_faults import AXES
 Array = NDArray[np.float64]
 
 HORIZONS_S = (0.25, 0.5, 1.0, 2.0)
-"""Lengths of segments over which the gap is given: from where no model fails to where chaos begins."""
+"""Segment lengths for which the gap is given: from lengths at which no model fails to the onset of chaos."""
 
 TWO_DIGITS = GaussNewton(converged=1e-3, converged_frozen=1e-4)
-"""Tolerance of the fit: a gap by horizon is given in two digits."""
+"""Tolerance of the fit: a gap by horizon is given with two digits."""
 
 TORQUE_HATS = 3
-"""Of each joint in each segment: one every quarter of a second, as many as its readings can tell."""
+"""Number of torque functions of each joint per segment: one per quarter of a second, limited by its readings."""
 
 
 def floor_rad(problem: Problem) -> dict[str, float]:
@@ -44,8 +44,8 @@ def gap_rad(problem: Problem, at: Hypothesis) -> dict[str, float]:
 def gap_torque(problem: Problem, at: Hypothesis) -> dict[str, float]:
     """Torque that would remove the residual of a fit, for each joint, rms, N m.
 
-    In every segment a torque in each joint, piecewise linear in time, is fitted to the residual; the variance that
-    noise alone gives to it is taken off.
+    In every segment, a torque in each joint, piecewise linear in time, is fitted to the residual; the variance that
+    noise alone would cause is subtracted.
     """
     along, linear = trajectory(problem, at.fit.estimate, spacing=TRAJECTORY.coarse_s), at.fit.linear
     columns = linear.projected(along.answer(problem, _hats(along.edges)))
@@ -58,7 +58,7 @@ def gap_torque(problem: Problem, at: Hypothesis) -> dict[str, float]:
 
 
 def _hats(edges: NDArray[np.int64]) -> Array:
-    """(n, 2, 2 TORQUE_HATS) generalised torques of joint 1 and of joint 2, in every segment alike."""
+    """(n, 2, 2 TORQUE_HATS) generalised torques of joints 1 and 2, identical in all segments."""
     torque = np.zeros((edges[-1], 2, 2 * TORQUE_HATS))
     for first, last in pairwise(edges):
         share = np.linspace(0, TORQUE_HATS - 1, last - first)
@@ -84,13 +84,13 @@ def by_horizon(
 
 
 def _left(problem: Problem, initial: Array, working: Problem, at: Hypothesis) -> ResidualStatistics:
-    """What a model leaves once its segments are cut otherwise."""
+    """Residual of a model with segments of another length."""
     begun = carried(working.segments, at.fit.estimate.initial, problem.segments, initial)
     return residual_statistics(problem, fit(problem, at.fit.estimate.changed(initial=begun), (), settings=TWO_DIGITS))
 
 
 def _mean(values: Array, problem: Problem) -> Array:
-    """(2,) mean over the readings of each axis that count, (samples, 2); zero of an axis without any."""
+    """(2,) mean over the valid readings of each axis, (samples, 2); zero for an axis without any."""
     counts = np.count_nonzero(problem.read, axis=0)
     return np.asarray(values.sum(axis=0) / np.maximum(counts, 1))
 

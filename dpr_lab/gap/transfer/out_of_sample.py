@@ -1,4 +1,4 @@
-"""How far the gap shrinks once the named effects are in the model, on recordings that took no part in the fit."""
+"""Reduction of the gap by the named effects, on recordings that were not fitted."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,9 +22,9 @@ class BlockBootstrap:
     """Settings of the bootstrap interval of a reduction."""
 
     block: int = 2
-    """Neighbouring segments that are drawn together: residuals of one swing resemble each other."""
+    """Number of neighbouring segments that are resampled together, because residuals of one swing are correlated."""
     draws: int = 400
-    """Enough for the ends of a 90 % interval to a twentieth of its width."""
+    """Number of bootstrap samples: enough to locate the ends of a 90 % interval to a twentieth of its width."""
 
 
 BOOTSTRAP = BlockBootstrap()
@@ -32,7 +32,7 @@ BOOTSTRAP = BlockBootstrap()
 
 @dataclass(frozen=True, slots=True)
 class GapReduction:
-    """Share of the gap above the noise floor that closes: 1 - rms after / rms before, not below -1."""
+    """Relative reduction of the gap above the noise floor: 1 - rms after / rms before, not below -1."""
 
     estimate: float
     interval90: tuple[float, float]
@@ -40,39 +40,39 @@ class GapReduction:
 
 @dataclass(frozen=True, slots=True)
 class Unseen:
-    """Predictions of recordings by models that were fitted to others; only the initial states are free."""
+    """Predictions of recordings by models that were fitted to other recordings; only the initial states are free."""
 
     names: tuple[str, ...]
-    """Of the runs."""
+    """Names of the runs."""
     run: NDArray[np.int64]
-    """(segments,)"""
+    """(segments,) run of each segment."""
     dof: NDArray[np.int64]
-    """(segments,) readings less the numbers of an initial state."""
+    """(segments,) number of readings minus the number of initial-state parameters."""
     noise_rad: float
-    """Of a reading, rad."""
+    """Noise of a reading, rad."""
     chi2: Callable[[Hypothesis], Array]
-    """(segments,) by a model."""
+    """(segments,) chi2 of a model."""
 
     @property
     def runs(self) -> list[tuple[str, NDArray[np.bool_]]]:
-        """Name of each run, and which segments are its own."""
+        """Names of the runs, and the segments of each."""
         return [(self.names[r], self.run == r) for r in np.unique(self.run)]
 
 
 def left_out(recordings: Recordings, problem: Problem) -> Unseen:
-    """Each run predicted from the others, or each quarter of the only run from the other quarters."""
+    """Each run predicted from the other runs, or each quarter of a single run from the other quarters."""
     fold = folds(problem)
     return _unseen(recordings, problem, lambda item: left_out_chi2(item.fit, fold))
 
 
 def held_out_runs(recordings: Recordings, base: Hypothesis) -> Unseen:
-    """Whole recordings that the diagnosis never saw."""
+    """Whole recordings that the diagnosis did not fit."""
     problem, initial = recordings.cut(LENGTHS.working)
     begun = descend(problem, base.fit.estimate.changed(initial=initial), (), iterations=20).estimate.initial
 
     @cache
     def chi2(item: Hypothesis) -> Array:
-        at = item.fit.estimate  # counts that a fitted run lost were lost in that run
+        at = item.fit.estimate  # counts that a fitted run lost were lost in that run only
         at = at.changed(initial=begun, params=without_events(at.params))
         found = descend(problem, at, (), iterations=20)
         return problem.chi2_by_segment(problem.predict(found.estimate))
@@ -96,12 +96,12 @@ def reduction(above: Array, rng: np.random.Generator) -> GapReduction:
 
 
 def share(above: Array) -> float:
-    """Share of the gap that closes, from (2, segments) chi2 above the noise, before and after."""
+    """Relative reduction of the gap from (2, segments) chi2 above the noise, before and after."""
     return float(_shares(above))
 
 
 def _shares(above: Array) -> Array:
-    """(...) shares from (2, ..., segments)."""
+    """(...) relative reductions from (2, ..., segments)."""
     before, after = np.maximum(above.sum(axis=-1), 0.0)
     left = np.sqrt(after / np.where(before > 0, before, 1.0))
     return np.where(before > 0, np.maximum(1 - left, -1.0), 0.0)

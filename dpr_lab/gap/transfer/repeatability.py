@@ -1,22 +1,23 @@
-"""How much of the gap is reproducible: each recording predicted by what the others share with it.
+"""Reproducible share of the gap: each recording predicted from the other recordings.
 
-The mean squared residual of the bare model on a recording left out is split by what removes it, one after the other:
+The mean squared residual of the bare model on a held-out recording is divided into shares that are removed one after
+the other:
 
-    explained           the corrected model, fitted to the other recordings
-    unmodelled          free torques over angle, speed and time and encoder errors over angle, fitted to the others too
-    varying             those of its parameters that differ between recordings, fitted to the recording itself
-    not reproducible    the rest above the noise
-    noise               of the readings
+    explained          by the corrected model, fitted to the other recordings
+    unmodelled         by free torques and encoder errors over their coordinates, also fitted to the others
+    varying            by model parameters that differ between recordings, fitted to the recording itself
+    not reproducible   by none of these, above the noise
+    noise              of the readings
 
-All of it is linear algebra on the fits (`dpr_lab.gap.hypothesis.cross_validation`). The quarters of a single recording
-take the place of recordings: they show what changes within it, not what changes from one to the next.
+All shares are computed by linear algebra on the fits (`dpr_lab.gap.hypothesis.cross_validation`). A single recording is
+divided into quarters: they show changes within the recording, not changes between recordings.
 
-A parameter varies where its own values d in the recordings scatter more than their errors allow,
+A parameter varies if its values d in the recordings scatter more than their errors allow,
 
-    Q = d^T cov(d)^-1 d > R - 1 + 3 sqrt(2 (R - 1)) + 2 log k
+    Q = d^T cov(d)^-1 d  >  R - 1 + 3 sqrt(2 (R - 1)) + 2 log k
 
-for R recordings and k parameters. Their errors come from the scatter of the scores of segments (a sandwich estimate),
-so that what disturbs one segment alone is not taken for a parameter.
+for R recordings and k parameters. The errors are estimated from the scatter of the scores of segments (a sandwich
+estimate), so that a disturbance of one segment is not taken for a varying parameter.
 
 Source: P. J. Huber (1967), The behavior of maximum likelihood estimates under nonstandard conditions; W. G. Cochran
 (1954), The combination of estimates from different experiments, Biometrics 10, 101-129, for Q.
@@ -52,17 +53,17 @@ class RepeatabilityRules:
     """Data required for a statement on repeatability."""
 
     segments: int = 3
-    """Of each recording at least: fewer show no scatter."""
+    """Minimum number of segments of each recording: fewer show no scatter."""
     varying: int = 3
-    """Parameters that may vary, at most: more would fit anything."""
+    """Maximum number of varying parameters: more would fit any residual."""
     gap_from: float = 3.0
-    """Standard deviations of the residual from which there is a gap to split."""
+    """Standard deviations of the residual from which there is a gap to divide."""
     beyond_chance: float = 2.0
     """Standard errors of a sum over segments by which free torques must improve the prediction."""
     iterations: int = 8
-    """Of the fits to all recordings, the held-out ones among them."""
+    """Iterations of the fits to all recordings, including the held-out ones."""
     unfollowed: float = 1e300
-    """chi2 that counts for one that overflows."""
+    """chi2 of a segment whose simulation overflows."""
     singular: float = 1e-9
     """Relative size of a singular value that counts as zero."""
 
@@ -71,13 +72,13 @@ RULES = RepeatabilityRules()
 
 
 def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem, selection: Selection) -> GapBudget:
-    """Split the gap into reproducible and other parts.
+    """Divide the gap into reproducible and other shares.
 
     Args:
         recordings: the fitted runs
-        everything: these and the held-out ones, which repeat them as well
+        everything: the fitted and the held-out runs
         problem: the segments of the fitted runs
-        selection: the chosen set of effects
+        selection: the selected set of effects
     """
     before, after = selection.base.fit, selection.chosen.fit
     if len(everything.records) > len(recordings.records):
@@ -89,11 +90,14 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
     noise, total = left.level * float(dof[followed].sum()), float(left_out_chi2(before, fold)[followed].sum())
     if residual_statistics(problem, before).z < RULES.gap_from or not followed.any() or total <= noise:
-        return split([total] * 4, noise, names, (), "There is no gap above the noise to split.")
+        return split([total] * 4, noise, names, (), "There is no gap above the noise to divide.")
     parts = _Parts.of(after, fold, followed)
     explained = parts.left_out()
     if fold.max() == 0 or min(np.bincount(fold[followed], minlength=fold.max() + 1)) < RULES.segments:
-        why = f"Recordings of fewer than {RULES.segments} segments of {LENGTHS.working:g} s do not show what repeats."
+        why = (
+            f"Recordings of fewer than {RULES.segments} segments of {LENGTHS.working:g} s do not show"
+            f" which part of the gap is reproducible."
+        )
         return split([total, *[float(explained.sum())] * 3], noise, names, (), why)
     if left.z > THRESHOLDS.noise_floor:
         parts = parts.with_discrepancy(discrepancy_columns(problem, after))
@@ -108,7 +112,7 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
 def split(
     levels: Sequence[float], noise: float, names: Sequence[str], varying: Sequence[VaryingParameter], undecided: str
 ) -> GapBudget:
-    """Shares from what is left, step by step: of the bare model, explained, with free torques, with own parameters."""
+    """Shares from the remaining chi2 after each step: bare model, corrected model, free torques, own parameters."""
     finite = np.nan_to_num([*levels, 0.0], nan=noise, posinf=RULES.unfollowed)
     falling = np.minimum.accumulate(np.maximum(finite, noise))
     whole = max(float(falling[0]), np.finfo(np.float64).tiny)
@@ -127,7 +131,7 @@ def split(
 
 
 def _fitted_to_all(everything: Recordings, known: Problem, *models: Fit) -> tuple[Problem, Fit, Fit]:
-    """The models fitted to all recordings, from where they are fitted to some, which come first."""
+    """The models fitted to all recordings, starting from their fits to the first of them."""
     problem, initial = everything.cut(LENGTHS.working)
     refitted = []
     for model in models:
@@ -145,16 +149,16 @@ class _Varying:
 
     column: int
     own: Array
-    """(recordings,) its difference to the common value in each, in units of the column."""
+    """(recordings,) deviation from the common value in each recording, in units of the column."""
     std: Array
-    """(recordings,) their standard deviations."""
+    """(recordings,) standard deviations of the deviations."""
     scatter: float
-    """Q: what its own values explain, in pieces of independent evidence."""
+    """Q: reduction of chi2 by its own values, in pieces of independent evidence."""
     chance: float
-    """chi2 that fitting it to each recording takes of the noise."""
+    """Reduction of chi2 that fitting noise alone would cause."""
 
     def shown(self, parameter: FreeParameter, at: Estimate, names: Sequence[str]) -> VaryingParameter:
-        """As the result has it; the quarters of a single recording are numbered."""
+        """The public result; the quarters of a single recording are numbered."""
         unit, common = PRIOR * parameter.size, parameter.read(at)
         spread, error = np.std(self.own, ddof=1), np.sqrt(np.mean(self.std**2))
         labels = names if len(names) > 1 else [f"{names[0]}, quarter {i + 1}" for i in range(len(self.own))]
@@ -170,23 +174,23 @@ class _Varying:
 
 @dataclass(frozen=True, slots=True)
 class _Parts:
-    """A fit by segments: residuals and columns, the model's first, then those of free torques and encoder errors."""
+    """A fit by segments: residuals and columns, first those of the model, then free torques and encoder errors."""
 
     X: Array
-    """(segments, m, k)"""
+    """(segments, m, k) columns"""
     e: Array
-    """(segments, m)"""
+    """(segments, m) residuals"""
     fold: NDArray[np.int64]
     precision: Array
     """(k,) inverse prior variance of each column."""
     own: tuple[int, ...]
-    """Columns that every recording sets for itself, as its initial states: zeros of encoders."""
+    """Columns that are free in every recording, like its initial states: zeros of encoders."""
     candidates: tuple[int, ...]
-    """Columns that may vary."""
+    """Columns of parameters that may vary."""
 
     @classmethod
     def of(cls, at: Fit, fold: NDArray[np.int64], followed: NDArray[np.bool_]) -> Self:
-        """The model alone, where its segments can be followed."""
+        """The model alone, in the segments that it can simulate."""
         inside = [at.free[i] for i in at.inside]
         A = at.linear.A[:, :, at.inside] * np.array([PRIOR * parameter.size for parameter in inside])
         A, e = np.where(followed[:, None, None], A, 0.0), np.where(followed[:, None], at.linear.e, 0.0)
@@ -206,7 +210,7 @@ class _Parts:
         return parts
 
     def left_out(self, freed: Sequence[int] = ()) -> Array:
-        """(segments,) chi2 as predicted from the other recordings, some columns fitted to the recording itself."""
+        """(segments,) chi2 as predicted from the other recordings, with some columns fitted to the recording itself."""
         own = [*self.own, *freed]
         parts, chi2 = [(mine, *_without(H, g, own)) for mine, H, g in self.by_fold], np.zeros(len(self.e))
         H, gradient = sum((part[1] for part in parts), np.diag(self.precision)), sum(part[2] for part in parts)
@@ -222,7 +226,7 @@ class _Parts:
         return chi2
 
     def with_discrepancy(self, columns: Array) -> Self:
-        """The same with free torques and encoder errors of the size that predicts best, if they predict better."""
+        """The same with free torques and encoder errors of the size that predicts best, if they help."""
         columns = np.where(_used(self.e)[:, None, None], columns, 0.0)
         X, before, best = np.concatenate([self.X, columns], axis=2), self.left_out(), self
         least = before
@@ -237,7 +241,7 @@ class _Parts:
         return best
 
     def varying(self) -> list[_Varying]:
-        """Parameters that differ between recordings beyond chance, the one that differs most first."""
+        """Parameters that differ between recordings beyond chance, the most significant first."""
         chosen: list[_Varying] = []
         while len(chosen) < RULES.varying:
             others = [i for i in self.candidates if i not in [one.column for one in chosen]]
@@ -252,18 +256,18 @@ class _Parts:
         return chosen
 
     def _local(self, column: int) -> Array:
-        """(segments, m, recordings) a column for each recording alone."""
+        """(segments, m, recordings) the column of a parameter, separately for each recording."""
         mine = self.fold[:, None, None] == np.arange(int(self.fold.max()) + 1)
         return np.where(mine, self.X[:, :, [column]], 0.0)
 
     def _scatter(self, column: int, common: Array, normal: Array) -> _Varying:
-        """The values of one parameter in each recording, given (rows, k) columns that all share."""
+        """The values of one parameter in each recording, given (rows, k) columns that are common to all."""
         both = np.concatenate([self._local(column), self.e[:, :, None]], axis=2)
         flat = both.reshape(len(common), -1)
         left = (flat - common @ np.linalg.solve(normal, common.T @ flat)).reshape(both.shape)
         L, e = left[:, :, :-1], left[:, :, -1]
         runs = L.shape[2]
-        contrasts = np.linalg.svd(np.ones((1, runs)))[2][1:].T  # what is common to all is no difference
+        contrasts = np.linalg.svd(np.ones((1, runs)))[2][1:].T  # the common value is no difference between recordings
         H, gradient = np.einsum("smi,smj->ij", L, L), np.einsum("smi,sm->i", L, e)
         inner = (
             contrasts @ np.linalg.pinv(contrasts.T @ H @ contrasts, rcond=RULES.singular, hermitian=True) @ contrasts.T
@@ -277,7 +281,7 @@ class _Parts:
 
 
 def _without(H: Array, gradient: Array, own: Sequence[int]) -> tuple[Array, Array]:
-    """A recording's normal equations, some columns fitted to it alone."""
+    """Normal equations of a recording, with some columns fitted to it alone."""
     if not own:
         return H, gradient
     taken = H[:, own] @ np.linalg.pinv(H[np.ix_(own, own)], rcond=RULES.singular, hermitian=True)
@@ -285,5 +289,5 @@ def _without(H: Array, gradient: Array, own: Sequence[int]) -> tuple[Array, Arra
 
 
 def _used(values: Array) -> NDArray[np.bool_]:
-    """(segments,) where (segments, m) values are not all zero."""
+    """(segments,) whether (segments, m) values contain any that is not zero."""
     return np.asarray(np.abs(values).sum(axis=1) > 0)

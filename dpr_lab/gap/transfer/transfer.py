@@ -1,16 +1,16 @@
-"""Whether named effects carry over: how each improves the prediction of recordings that took no part in its fit.
+"""Transfer of the named effects: each must improve the prediction of recordings that were not fitted.
 
-The chosen set is set against itself without the effect, both fitted to the same runs, on each run left out. With
+The selected set and the set without one effect are fitted to the same runs and compared on each held-out run. With
 
     d_s = chi2_s(without) - chi2_s(with)
 
-for each segment s of it, neighbours taken together, an effect carries over where d is above zero beyond chance (its
-sum, or its signed ranks), and below zero beyond chance on no run, and where it closes no less than half of the share
-of the gap that it closes in the fitted recordings. Effects that make the free run of held-out runs worse are not
-confirmed. An effect that does not carry over explains the fitted recordings only.
+for each segment s, with neighbouring segments grouped, an effect carries over to held-out data under three conditions:
+d is significantly positive (by its sum or by its signed ranks); d is significantly negative in no run; and the effect
+closes at least half of the share of the gap that it closes in the fitted recordings. Effects that worsen the free run
+of held-out runs are not confirmed. An effect that does not carry over explains the fitted recordings only.
 
-The sum alone is blind to a fall of every segment that is largest in a few: its spread is then as large as itself. The
-signed ranks see that it falls everywhere.
+The sum alone has little power if the reduction is largest in a few segments, because its scatter is then as large as
+the sum. The signed ranks detect a reduction in all segments.
 
 Source: Wilcoxon (1945), Individual comparisons by ranking methods, Biometrics Bulletin 1, 80-83.
 """
@@ -42,19 +42,21 @@ class TransferSettings:
     """Settings of the test on held-out recordings."""
 
     beyond_chance: float = NORMAL_Q90
-    """Standard errors of a sum of falls: one in twenty by chance."""
+    """Standard errors of a sum of reductions: exceeded by chance in one of twenty cases."""
     kept: float = 0.5
-    """Of the share that an effect closes in the fitted recordings, at least, where there is a gap to close."""
+    """Minimum ratio of the share closed on held-out data to the share closed in the fitted recordings."""
     gap_from: float = 0.25
-    """Excess chi2 over that of the noise from which a share says more of the effect than of the noise."""
+    """Ratio of excess chi2 to that of the noise from which a share is determined by the effect, not by the noise."""
     unproven: float = 0.5
-    """Factor of the probability of an effect that does not carry over or cannot be so large: at most one half."""
+    """Factor on the probability of an effect that does not carry over or has an impossible size; the result is at
+    most one half.
+    """
     worse: float = 1.25
-    """Factor by which the error of free runs on held-out runs grows that the named effects must not exceed."""
+    """Factor by which the named effects may increase the error of free runs on held-out runs."""
     followed_rad: float = 0.3
-    """Error of a free run before, up to which it is compared: beyond, chaos has decided it."""
+    """Error of a free run of the bare model up to which free runs are compared: above it, chaos dominates."""
     wildest: float = 1e12
-    """chi2 that a segment counts at most: of one that cannot be followed."""
+    """Maximum chi2 of a segment, for one that cannot be simulated."""
 
 
 TRANSFER = TransferSettings()
@@ -66,25 +68,28 @@ class Transfer:
 
     basis: Basis
     closed: GapReduction
-    """By all effects together."""
+    """Share of the gap closed by all effects together."""
     closing: tuple[tuple[str, float, float], ...]
-    """Effect added, "" for none; gap left, rms of a reading, rad; share closed so far: on what took no part."""
+    """Added effect ("" for none); remaining gap, rms of a reading, rad; share closed so far; on data that were not
+    fitted.
+    """
     left_out: Mapping[str, GapReduction]
-    """The same of each fitted run as predicted from the others."""
+    """The same for each fitted run, predicted from the other runs."""
     held_out: Mapping[str, GapReduction]
-    """The same of each run held out."""
+    """The same for each held-out run."""
     effects: Mapping[str, Mapping[str, GapReduction]]
-    """Effect -> run -> share closed by it, of the gap that stays without it."""
+    """Effect -> run -> share of the gap without the effect that the effect closes."""
     withdrawn: tuple[str, ...]
     """Effects that do not carry over."""
     oversized: tuple[str, ...]
-    """Effects of a size that no rig has."""
+    """Effects whose size is impossible on any rig."""
     worse_free_run: tuple[float, float] | None
-    """Error of free runs on held-out runs without and with the effects, rms, rad, where the effects make it worse; else
-    None."""
+    """Error of free runs on held-out runs without and with the effects, rms, rad, if the effects increase it;
+    otherwise None.
+    """
 
     def judged(self, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
-        """The same effects; at most one half where they do not carry over, are too large, or spoil free runs."""
+        """Probabilities of the effects; not above one half for effects that fail the test."""
         doubtful = {*self.withdrawn, *self.oversized}
         if self.worse_free_run:
             doubtful |= {item.name for item in posteriors}
@@ -102,15 +107,15 @@ def transfer(
     freely: Mapping[str, FreeRuns],
     rng: np.random.Generator,
 ) -> Transfer:
-    """Test the chosen effects on held-out recordings.
+    """Test the selected effects on held-out recordings.
 
     Args:
         recordings: the fitted runs
-        unseen: runs held out; none: each fitted run is left out in turn
+        unseen: held-out runs; without any, each fitted run is held out in turn
         problem: the segments of the fitted runs
-        selection: the chosen set of effects
-        freely: all recordings as the models before and after run along them
-        rng: of the bootstrap
+        selection: the selected set of effects
+        freely: free runs of the models before and after along all recordings
+        rng: random generator of the bootstrap
     """
     basis: Basis = "held-out runs" if unseen else "releases left out"
     if not unseen and len(recordings.records) == 1:
@@ -146,14 +151,15 @@ def transfer(
 def worse_free_run(
     before: Mapping[str, float], after: Mapping[str, float], held_out: Collection[str]
 ) -> tuple[float, float] | None:
-    """Error of free runs before and after, rms over the held-out runs, where the effects make it worse; else None.
+    """Error of free runs before and after, rms over the held-out runs, if the effects increase it; else None.
 
-    Segments and free runs must agree: a name that closes the gap of segments and spoils the free run is not confirmed.
+    Segments and free runs must agree: an effect that closes the gap of segments but worsens the free run is not
+    confirmed.
 
     Args:
         before: run -> rms error of the free run of the bare model, rad
-        after: the same with the effects; a run that cannot be followed is missing
-        held_out: names of the runs that took no part in the fit
+        after: the same with the effects; a run that cannot be simulated is missing
+        held_out: names of the held-out runs
     """
     names = [name for name in held_out if before.get(name, np.inf) < TRANSFER.followed_rad]
     if not names:
@@ -164,7 +170,7 @@ def worse_free_run(
 
 
 def _closing(unseen: Unseen, selection: Selection, ends: Array, noise: Array) -> Iterator[tuple[str, float, float]]:
-    """One effect after the other, from what the bare model leaves above the noise to what all leave: `ends`."""
+    """The gap as effects are added one by one, from the bare model to the set with all effects (`ends`)."""
     between = [_bounded(unseen.chi2(item)) - noise for _, item in selection.path[:-1]]
     left = [ends[0], *between, *([ends[1]] if selection.path else [])]
     for name, above in zip(["", *(name for name, _ in selection.path)], left, strict=True):
@@ -190,7 +196,7 @@ def _by_run(unseen: Unseen, above: Array, rng: np.random.Generator) -> dict[str,
 
 
 def _helps(unseen: Unseen, fall: Array) -> bool:
-    """Whether chi2 falls beyond chance on all, and rises beyond chance on none."""
+    """Whether chi2 is significantly reduced over all runs and significantly increased in none."""
     whole, spread = _sum(fall)
     each = [_sum(fall[own]) for _, own in unseen.runs]
     beyond_chance = whole > spread or (whole > 0.0 and _signed_rank(fall) > TRANSFER.beyond_chance)
@@ -198,7 +204,7 @@ def _helps(unseen: Unseen, fall: Array) -> bool:
 
 
 def _keeps(above: Array, noise: Array, less: Hypothesis, chosen: Hypothesis) -> bool:
-    """Whether an effect closes about as much as in the fitted recordings; (2, segments) chi2 above the noise."""
+    """Whether an effect closes a similar share as in the fitted recordings; (2, segments) chi2 above the noise."""
     if above[0].sum() < TRANSFER.gap_from * noise.sum():
         return True
     fitted = np.array([[less.residuals.excess], [chosen.residuals.excess]])
@@ -206,7 +212,7 @@ def _keeps(above: Array, noise: Array, less: Hypothesis, chosen: Hypothesis) -> 
 
 
 def _signed_rank(fall: Array) -> float:
-    """Standard errors of Wilcoxon's signed-rank sum of blocks of segments from zero."""
+    """Wilcoxon's signed-rank sum of groups of segments, in its standard errors."""
     blocks = _blocks(fall)
     ranks = 1.0 + np.argsort(np.argsort(np.abs(blocks)))
     n = len(blocks)
@@ -214,12 +220,12 @@ def _signed_rank(fall: Array) -> float:
 
 
 def _blocks(fall: Array) -> Array:
-    """Sums over neighbouring segments: they resemble each other."""
+    """Sums over neighbouring segments, whose residuals are correlated."""
     return np.add.reduceat(fall, np.arange(0, len(fall), BOOTSTRAP.block))
 
 
 def _sum(fall: Array) -> tuple[float, float]:
-    """Sum over segments, and how far chance may take it."""
+    """Sum over segments, and its standard error."""
     blocks = _blocks(fall)
     spread = np.sqrt(len(blocks) * np.var(blocks, ddof=1)) if len(blocks) > 1 else np.inf
     return float(fall.sum()), float(TRANSFER.beyond_chance * spread)

@@ -1,4 +1,4 @@
-"""Free functions of one coordinate along a swing, as sums of hats: of an angle, a speed, the time, a joint's load."""
+"""Free functions of one coordinate (angle, speed, time or load of a joint), as sums of hat functions."""
 
 import math
 
@@ -12,7 +12,7 @@ from dpr_lab.fitting.response import Trajectory
 Array = NDArray[np.float64]
 
 BINS = 10
-"""Hats over a coordinate: enough for the shape of a friction curve, and few enough for each to be seen."""
+"""Number of hat functions over a coordinate: enough to resolve a friction curve, few enough to determine each."""
 
 
 def hats(x: Array, knots: Array) -> Array:
@@ -26,7 +26,7 @@ def hats(x: Array, knots: Array) -> Array:
 
 
 def angle_hats(angle: Array) -> tuple[Array, Array]:
-    """(n, k) hats around the circle, and their knots."""
+    """(n, k) hat functions around the circle, and their knots."""
     knots = np.linspace(-math.pi, math.pi, BINS + 1)
     found = hats((angle + math.pi) % (2 * math.pi) - math.pi, knots)
     found[:, 0] += found[:, -1]
@@ -34,7 +34,7 @@ def angle_hats(angle: Array) -> tuple[Array, Array]:
 
 
 def speed_hats(speed: Array) -> tuple[Array, Array]:
-    """(n, k) hats over signed roots of the speed, closer together where dry friction lives, and their knots."""
+    """(n, k) hat functions over signed roots of the speed, denser at low speed, and their knots."""
     top = max(float(np.quantile(np.abs(speed), 0.99)), 1e-3)
     roots = np.linspace(-1, 1, BINS)
     knots = np.sign(roots) * roots**2 * top
@@ -42,13 +42,13 @@ def speed_hats(speed: Array) -> tuple[Array, Array]:
 
 
 def time_hats(t: Array) -> tuple[Array, Array]:
-    """(n, k) hats from the release to the last instant, and their knots."""
+    """(n, k) hat functions from the release to the last instant, and their knots."""
     knots = np.linspace(0, float(t.max()), BINS)
     return hats(t, knots), knots
 
 
 def load_hats(force: Array) -> tuple[Array, Array]:
-    """(n, k) hats over the forces that occur often, and their knots."""
+    """(n, k) hat functions over the range of frequent forces, and their knots."""
     knots = np.quantile(force, np.linspace(0.01, 0.99, BINS // 2))
     return hats(force, knots), knots
 
@@ -73,7 +73,7 @@ def joint_force(problem: Problem, along: Trajectory, joint: int) -> Array:
 
 
 def encoder_angle(problem: Problem, joint: int) -> Array:
-    """(samples,) what the encoder of a joint reads from hanging, rad."""
+    """(samples,) encoder reading of a joint, measured from hanging, rad."""
     relative = joint == 1 and problem.model.constants.relative2 == 1.0
     return problem.measured[:, joint] - (0.0 if relative else math.pi)
 
@@ -84,6 +84,6 @@ def encoder_speed(along: Trajectory, joint: int) -> Array:
 
 
 def under_torque(problem: Problem, along: Trajectory, joint: int, torque: Array) -> Array:
-    """(segments, m, k) whitened change of the readings under torques of a joint, (n, k), N m."""
+    """(segments, m, k) whitened change of the readings under torques (n, k) of a joint, N m."""
     pair = np.stack([torque, np.zeros_like(torque)] if joint == 0 else [-torque, torque], axis=1)
     return along.answer(problem, pair)

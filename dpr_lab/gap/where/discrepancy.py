@@ -1,16 +1,17 @@
-"""What a fit leaves, as free torques and reading errors of limited size: a discrepancy term with a Gaussian prior.
+"""Discrepancy term: the residual of a fit as free torques and reading errors with a Gaussian prior.
 
     e = A p + M m + noise,    m ~ N(0, s^2)
 
-M holds hats over angle, speed and time for each joint, projected free of the initial states as A is. A column counts by
-what it does to the readings: every group of hats has a mean squared norm of one, so that one size s serves all.
+M holds hat functions over angle, speed and time for each joint, with the initial states projected out as in A. Every
+column is scaled by its influence on the readings: each group of hat functions has a mean squared norm of one, so that
+one size s applies to all.
 
-The size is the one of largest restricted likelihood, A being free and the noise's variance profiled out; it is zero
-where none is likelier. With H the normal matrix of M given A, l = variance / s^2 and n independent readings,
+The size s maximises the restricted likelihood, with A free and the noise variance profiled out; it is zero if no size
+is more likely. With H the normal matrix of M given A, l = variance / s^2 and n independent readings,
 
     -2 log L = n log(rss(l)) + log det(H + l) - q log l.
 
-The term moves the fitted values by (A^T A)^-1 A^T M m: what that does to them widens their intervals.
+The term shifts the fitted values by (A^T A)^-1 A^T M m, which widens their intervals.
 
 Source: M. C. Kennedy & A. O'Hagan (2001), Bayesian calibration of computer models, J. R. Statist. Soc. B 63, 425-464;
 D. A. Harville (1977), Maximum likelihood approaches to variance component estimation, JASA 72, 320-338.
@@ -38,11 +39,11 @@ class DiscrepancyRules:
     """Settings of the discrepancy term and of its description."""
 
     ridges: tuple[float, ...] = (100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
-    """Variance of the noise over that of the prior: from hardly anything to nearly free."""
+    """Ratio of the noise variance to the prior variance: from a negligible term to a nearly free one."""
     likelier: float = 10.0
-    """-2 log likelihood by which the term must be likelier than none."""
+    """Reduction of -2 log likelihood from which the term is included."""
     mostly: float = 2.0
-    """Factor between the mean squared torque of the slow and of the fast half from which one is named."""
+    """Ratio of the mean squared torques at low and high speed from which one of them is named."""
 
 
 RULES = DiscrepancyRules()
@@ -53,17 +54,17 @@ class Discrepancy:
     """Discrepancy term with its maximum-likelihood size."""
 
     columns: Array
-    """(segments, m, q) whitened change of the readings, one standard deviation of the prior each."""
+    """(segments, m, q) whitened change of the readings by one standard deviation of the prior, for each function."""
     torque_Nm: tuple[float, float]
-    """Posterior mean torque of joint 1 and 2, rms over the recordings."""
+    """Posterior mean torque of joints 1 and 2, rms over the recordings."""
     reading_rad: tuple[float, float]
-    """Posterior mean reading error of encoder 1 and 2 by angle, rms."""
+    """Posterior mean reading error of encoders 1 and 2 by angle, rms."""
     slow: tuple[float, float]
-    """Mean squared torque of each joint in the slower half of the readings, over that in the faster half."""
+    """Ratio of the mean squared torque of each joint in the slower half of the readings to that in the faster half."""
 
     @property
     def sentence(self) -> str:
-        """Size and location of the remainder, by the joint of the larger torque."""
+        """Size and location of the discrepancy, by the joint of the larger torque."""
         joint = int(np.argmax(self.torque_Nm))
         where = f"{1e3 * self.torque_Nm[joint]:.2g} mN m rms in joint {joint + 1}"
         if self.slow[joint] > RULES.mostly:
@@ -79,10 +80,10 @@ class _Hats:
 
     joint: int
     torque: bool
-    """Whether they are torques, (n, k) along the trajectory; else reading errors, (samples, k)."""
+    """Whether they are torques, (n, k) along the trajectory; otherwise reading errors, (samples, k)."""
     values: Array
     columns: Array
-    """(segments, m, k) what they do to the readings."""
+    """(segments, m, k) whitened change of the readings by these functions."""
 
 
 def _hats(problem: Problem, at: Fit, along: Trajectory) -> Iterator[_Hats]:
@@ -102,7 +103,7 @@ def _hats(problem: Problem, at: Fit, along: Trajectory) -> Iterator[_Hats]:
 
 
 def _scaled(problem: Problem, at: Fit, along: Trajectory) -> list[_Hats]:
-    """Hats whose columns have a mean squared norm of one in each group."""
+    """Hat functions whose columns have a mean squared norm of one in each group."""
     groups = []
     for hats in _hats(problem, at, along):
         columns = at.linear.projected(np.nan_to_num(hats.columns))
@@ -113,13 +114,13 @@ def _scaled(problem: Problem, at: Fit, along: Trajectory) -> list[_Hats]:
 
 
 def discrepancy_columns(problem: Problem, at: Fit) -> Array:
-    """(segments, m, q) whitened change of the readings by each hat, at a mean squared norm of one in each group."""
+    """(segments, m, q) whitened change of the readings by each hat function, scaled by group."""
     groups = _scaled(problem, at, trajectory(problem, at.estimate, spacing=TRAJECTORY.coarse_s))
     return np.concatenate([np.zeros((*at.linear.e.shape, 0)), *(hats.columns for hats in groups)], axis=2)
 
 
 def discrepancy(problem: Problem, at: Hypothesis) -> Discrepancy | None:
-    """The discrepancy term of a fit; None where only noise is left, or where no size is likelier than none."""
+    """The discrepancy term of a fit; None if only noise remains, or if no size is more likely than zero."""
     linear = at.fit.linear
     if at_noise_floor(at) or not np.isfinite(linear.residual).all():
         return None
@@ -135,7 +136,7 @@ def discrepancy(problem: Problem, at: Hypothesis) -> Discrepancy | None:
     gradient = space.gradient / space.scale
     eigen, vectors = np.linalg.eigh(H)
     eigen, along_each = np.maximum(eigen, 0.0), (vectors.T @ gradient) ** 2
-    n = at.residuals.chi2 / at.residuals.inflation  # independent readings, at a variance of one
+    n = at.residuals.chi2 / at.residuals.inflation  # number of independent readings, at a variance of one
     whole = float(np.sum(linear.e**2))
 
     def cost(ridge: float) -> float:

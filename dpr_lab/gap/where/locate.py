@@ -1,8 +1,9 @@
-"""Where the gap lies, before anything is named: maps of torque and of encoder error by generalised least squares.
+"""Location of the gap before any effect is named: maps of torque and encoder error by generalised least squares.
 
-Each map is a sum of hat functions of one coordinate, say the speed of joint 1, times a torque there or an error of that
-encoder. What a map does to the readings is projected free of ratios and initial states, as for any effect, so no torque
-is ever taken from differentiated angles. A map's share of the excess chi2 says how much of the gap can lie there.
+Each map is a sum of hat functions of one coordinate, for example the speed of joint 1, multiplied by a torque in that
+joint or an error of that encoder. As for any effect, the ratios and initial states are projected out of its influence
+on the readings, so no torque is ever computed from differentiated angles. The share of the excess chi2 that a map
+explains is the largest share of the gap that this location can cause.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,10 +31,10 @@ from dpr_lab.gap.where.coordinates import (
 Array = NDArray[np.float64]
 
 CONVINCING = 0.6
-"""Share of the excess chi-square from which a place explains the gap."""
+"""Share of the excess chi-square from which a location explains the gap."""
 
 WORTH_SAYING = 3.0
-"""Standard deviations of the residual below which there is nothing to locate."""
+"""Standard deviations of the residual below which there is no gap to locate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,9 +46,9 @@ class Place:
     coordinate: str
     """angle, speed, time or load."""
     share: float
-    """Of the excess chi2 that the map explains, 0 to 1."""
+    """Share of the excess chi2 that the map explains, 0 to 1."""
     knots: Array
-    """(k,) where the hats stand, SI."""
+    """(k,) positions of the hat functions, SI."""
     values: Array
     """(k,) torque N m, friction N m s/rad over time, friction radius m over load, or encoder error rad."""
     std: Array
@@ -57,7 +58,7 @@ class Place:
 
 
 def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
-    """All residual maps, the one that explains most first; empty without a gap."""
+    """All residual maps, the one with the largest share first; empty without a gap."""
     if base.residuals.z < WORTH_SAYING:
         return ()
     along = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
@@ -66,7 +67,7 @@ def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
 
 
 def where_sentence(places: tuple[Place, ...]) -> str:
-    """One sentence on where the gap lies."""
+    """One sentence on the location of the gap."""
     if not places:
         return "There is no gap to locate."
     best = places[0]
@@ -133,7 +134,7 @@ MAPS: Mapping[str, Map] = {
     "error by angle": _error_by_angle,
     "error by speed": _error_by_speed,
 }
-"""Every map that is drawn of each joint."""
+"""All maps of each joint that are plotted."""
 
 
 def _place(problem: Problem, base: Hypothesis, along: Trajectory, joint: int, name: str, make: Map) -> Place:
@@ -150,7 +151,7 @@ def _place(problem: Problem, base: Hypothesis, along: Trajectory, joint: int, na
 
 
 def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array, values: Array, std: Array) -> str:
-    """What a map looks like, in words."""
+    """Description of a map in words."""
     where = {"torque": f"a torque in {site}", "friction": f"friction of {site}", "error": f"an error of {site}"}[kind]
     by = "load or on the direction of motion alone" if coordinate == "load" else coordinate
     parts = [f"{share:.0%} of the excess can lie in {where} that depends on {by}"]
@@ -160,18 +161,18 @@ def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array,
         parts.append("once per turn or slower" if _smooth(values) else "several times per turn")
     elif coordinate == "time":
         drift = values[-3:].mean() - values[:3].mean()
-        parts.append("growing with time" if drift > 0 else "falling with time")
+        parts.append("increasing with time" if drift > 0 else "decreasing with time")
     elif coordinate == "load":
         parts.append(_load_shape(knots, values, std))
     return ", ".join(parts) + "."
 
 
 def _speed_shape(knots: Array, values: Array, std: Array) -> str:
-    # Viscous friction is projected out, so only what departs from a straight line is seen.
+    # viscous friction is projected out, so that only deviations from a straight line remain
     odd, even = 0.5 * (values - values[::-1]), 0.5 * (values + values[::-1])
     weight = np.maximum(std, 1e-150) ** -2.0
     if np.sum(weight * even**2) > np.sum(weight * odd**2):
-        return "alike in both directions"
+        return "equal in both directions"
     slowest = int(np.argmin(np.where(knots > 0, knots, np.inf)))
     if odd[slowest] < 0:
         return "opposite in both directions, braking most at low speed"
@@ -179,7 +180,8 @@ def _speed_shape(knots: Array, values: Array, std: Array) -> str:
 
 
 def _load_shape(knots: Array, values: Array, std: Array) -> str:
-    # The map knows the direction of motion, so it follows plain dry friction too: as a radius that falls with load.
+    # the direction of motion is known to the map, so it also fits pure Coulomb friction, as a radius that falls with
+    # load
     loaded = knots > 0
     radius, weight = values[loaded], np.maximum(std[loaded], 1e-150) ** -2.0
     plain = 1.0 / knots[loaded]
@@ -187,7 +189,7 @@ def _load_shape(knots: Array, values: Array, std: Array) -> str:
     def left(shape: Array) -> float:
         return float(np.sum(weight * (radius - shape * (weight @ (radius * shape)) / (weight @ shape**2)) ** 2))
 
-    return "much the same at any load" if left(plain) < left(np.ones_like(plain)) else "growing with load"
+    return "nearly independent of the load" if left(plain) < left(np.ones_like(plain)) else "increasing with load"
 
 
 def _smooth(values: Array) -> bool:
