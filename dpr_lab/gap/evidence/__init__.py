@@ -1,1 +1,1 @@
-"""What convinces others of a diagnosis: its domain, its uncertainty, its residuals, what it excludes."""
+"""Evidence for a diagnosis: valid range, prediction uncertainty, residual analysis, excluded effects."""

@@ -1,15 +1,16 @@
-"""Uncertainty of a prediction although the model is right, compared with its error.
+"""Uncertainty of the prediction of a correct model, compared with the prediction error.
 
     E = simulation - measurement,    u_val^2 = u_num^2 + u_input^2 + u_D^2
 
-E beyond 2 u_val is the model's own fault. All are propagated to a free run from a start state that the first readings
-fix, up to the predictability horizon: u_num by halving the integrator's step, u_input by what was measured or assumed
-of the rig (with the ratios refitted each time), by the noise in what fitted values and start state rest on, u_D by
-that of the readings compared. What the model itself lacks is in none of them, or no error would ever be beyond them.
+An error E above 2 u_val is caused by the model itself. All contributions are propagated to a free run whose initial
+state is fitted to the first readings, up to the predictability horizon: u_num by halving the step of the integrator;
+u_input by the measured or assumed constants of the rig (with the ratios refitted each time) and by the noise in the
+fitted values and the initial state; u_D by the noise of the compared readings. The model error itself is in none of
+them; otherwise no error would ever exceed them.
 
-An input one standard uncertainty off changes the readings by c, of which c' remains after the fitted values absorb
-their part. With f what one piece of independent evidence costs, the recordings themselves leave the share (1 + |c'|^2
-/ f)^-1/2 of it: what would be seen in them is not unsure.
+If an input is wrong by one standard uncertainty, the readings change by c, of which c' remains after the fitted values
+absorb their part. With f the chi2 of one piece of independent evidence, the recordings themselves reduce the standard
+uncertainty by the factor (1 + |c'|^2 / f)^-1/2, because a larger error would be visible in them.
 
 Sources: ASME V&V 20-2009, Standard for Verification and Validation in Computational Fluid Dynamics and Heat Transfer;
 JCGM 100:2008 (GUM), 4.3.7 for limits without a distribution.
@@ -37,16 +38,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class AssumedInputs:
-    """Assumed uncertainties where the rig file states none; a limit is the half width of a rectangular density."""
+    """Assumed uncertainties if the rig file gives none; a limit is the half width of a rectangular distribution."""
 
     rule_m: float = 1e-3
-    """L1, by a steel rule with millimetres, at either end."""
+    """Uncertainty of L1 at each end, measured with a steel rule in millimetres."""
     gravity: float = 0.026
-    """g of sea level from the equator (9.780) to the poles (9.832), m/s^2."""
+    """Range of g at sea level, from the equator (9.780) to the poles (9.832), m/s^2."""
     rectangular: float = 3.0**-0.5
     """Standard deviation of a rectangular distribution of half width 1."""
     richardson: float = 16 / 15
-    """Error of a fourth-order method over its change when the step is halved."""
+    """Ratio of the error of a fourth-order method to its change when the step is halved."""
 
 
 ASSUMED = AssumedInputs()
@@ -56,19 +57,19 @@ Kind = Literal["numerical", "input", "data"]
 
 @dataclass(frozen=True, slots=True)
 class _Source:
-    """One contribution, and by what standard deviations or variances it moves a prediction."""
+    """One contribution, with the standard deviations or variances by which it changes a prediction."""
 
     name: str
     kind: Kind
     how: str
     variance: Callable[["FreeSwings"], list[Array]]
-    """(n, 2) of each recording, rad^2."""
+    """(n, 2) variance for each recording, rad^2."""
     left: float = 1.0
-    """Share of the standard uncertainty put in that the recordings leave."""
+    """Factor by which the recordings reduce the given standard uncertainty."""
 
 
 def sources(problem: Problem, at: Hypothesis, rig: Rig) -> list[_Source]:
-    """Every contribution to the uncertainty of a prediction."""
+    """All contributions to the uncertainty of a prediction."""
     before = problem.predict(at.fit.estimate)
 
     def fitted_anew(other: Problem) -> tuple[Array, float]:
@@ -103,17 +104,17 @@ def sources(problem: Problem, at: Hypothesis, rig: Rig) -> list[_Source]:
 
     return [
         *found,
-        _Source("fitted values", "input", "noise of the readings that ratios and effects are fitted to", along),
+        _Source("fitted values", "input", "noise of the readings to which ratios and effects are fitted", along),
         _Source(
-            "start state",
+            "initial state",
             "input",
-            "noise of the readings that it is fitted to",
+            "noise of the readings to which it is fitted",
             lambda swings: [noise * swing.start_variance() for swing in swings.each],
         ),
         _Source(
             "readings",
             "data",
-            "noise of the readings compared",
+            "noise of the compared readings",
             lambda swings: [
                 np.where(swing.weight > 0, level / np.maximum(swing.weight, 1e-140) ** 2, 0.0) for swing in swings.each
             ],
@@ -122,7 +123,7 @@ def sources(problem: Problem, at: Hypothesis, rig: Rig) -> list[_Source]:
 
 
 def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tuple[str, str, RigConstants]]:
-    """What was measured of the rig: name, how it is known, and the rig one standard uncertainty away."""
+    """Measured constants: name, source, and the rig with the constant changed by one standard uncertainty."""
     if not fitted:
         std = ASSUMED.rule_m * ASSUMED.rectangular
         how = f"{1e3 * std:.2g} mm, assumed: read off a rule to {1e3 * ASSUMED.rule_m:g} mm; the rig file gives none"
@@ -136,7 +137,7 @@ def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tu
 
 
 def mean_squares(found: Sequence[_Source], swings: "FreeSwings", compared: Sequence[NDArray[np.bool_]]) -> Array:
-    """(sources, swings) mean variance over what is compared of each, (n, 2), rad^2."""
+    """(sources, swings) mean variance of each source over the compared readings, (n, 2), rad^2."""
     each = [[values[own] for values, own in zip(item.variance(swings), compared, strict=True)] for item in found]
     return np.array([[float(values.mean()) if len(values) else 0.0 for values in row] for row in each])
 

@@ -1,4 +1,4 @@
-"""Where the rods have been: the angles and speeds for which a model speaks."""
+"""Coverage of the recordings: the angles and speeds for which a model is valid."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -20,16 +20,16 @@ class MapSettings:
     """The cells of a map."""
 
     angles: int = 24
-    """Of a turn: 15 degrees each, less than any effect by angle changes over."""
+    """Number of angle cells: 15 degrees each, less than the period of any effect by angle."""
     speeds: int = 16
-    """From the fastest turn one way to the fastest the other way."""
+    """Number of speed cells, from the fastest rotation in one direction to the fastest in the other."""
 
 
 MAP = MapSettings()
 
 
 def coverage(fitted: Recordings, held_out: Recordings, settings: MapSettings = MAP) -> dict[str, Occupancy]:
-    """Seconds that each rod spent at each angle and speed, by rod; a rod that never swung freely is not there."""
+    """Seconds that each rod spent at each angle and speed, by rod; rods that never swung freely are omitted."""
     joints = fitted.rig.encoders.joint_angles
     spent = [[_spent(item, joints.to_rods) for item in some.records] for some in (fitted, held_out)]
     found: dict[str, Occupancy] = {}
@@ -49,7 +49,7 @@ def coverage(fitted: Recordings, held_out: Recordings, settings: MapSettings = M
 
 
 Spent = tuple[str, Array, Array, Array]
-"""What swung; (n, 2) angles, rad, and speeds of the rods, rad/s; (n,) how long, s."""
+"""Name of the rod; (n, 2) angles, rad, and speeds of the rods, rad/s; (n,) duration, s."""
 
 
 def _spent(item: Record, to_rods: Callable[[Array], Array]) -> Spent:
@@ -61,7 +61,7 @@ def _spent(item: Record, to_rods: Callable[[Array], Array]) -> Spent:
 
 
 def _of(rod: str, spent: Sequence[Spent]) -> Iterator[tuple[Array, Array, Array]]:
-    """Angle, speed and time of one rod, in each recording in which it swung; a single rod counts as the first."""
+    """Angle, speed and time of a rod for each recording in which it swung; a single rod counts as rod 1."""
     for mounting, theta, speed, step in spent:
         if mounting in (rod, "both", "clamped"):
             column = 0 if mounting == rod else RODS.index(rod)

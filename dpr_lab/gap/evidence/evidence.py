@@ -1,4 +1,4 @@
-"""All that a diagnosis rests on, gathered once it is made."""
+"""Evidence of a finished diagnosis, computed in one place."""
 
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -25,15 +25,15 @@ def evidence(
     carried: Transfer,
     freely: Mapping[str, FreeRuns],
 ) -> Evidence:
-    """Gather it.
+    """Compute the evidence.
 
     Args:
         recordings: the fitted runs
-        unseen: runs held out; may be empty
+        unseen: held-out runs; may be empty
         problem: the segments of the fitted runs
-        selection: the chosen set of effects
-        carried: how it does on recordings that took no part
-        freely: all recordings, fitted and held out, as the models before and after run along them
+        selection: the selected set of effects
+        carried: performance of the selected set on held-out recordings
+        freely: free runs of the models before and after along all recordings, fitted and held out
     """
     models = {"before": selection.base, "after": selection.chosen}
     budget, curves = validation(recordings, problem, models, freely)

@@ -1,7 +1,7 @@
-"""What is not there: the least detectable size of an effect, and how surely the effect is smaller than that.
+"""Excluded effects: the minimum detectable size of an effect, and the confidence that the effect is smaller.
 
-A score test with all named effects in the model gives each amplitude a linear estimate a with standard deviation s. The
-least detectable size is 5 s, so that the effect is smaller with the confidence
+A score test with all named effects in the model gives for each amplitude a linear estimate a with standard deviation s.
+The minimum detectable size is 5 s, so the effect is smaller with the confidence
 
     P(|x| < 5 s) = Phi(5 - |a| / s)
 """
@@ -16,12 +16,12 @@ from dpr_lab.gap.result.evidence import Exclusion
 
 
 def exclusions(at: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str, float | None]]) -> list[Exclusion]:
-    """Every amplitude of every effect that was not named and can be seen.
+    """Every amplitude of every effect that is not named and is detectable.
 
     Args:
-        at: what is fitted
+        at: the fitted model
         test: its score test
-        least: detectable sizes, as `detectable` gives them
+        least: minimum detectable sizes, see `detectable`
     """
     found = []
     for item in test.ranking:

@@ -1,11 +1,12 @@
 """Prediction of one recording from its first readings, and its sensitivity to every uncertain input.
 
-With r the readings, J0 and J their slopes along the start state and along the fitted values, W one over the noise, the
-start state is fitted to the first readings h. Whatever changes the readings by dr moves that start as well, so that
+With r the readings, J0 and J their Jacobians for the initial state and for the fitted values, and W the inverse of the
+noise, the initial state is fitted to the first readings h. A change dr of the readings also changes this initial state,
+so that
 
     dr - J0 (J0_h^T W^2 J0_h)^-1 J0_h^T W^2 dr_h
 
-is left of it: what `settled` gives.
+remains, which `settled` returns.
 """
 
 from dataclasses import dataclass, replace
@@ -28,49 +29,49 @@ class FreeSwing:
 
     item: Record
     t: Array
-    """(n,) since the first reading, s."""
+    """(n,) time since the first reading, s."""
     measured: Array
     """(n, 2) readings of the joints, rad."""
     weight: Array
-    """(n, 2) one over the noise, 1/rad; zero where nothing is read."""
+    """(n, 2) inverse of the noise, 1/rad; zero where a reading is missing."""
     predicted: Array
-    """(n, 2) rad."""
+    """(n, 2) prediction error, rad."""
     by_values: Array
-    """(n, 2, free) slopes along the fitted values."""
+    """(n, 2, free) Jacobian for the fitted values."""
     by_start: Array
-    """(n, 2, 4) along the start state."""
+    """(n, 2, 4) Jacobian for the initial state."""
 
     @property
     def head(self) -> NDArray[np.bool_]:
-        """(n,) what the start state was fitted to."""
+        """(n,) whether the initial state was fitted to the reading."""
         return self.t < FREE_RUN.settle_s
 
     @property
     def compared(self) -> NDArray[np.bool_]:
-        """(n, 2) readings that are compared, without the horizon."""
+        """(n, 2) readings that are compared, before the horizon is applied."""
         return (self.weight > 0) & ~self.head[:, None]
 
     @property
     def _normal(self) -> tuple[Array, Array]:
-        """(4, 4) normal matrix of the start state, and (rows, 4) its weighted slopes."""
+        """(4, 4) normal matrix of the initial state, and (rows, 4) its weighted Jacobian."""
         A = (self.weight[:, :, None] * self.by_start)[self.head].reshape(-1, 4)
         slow = np.diag(UNREAD_STARTS if self.item.run.setup.alone else UNKNOWN_STARTS)
         return A.T @ A + slow.T @ slow, A
 
     def settled(self, change: Array) -> Array:
-        """(n, 2, k) rest of a change of the readings, (n, 2, k), after the initial state is refitted."""
+        """(n, 2, k) changes of the readings, (n, 2, k), that remain after the initial state is refitted."""
         normal, A = self._normal
         rows = (self.weight[:, :, None] * change)[self.head].reshape(len(A), -1)
         return change - self.by_start @ (_inverse(normal) @ (A.T @ rows))
 
     def start_variance(self) -> Array:
-        """(n, 2) of the prediction, by the noise of the readings that the start state was fitted to, rad^2."""
+        """(n, 2) variance of the prediction due to the noise of the first readings, rad^2."""
         inner = _inverse(self._normal[0])
         return np.einsum("nij,jk,nik->ni", self.by_start, inner, self.by_start)
 
 
 def _inverse(normal: Array) -> Array:
-    """Inverse of a (4, 4) normal matrix; of one that is singular to rounding, the pseudoinverse."""
+    """Inverse of a (4, 4) normal matrix; the pseudoinverse if it is numerically singular."""
     scale = 1 / np.sqrt(np.maximum(np.diag(normal), np.finfo(np.float64).tiny))
     return scale[:, None] * np.linalg.pinv(normal * np.outer(scale, scale), hermitian=True) * scale
 
@@ -83,7 +84,7 @@ class FreeSwings:
     each: tuple[FreeSwing, ...]
 
     def otherwise(self, constants: RigConstants | None = None, finer: float = 1.0) -> list[Array]:
-        """(n, 2) of each by how much its readings change for a rig measured otherwise, or with finer steps."""
+        """(n, 2) change of the readings of each run for a rig with another constant, or for smaller steps."""
         known = self.runs.problem
         finer_segments = replace(known.segments, step=known.segments.step / finer)
         model = known.model if constants is None else known.model.with_constants(constants)
@@ -95,7 +96,7 @@ class FreeSwings:
 def free_swings(runs: FreeRuns, at: Hypothesis) -> FreeSwings:
     """Sensitivity of the free runs of a model to all uncertain quantities."""
     free, problem = at.fit.free, runs.problem
-    slopes = np.zeros((len(problem.t), 2, len(free) + 4))  # zeros of these very runs count as known
+    slopes = np.zeros((len(problem.t), 2, len(free) + 4))  # the zeros of these runs count as known
     moves = [i for i, parameter in enumerate(free) if parameter.block != "zeros"]
     slopes[:, :, [*moves, *range(len(free), len(free) + 4)]] = problem.slopes(runs.begun, [free[i] for i in moves])
     slopes, t = np.nan_to_num(slopes), problem.t
@@ -111,7 +112,7 @@ def free_swings(runs: FreeRuns, at: Hypothesis) -> FreeSwings:
 
 
 def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:
-    """Time after which the uncertainty of the initial state alone causes a given error, s; None: later than the run."""
+    """Time until the uncertainty of the initial state causes a given error, s; None beyond the run."""
     lost = np.flatnonzero((swing.start_variance() * (swing.weight > 0)).max(axis=1) > error_rad**2)
     lost = lost[~swing.head[lost]]
     return float(swing.t[lost[0]]) if len(lost) else None

@@ -23,11 +23,11 @@ class LookSettings:
     """Settings of the residual analysis."""
 
     lags: int = 40
-    """Neighbours, of 5 ms mostly: 0.2 s, within every segment."""
+    """Number of lags, mostly of 5 ms: 0.2 s, within every segment."""
     quantiles: int = 61
-    """Of the distribution, evenly spaced in probability, the ends aside."""
+    """Number of quantiles of the distribution, evenly spaced in probability, without the extremes."""
     far: float = 3.0
-    """Standard deviations beyond which a residual is counted."""
+    """Standard deviations beyond which a residual is counted as extreme."""
 
 
 LOOK = LookSettings()
@@ -39,7 +39,7 @@ def residual_look(problem: Problem, models: Mapping[str, Hypothesis], settings: 
     Args:
         problem: the segments of the fitted runs
         models: before and after
-        settings: what is looked at
+        settings: lags and quantiles
     """
     chances = (np.arange(settings.quantiles) + 0.5) / settings.quantiles
     joints: dict[str, dict[str, Whiteness]] = {}
@@ -67,7 +67,7 @@ def _look(problem: Problem, at: Hypothesis, joint: int, chances: Array, settings
 
 
 def _autocorrelation(r: Array, read: NDArray[np.bool_], owner: NDArray[np.int64], lags: int) -> Array:
-    """(lags + 1,) mean product of residuals so many readings apart, of one segment, over that of each with itself."""
+    """(lags + 1,) autocorrelation of the residuals of one segment."""
     power = float(np.sum(r**2)) / max(int(read.sum()), 1)
     found = [1.0]
     for lag in range(1, min(lags, len(r) - 1) + 1):

@@ -1,11 +1,11 @@
-"""Free runs compared with recordings, before and after: error against uncertainty, areas between distributions, curves.
+"""Validation by free runs, before and after: error against uncertainty, areas between distributions, curves.
 
-Nothing beyond the predictability horizon counts. The area between the empirical distributions F of simulated and
-measured angles,
+Only readings before the predictability horizon are compared. The area between the empirical distributions F of
+simulated and measured angles,
 
     d = integral |F_S(x) - F_D(x)| dx,
 
-is in rad, needs no choice of corridor or weight, and is zero only for equal distributions.
+has the unit rad, needs no choice of corridor or weight, and is zero only for equal distributions.
 
 Source: S. Ferson, W. L. Oberkampf & L. Ginzburg (2008), Model validation and predictive capability for the thermal
 challenge problem, Computer Methods in Applied Mechanics and Engineering 197, 2408-2430.
@@ -35,9 +35,9 @@ class CurveSettings:
     """Resolution of the stored curves."""
 
     rate_hz: float = 50.0
-    """Ten points of the fastest swing."""
+    """Minimum resolution: ten points per period of the fastest swing."""
     digits: int = 5
-    """After the point, of a radian."""
+    """Number of digits after the decimal point, for radians."""
 
 
 CURVE = CurveSettings()
@@ -55,7 +55,7 @@ def validation(
         recordings: the fitted runs
         problem: the segments of the fitted runs
         models: before and after
-        freely: by model all recordings, the fitted ones first
+        freely: by model, the free runs of all recordings, the fitted ones first
     """
     by_model = {name: free_swings(freely[name], at) for name, at in models.items()}
     swings = [
@@ -92,14 +92,14 @@ def validation(
 
 
 def _compared(pair: Pairs, until: float) -> NDArray[np.bool_]:
-    """(n, 2) readings that count: behind those of the start state, before the horizon, followed by both models."""
+    """(n, 2) compared readings: after those of the initial state, before the horizon, simulated by both models."""
     after = pair["after"]
     followed = np.all([np.isfinite(swing.predicted) for swing in pair.values()], axis=0)
     return np.asarray(after.compared & (after.t <= until)[:, None] & followed)
 
 
 def _error(swing: FreeSwing, compared: NDArray[np.bool_]) -> float:
-    """Mean square, rad^2."""
+    """Mean square of the compared readings, rad^2."""
     off = (swing.predicted - swing.measured)[compared]
     return float(np.mean(off**2)) if len(off) else 0.0
 
@@ -109,7 +109,7 @@ def _by_model(what: str, squares: Mapping[str, float]) -> dict[str, float]:
 
 
 def _areas(pair: Pairs, compared: NDArray[np.bool_]) -> dict[str, float]:
-    """Of both models, and of noise alone; mean over the joints."""
+    """Areas of both models, and of noise alone; mean over the joints."""
     after = pair["after"]
     noise = np.random.default_rng(0).standard_normal(after.measured.shape) / np.where(compared, after.weight, 1.0)
     areas: dict[str, list[float]] = {"before": [], "after": [], "noise": []}
@@ -124,7 +124,7 @@ def _areas(pair: Pairs, compared: NDArray[np.bool_]) -> dict[str, float]:
 
 
 def _area_between(first: Array, second: Array) -> float:
-    """Area between the distributions of as many values each: scipy's wasserstein_distance, which is slow to import."""
+    """Area between two distributions of equally many values: as scipy's wasserstein_distance, whose import is slow."""
     return float(np.mean(np.abs(np.sort(first) - np.sort(second))))
 
 
@@ -145,5 +145,5 @@ def _curves(recordings: Recordings, pair: Pairs, run: RunBudget) -> Curves:
 
 
 def _told(values: Array) -> Any:
-    """As the result keeps it."""
+    """The public result of a free run."""
     return np.round(np.nan_to_num(values), CURVE.digits).tolist()

@@ -144,7 +144,7 @@ class Curves(_Part):
     run: str
     held_out: bool
     settled_s: Number
-    """Until when the start state was fitted, s after the first reading."""
+    """End of the interval to which the initial state was fitted, s after the first reading."""
     until_s: Number
     """The predictability horizon, or the end."""
     t_s: list[Number]
