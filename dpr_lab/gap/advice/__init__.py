@@ -1,1 +1,1 @@
-"""What to measure or record next, and what each cause would show."""
+"""Advice: the next measurement or recording, and its expected result for each cause."""

@@ -1,12 +1,12 @@
-"""Recommended recordings and bench measurements, which decide between causes that are still open.
+"""Recommended recordings and bench measurements that distinguish the remaining causes.
 
-For each named effect and its alternatives, the recordings of a menu are simulated at the fitted estimate. The one is
-recommended on which the alternative imitates the effect least,
+For each named effect and its alternatives, the releases of a menu are simulated with the fitted estimate. The
+recommended release is the one on which the alternative imitates the effect least,
 
     discrimination = |s| sqrt(1 - cos^2),
 
-in standard deviations of the noise. Effects that no recording distinguishes need a bench measurement.
-A new kind of check is a row of `CHECK_KINDS` and one file.
+in standard deviations of the noise. Effects that no recording distinguishes need a bench measurement. A new kind of
+check is a row of `CHECK_KINDS` and one file.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,11 +26,11 @@ CHECK_KINDS: dict[str, CheckKind] = {
         frozenset({"value", "std"}), bench_measurement.form, bench_measurement.propose, bench_measurement.result
     ),
 }
-"""Name of a kind, as messages and tables show it -> the kind. Earlier kinds are proposed first."""
+"""Kinds of checks by name, as messages and tables show it. Earlier kinds are proposed first."""
 
 
 WORTH_A_CHECK = 0.05
-"""Probability from which an alternative is worth a check."""
+"""Probability of an alternative from which a check is recommended."""
 
 
 def kind_of(check: AdvisedCheck) -> CheckKind:
@@ -64,7 +64,7 @@ def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[Effe
 def _open_causes(
     posteriors: Sequence[EffectPosterior],
 ) -> Iterator[tuple[str, tuple[str, ...], tuple[float, ...], bool]]:
-    """Of each open question: the named effect, the causes, their probabilities, and whether they are one class."""
+    """Open questions: the named effect, the causes, their probabilities, and whether they form one class."""
     for effect in posteriors:
         count = len(effect.members)
         if count > 1:

@@ -1,4 +1,4 @@
-"""A bench measurement as a check: its proposal, the reading of its value, and refusals of what cannot be."""
+"""A bench measurement as a check: its proposal, its value with a unit, and the refusal of impossible values."""
 
 from collections.abc import Mapping, Sequence
 
@@ -18,7 +18,7 @@ def form(check: AdvisedCheck) -> str:
 
 
 def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
-    """A measurement for each member of a class; for an alternative only where nothing else distinguishes it."""
+    """A measurement for each member of a class; for an alternative only if nothing else distinguishes it."""
     if question.one_class:
         checks = [_check(question, name) for name in question.causes]
         texts = " ".join(dict.fromkeys(check.text for check in checks[:2]))
@@ -36,7 +36,7 @@ def _listed(causes: Sequence[str]) -> str:
 
 
 def _check(question: OpenQuestion, measured: str) -> AdvisedCheck:
-    """A measurement of one effect's amplitude; it is zero where another cause is the right one."""
+    """A measurement of an amplitude of one effect; it is zero if another cause is the right one."""
     effect = EFFECTS[measured]
     wider = effect.adds and not set(effect.nested).isdisjoint(question.causes)
     amplitude = next(p for p in effect.amplitudes if p.name == effect.adds) if wider else effect.amplitudes[0]
@@ -52,7 +52,7 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
     """Predictive densities of the measured value.
 
     Raises:
-        RunError: no number with a unit, an impossible value, or one that is questioned and not confirmed.
+        RunError: the value has no unit, is impossible, or is questioned and was not confirmed.
     """
     assert check.quantity is not None
     value, std = _read(check, answer)
@@ -88,13 +88,13 @@ def _example(check: AdvisedCheck) -> str:
 
 
 def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: float) -> None:
-    """Refuse a value or a standard uncertainty that no measurement of this quantity can give.
+    """Refuse a value or a standard uncertainty that is impossible for this quantity.
 
     Args:
         check: a measurement
         value: in the unit of the quantity
-        std: likewise
-        largest: of either
+        std: in the same unit
+        largest: upper limit of both
 
     Raises:
         RunError: it is not finite, too large, or of the wrong sign.
@@ -107,8 +107,8 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
         raise RunError(f"check {check.id}: the standard uncertainty must be above 0 and finite, not {std:g}")
     if max(abs(value), std) > largest:
         raise RunError(
-            f"check {check.id}: {value:g} ± {std:g} {quantity.unit} is no possible {quantity.name}:"
-            f" more than {largest:.0e} {quantity.unit}. Check the number and its unit"
+            f"check {check.id}: {value:g} ± {std:g} {quantity.unit} is impossible for the {quantity.name}:"
+            f" above the limit of {largest:.0e} {quantity.unit}. Check the number and its unit"
         )
     if check.amplitudes[0].sign == "positive" or len(check.amplitudes) > 1:
         if value < -SETTINGS.questioned * std:
@@ -116,10 +116,10 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
 
 
 def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained: bool, predicted: Predictions) -> str:
-    """What to check about a value, and how to confirm it; empty where nothing is to be asked.
+    """A question about a value, with the way to confirm it; empty if the value is plausible.
 
-    Asked is about a value that no candidate predicts, and about one that the recordings give for another quantity while
-    they do not determine the one that was to be measured.
+    A value is questioned if no candidate predicts it, or if the recordings give it for another quantity and do not
+    determine the measured one.
     """
     assert check.quantity is not None
     quantity, estimate = check.quantity, predicted.estimate
@@ -146,7 +146,7 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
 
 
 def _same_unit(diagnosis: Diagnosis, check: AdvisedCheck) -> list[tuple[str, float]]:
-    """The other fitted amplitudes of named effects in the unit of a check, in words, and their sizes."""
+    """The other fitted amplitudes of named effects in the unit of a check: their names and sizes."""
     assert check.quantity is not None
     return [
         (f"the {EFFECTS[effect.name].bench_quantity(p.name).words} of {EFFECTS[effect.name].words}", fitted.value)

@@ -1,4 +1,4 @@
-"""What a kind of recommended check is: when it is proposed, how its result is given, and how probable the result is."""
+"""Interface of the kinds of recommended checks: their proposal, their result, and the probability of the result."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,52 +17,52 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class NextStep:
-    """A recommendation in a sentence, and its checks."""
+    """A recommendation in one sentence, and its checks."""
 
     text: str
     checks: tuple[AdvisedCheck, ...]
-    """Without ids."""
+    """Checks without ids."""
 
 
 @dataclass(frozen=True, slots=True)
 class OpenQuestion:
-    """Which of some causes is the right one."""
+    """An open question: which of several causes is the right one."""
 
     about: str
-    """The named effect, one of the causes."""
+    """The named effect, which is one of the causes."""
     causes: tuple[str, ...]
-    """The members of its class, or the effect and one alternative."""
+    """The causes: the members of a class, or the effect and one alternative."""
     probabilities: tuple[float, ...]
-    """Of each cause."""
+    """Probability of each cause."""
     one_class: bool
     """Whether the causes are the members of one class."""
     chosen: Hypothesis
     """The selected model."""
     expected: Sequence[ExpectedRecording]
-    """What each possible release would show."""
+    """Predicted readings of each possible release."""
 
     def check(self, kind: str, text: str, splits: Sequence[str], bits: float) -> AdvisedCheck:
-        """A check of a kind about this question, without id."""
+        """A check of this kind for the question, without id."""
         return AdvisedCheck(id="", kind=kind, text=text, about=self.about, splits=list(splits), expected_bits=bits)
 
 
 @dataclass(frozen=True, slots=True)
 class CheckAnswer:
-    """The result of a check as the operator gives it."""
+    """The result of a check, as the operator gives it."""
 
     runs: tuple[Run, ...] = ()
     rig: Rig | None = None
-    """Of the runs."""
+    """Names of the runs."""
     value: float | str | None = None
     """A number in the unit of the quantity, or text with a unit."""
     std: float | str | None = None
-    """Standard uncertainty of the value, likewise; text without a unit is in the unit of the value."""
+    """Standard uncertainty of the value; text without a unit is in the unit of the value."""
     confirmed: bool = False
     """Whether to accept a value that no candidate predicts."""
 
     @property
     def given(self) -> set[str]:
-        """Names of the parts that are given."""
+        """Names of the given fields."""
         return {name for name in ("runs", "value", "std") if getattr(self, name) not in ((), None)}
 
 
@@ -72,11 +72,11 @@ class Result:
 
     words: str
     log_densities: Mapping[str, float]
-    """Candidate, or `NONE_OF_THEM` -> natural logarithm of the density of the result."""
+    """Candidate, or `NONE_OF_THEM` -> natural logarithm of the probability density of the result."""
     value: float | None = None
     std: float | None = None
     explained: bool = True
-    """Whether any candidate predicts it."""
+    """Whether at least one candidate predicts the result."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,23 +84,25 @@ class CheckKind:
     """One kind of check."""
 
     takes: frozenset[str]
-    """The parts of an `CheckAnswer` that are its result."""
+    """The fields of a `CheckAnswer` that contain its result."""
     form: Callable[[AdvisedCheck], str]
-    """How the operator gives the result of a check, in words."""
+    """Description of the required options."""
     propose: Callable[[OpenQuestion, Sequence[NextStep]], list[NextStep]]
-    """Recommendations on a question, where kinds earlier in the table made some already."""
+    """Recommendations for a question, given those of earlier kinds in the table."""
     result: Callable[[Diagnosis, AdvisedCheck, CheckAnswer, Mapping[str, float]], Result]
-    """Of a diagnosis, its check, the answer and the probability of each candidate: the result. Raises RunError."""
+    """Result of a check, from the diagnosis, the check, the answer and the candidates' probabilities. Raises
+    RunError.
+    """
 
 
 def expected_bits(probabilities: Sequence[float], apart: float) -> float:
-    """Expected reduction of the entropy between two causes by a check, times the probability of either cause.
+    """Expected reduction of the entropy between two causes by a check, times the probability of either.
 
-    A log likelihood ratio is normal with mean +-d^2/2 and variance d^2, where d standard deviations lie between the
-    predictions of the causes.
+    The log likelihood ratio is normal with mean +-d^2/2 and variance d^2, where d is the distance between the
+    predictions of the causes in standard deviations.
 
     Args:
-        probabilities: (2,) of the causes; they need not add up to one
+        probabilities: (2,) of the causes; their sum may differ from one
         apart: d
     """
     either = sum(probabilities)
@@ -118,7 +120,7 @@ def expected_bits(probabilities: Sequence[float], apart: float) -> float:
 
 
 def log_mean(log_densities: Array, weights: Array) -> float:
-    """Logarithm of the weighted mean of densities; unweighted where all weights are zero."""
+    """Logarithm of the weighted mean of densities; unweighted if all weights are zero."""
     weights = weights if weights.any() else np.ones_like(weights)
     with np.errstate(divide="ignore"):
         return float(np.logaddexp.reduce(log_densities + np.log(weights / weights.sum())))

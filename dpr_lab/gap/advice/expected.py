@@ -1,4 +1,4 @@
-"""Size of the amplitude that a check measures, as the recordings give it if the measured effect is the cause."""
+"""Expected size of the amplitude that a check measures, if the measured effect is the cause."""
 
 from collections.abc import Sequence
 
@@ -18,15 +18,15 @@ from dpr_lab.identification.scaling.scale import Scale
 def expected_size(selection: Selection, scale: Scale, check: AdvisedCheck) -> Interval | None:
     """The expected result of a measurement if its effect is the cause, with its absolute 90 % interval.
 
-    It is of the fit with that effect in place of the named one, or of the score test where there was no such fit.
+    It is taken from the fit with that effect in place of the named one, or from the score test if there is no such fit.
 
     Args:
         selection: the fits
-        scale: of torques and inertias, whose uncertainty a measured torque meets
+        scale: scale of torques and inertias, whose uncertainty applies to a measured torque
         check: the measurement; a recording has no size
 
     Returns:
-        None for a recording, and where the size is zero or an amplitude is not visible in the recordings
+        None for a recording, if the size is zero, or if an amplitude is not identifiable from the recordings
     """
     if check.quantity is None or check.about not in selection.without:
         return None
@@ -55,7 +55,7 @@ def _of_fit(fitted: Hypothesis, effect: str, names: tuple[str, ...]) -> Interval
 
 
 def _places(parameters: Sequence[FreeParameter], effect: str, names: tuple[str, ...]) -> list[int]:
-    """Where the named amplitudes of an effect stand; empty unless all are there: a fit leaves absorbed ones out."""
+    """Columns of the named amplitudes of an effect; empty unless all are fitted (absorbed ones are not)."""
     places = {parameter.name: place for place, parameter in enumerate(parameters) if parameter.effect == effect}
     return [places[name] for name in names] if places.keys() >= set(names) else []
 

@@ -1,4 +1,4 @@
-"""Simulated recordings of possible releases at the fitted estimate, and how far two effects differ on each."""
+"""Simulated recordings of possible releases with the fitted estimate, and the difference of two effects on each."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,11 +23,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class PossibleRelease:
-    """A release that could be made."""
+    """A possible release."""
 
     text: str
     theta: tuple[float, float]
-    """Released at rest from these absolute angles, rad."""
+    """Absolute angles from which the rods are released at rest, rad."""
     duration: float
     added: AddedMass | None = None
 
@@ -54,14 +54,14 @@ class ExpectedRecording:
 
     release: PossibleRelease
     known: Array
-    """(n, k) whitened changes by the parameters that are fitted in any case."""
+    """(n, k) whitened changes by the parameters that are always fitted."""
     changes: dict[str, Array]
     """Effect -> (n, p) whitened changes by its parameters."""
     sizes: dict[str, Array]
-    """Effect -> (p,) fitted values of its parameters; typical sizes where the effect is not in the model."""
+    """Effect -> (p,) fitted values of its parameters; typical sizes if the effect is not in the model."""
 
     def apart(self, name: str, other: str) -> float:
-        """Distance of the readings from their best imitation by the other effect, in standard deviations."""
+        """Distance of the readings from their best approximation by the other effect, in standard deviations."""
         signal = self.changes[name] @ self.sizes[name]
         explained = ColumnSpace.of(np.hstack([self.known, self.changes[other]]), signal).gain()
         return float(np.sqrt(max(signal @ signal - explained, 0.0)))
@@ -71,7 +71,7 @@ def expected_recordings(recordings: Recordings, chosen: Hypothesis, names: Seque
     """Predicted changes of each release of the menu by some effects.
 
     Args:
-        recordings: their noise and setup are those of the releases
+        recordings: they define the noise and the setup of the releases
         chosen: the selected model
         names: the effects
     """
@@ -104,7 +104,7 @@ def _expected(
 
 
 def _simulated(recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease) -> tuple[Problem, Array]:
-    """A release of the menu at the fitted estimate, without noise but weighted by it."""
+    """A release of the menu simulated with the fitted estimate, without noise but weighted by its level."""
     rate = RATE_HZ
     t = PAD + np.arange(int(choice.duration * rate)) / rate
     at, like = chosen.fit.estimate, min(recordings.records, key=lambda item: item.run.setup.alone)

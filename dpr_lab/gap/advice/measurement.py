@@ -1,17 +1,19 @@
-"""Predictive density of a measured amplitude under each candidate cause, and under a cause that is none of them.
+"""Predictive density of a measured amplitude under each candidate cause, and under a cause outside the candidates.
 
-A measurement gives y with the standard uncertainty u of an amplitude of one effect. The recordings predict that
-amplitude: its fitted size is s with the standard deviation w if the effect is the cause; if another effect is the cause
-it is a small background of standard deviation b. A cause outside the candidates leaves it at the background, or makes
-it anything of a plausible size (a Cauchy density of scale c, which is proper and has no sharp end):
+A measurement gives a value y with the standard uncertainty u for an amplitude of one effect. The recordings predict
+that amplitude: if the effect is the cause, its fitted size is s with the standard deviation w; if another effect is the
+cause, the amplitude is a small background with the standard deviation b. A cause outside the candidates leaves the
+amplitude at the background, or gives it any plausible size (a Cauchy density of scale c, which is proper and decreases
+slowly):
 
-    f(y | has it)      = N(y; s, w^2 + (m s)^2 + u^2)
-    f(y | has it not)  = N(y; 0, b^2 + u^2),                          b = m' min(t, |s|)
-    f(y | none)        = (1 - h) N(y; 0, b^2 + u^2) + h V(y; u, c),   c = k max(t, |s|)
+    f(y | effect)     = N(y; s, w^2 + (m s)^2 + u^2)
+    f(y | other)      = N(y; 0, b^2 + u^2),                               b = m' min(t, |s|)
+    f(y | outside)    = (1 - h) N(y; 0, b^2 + u^2) + h V(y; u, c),         c = k max(t, |s|)
 
 with t the typical size of the amplitude, V the Cauchy density convolved with the normal density of the measurement (the
-Voigt profile), and m, m', h, k of `CheckSettings`. A very small u changes little: w, m s and b remain. Where a size
-rests on the scale b of torques and inertias, w contains the uncertainty of that scale. Equation (59) of docs/theory.md.
+Voigt profile), and m, m', h, k of `CheckSettings`. A very small u changes little, because w, m s and b remain. If a
+size depends on the scale b of torques and inertias, w contains the uncertainty of that scale. Equation (59) of
+docs/theory.md.
 """
 
 from collections.abc import Iterable, Mapping
@@ -32,33 +34,40 @@ class CheckSettings:
     """Settings of the update by a check."""
 
     model_error: float = 0.1
-    """m: standard deviation of a fitted amplitude beyond that of its fit, relative to it: its law and
-    the bench only agree so far. Assumed, not measured; a scale of torques that is off by less is covered by it."""
+    """m: relative standard deviation of a fitted amplitude in addition to that of its fit, because the law and the
+    bench measurement agree only approximately. Assumed, not measured; it covers a torque scale with a smaller
+    error.
+    """
     linear_error: float = 0.3
-    """The same, in addition, where the amplitude is of a linear score test and was not fitted. Assumed."""
+    """The same, in addition, if the amplitude comes from a linear score test and was not fitted. Assumed."""
     background: float = 0.1
-    """m': standard deviation of an amplitude whose effect is not the cause, relative to the smaller of its typical and
-    its fitted size. Every rig has a little of every effect; a tenth of the size that explains the gap makes 1 % of its
-    excess. Assumed."""
+    """m': standard deviation of an amplitude whose effect is not the cause, relative to the smaller of its typical
+    and its fitted size. Every rig has a small amount of every effect; a tenth of the size that explains the gap
+    causes 1 % of its excess. Assumed.
+    """
     broad: float = 3.0
-    """k: scale of an amplitude that no fit predicts, in typical or fitted sizes, whichever is larger. `typical` of the
-    library is what laboratory rigs have; a Cauchy density of three times that has 20 % above nine times it."""
+    """k: scale of an amplitude that no fit predicts, in typical or fitted sizes, whichever is larger. `typical` of
+    the library is the size on laboratory rigs; a Cauchy density of three times that size has 20 % of its
+    probability above nine times it.
+    """
     elsewhere: float = 0.5
-    """h: probability that a cause outside the candidates comes with another size of the measured amplitude. Nothing is
-    known of such a cause, so either case has half (principle of indifference)."""
+    """h: probability that a cause outside the candidates gives the measured amplitude another size. Nothing is known
+    about such a cause, so both cases have the probability one half (principle of indifference).
+    """
     outside: float = 0.02
-    """Least prior probability of a cause outside the candidates: `Calibration.outside_when_closed`, from blind trials
-    whose library lacked the cause."""
+    """Minimum prior probability of a cause outside the candidates: `Calibration.outside_when_closed`, from blind
+    trials whose library lacked the cause.
+    """
     questioned: float = 3.0
-    """Standard deviations from every prediction beyond which a value is questioned: one right value of 370 is."""
+    """Standard deviations from every prediction beyond which a value is questioned; one correct value in 370 is."""
     largest: float = 1e6
-    """Largest value and uncertainty that are accepted, in typical or fitted sizes, whichever is larger."""
+    """Maximum accepted value and uncertainty, in typical or fitted sizes, whichever is larger."""
     largest_power: float = 6.0
-    """Power of ten beyond which a Bayes factor is only bounded in words: no normal tail is known so far out."""
+    """Power of ten beyond which a Bayes factor is only given as a bound, because no normal tail is valid so far out."""
     dropped: float = 0.01
     """Probability, relative to that of its class, below which a member leaves the class."""
     iterations: int = 20
-    """Of a fit to new recordings."""
+    """Iterations of a fit to new recordings."""
 
 
 SETTINGS = CheckSettings()
@@ -66,7 +75,7 @@ SETTINGS = CheckSettings()
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """A measured amplitude as a cause predicts it, normal."""
+    """A measured amplitude as predicted by a cause, normally distributed."""
 
     mean: float
     std: float
@@ -87,17 +96,17 @@ class Predictions:
 
     candidates: Mapping[str, Prediction]
     background: Prediction
-    """Where its effect is not the cause."""
+    """Prediction if its effect is not the cause."""
     scale: float
-    """c: of the amplitude under a cause outside the candidates."""
+    """c: scale of the amplitude under a cause outside the candidates."""
     largest: float
-    """Largest value and uncertainty that can be meant."""
+    """Maximum accepted value and uncertainty."""
     estimate: Interval | None
-    """As the recordings give it if its effect is the cause."""
+    """Prediction of the recordings if its effect is the cause."""
 
     def log_densities(self, value: float, std: float) -> dict[str, float]:
-        """Logarithm of the predictive density under each candidate, and under none of them."""
-        from scipy.special import voigt_profile  # slow to import
+        """Logarithm of the predictive density under each candidate, and under a cause outside the candidates."""
+        from scipy.special import voigt_profile  # its import is slow
 
         found = {name: prediction.log_density(value, std) for name, prediction in self.candidates.items()}
         broad = float(np.log(voigt_profile(value / self.scale, std / self.scale, 1.0) / self.scale))
@@ -106,7 +115,7 @@ class Predictions:
         return found | {NONE_OF_THEM: float(np.logaddexp(np.log1p(-h) + little, np.log(h) + broad))}
 
     def nearest(self, value: float, std: float) -> float:
-        """Standard deviations between a measured value and the candidate that predicts it best."""
+        """Distance between a measured value and the candidate that predicts it best, in standard deviations."""
         return min(prediction.z(value, std) for prediction in self.candidates.values())
 
 
@@ -114,7 +123,7 @@ def predictions(diagnosis: Diagnosis, check: AdvisedCheck, names: Iterable[str])
     """Predictive densities of the amplitude that a check measures, for each candidate.
 
     Args:
-        diagnosis: it has the fitted sizes
+        diagnosis: it contains the fitted sizes
         check: a measurement
         names: the candidates
     """
@@ -137,7 +146,7 @@ def predictions(diagnosis: Diagnosis, check: AdvisedCheck, names: Iterable[str])
 
 
 def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
-    """The measured amplitude as the recordings give it if its effect is the cause; None where nothing was fitted."""
+    """The measured amplitude as predicted by the recordings if its effect is the cause; None if nothing was fitted."""
     if check.expected:
         return check.expected
     fitted = next((effect.parameters for effect in diagnosis.effects if effect.name == check.measures), {})
@@ -162,7 +171,7 @@ def magnitude(values: Array, covariance: Array) -> Interval | None:
 
 
 def has(name: str, measured: str, amplitude: str) -> bool:
-    """Whether an effect has the amplitude of another: forms of one share them, except for what the wider form adds."""
+    """Whether an effect has the amplitude of another, as forms of one effect have, apart from their additions."""
     if amplitude == EFFECTS[measured].adds and name in EFFECTS[measured].nested:
         return False
     return not {name, *EFFECTS[name].nested}.isdisjoint({measured, *EFFECTS[measured].nested})

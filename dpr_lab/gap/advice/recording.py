@@ -20,7 +20,7 @@ from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.run import torque_kinds
 
 DISTINGUISHED = 5.0
-"""Standard deviations by which two causes must differ on a recording for it to be recommended."""
+"""Minimum difference of two causes on a recommended recording, in standard deviations."""
 
 
 def form(check: AdvisedCheck) -> str:
@@ -29,11 +29,11 @@ def form(check: AdvisedCheck) -> str:
 
 
 def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
-    """For each other cause the release on which it differs most from the named effect."""
+    """For each other cause, the release on which it differs most from the named effect."""
     steps = []
     about, probability = question.about, dict(zip(question.causes, question.probabilities, strict=True))
     for other in (name for name in question.causes if name != about):
-        # Of two forms in a class, the wider one may have a size that the narrower one does not.
+        # of two forms in a class, the wider one may have a size that the narrower one cannot have
         pairs = ((about, other), (other, about)) if question.one_class else ((about, other),)
         apart = [max(expected.apart(*pair) for pair in pairs) for expected in question.expected]
         best = int(np.argmax(apart))
@@ -56,13 +56,13 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
 
 
 def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior: Mapping[str, float]) -> Result:
-    """Predictive densities of the runs: each candidate fitted to them, tempered; none of them has the mean density."""
+    """Densities of the runs: each candidate is fitted to them, tempered; a cause outside has their mean."""
     open_ones = {check.about, *check.splits, *(r.name for r in diagnosis.rivals if r.instead_of == check.about)}
     fitted = _fitted(diagnosis, check.about, [name for name in prior if name in open_ones], answer)
     best = min(fitted.values(), key=lambda candidate: candidate.cost)
     scale = 2 * best.residuals.inflation * CALIBRATION.temperature
     densities = {name: -(candidate.cost - best.cost) / scale for name, candidate in fitted.items()}
-    # Members that the recording does not split are as probable as the named effect, as before.
+    # members that the recording does not distinguish keep the probability of the named effect
     densities |= {name: densities[check.about] for name in prior if name not in densities}
     average = log_mean(np.array([densities[name] for name in prior]), np.array(list(prior.values())))
     driven = "".join(f", driven by {kind} torques" for kind in torque_kinds(answer.runs))
@@ -71,7 +71,7 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
 
 
 def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: CheckAnswer) -> dict[str, Hypothesis]:
-    """Each candidate fitted to the runs, with the other named effects."""
+    """Each candidate fitted to the runs, together with the other named effects."""
     if answer.rig is None:
         raise RunError("give the rig of the runs")
     rig = answer.rig

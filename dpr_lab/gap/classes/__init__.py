@@ -1,1 +1,1 @@
-"""How sure each effect is: classes of indistinguishable effects and their probabilities."""
+"""Probability of each effect: classes of indistinguishable effects and their probabilities."""

@@ -1,4 +1,4 @@
-"""Named effects that together are one thing, such as a geared drive, and how much of the gap that is."""
+"""Families: named effects that together form one component, such as a geared drive, and their share of the gap."""
 
 from functools import reduce
 
@@ -12,9 +12,9 @@ from dpr_lab.gap.which.selected import Selection
 
 
 def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -> list[NamedFamily]:
-    """Families of which the named effects are parts.
+    """Families to which the named effects belong.
 
-    A family is as probable as the surest of its marks: friction alone may be a bearing's.
+    The probability of a family is the maximum of its characteristic effects: friction alone may be that of a bearing.
     """
     probable = {effect.name: effect.probability for effect in named}
     return [
@@ -31,7 +31,7 @@ def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -
 
 
 def _share(problem: Problem, selection: Selection, parts: tuple[str, ...]) -> float:
-    """Of the excess that comes back when all of them are left out, 0 to 1."""
+    """Share of the excess that returns if all effects of the family are removed, 0 to 1."""
 
     def less(at: Hypothesis, name: str) -> Hypothesis:
         return refit_without(problem, at, name, selection.base)
@@ -42,9 +42,9 @@ def _share(problem: Problem, selection: Selection, parts: tuple[str, ...]) -> fl
 
 
 def families_sentence(found: list[NamedFamily]) -> str:
-    """Sentences for the headline; empty where there is no family."""
+    """Sentences for the headline; empty without a family."""
     return "".join(
-        f" Together {' and '.join(item.effects)} are what a {item.words} does [{item.name}]:"
+        f" Together {' and '.join(item.effects)} are the effects of a {item.words} [{item.name}]:"
         f" {item.share:.0%} of the excess."
         for item in found
     )

@@ -1,14 +1,13 @@
-"""Classes of effects that are indistinguishable on these recordings, alternatives, and their probabilities.
+"""Classes of effects that are indistinguishable in these recordings, alternatives, and their probabilities.
 
-Two effects whose signatures (what they do to the readings, ratios and initial states projected out) agree to 0.999 in
-cosine, and that predict the recordings equally well, are one class: no algorithm can split them on this record.
+Two effects form one class if their signatures (their changes of the readings, with ratios and initial states projected
+out) have a cosine of at least 0.999 and if they predict the recordings equally well: no algorithm can distinguish them
+with this record. Within a class, the probability is divided according to the prior of each member's fitted size
+(`dpr_lab.effects.plausibility`): a clock error of 3 % is impossible for a crystal, a length error of 6 % is possible.
 
-Inside a class the prior of each member's fitted size (`dpr_lab.effects.plausibility`) divides the probability: a clock
-that would have to be 3 % off is no crystal's, a length that is 6 % off is a length.
-
-The probability of a class is the softmax of the predictive costs of the sets in which it takes the place of the named
-effect, times the probability that the cause is in the library at all, which falls with the share of the gap that stays
-unexplained.
+The probability of a class is the softmax of the predictive costs of the sets in which it replaces the named effect,
+multiplied by the probability that the cause is in the library at all; the latter decreases with the unexplained share
+of the gap.
 """
 
 from collections.abc import Mapping
@@ -33,46 +32,46 @@ class Calibration:
     """Conversion of costs to probabilities, calibrated on blind trials by `benchmarks/calibrate_diagnosis.py`."""
 
     temperature: float = 3.0
-    """By which differences of log predictive density are divided."""
+    """Divisor of differences of the log predictive density."""
     half_unexplained: float = 0.07
-    """Share of the gap left at which the cause is as likely outside the library as in it."""
+    """Remaining share of the gap at which a cause outside the library is as probable as one inside."""
     steepness: float = 2.0
-    """Power with which that probability rises with the share left."""
+    """Exponent with which that probability increases with the remaining share."""
     sure: float = 0.98
-    """Probability of what was found, where there is either no gap or nothing that explains it."""
+    """Probability of the result if there is no gap, or no effect that explains it."""
     outside_when_closed: float = 0.02
-    """Probability of a cause outside the library when nothing but noise is left."""
+    """Probability of a cause outside the library if only noise remains."""
     unseen: float = 0.5
-    """Probability of no gap where the recordings would not show most effects: as good as none."""
+    """Probability of no gap if most effects are undetectable in the recordings: close to zero."""
     least_left: float = 1e-6
-    """Share left that counts at least: the integrator's."""
+    """Minimum remaining share, due to the integrator."""
 
 
 CALIBRATION = Calibration()
 
 ALTERNATIVES = 5
-"""Of each named effect, at most."""
+"""Maximum number of alternatives of each named effect."""
 
 HIDDEN = 0.5
-"""Share of an effect up to which what a richer form adds to it may go unseen and still be likely."""
+"""Fraction of an effect below which the addition of a richer form may be undetectable and still be probable."""
 
 SAME_SCORE = 1e-3
-"""Relative difference that linear scores of the same thing may have."""
+"""Relative difference of linear scores up to which they count as equal."""
 
 NEGLIGIBLE = 50.0
-"""Difference of log probability beyond which another set weighs nothing."""
+"""Difference of log probability beyond which another set has no weight."""
 
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """Another effect in the place of a named one."""
+    """Another effect in place of a named one."""
 
     name: str
     members: tuple[str, ...]
     cosine: float
-    """Of its signature with that of the named effect; the part of the named one's it can imitate."""
+    """Cosine between its signature and that of the named effect: the part of the named effect that it can imitate."""
     cost: float
-    """As of a hypothesis; from the linear score where it was not fitted."""
+    """Predictive cost as of a hypothesis; from the linear score if it was not fitted."""
     probability: float = 0.0
 
 
@@ -82,18 +81,18 @@ class EffectPosterior:
 
     name: str
     members: tuple[str, ...]
-    """The effect itself and those indistinguishable from it."""
+    """The effect itself and the indistinguishable ones."""
     alternatives: tuple[Alternative, ...]
     probability: float
     odds: tuple[float, ...] = ()
-    """Of each member, its share of the probability by the prior of its fitted size."""
+    """Share of the probability for each member, by the prior of its fitted size."""
 
 
 def effect_posterior(selection: Selection, name: str, calibration: Calibration = CALIBRATION) -> EffectPosterior:
     """Class, alternatives and probability of one named effect.
 
     Args:
-        selection: the chosen set and all that were fitted
+        selection: the selected set and all fitted sets
         name: the effect
         calibration: of the probabilities
     """
@@ -128,7 +127,7 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
 
 
 def _plausibility(selection: Selection, without: Hypothesis, item: Score) -> float:
-    """Prior of the size of another effect in the place of a named one: as fitted, else by its linear score."""
+    """Prior of the size of another effect in place of a named one: as fitted, or by its linear score."""
     fitted = selection.fitted.get(without.key | {item.effect.name})
     if fitted is not None:
         return plausibility(fitted.fit.estimate.params, item.effect.name)
@@ -139,7 +138,7 @@ def _plausibility(selection: Selection, without: Hypothesis, item: Score) -> flo
 
 
 def _indistinguishable(selection: Selection, without: Hypothesis, test: ScoreTest, own: Score, other: Score) -> bool:
-    """Whether the recordings prefer neither of two effects of one signature: by fits, else by linear scores."""
+    """Whether the recordings prefer neither of two effects with the same signature: by fits, or by linear scores."""
     if min(test.cosine(own, other), test.cosine(other, own)) <= THRESHOLDS.indistinguishable:
         return False
     margin = indifference(selection.base, selection.chosen)
@@ -151,7 +150,7 @@ def _indistinguishable(selection: Selection, without: Hypothesis, test: ScoreTes
 
 
 def _hidden(selection: Selection, own: Effect) -> tuple[str, ...]:
-    """Richer forms of an effect of which the recordings could not show what they add."""
+    """Richer forms of an effect whose additional parameters are undetectable in the recordings."""
     params = selection.chosen.fit.estimate.params
     size = max(abs(float(params[param_index(own.name, p.name)])) for p in own.amplitudes)
     least = detectable(selection.chosen, selection.final_test)
@@ -168,7 +167,7 @@ def _cost(selection: Selection, without: Hypothesis, item: Score) -> float:
     if fitted is not None:
         return fitted.cost
     price = PRICE * without.residuals.inflation * (len(item.columns) + len(item.effect.shapes))
-    # A linear score promises too much; what was not worth a fit can at most come near.
+    # a linear score is too optimistic; an effect that was not worth a fit can be nearly as good at best
     near = selection.chosen.cost + THRESHOLDS.chance * selection.chosen.residuals.inflation
     return max(without.cost - item.gain + price, near)
 
@@ -183,11 +182,11 @@ def outside(selection: Selection, calibration: Calibration = CALIBRATION) -> flo
 
 
 def probabilities(selection: Selection, posteriors: tuple[EffectPosterior, ...], kind: str) -> Mapping[str, float]:
-    """Of no gap, of a cause outside the library, and of each class in the place it would take.
+    """Probabilities of no gap, of a cause outside the library, and of each class.
 
     Args:
-        selection: the chosen set of effects
-        posteriors: of the chosen effects; none where they are withheld
+        selection: the selected set of effects
+        posteriors: of the selected effects; empty if they are not named
         kind: the verdict
     """
     if kind in ("no_gap", "inconclusive") or not posteriors:

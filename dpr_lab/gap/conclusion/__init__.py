@@ -1,1 +1,1 @@
-"""What is concluded: verdict, intervals, remedies and the description of the recordings."""
+"""Conclusions: verdict, intervals, remedies and the description of the recordings."""

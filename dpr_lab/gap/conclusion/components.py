@@ -1,7 +1,7 @@
 """The posterior as a mixture: each fitted set of effects with its probability and the covariance of its values.
 
-The probability of a set follows from its predictive cost as that of a class does (`dpr_lab.gap.classes.posterior`).
-Sets with too little of it are left out.
+The probability of a set follows from its predictive cost, as for a class (`dpr_lab.gap.classes.posterior`). Sets with a
+very small probability are omitted.
 """
 
 from collections.abc import Iterator
@@ -24,12 +24,12 @@ from dpr_lab.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class MixtureSettings:
-    """Which sets are kept."""
+    """Limits for the stored sets."""
 
     least: float = 0.01
-    """Probability below which a set is left out."""
+    """Probability below which a set is omitted."""
     most: int = 8
-    """Sets at most."""
+    """Maximum number of sets."""
 
 
 MIXTURE = MixtureSettings()
@@ -38,13 +38,13 @@ MIXTURE = MixtureSettings()
 def components(
     problem: Problem, selection: Selection, rig: Rig, remainder: Discrepancy | None
 ) -> list[PosteriorComponent]:
-    """Sets of effects with their probabilities, the likeliest first.
+    """Sets of effects with their probabilities, the most probable first.
 
     Args:
-        problem: what was measured
-        selection: all sets that were fitted
-        rig: what was weighed
-        remainder: discrepancy term of the chosen set
+        problem: segments and noise
+        selection: all fitted sets
+        rig: measured constants
+        remainder: discrepancy term of the selected set
     """
     kept = list(_likeliest(selection))
     whole = sum(weight for _, weight in kept)
@@ -81,7 +81,7 @@ def _component(
 
 
 def _name(parameter: FreeParameter) -> str:
-    """`a/b` or `coulomb_joint2.torque_Nm`; empty for what a simulation does not need."""
+    """`a/b` or `coulomb_joint2.torque_Nm`; empty for a parameter that a simulation does not need."""
     if parameter.block == "effects":
         return f"{parameter.effect}.{parameter.name}"
     return parameter.name if parameter.name in RATIOS else ""

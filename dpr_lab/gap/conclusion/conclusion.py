@@ -52,10 +52,10 @@ from dpr_lab.shown import listed
 Array = NDArray[np.float64]
 
 PLACES_SHOWN = 6
-"""Maps that a diagnosis shows, the most telling first."""
+"""Maps in a diagnosis, the one with the largest share first."""
 
 SURELY = 3.0
-"""Standard uncertainties of L1 beyond which the rig file is wrong about it."""
+"""Standard uncertainties of L1 beyond which the value in the rig file is wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,15 +72,15 @@ class Findings:
     gap: Gap
     advice: tuple[NextStep, ...]
     covariance: Array
-    """(free, free) of the chosen fit's values."""
+    """(free, free) covariance of the selected fit's values."""
     remainder: Discrepancy | None
-    """The discrepancy term of the chosen set; None where only noise is left."""
+    """The discrepancy term of the selected set; None if only noise remains."""
     cut: str
-    """How a long record was cut; nothing where it was not."""
+    """Segments of a long record; empty if it was not divided."""
 
     @property
     def intervals(self) -> dict[tuple[str, str], float]:
-        """(effect, parameter) -> half of the 90 % interval of a fitted value."""
+        """(effect, parameter) -> half width of the 90 % interval of a fitted value."""
         reach = NORMAL_Q90 * np.sqrt(np.diag(self.covariance))
         free = self.selection.chosen.fit.free
         return {(parameter.effect, parameter.name): float(r) for parameter, r in zip(free, reach, strict=True)}
@@ -94,7 +94,7 @@ class Findings:
 
     @property
     def scale(self) -> Scale:
-        """What absolute sizes assume of b: it was fitted, or is the rig file's."""
+        """Assumption of absolute sizes about b: fitted, or taken from the rig file."""
         unknown, intervals = self.selection.chosen.fit.estimate.ratios, self.intervals
         b = float(unknown[SCALE])
         if ("", "b") in intervals:
@@ -171,7 +171,7 @@ def _search_step(step: TracedTrial) -> SearchStep:
 
 
 def _ratios(found: Findings) -> dict[str, Interval]:
-    """The ratios; those that rest on the rig file's bounds are not negative."""
+    """The ratios; those that depend on the bounds of the rig file are not negative."""
     values = found.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
     reaches = np.array([found.intervals.get(("", name), 0.0) for name in RATIOS])
     unseen = by_unseen_ratios(found.problem, found.selection.chosen, found.recordings.rig)
@@ -184,13 +184,13 @@ def _ratios(found: Findings) -> dict[str, Interval]:
 
 
 def _remainder(findings: Findings, kind: Verdict) -> str:
-    """How large the unmodelled remainder is and where it acts, where the verdict leaves one."""
+    """Size and location of the unmodelled remainder, if the verdict leaves one."""
     described = kind in ("partly_explained", "unexplained") and not findings.description.withholds
     return f" {findings.remainder.sentence}" if findings.remainder and described else ""
 
 
 def _ratio_covariance(found: Findings) -> NDArray[np.float64]:
-    """(5, 5); zero for ratios that no run shows, which are the rig file's."""
+    """(5, 5) covariance; zero for ratios that no run determines, which are those of the rig file."""
     free = found.selection.chosen.fit.free
     mine = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}
     whole = np.zeros((len(RATIOS), len(RATIOS)))
@@ -201,7 +201,7 @@ def _ratio_covariance(found: Findings) -> NDArray[np.float64]:
 
 
 def _checks(found: Findings, named: Sequence[str]) -> list[AdvisedCheck]:
-    """All checks of the advice, each once, with ids that those of another diagnosis do not have."""
+    """All checks of the advice, each once, with ids that are unique among diagnoses."""
     at = found.selection.chosen.fit.estimate
     own = hashlib.sha256(at.ratios.tobytes() + at.params.tobytes()).hexdigest()[:4]
     each = {(check.kind, check.text, check.about): check for step in found.advice for check in step.checks}
@@ -258,7 +258,7 @@ def _named(found: Findings, item: EffectPosterior) -> NamedEffect:
 
 
 def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
-    """Quantities that follow from an effect's parameters, whose errors are taken as independent."""
+    """Quantities derived from an effect's parameters, whose errors are assumed to be independent."""
     if effect.implied is None:
         return {}
     found, squares = effect.implied(values), dict.fromkeys(effect.implied(values), 0.0)
@@ -283,7 +283,7 @@ def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> E
 
 
 def _rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEffect]:
-    """Alternatives of the named effects; where nothing is named, the closest effects first."""
+    """Alternatives of the named effects; without named effects, the closest effects first."""
     found = [
         _rival(other.name, other.members, other.probability, other.cosine, item.name)
         for item in posteriors
@@ -301,7 +301,7 @@ def _rival(name: str, members: Sequence[str], probability: float, cosine: float,
 
 
 def _sensor_findings(found: Findings) -> list[SensorFinding]:
-    """Sensor faults, less the steps that a fitted effect accounts for."""
+    """Sensor faults, without the steps that a fitted effect explains."""
     values = named_params(found.selection.chosen.fit.estimate.params)
     hidden = [0.0, 0.0]
     for name, effect in EFFECTS.items():
@@ -321,20 +321,22 @@ def _assumptions(found: Findings) -> list[str]:
     made = [
         _length(found),
         _scale(found),
-        "Encoder noise is white beyond what the sensor screen found; readings were averaged over 5 ms.",
-        "Start states of all segments are free; the first 30 ms after each release are left out.",
+        "Encoder noise is white apart from the faults of the sensor screening; readings were averaged over 5 ms.",
+        "The initial states of all segments are free; the first 30 ms after each release are excluded.",
     ]
     if all(item.arm_moves is False for item in records):
-        made.append("Encoder 0 saw the arm stand still, so a compliant arm was not considered.")
+        made.append("According to encoder 0 the arm stood still, so a compliant arm was not considered.")
     elif any(item.arm_moves is None for item in records):
         made.append("The arm's angle was not recorded.")
     if found.recordings.exact_torques:
-        made.append("Measured torques were taken as exact: the remainder is far above the effect of their noise.")
+        made.append(
+            "The measured torques were assumed to be exact: the remainder is far above the influence of their noise."
+        )
     return [*made, *_torque_noise(found), *_zeros(found), *_geared(found), *_misleading(found)]
 
 
 def _torque_noise(found: Findings) -> list[str]:
-    """The noise of measured torques that the fits count with."""
+    """The noise of measured torques that the fits assume."""
     if found.problem.disturbance is None or not (most := most_noise(found.problem)).any():
         return []
     one, two = np.minimum(most, found.recordings.torque_noise_Nm)
@@ -365,11 +367,12 @@ def _geared(found: Findings) -> list[str]:
 
 
 def _misleading(found: Findings) -> list[str]:
-    """Effects left out because they make held-out runs harder to predict."""
+    """Effects that are excluded because they worsen the prediction of held-out runs."""
     names = found.selection.misleading
     was = "was" if len(names) == 1 else "were"
     text = (
-        "left out of the model: the held-out runs are predicted better without. So these runs took part in that choice."
+        "excluded from the model, because the prediction of the held-out runs is better without. These runs"
+        " therefore influenced the selection."
     )
     return [f"{listed(names)} {was} {text}"] if names else []
 
@@ -386,23 +389,27 @@ def _length(found: Findings) -> str:
         f"L1 is given as {rig.L1:g} m with a standard uncertainty of {rig.rig.L1_std:g} m and fitted:"
         f" {rig.L1 + added:.5g} m +- {reach:.2g} m (90 %), at g = {rig.g:g} m/s^2 and by the device's clock."
     )
-    return text if abs(added) < SURELY * rig.rig.L1_std else f"{text} The file's uncertainty does not allow that."
+    return text if abs(added) < SURELY * rig.rig.L1_std else f"{text} This contradicts the uncertainty in the file."
 
 
 def _unseen(least: Mapping[str, Mapping[str, float | None]], absorbed: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """Sentences on what these recordings would not show at any size, and on what base parameters absorb."""
+    """Sentences on effects that are undetectable at any size, and on those that base parameters absorb."""
     blind = {name: absorbed.get(name, {}) for name, sizes in least.items() if sizes and not any(sizes.values())}
     twins = {name: listed(sorted(set(by.values()) & {*RATIOS, "p/b", "b"})) for name, by in blind.items()}
     alike = [f"{name} is indistinguishable from {twin}" for name, twin in twins.items() if twin]
     hidden = [name for name, twin in twins.items() if not twin]
     return [
-        *([f"With these recordings {listed(alike)}, and so not fitted."] if alike else []),
-        *([f"No size of {', '.join(hidden)} would show in these recordings."] if hidden else []),
+        *(
+            [f"In these recordings {listed(alike)}. Effects that a base parameter absorbs are not fitted."]
+            if alike
+            else []
+        ),
+        *([f"Undetectable at any size in these recordings: {', '.join(hidden)}."] if hidden else []),
     ]
 
 
 def _scale(found: Findings) -> str:
-    """What fixes the scale of all torques."""
+    """Source of the scale of all torques."""
     if drives := [setup.torques for setup in found.problem.segments.setups if setup.torques]:
         kinds = " and ".join(sorted({item.kind for item in drives} - {""}))
         return f"The known torques{f', as {kinds},' if kinds else ''} fix the scale of all torques."

@@ -1,4 +1,4 @@
-"""Whether a gap that no effect explains comes from a wrong description of the recordings."""
+"""Check whether a gap that no effect explains is caused by a wrong description of the recordings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,30 +17,33 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class DescriptionRules:
-    """Rules by which a wrong description of the recordings replaces the causes."""
+    """Limits from which a wrong description of the recordings replaces the causes."""
 
     as_good: float = 0.02
-    """Share of the excess that another reading may explain less than the chosen effects, and still be as good."""
+    """Share of the excess by which another description may explain less than the selected effects and still be as
+    good.
+    """
     closed: float = 0.93
-    """Share of the excess that effects explain from which energy that seems to enter is no hint: an encoder that reads
-    wrongly makes it too."""
+    """Share of the excess explained by effects from which an apparent energy input is no evidence: an encoder error
+    causes it too.
+    """
     coarse_s: float = 0.01
     """Interval of logged torques from which changes between two rows matter, s."""
     held: tuple[float, float] = (0.25, 0.75)
-    """Share of that interval by which torques act too early, if they change between rows: a half on average."""
+    """Fraction of that interval by which torques act too early if they change between rows: one half on average."""
 
 
 RULES = DescriptionRules()
 
 
 def description(runs: Sequence[Run], rig: Rig, selection: Selection, carried: Transfer) -> Description:
-    """Try other readings where a gap far above the noise stays open, or is closed by effects of an impossible size.
+    """Test other descriptions if a gap far above the noise remains, or is closed by effects of an impossible size.
 
     Args:
         runs: the fitted runs
-        rig: that they are said to be of
-        selection: the chosen set of effects
-        carried: how it does on recordings that took no part
+        rig: the rig of the runs according to its file
+        selection: the selected set of effects
+        carried: its performance on held-out recordings
     """
     if hint := _coarse_torques(runs, selection):
         return Description(hint, True)
@@ -54,7 +57,7 @@ def description(runs: Sequence[Run], rig: Rig, selection: Selection, carried: Tr
 
 
 def _coarse_torques(runs: Sequence[Run], selection: Selection) -> str:
-    """Whether an input delay is the half interval by which torques that change between rows act before their row."""
+    """Whether an input delay is half the interval of the logged torques, which act too early by this time."""
     if INPUT_DELAY.name not in selection.chosen.effects:
         return ""
     early = -selection.chosen.fit.estimate.params[param_index(INPUT_DELAY.name, "delay_s")]
@@ -63,13 +66,14 @@ def _coarse_torques(runs: Sequence[Run], selection: Selection) -> str:
     if interval < RULES.coarse_s or not least <= early / interval <= most:
         return ""
     return (
-        f"The torques act {1e3 * early:.3g} ms before their rows, which are {1e3 * interval:.3g} ms apart: torques that"
-        " change between rows do so. Log the torques at a higher rate, or write the mean over each row."
+        f"The torques act {1e3 * early:.3g} ms before their rows, which are {1e3 * interval:.3g} ms apart:"
+        f" this is the effect of torques that change between rows. Log the torques at a higher rate, or"
+        f" write the mean over each row."
     )
 
 
 def _as_good(look: SecondLook, selection: Selection) -> bool:
-    """Whether a wrong description explains as much as the effects do; none of these lets energy in."""
+    """Whether a wrong description explains as much as the effects and none of these supplies energy."""
     if not look.tried:
         return True
     of_arm = any(EFFECTS[name].stage == "arm" for name in selection.chosen.effects)

@@ -1,4 +1,4 @@
-"""What to do about what was named: at the rig, in its file, to its readings, or in the simulator."""
+"""Remedies for the named effects: at the rig, in its file, in its readings, or in the simulator."""
 
 from collections.abc import Collection, Mapping, Sequence
 
@@ -12,13 +12,13 @@ from dpr_lab.shown import listed
 def remedies(
     named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: RigConstants, doubtful: Collection[str]
 ) -> list[str]:
-    """One sentence for each effect that is a fault, and one for all effects that the simulator should have.
+    """One sentence for each effect that is a fault, and one for all effects that the simulator needs.
 
     Args:
-        named: the effects, in their order
+        named: the effects, in order
         sizes: their fitted parameters
-        rig: what the rig file says
-        doubtful: names of those that do not carry over, or are larger than they can be: nothing is done about them
+        rig: the values of the rig file
+        doubtful: effects that do not carry over to held-out data, or are too large; they have no remedy
     """
     sentences: list[str] = []
     simulated: list[str] = []

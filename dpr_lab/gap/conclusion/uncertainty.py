@@ -1,11 +1,11 @@
-"""How far the fitted values may be off: by noise, by the integrator, by what was weighed, by what is not in the model.
+"""Uncertainty of the fitted values: by noise, by the integrator, by measured constants, and by the discrepancy term.
 
-With A the slopes of a fit, initial states projected out, noise leaves the covariance f (A^T A)^-1, f being what one
-piece of independent evidence costs. Whatever else changes the readings by dr, though the fit takes it for known, shifts
-the values by -(A^T A)^-1 A^T dr. These shifts count as standard deviations: that of half the integrator's step, and
-that of each weighed mass, by its standard uncertainty, and that of each free torque or reading error of the discrepancy
-term, by its prior. Ratios that the recordings do not show shift the others in the same way, by the bounds of the rig
-file. Sizes of effects assume these ratios, as they assume b.
+With A the Jacobian of a fit, initial states projected out, the noise causes the covariance f (A^T A)^-1, where f is the
+chi2 of one piece of independent evidence. Any other change dr of the readings that the fit does not model shifts the
+values by -(A^T A)^-1 A^T dr. The following shifts count as standard deviations: that of half the integrator's step;
+that of each weighed mass, by its standard uncertainty; and that of each free torque or reading error of the discrepancy
+term, by its prior. Ratios that the recordings do not determine shift the others in the same way, by the bounds of the
+rig file. Sizes of effects assume these ratios, as they assume b.
 
 Source: consider covariance, S. F. Schmidt (1966), Application of state-space methods to navigation problems.
 """
@@ -29,17 +29,17 @@ Array = NDArray[np.float64]
 
 
 def covariance(problem: Problem, at: Hypothesis, rig: Rig, remainder: Discrepancy | None = None) -> Array:
-    """(free, free) covariance of a fit's values; zero for what is held at its bound.
+    """(free, free) covariance of the values of a fit; zero for values at a bound.
 
     Args:
-        problem: what was measured
+        problem: segments and noise
         at: the fit
-        rig: what was weighed
-        remainder: its discrepancy term, which moves the values as well
+        rig: measured constants
+        remainder: its discrepancy term, which also shifts the values
     """
     before = problem.predict(at.fit.estimate)
     shifts = [other.predict(at.fit.estimate) - before for other in _otherwise(problem, rig)]
-    # A segment that cannot be followed says nothing.
+    # a segment that cannot be simulated contains no information
     changes = [problem.whitened(np.nan_to_num(shift)) for shift in shifts]
     if remainder is not None:
         changes += list(np.moveaxis(remainder.columns, 2, 0))
@@ -50,10 +50,10 @@ def by_unseen_ratios(problem: Problem, at: Hypothesis, rig: Rig, *, share: float
     """(5,) variance of the ratios due to those that the recordings do not determine.
 
     Args:
-        problem: what was measured
+        problem: segments and noise
         at: a fitted set of effects
         rig: nominal values and bounds
-        share: of a prior standard deviation by which an unseen ratio is changed for a derivative
+        share: fraction of a prior standard deviation by which such a ratio is changed for a derivative
     """
     before = problem.predict(at.fit.estimate)
     variance = np.array(prior_ratio_std(rig)) ** 2
@@ -66,9 +66,9 @@ def by_unseen_ratios(problem: Problem, at: Hypothesis, rig: Rig, *, share: float
 
 
 def _other_ratios(problem: Problem, at: Hypothesis, share: float) -> Iterator[Estimate]:
-    """The estimate with a share of a prior standard deviation in each direction of the ratios that are not free.
+    """The estimate, changed by a fraction of a prior standard deviation in each undetermined direction.
 
-    Their prior is that without the free ones: what these are by the recordings is no hint at the others.
+    Their prior does not depend on the free ratios: the fitted values are no evidence for the others.
     """
     free = {parameter.place for parameter in at.fit.free if parameter.block == "ratios"}
     alone = any(setup.alone for setup in problem.segments.setups)
@@ -82,7 +82,7 @@ def _other_ratios(problem: Problem, at: Hypothesis, share: float) -> Iterator[Es
 
 
 def _otherwise(problem: Problem, rig: Rig) -> Iterator[Problem]:
-    """The same problem as a finer integrator or a heavier part would have it."""
+    """The same problem with a smaller integrator step, or with a heavier part."""
     segments, model = problem.segments, problem.model
     yield replace(problem, segments=replace(segments, step=segments.step / 2))
     for name in MASSES:

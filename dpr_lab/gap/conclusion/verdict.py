@@ -1,4 +1,4 @@
-"""The verdict in one word and up to three sentences: the causes, how far the gap closes, what remains."""
+"""The verdict, as one word and up to three sentences: the causes, the reduction of the gap, and the remainder."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from dpr_lab.shown import listed
 Verdict = Literal["no_gap", "inconclusive", "named", "partly_explained", "unexplained"]
 
 Detectable = Mapping[str, Mapping[str, float | None]]
-"""Effect -> amplitude -> least size that the recordings would show."""
+"""Effect -> amplitude -> minimum detectable size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,24 +24,25 @@ class VerdictRules:
     """Limits of the verdicts, set on blind trials whose library lacks the cause."""
 
     named_share: float = 0.93
-    """Of the excess: right models explained 0.97 and more, wrong libraries 0.91 at most."""
+    """Share of the excess: correct models explained 0.97 and more, wrong libraries 0.91 at most."""
     partly_share: float = 0.5
     """Share of the excess chi-square, below which the verdict is "unexplained"."""
     sure: float = 0.6
-    """Probability that the surest class of a named set has at least; the sentence gives that of the least sure."""
+    """Minimum probability of the most probable class of a named set; the sentence gives that of the least probable."""
     rather: float = 0.5
-    """Probability below which the sentence says how unlikely it is that an effect is the cause."""
+    """Probability below which the sentence adds that the effect is rather not the cause."""
     closes: float = 0.5
-    """Share of the gap that must close on recordings that took no part, for a set to be the cause."""
+    """Minimum share of the gap that a set must close on held-out recordings to be the cause."""
     gap_from: float = 0.5
-    """Times the noise from which a remainder that no effect explains is a gap."""
+    """Ratio to the noise from which a remainder that no effect explains is a gap."""
     listed: float = 0.05
     """Probability below which an effect is not listed as a cause."""
     visible: float = 0.5
-    """Share of the effects that must show at their typical size for "no gap" to mean something. Three releases of 4 s
-    at 1 kHz show 0.99, one of 1 s at 30 Hz shows 0.4."""
+    """Share of the effects that must be detectable at their typical size for the verdict "no gap". Three releases of
+    4 s at 1 kHz reach 0.99, one of 1 s at 30 Hz reaches 0.4.
+    """
     noise: float = 6.0
-    """Standard deviations of the residual up to which a named set counts as the whole story."""
+    """Standard deviations of the residual up to which the named set is complete."""
 
 
 RULES = VerdictRules()
@@ -55,13 +56,13 @@ def verdict(
     *,
     withheld: bool = False,
 ) -> Verdict:
-    """Choose the verdict; with more than one release by the reduction on held-out recordings.
+    """Choose the verdict; with more than one release, by the reduction on held-out recordings.
 
     Args:
-        selection: the chosen set of effects
+        selection: the selected set of effects
         posteriors: of each of them
-        carried: how they do on recordings that took no part
-        least: size of each effect that the recordings would show
+        carried: their performance on held-out recordings
+        least: minimum detectable size of each effect
         withheld: whether a wrong description of the recordings explains as much
     """
     kind = "unexplained" if withheld else _verdict(selection, posteriors, carried)
@@ -93,7 +94,7 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carrie
 
 
 def _small(item: Hypothesis) -> bool:
-    """Whether the remainder is noise, or too small compared with it to be called a gap."""
+    """Whether the remainder is noise, or too small to be called a gap."""
     return at_noise_floor(item) or item.residuals.noise_ratio < RULES.gap_from
 
 
@@ -105,7 +106,7 @@ def sentence(
     least: Detectable,
     described: Description,
 ) -> str:
-    """What the operator reads first: arguments as of `verdict`, and what speaks against the description."""
+    """The first sentences of a result; arguments as of `verdict`, and the test of the description."""
     if kind == "inconclusive":
         return _inconclusive(least)
     if described.withholds:
@@ -118,8 +119,9 @@ def sentence(
 def _inconclusive(least: Detectable) -> str:
     shown, all_ = visible(least)
     return (
-        f"Inconclusive: these recordings cannot show a gap. Of {all_} effects only {shown} would be visible at their"
-        " typical size. Record more releases, longer, with larger swings, at a higher rate or with less noise."
+        f"Inconclusive: these recordings cannot show a gap. Of {all_} effects only {shown} are detectable"
+        f" at their typical size. Record more releases, longer, with larger swings, at a higher rate or"
+        f" with less noise."
     )
 
 
@@ -146,16 +148,16 @@ def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPo
     closest = listed([_class(cause) for cause in posteriors])
     if share >= RULES.partly_share:
         return (
-            f"Unexplained: {closest} would explain {share:.0%} of the excess chi-square in the fitted recordings, but"
-            f" not in others. {how_far(carried)}"
+            f"Unexplained: {closest} explains {share:.0%} of the excess chi-square in the fitted"
+            f" recordings, but not in other recordings. {how_far(carried)}"
         )
-    return f"Unexplained: the closest, {closest}, would explain only {share:.0%} of the excess chi-square."
+    return f"Unexplained: the closest effect, {closest}, explains only {share:.0%} of the excess chi-square."
 
 
 def _causes_named(
     selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer
 ) -> Sequence[EffectPosterior]:
-    """The causes that the sentence names: they carry over, and are more than merely known to be there."""
+    """The causes in the sentence: they carry over to held-out data, and are not merely known effects."""
     carrying = [cause for cause in posteriors if cause.name not in carried.withdrawn]
     likely = [cause for cause in carrying if cause.name not in selection.expected or cause.probability >= RULES.rather]
     return likely or carrying
@@ -165,8 +167,8 @@ def _no_gap(base: Hypothesis) -> str:
     if at_noise_floor(base):
         return "No gap visible at this noise. The bare model explains the recordings down to the noise floor."
     return (
-        f"No gap above the noise. A remainder of {base.residuals.noise_ratio:.2g} times the noise is explained by no"
-        " effect of the library."
+        f"No gap above the noise. No effect of the library explains the remainder of"
+        f" {base.residuals.noise_ratio:.2g} times the noise."
     )
 
 
@@ -184,24 +186,26 @@ _BASIS = {
     "releases left out": "In cross-validation across the releases",
     "one release": "In cross-validation across the quarters of the release",
 }
-"""Where a gap closes, by the data that tested it."""
+"""The remaining gap, by the data that were used for the test."""
 
 
 def _restrictions(carried: Transfer) -> str:
     parts = []
     if carried.withdrawn:
         verb = "does" if len(carried.withdrawn) == 1 else "do"
-        parts.append(f" {listed(carried.withdrawn)} {verb} not carry over to data that took no part in the fit.")
+        parts.append(f" {listed(carried.withdrawn)} {verb} not carry over to held-out data.")
     if carried.worse_free_run:
         before, after = (1e3 * error for error in carried.worse_free_run)
         parts.append(f" The free run of the held-out runs becomes worse: {before:.3g} to {after:.3g} mrad rms.")
     if carried.oversized:
-        parts.append(f" {listed(carried.oversized)} would be larger than on any rig: something else has that shape.")
+        parts.append(
+            f" {listed(carried.oversized)} would be larger than on any rig: another cause has the same signature."
+        )
     return "".join(parts)
 
 
 def _doubt(cause: EffectPosterior) -> str:
-    """How probable an effect is that is rather not the cause, although it explains a part of the gap."""
+    """The probability of an effect that is rather not the cause although it explains a part of the gap."""
     return "" if cause.probability >= RULES.rather else f" (probability only {cause.probability:.0%})"
 
 
