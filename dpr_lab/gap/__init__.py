@@ -1,1 +1,1 @@
-"""The gap between simulation and rig: how large, where, which effect, how sure, what else, how far it shrinks."""
+"""Diagnosis of the gap between simulation and rig: size, location, causes, probabilities, reduction."""

@@ -1,4 +1,4 @@
-"""The bare model fitted to screened runs: short segments first, their states carried on to longer ones."""
+"""The bare model, fitted to screened runs: first in short segments, then in longer ones."""
 
 from dataclasses import replace
 
@@ -25,35 +25,35 @@ Array = NDArray[np.float64]
 
 
 UNSURE = np.array([1e-3, 1e-3, 1e-3, 0.3, 0.3])
-"""Relative standard deviation with which the bare ratios fix the scale: friction may hide anything."""
+"""Relative standard deviation with which the bare ratios determine the scale, because friction may hide much."""
 
 
 def nominal_ratios(rig: Rig) -> Array:
-    """(7,) ratios, b and p/b of the rig file's best known values."""
+    """(7,) ratios, b and p/b from the best known values of the rig file."""
     return unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))
 
 
 def scale(unknown: Array, rig: Rig) -> ParameterValue:
-    """b, kg m^2, by the rig file and the ratios (7,): the scale of all torques, which no free swing shows."""
+    """b, kg m^2, from the rig file and the ratios (7,): the scale of all torques."""
     values = unknown[: len(RATIOS)]
     _, base = update_prior(values, np.diag((UNSURE * np.maximum(values, 1e-3)) ** 2), rig)
     return base["b"]
 
 
 def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Problem, Hypothesis]:
-    """Fit the ratios, robustly at the first length and then at the working length.
+    """Fit the ratios, robustly at the first segment length and then at the working length.
 
-    Single readings that are off the swing are left out from then on: at a low rate only a model shows them.
+    Isolated outliers are excluded afterwards, because at a low rate only a model shows them.
 
     Args:
         recordings: the runs
-        start: (7,) ratios, b and p/b to start from
+        start: (7,) initial ratios, b and p/b
 
     Returns:
-        the runs without such readings, what is fitted at the working length, and the bare model
+        the runs without outliers, the problem at the working length, and the bare model
 
     Raises:
-        RunError: a stretch of readings that no initial state comes near.
+        RunError: no initial state fits the readings of a segment.
     """
     short, initial = recordings.cut(LENGTHS.first)
     at = Estimate.of(start, effect_params({}), initial)
@@ -79,13 +79,13 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
 def with_likeliest_noise(
     recordings: Recordings, problem: Problem, model: Hypothesis, less: float = 0.8
 ) -> Recordings | None:
-    """The recordings with less noise of their measured torques, where a fitted model makes that likelier.
+    """The recordings with less noise of their measured torques, if a fitted model makes that more likely.
 
     Args:
         recordings: the runs
         problem: their segments
         model: fitted to them
-        less: ratio of two estimates of the noise from which the smaller one is worth another fit
+        less: ratio of two estimates of the noise below which the smaller one is fitted too
     """
     before = np.minimum(most_noise(problem), recordings.torque_noise_Nm)
     if problem.disturbance is None or not before.any():
@@ -102,13 +102,13 @@ def _all_followed(recordings: Recordings, problem: Problem, found: Fit) -> None:
         run = recordings.records[problem.segments.run[lost[0]]].run.name
         at = problem.t[problem.segments.offsets[lost[0]]]
         raise RunError(
-            f"{run}: the model cannot follow the readings from {at:.2f} s on: check rig file and encoder, or leave the"
-            " run out"
+            f"{run}: the model cannot follow the readings from {at:.2f} s on: check the rig file and the"
+            f" encoder, or exclude the run"
         )
 
 
 def lengthened(recordings: Recordings, short: Problem, at: Estimate, length: float) -> tuple[Problem, Hypothesis]:
-    """The bare model at another segment length, s, from the states that shorter segments found."""
+    """The bare model at another segment length, s, from the initial states of shorter segments."""
     longer, initial = recordings.cut(length)
     begun = at.changed(initial=carried(short.segments, at.initial, longer.segments, initial))
     found = fit(longer, begun, free_parameters(begun, (), longer), iterations=20)

@@ -1,4 +1,4 @@
-"""The diagnosis, stage by stage: screen, bare model, where, which, classes, how far, advice, evidence."""
+"""The diagnosis in stages: screening, bare model, location, selection, classes, transfer, advice, evidence."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Request:
     """Effects to choose from."""
     max_effects: int
     start: NDArray[np.float64] | None
-    """(7,) ratios, b and p/b to start from; None: those of the rig file."""
+    """(7,) initial ratios, b and p/b; None for the values of the rig file."""
     on_progress: Callable[[Event], None]
 
     def begin(self, stage: str) -> None:
@@ -74,7 +74,7 @@ class Fitted:
     problem: Problem
     bare: Hypothesis
     held_out: Unseen | None
-    """Recordings that take no part in any fit; None where there are none."""
+    """Recordings that are never fitted; None without any."""
 
 
 @solvable
@@ -89,21 +89,21 @@ def diagnose(
     seed: int = 0,
     on_progress: Callable[[Event], None] | None = None,
 ) -> Diagnosis:
-    """Diagnose the gap between simulation and rig: where it is, its causes, their probabilities, how far it closes.
+    """Diagnose the gap between simulation and rig: its location, its causes, their probabilities, its reduction.
 
-    Where known torques drive the rods, their noise is part of the model first. If the chosen effects then leave far
-    more than noise, the torques are taken as exact and the bare model and the effects are fitted again: what adds up
-    along a segment is no noise of the torques, and whitening would hide it.
+    If known torques drive the rods, their noise is at first part of the model. If the residual of the selected effects
+    far exceeds the noise, the torques are assumed to be exact, and the bare model and the effects are fitted again: an
+    error that accumulates along a segment is not torque noise, and whitening would hide it.
 
     Args:
-        runs: what was recorded, one run or several; three releases or more distinguish effects best
+        runs: one recorded run or several; three releases or more distinguish effects best
         rig: lengths, masses and encoders
-        held_out: recordings that only measure how far the gap closes
+        held_out: recordings that only measure the reduction of the gap
         library: the effects to choose from; all of `dpr_lab.effects.EFFECTS` by default
-        max_effects: at most so many at once
-        start: (7,) ratios, b and p/b to start from; the rig file's values by default
-        seed: of the bootstrap; same seed, same answer
-        on_progress: called with each stage, fit and score test as it begins
+        max_effects: maximum number of effects in the model
+        start: (7,) initial ratios, b and p/b; the rig file's values by default
+        seed: of the bootstrap; the same seed gives the same result
+        on_progress: called at the start of each stage, fit and score test
 
     Raises:
         RunError: no runs, or one that is too short or without motion.
@@ -164,7 +164,7 @@ def _fitted(request: Request, recordings: Recordings, unseen: Recordings) -> Fit
 
 
 def _with_other_noise(fitted: Fitted, model: Hypothesis) -> Recordings | None:
-    """The recordings with less or no noise of their torques, where the chosen model asks for that."""
+    """The recordings with less or no noise of their torques, if the selected model requires it."""
     if fitted.problem.disturbance is not None and far_from_noise(model):
         return replace(fitted.recordings, exact_torques=True)
     return with_likeliest_noise(fitted.recordings, fitted.problem, model)
@@ -185,7 +185,7 @@ def _selected(request: Request, fitted: Fitted) -> Selection:
 
 
 def applicable(library: Mapping[str, Effect], problem: Problem) -> dict[str, Effect]:
-    """The effects of a library that can act in these recordings and are not fitted anyway."""
+    """The effects of a library that can act in these recordings and are not always fitted."""
     setups = problem.segments.setups
     driven, arm_known = any(setup.torques for setup in setups), any(setup.arm for setup in setups)
     return {
@@ -193,7 +193,7 @@ def applicable(library: Mapping[str, Effect], problem: Problem) -> dict[str, Eff
         for name, effect in library.items()
         if name not in problem.always
         and (driven or not effect.driven)
-        and not (arm_known and effect.stage == "arm")  # the arm's motion is prescribed
+        and not (arm_known and effect.stage == "arm")  # the motion of the arm is prescribed
     }
 
 

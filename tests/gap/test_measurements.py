@@ -70,8 +70,8 @@ def test_an_uncertainty_far_below_the_possible_changes_nothing() -> None:
     [
         (math.nan, 1e-4, "must be a finite number, not nan"),
         (math.inf, 1e-4, "must be a finite number, not inf"),
-        (1e308, 1e-4, "is no possible rate error of the device's clock"),
-        (0.005, 1e308, "is no possible rate error of the device's clock"),
+        (1e308, 1e-4, "is impossible for the rate error of the device's clock"),
+        (0.005, 1e308, "is impossible for the rate error of the device's clock"),
         (0.005, 0.0, "uncertainty must be above 0 and finite, not 0"),
         (0.005, -1.0, "uncertainty must be above 0 and finite, not -1"),
         (0.005, math.nan, "uncertainty must be above 0 and finite, not nan"),

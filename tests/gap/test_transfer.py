@@ -49,7 +49,7 @@ def test_a_name_that_does_not_carry_over_to_a_held_out_run_is_withdrawn(dry: lis
     found = diagnose(dry[:2], paper, held_out=recorded({})[2:], library=LIBRARY)
     assert (found.verdict, found.basis, found.withdrawn) == ("unexplained", "held-out runs", ["coulomb_joint2"])
     assert found.probabilities["coulomb_joint2"] <= 0.5
-    assert "but not in others" in found.sentence
+    assert "but not in other recordings" in found.sentence
 
 
 @pytest.mark.slow

@@ -31,42 +31,43 @@ class Interval(_Record):
     """A number with its 90 % interval."""
 
     value: Number
-    """The number, SI."""
+    """Value, SI."""
     interval90: tuple[Number, Number]
-    """Its 90 % interval, SI."""
+    """90 % interval, SI."""
 
 
 class EffectSize(Interval):
-    """A parameter of an effect: `value` and `interval90` at the assumed b, its ratio to b, and the absolute interval.
+    """A parameter of an effect: `value` and `interval90` at the assumed b, ratio to b, and absolute interval.
 
-    `interval90` holds the uncertainty of the fit alone: with `value` it is a ratio to the assumed b in other units.
+    `interval90` contains the uncertainty of the fit only; together with `value` it is a ratio to the assumed b, in
+    other units.
     """
 
     ratio: Number | None = None
-    """value / b^k, which does not depend on the scale; None where the recordings fix b, or where k is 0."""
+    """value / b^k, which does not depend on the scale; None if the recordings determine b, or if k is 0."""
     ratio_unit: str = ""
     """SI."""
     ratio_interval90: tuple[Number, Number] | None = None
     """90 % interval of the ratio."""
     interval90_with_scale: tuple[Number, Number] | None = None
-    """90 % interval of the absolute value, the uncertainty of b included; None in a file of an older version."""
+    """90 % interval of the absolute value, including the uncertainty of b; None in a file of an older version."""
 
 
 class ClosedShare(_Record):
     """Share of the gap above the noise floor that the named effects close, on data not used for the fit."""
 
     estimate: Number
-    """On the runs held out; where there are none, each run predicted from the others."""
+    """Share closed on the held-out runs; without any, on each run predicted from the other runs."""
     interval90: tuple[Number, Number]
     """90 % interval of the estimate."""
     per_run: dict[str, Number]
     """Run -> share of the gap that closes on it."""
     held_out: dict[str, Number] = {}
-    """By whole recordings that were held out on request."""
+    """Share closed on whole recordings that were held out on request."""
 
 
 class Gap(_Record):
-    """Size of the gap before and after correction: rms of a reading above the noise, unless a field says otherwise."""
+    """Size of the gap before and after correction: rms of a reading above the noise, with exceptions."""
 
     floor_rad: dict[str, Number]
     """Joint -> noise floor, rad."""
@@ -75,38 +76,39 @@ class Gap(_Record):
     after_rad: dict[str, Number]
     """Joint -> rms above the noise of the corrected model, rad."""
     before_Nm: dict[str, Number]
-    """Joint -> rms of the torque that the bare model misses, N m at the assumed b."""
+    """Joint -> rms of the torque that is missing in the bare model, N m at the assumed b."""
     explained_share: Number
-    """Of the excess chi2 of the bare model."""
+    """Share of the excess chi2 of the bare model that the model explains."""
     closed_held_out: ClosedShare
-    """Share that closes on data not used for the fit."""
+    """Share that is closed on data that were not fitted."""
     by_horizon: dict[str, dict[str, Number]] = {}
     """Segment length s -> before, after -> rms above the noise, rad."""
     free_run_rad: dict[str, dict[str, Number]] = {}
     """Run -> before, after -> rms error of a free run from its release, rad."""
     waterfall: list[dict[str, Any]] = []
-    """Effects in the order of their contribution: `effect`, and `gap_rad`, the gap with it and all effects before it
-    in the model: rms of a reading above the noise, over both joints, rad. `rms_rad`, sqrt(2) times that, stays for one
-    version."""
+    """Effects in the order of their contribution: `effect`, and `gap_rad`, the gap with this effect and all before
+    it in the model: rms of a reading above the noise, over both joints, rad. `rms_rad`, sqrt(2) times that, is
+    kept for one version.
+    """
     remainder_Nm: dict[str, Number] = {}
-    """Joint -> rms torque of a discrepancy term fitted to what the model leaves, N m; empty where that is noise."""
+    """Joint -> rms torque of a discrepancy term fitted to the residual of the model, N m; empty if that is noise."""
     remainder_rad: dict[str, Number] = {}
-    """Joint -> rms of its error of the encoder, rad."""
+    """Joint -> rms encoder error of the discrepancy term, rad."""
     budget: GapBudget | None = None
-    """What of the gap is reproducible, and what of that is explained; None in a file of an older version."""
+    """Reproducible share of the gap, and its explained part; None in a file of an older version."""
 
 
 class Where(_Record):
     """One location of the gap."""
 
     site: str
-    """Where it lies: a joint, an encoder, the base."""
+    """A joint, an encoder, or the base."""
     coordinate: str
-    """What the map runs along: `angle`, `speed`, `time` or `load`."""
+    """Coordinate of the map: `angle`, `speed`, `time` or `load`."""
     share: Number
-    """Share of the excess that a map there explains."""
+    """Share of the excess that a map at this location explains."""
     sentence: str
-    """What the map looks like, in words."""
+    """Description of the map."""
     knots: list[Number] = []
     """(n,) coordinates of the map, SI."""
     values: list[Number] = []
@@ -123,30 +125,30 @@ class NamedEffect(_Record):
     name: str
     """A name of `dpr_lab.effects.EFFECTS`."""
     members: list[str] = Field(alias="class")
-    """The effect and those indistinguishable from it on these recordings."""
+    """The effect and the effects that are indistinguishable from it in these recordings."""
     odds: dict[str, Number] = {}
-    """Of each member of the class, its share of the probability by the plausibility of its size."""
+    """Share of the probability for each member of the class, by the plausibility of its size."""
     probability: Number
     """Probability that the cause is one of the members."""
     parameters: dict[str, EffectSize]
     """Parameter -> its size, SI."""
     share: Number
-    """Of the excess that comes back without it."""
+    """Share of the excess that returns without the effect."""
 
 
 class NamedFamily(_Record):
-    """Named effects that together are one thing."""
+    """Named effects that together form one component."""
 
     name: str
     """Name of the family."""
     words: str
-    """What it is, in words."""
+    """Description."""
     effects: list[str]
     """The named effects that belong to it."""
     probability: Number
-    """Probability that all of them are there."""
+    """Probability that all of them are present."""
     share: Number
-    """Of the excess that comes back without all of them."""
+    """Share of the excess that returns without all of them."""
 
 
 class RivalEffect(_Record):
@@ -155,60 +157,62 @@ class RivalEffect(_Record):
     name: str
     """A name of `dpr_lab.effects.EFFECTS`."""
     members: list[str] = Field(alias="class")
-    """The effect and those indistinguishable from it."""
+    """The effect and the effects that are indistinguishable from it in these recordings."""
     probability: Number
     """Probability that it is the cause instead."""
     cosine: Number
-    """Cosine similarity of its signature and that of the named effect; 1 = of the same shape."""
+    """Cosine similarity between its signature and that of the named effect; 1 for equal shapes."""
     instead_of: str = ""
-    """The named effect whose place it could take; empty where none is named."""
+    """The named effect that it could replace; empty if no effect is named."""
 
 
 class SensorFinding(_Record):
-    """A sensor fault found before any physics."""
+    """A sensor fault that was detected without a model."""
 
     name: str
-    """What kind of fault."""
+    """Kind of fault."""
     run: str
     """Name of the run."""
     axis: str | None
     """The encoder: `theta0`, `theta1` or `theta2`; None for all."""
     at_s: Number | None
-    """When it happened, s since the release; None for the whole run."""
+    """Instant, s since the release; None for the whole run."""
     evidence: str
-    """What shows it, in words."""
+    """Description of the evidence."""
 
 
 class AdvisedRelease(_Record):
-    """A release that is to be recorded."""
+    """A recommended release."""
 
     theta1_rad: Number
-    """Absolute angles of the rods when they are let go, at rest."""
+    """Absolute angles of the rods at the release, at rest."""
     theta2_rad: Number
-    """The outer rod, rad."""
+    """Angle of the outer rod, rad."""
     duration_s: Number
-    """How long to record, s."""
+    """Duration of the recording, s."""
     added_mass: AddedMass | None = None
-    """A known mass to be clamped on."""
+    """A known mass to clamp on."""
 
 
 class Quantity(_Record):
     """Quantity and unit of a measurement."""
 
     name: str
-    """In words: `extra friction torque at rest, joint 2`."""
+    """Name, for example `extra friction torque at rest, joint 2`."""
     unit: str
     """`N m`; `1` for a ratio."""
     symbol: str
-    """As in the equation of the effect."""
+    """Symbol in the equation of the effect."""
     parameters: tuple[str, ...]
-    """The amplitudes of the effect that it is; of several the root of the sum of their squares."""
+    """The amplitudes of the effect that form the quantity; the root of the sum of their squares if there are
+    several.
+    """
     definition: str = ""
-    """What exactly it is, where the name leaves that open."""
+    """Definition, if the name is ambiguous."""
 
     @classmethod
     def of(cls, effect: str, parameter: str) -> Self:
-        """The quantity of an effect that one of its amplitudes is part of."""
+        """The quantity to which an amplitude of an effect belongs."""
         bench = EFFECTS[effect].bench_quantity(parameter)
         unit = next(p.unit for p in EFFECTS[effect].amplitudes if p.name == parameter)
         (*_, joint) = effect.rpartition("_joint")
@@ -235,26 +239,27 @@ class AdvisedCheck(_Record):
     """A recording or a measurement that distinguishes a named effect from its alternatives."""
 
     id: str
-    """Of this diagnosis alone."""
+    """Identifier, unique among diagnoses."""
     kind: str
     """Key of `dpr_lab.gap.advice.advise.CHECK_KINDS`: `recording`, or `measurement` of an amplitude at the bench."""
     text: str
-    """What to do, in words."""
+    """Instruction."""
     about: str
-    """The named effect whose class or alternatives it splits."""
+    """The named effect whose class or alternatives it distinguishes."""
     splits: list[str]
     """The effects that it distinguishes."""
     expected_bits: Number
-    """By how much it is expected to lower the uncertainty about them."""
+    """Expected reduction of the uncertainty about them."""
     measures: str = ""
-    """Of a measurement, the effect whose amplitude it measures: about zero where that effect is not the cause."""
+    """The effect whose amplitude a measurement measures: about zero if that effect is not the cause."""
     quantity: Quantity | None = None
-    """What a measurement gives; none for a recording."""
+    """Measured quantity; None for a recording."""
     expected: Interval | None = None
-    """Size of the quantity if the measured effect is the cause, as the recordings give it, with its 90 % interval. None
-    for a recording, and where nothing was fitted."""
+    """Size of the quantity predicted by the recordings if the measured effect is the cause, with its 90 % interval.
+    None for a recording, and if nothing was fitted.
+    """
     release: AdvisedRelease | None = None
-    """What a recording is of."""
+    """The release to record."""
 
     @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:
@@ -265,7 +270,7 @@ class AdvisedCheck(_Record):
     @model_validator(mode="before")
     @classmethod
     def _reads_older(cls, values: Any) -> Any:
-        """Read a quantity as version 0.2 wrote it: `extra_at_rest_Nm, N m`."""
+        """Read a quantity in the format of version 0.2: `extra_at_rest_Nm, N m`."""
         if not isinstance(values, dict) or not isinstance(values.get("quantity"), str):
             return values
         name, effect = values["quantity"].split(",")[0], str(values.get("measures"))
@@ -296,17 +301,19 @@ class CheckDone(_Record):
     check: AdvisedCheck
     """The check."""
     result: str
-    """Its result, in words."""
+    """Description of its result."""
     value: Number | None = None
-    """What was measured, in the unit of the quantity; none for a recording."""
+    """Measured value, in the unit of the quantity; None for a recording."""
     std: Number | None = None
     """Its standard uncertainty."""
     before: dict[str, Number]
-    """Probability of each candidate before it, and of a cause that is none of them ("unexplained")."""
+    """Probability of each candidate before the check, and of a cause outside the candidates ("unexplained")."""
     after: dict[str, Number]
-    """Probability of each candidate after it."""
+    """Probability of each candidate after the check."""
     log10_bayes_factor: dict[str, Number] = {}
-    """Of each of them against all others together: positive where the result speaks for it."""
+    """Base-10 logarithm of the Bayes factor of each candidate against all others together; positive if the result
+    supports it.
+    """
 
 
 class SearchStep(_Record):
@@ -319,96 +326,104 @@ class SearchStep(_Record):
     tried: list[str]
     """Effects of the proposed set."""
     criterion: Number | None = None
-    """Of the proposed set: held-out chi-square and price of the parameters. None where its fit failed."""
+    """Criterion of the proposed set: held-out chi-square plus the penalty of the parameters. None if its fit failed."""
     change: Number | None
-    """Of the criterion, from the current set to the proposed one; negative is better. None where a fit failed."""
+    """Change of the criterion from the current set to the proposed one; negative is better. None if a fit failed."""
     accepted: bool
     """Whether the proposed set became the current one."""
     reason: str
-    """Why."""
+    """Reason."""
 
 
 class Diagnosis(Shown, _Record):
-    """Where the simulation differs from the rig, which effect causes it, how sure that is and how much closes."""
+    """The gap between simulation and rig: its location, its causes, their probabilities, and its reduction."""
 
     verdict: Literal["no_gap", "inconclusive", "named", "partly_explained", "unexplained"]
     """`no_gap`, `inconclusive` (the recordings cannot show a gap), `named`, `partly_explained` or `unexplained`."""
     sentence: str
-    """The verdict in words."""
+    """The verdict in sentences."""
     hints: list[str] = []
-    """What speaks against the description of the recordings, and the option or key of the rig file that mends it."""
+    """Evidence for a wrong description of the recordings, with the option or key of the rig file that corrects it."""
     basis: Literal["one release", "releases left out", "held-out runs"] = "releases left out"
-    """What the verdict was tested on."""
+    """Data on which the verdict was tested."""
     transfer: dict[str, dict[str, Interval]] = {}
-    """Effect -> run that took no part -> share of the gap closed by the effect, of what stays without it."""
+    """Effect -> held-out run -> share of the gap without the effect that the effect closes."""
     withdrawn: list[str] = []
-    """Effects that explain these recordings and do not carry over to those that took no part."""
+    """Effects that explain these recordings but do not carry over to held-out data."""
     gap: Gap
-    """Size of the gap before and after correction: rms of a reading above the noise, unless a field says otherwise."""
+    """Size of the gap before and after correction: rms of a reading above the noise, unless a field states
+    otherwise.
+    """
     where: list[Where]
-    """Places in which the gap can lie, the most telling first."""
+    """Possible locations of the gap, the one with the largest share first."""
     where_sentence: str
-    """The same in one sentence."""
+    """The location in one sentence."""
     effects: list[NamedEffect]
-    """The named effects, in the order in which they were chosen."""
+    """The named effects, in the order in which they were selected."""
     families: list[NamedFamily] = []
-    """What several of them together are."""
+    """Components that several of them form."""
     rivals: list[RivalEffect]
-    """Effects that could stand in their place, the likeliest first."""
+    """Effects that could replace them, the most probable first."""
     probabilities: dict[str, Number]
-    """Probability of `no_gap`, of `unexplained`, and of each effect in the place it would take."""
+    """Probability of `no_gap`, of `unexplained`, and of each effect."""
     detectable: dict[str, dict[str, Number | None]]
-    """Effect -> parameter -> minimum detectable size at the assumed b, SI; None where no size shows."""
+    """Effect -> parameter -> minimum detectable size at the assumed b, SI; None if it is undetectable at any size."""
     absorbed: dict[str, dict[str, str]] = {}
-    """Effect -> amplitude -> what it is indistinguishable from with these recordings: a ratio, the initial states, or
-    another amplitude. It is not fitted."""
+    """Effect -> amplitude -> the quantity from which it is indistinguishable in these recordings: a ratio, the
+    initial states, or another amplitude. It is not fitted.
+    """
     sensor_findings: list[SensorFinding]
-    """Sensor faults found before any physics."""
+    """Sensor faults that were detected without a model."""
     remedies: list[str] = []
-    """What to do about each named effect, in their order."""
+    """Remedies for the named effects, in their order."""
     advice: list[str]
-    """What to record or to check next, in words."""
+    """The next recording or measurement, in sentences."""
     checks: list[AdvisedCheck] = []
-    """The same for programs: `dpr-lab check` takes their results."""
+    """The same as data; `dpr-lab check` accepts their results."""
     checks_done: list[CheckDone] = []
-    """Results that were taken back, the last one last."""
+    """Results of checks that were undone, the latest last."""
     parent: str = ""
-    """SHA-256 of the diagnosis that this one was made of by a check."""
+    """SHA-256 of the diagnosis from which a check produced this one."""
     ratios: dict[str, Interval]
     """a/b, d/b (1), e1/b (1/s^2), c1/b, c2/b (1/s) of the corrected model."""
     ratio_covariance: list[list[Number]]
-    """(5, 5) of the ratios, in their order."""
+    """(5, 5) covariance of the ratios, in their order."""
     chi2_per_dof: Number
     """Of the corrected model, over segments of 0.5 s."""
     exact_torques: bool = False
-    """Whether measured torques were taken for exact: what is left is far above what their noise does."""
+    """Whether measured torques were assumed to be exact, because the remainder is far above the influence of their
+    noise.
+    """
     segments: int
     """Number of segments of 0.5 s."""
     scale_b: Number
-    """kg m^2: a free swing does not fix the common scale of torques; all are relative to this b of the rig file."""
+    """kg m^2: a free swing does not determine the common scale of torques; all are relative to this b of the rig
+    file.
+    """
     scale: Scale | None = None
-    """The b that absolute sizes assume, its interval and what fixed it; None in a file of an older version."""
+    """The b that absolute sizes assume, its interval and its source; None in a file of an older version."""
     p_over_b: Number | None = None
     """m2 L1^2 / b, which together with the ratios determines the swing of the inner rod alone."""
     search: list[SearchStep] = []
-    """How the set of effects was found; empty in a file of an older version."""
+    """Trials of the search for the set of effects; empty in a file of an older version."""
     posterior: list[PosteriorComponent] = []
-    """Sets of effects that were fitted, the chosen one first, with the joint covariance of their values; empty in a
-    file of an older version."""
+    """Fitted sets of effects, the selected one first, with the joint covariance of their values; empty in a file of
+    an older version.
+    """
     model_effects: dict[str, dict[str, Number]]
-    """The corrected model's effects with all parameters, as `dpr_lab.effects.effect_params` takes them."""
+    """The effects of the corrected model with all parameters, as input of `dpr_lab.effects.effect_params`."""
     assumptions: list[str]
-    """What was taken for granted, in words."""
+    """Assumptions, in sentences."""
     evidence: Evidence | None = None
-    """What it rests on; none in a diagnosis of an older version."""
+    """Evidence; None in a diagnosis of an older version."""
     trust: Trust | None = None
-    """Blind trials on plants like this rig, where they were asked for."""
+    """Blind trials on simulated plants similar to this rig, if requested."""
     seconds: Number
-    """Time it took, s."""
+    """Computing time, s."""
 
     @property
     def unknowns(self) -> NDArray[np.float64]:
-        """(7,) the ratios, b and p/b (nan where no run is of a rod alone), for another fit to start from."""
+        """(7,) the ratios, b and p/b (nan if no run contains a single rod), as initial values of another fit."""
         p_over_b = np.nan if self.p_over_b is None else self.p_over_b
         return np.array([*(ratio.value for ratio in self.ratios.values()), self.scale_b, p_over_b])
 
@@ -420,16 +435,16 @@ class Diagnosis(Shown, _Record):
         return [("effect", "probability", "share of the excess"), *rows] if rows else []
 
     def to_json(self) -> dict[str, Any]:
-        """A plain object with the names of the interface."""
+        """The diagnosis as a plain object with the public names."""
         return self.model_dump(by_alias=True)
 
 
 def load_diagnosis(path: Path) -> Diagnosis:
-    """Read what `diagnose --json` prints.
+    """Read the output of `diagnose --json`.
 
     Raises:
-        RunError: not there, not JSON, not a diagnosis (the message names the key), or one of effects that this version
-            does not know.
+        RunError: the file is missing, is not JSON, is not a diagnosis (the message names the key), or contains effects
+        that this version does not know.
     """
     try:
         document = json.loads(regular(path, RunError).read_text(encoding="utf-8"))

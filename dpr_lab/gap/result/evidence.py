@@ -1,4 +1,4 @@
-"""What a diagnosis rests on, for those whom it is to convince: curves, domain, uncertainty, residuals, exclusions."""
+"""Evidence of a diagnosis: curves, valid range, uncertainty, residuals, excluded effects."""
 
 from typing import Annotated, Literal
 
@@ -17,7 +17,7 @@ class RecordingUsed(_Part):
     name: str
     file: str
     sha256: str
-    """Of its file; empty where there is none."""
+    """SHA-256 of its file; empty if there is none."""
     recorded_utc: str
     """Start of the recording, ISO 8601; empty where unknown."""
     pose: str
@@ -27,67 +27,67 @@ class RecordingUsed(_Part):
     held_out: bool
     duration_s: Number
     readings: int
-    """After thinning, of both joints."""
+    """Noise of a thinned reading, of both joints."""
 
 
 class Occupancy(_Part):
     """Time that a rod spent in each range of angle and speed."""
 
     angle_edges_rad: list[Number]
-    """0 is upright, pi hangs; full turns are taken off."""
+    """Edges of the angles: 0 is upright, pi hanging, full turns subtracted."""
     speed_edges_rad_per_s: list[Number]
     fitted_s: list[list[Number]]
-    """(angles, speeds) s, in the recordings that were fitted."""
+    """(angles, speeds) s, in the fitted recordings."""
     held_out_s: list[list[Number]]
-    """The same in those that were held out."""
+    """(angles, speeds) s, in the held-out recordings."""
 
 
 class Closing(_Part):
-    """Remaining gap after one more effect is added to the model."""
+    """Remaining gap after one additional effect in the model."""
 
     effect: str
-    """Empty for the bare model."""
+    """Added effect; empty for the bare model."""
     left_rad: Number
-    """Above the noise, rms of a reading, on the data that the verdict was tested on."""
+    """Gap above the noise, rms of a reading, on the data on which the verdict was tested."""
     closed: Number
-    """Share of the gap that is closed by then."""
+    """Share of the gap closed so far."""
 
 
 class Whiteness(_Part):
     """Residuals of one joint under one model, in standard deviations of the noise."""
 
     autocorrelation: list[Number]
-    """From one reading to the next, the second next and so on."""
+    """Autocorrelation at lag 1, 2 and so on."""
     quantiles: list[Number]
-    """At `ResidualLook.normal`."""
+    """Quantiles of the residuals at `ResidualLook.normal`."""
     beyond3: Number
-    """Share of the residuals beyond three standard deviations; of normal ones 0.0027."""
+    """Share of the residuals beyond three standard deviations; 0.0027 for a normal distribution."""
 
 
 class ResidualLook(_Part):
     """Residuals of the fitted recordings with free initial states of the segments."""
 
     spacing_s: Number
-    """Between neighbouring readings."""
+    """Time between neighbouring readings."""
     readings: int
-    """Of a joint."""
+    """Number of residuals of a joint."""
     normal: list[Number]
     """Quantiles of the standard normal distribution."""
     joints: dict[str, dict[str, Whiteness]]
-    """Joint -> before, after."""
+    """Joint -> residuals before and after."""
 
 
 class Exclusion(_Part):
-    """An effect that is not there, from a size on."""
+    """An effect that is excluded above a size."""
 
     effect: str
     parameter: str
     size: Number
-    """The least detectable."""
+    """Minimum detectable size."""
     estimate: Number
-    """What these recordings show of an effect when all named effects are in the model."""
+    """Estimate of the amplitude from these recordings with all named effects in the model."""
     confidence: Number
-    """That it is smaller than `size`, 0 to 1."""
+    """Confidence that the effect is smaller than `size`, 0 to 1."""
 
 
 class UncertaintySource(_Part):
@@ -96,13 +96,15 @@ class UncertaintySource(_Part):
     name: str
     kind: Literal["numerical", "input", "data"]
     how: str
-    """How it was found, and what was put in."""
+    """Source of the value, and the assumed uncertainty."""
     left: Number
-    """Share of what was put in that the recordings leave under the corrected model: what would show is not unsure."""
+    """Factor by which the recordings reduce the assumed uncertainty under the corrected model, because a larger
+    error would be visible.
+    """
     before_rad: Number
-    """By how much it moves a prediction of the bare model, rms."""
+    """Resulting change of a prediction of the bare model, rms."""
     after_rad: Number
-    """The same of the corrected model."""
+    """Resulting change of a prediction of the corrected model, rms."""
 
 
 class RunBudget(_Part):
@@ -115,7 +117,7 @@ class RunBudget(_Part):
     reaches_horizon: bool
     """Whether the horizon lies within the free run."""
     growth_per_s: Number
-    """Largest rate at which an error of the angles at the start grows by then."""
+    """Largest rate at which an initial error of the angles grows until then."""
     error_before_rad: Number
     error_after_rad: Number
     u_before_rad: Number
@@ -124,11 +126,11 @@ class RunBudget(_Part):
     """Area between the distributions of the measured and of the simulated angles."""
     area_after_rad: Number
     area_noise_rad: Number
-    """The same of the corrected model and itself with the noise of readings."""
+    """Area between the distributions of the corrected model and of the same model with noise of the readings."""
 
 
 class Budget(_Part):
-    """Validation uncertainty: what a prediction may be off by without any fault of the model."""
+    """Validation uncertainty: possible error of a prediction by a correct model."""
 
     sources: list[UncertaintySource]
     error_before_rad: Number
@@ -146,10 +148,10 @@ class Curves(_Part):
     settled_s: Number
     """End of the interval to which the initial state was fitted, s after the first reading."""
     until_s: Number
-    """The predictability horizon, or the end."""
+    """The predictability horizon, or the end of the free run."""
     t_s: list[Number]
     measured_rad: list[list[Number]]
-    """(n, 2) inner, outer rod, 0 = upright."""
+    """(n, 2) angles of the inner and outer rod, 0 = upright."""
     before_rad: list[list[Number]]
     after_rad: list[list[Number]]
 

@@ -1,4 +1,4 @@
-"""What of the gap is reproducible, and what of that is explained."""
+"""Reproducible share of the gap, and its explained part."""
 
 from typing import Annotated, Literal
 
@@ -20,49 +20,50 @@ class VaryingParameter(_Part):
     name: str
     """The parameter."""
     values: dict[str, Number]
-    """Recording or piece -> its value there, all others being common, SI."""
+    """Recording or quarter -> value of the parameter in it, with all others common, SI."""
     std: Number
-    """Standard deviation of such a value by noise and disturbances, SI."""
+    """Standard deviation of one value due to noise and disturbances, SI."""
     spread: Number
-    """Standard deviation between recordings, that of each value taken off, SI."""
+    """Standard deviation between recordings, corrected for that of one value, SI."""
     sigmas: Number
-    """How far the values scatter, in standard deviations of one value; 1 = chance."""
+    """Scatter of the values, in standard deviations of one value; 1 = chance."""
 
 
 class GapBudget(_Part):
-    """Mean squared residual of the bare model, split by what removes it; the shares sum to 1.
+    """Shares of the mean squared residual of the bare model; their sum is 1.
 
-    Each recording is predicted from the others. Removed are, in this order: what the corrected model explains, what
-    free torques and encoder errors fitted to the others explain beyond it, and what parameters fitted to the recording
-    itself explain beyond that.
+    Each recording is predicted from the others. The shares are removed in this order: by the corrected model; by free
+    torques and encoder errors, fitted to the other recordings; by parameters that are fitted to the recording itself.
     """
 
     basis: Literal["recordings", "pieces of one recording"]
-    """What is predicted from the others: whole recordings, or the quarters of the only one."""
+    """Predicted units: whole recordings, or the quarters of a single one."""
     explained: Share
-    """By the named effects; it carries over to other recordings."""
+    """Share removed by the named effects; it is confirmed on other recordings."""
     varying: Share
-    """By parameters that differ between recordings."""
+    """Share removed by parameters that differ between recordings."""
     unmodelled: Share
-    """Reproducible, and in no effect of the model."""
+    """Reproducible share that no effect of the model explains."""
     not_reproducible: Share
-    """Different in each recording, above the noise."""
+    """Share above the noise that is different in each recording."""
     noise: Share
     """Noise of the readings."""
     parameters: list[VaryingParameter] = []
-    """Those that differ, the one that differs most first."""
+    """Parameters that differ, the most significant first."""
     undecided: str = ""
-    """Why the budget cannot be decided; what is not explained then counts as not reproducible. Else empty."""
+    """Reason why the shares cannot be determined; the unexplained part then counts as not reproducible. Otherwise
+    empty.
+    """
 
     @property
     def of_gap(self) -> float | None:
-        """Share of the mean squared gap above the noise that is explained; None where there is no gap."""
+        """Explained share of the mean squared gap above the noise; None without a gap."""
         above = 1 - self.noise
         return self.explained / above if above > 0 and not self._no_gap else None
 
     @property
     def of_reproducible(self) -> float | None:
-        """Share of its reproducible part; None where nothing is known to be reproducible."""
+        """Explained share of its reproducible part; None if no part is known to be reproducible."""
         whole = self.explained + self.unmodelled
         return self.explained / whole if whole > 0 and not self.undecided else None
 

@@ -1,4 +1,4 @@
-"""Sets of effects that could be the cause, each as fitted, with what its values may be off by."""
+"""Fitted sets of effects that may be the cause, with the uncertainty of their values."""
 
 from typing import Annotated
 
@@ -8,12 +8,12 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class PosteriorComponent(BaseModel):
-    """One set of effects, as fitted: a normal distribution of its values, and the probability of the set."""
+    """One fitted set of effects: a normal distribution of its values, and the probability of the set."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
     probability: Annotated[float, Field(ge=0, le=1)]
-    """Among the sets that were fitted; that of a cause outside the library is not in it."""
+    """Probability among the fitted sets; a cause outside the library is not included."""
     ratios: dict[str, Number]
     """a/b, d/b, e1/b, c1/b, c2/b."""
     effects: dict[str, dict[str, Number]]
@@ -21,4 +21,4 @@ class PosteriorComponent(BaseModel):
     free: list[str]
     """Fitted values, in the order of the covariance: a ratio, or `effect.parameter`."""
     covariance: list[list[Number]]
-    """(free, free), SI."""
+    """(free, free) covariance, SI."""

@@ -1,4 +1,4 @@
-"""How far a diagnosis is to be trusted on one rig: blind trials on plants that are like it."""
+"""Trustworthiness of a diagnosis on one rig: blind trials on simulated plants similar to it."""
 
 from typing import Annotated, Literal
 
@@ -7,11 +7,11 @@ from pydantic import BaseModel, ConfigDict, Field
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 NOTHING = "nothing"
-"""In place of a name, where there is no effect or none was named."""
+"""Name of the case without an effect, or without a named one."""
 
 
 REFUSED = "refused"
-"""In place of a verdict, where a plant's recordings could not be diagnosed."""
+"""Verdict of a plant whose recordings could not be diagnosed."""
 
 
 class _Part(BaseModel):
@@ -19,24 +19,24 @@ class _Part(BaseModel):
 
 
 class TrustTrial(_Part):
-    """One plant at the fitted point, recorded as the rig was, and its diagnosis."""
+    """One simulated plant near the fitted estimate, recorded with the sensors of the rig, and its diagnosis."""
 
     kind: Literal["as found", "another", "clean"]
-    """Its effects: those that were named, one drawn from the library, or none."""
+    """Effects of the plant: those that were named, one drawn from the library, or none."""
     truth: dict[str, dict[str, Number]]
-    """Its effects with all parameters, SI."""
+    """Effects of the plant with all parameters, SI."""
     named: list[str]
     verdict: str
-    """That of the diagnosis, or `REFUSED`."""
+    """Verdict of the diagnosis, or `REFUSED`."""
     right: list[str]
-    """Effects of the truth that were named, alone or in a class that these recordings do not split."""
+    """Effects of the plant that were named, alone or in a class of indistinguishable effects."""
     wrong: list[str]
-    """Names of what was not there."""
+    """Named effects that the plant does not have."""
     seconds: Number
 
 
 class ConfusionCell(_Part):
-    """Frequency of naming one effect where another one was hidden."""
+    """Frequency with which one effect is named in a plant with another effect."""
 
     true: str
     named: str
@@ -49,7 +49,7 @@ class TrustShare(_Part):
     held: int
     of: int
     interval90: tuple[Number, Number]
-    """Of the share, by Wilson's score."""
+    """90 % interval of the share, by Wilson's score."""
 
 
 class Trust(_Part):
@@ -57,12 +57,12 @@ class Trust(_Part):
 
     seed: int
     seconds_each: Number
-    """Median."""
+    """Median computing time of a trial."""
     trials: list[TrustTrial]
     confusion: list[ConfusionCell]
     right: TrustShare
-    """Trials with effects in which all of them were named, and nothing else."""
+    """Number of trials with effects in which all of them and nothing else were named."""
     wrong: TrustShare
-    """Trials with effects in which something was named that was not there."""
+    """Number of trials with effects in which a wrong effect was named."""
     false_alarms: TrustShare
-    """Clean trials in which something was named."""
+    """Number of clean trials in which an effect was named."""
