@@ -167,7 +167,7 @@ def test_repeated_faults_share_one_row(diagnosis):
     few, many = [fault("repeated_sample", 0.1 * i) for i in range(3)], [fault("outlier", 1.0 + i) for i in range(40)]
     rows = gap_tables.finding_rows(diagnosis(sensor_findings=[*few, *many]))
     assert [row[3:] for row in rows[:3]] == [("0.000", "It is off."), ("0.100", "It is off."), ("0.200", "It is off.")]
-    assert [row[3:] for row in rows[3:]] == [("1.000", "It is off; 40 times, first here")]
+    assert [row[3:] for row in rows[3:]] == [("1.000", "It is off; 40 times; this is the first")]
 
 
 def test_knots_outside_the_recorded_range_are_not_drawn(diagnosis):

@@ -1,1 +1,1 @@
-"""Screened and thinned recordings, as the diagnosis sees them."""
+"""Screened and thinned recordings, the input of the diagnosis."""

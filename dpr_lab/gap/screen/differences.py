@@ -1,4 +1,4 @@
-"""Noise of a smooth signal from high-order differences: its level, its growth with speed, its colour."""
+"""Noise of a smooth signal from high-order differences: level, increase with speed, correlation."""
 
 import math
 from collections.abc import Callable
@@ -16,20 +16,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class SpeedNoiseSettings:
-    """How growth of noise with speed is tested: noise level in bins of speed, a straight line through the squares."""
+    """Settings of the test for noise that increases with speed, in bins of speed."""
 
     bins: int = 12
-    """Bins of equally many readings, by speed."""
+    """Number of bins with equally many readings, by speed."""
     fewest: int = 40
-    """Readings in a bin; with fewer no growth is tested."""
+    """Minimum number of readings in a bin; with fewer, the test is omitted."""
     uneven: float = 0.9
-    """Deviation of the time between two readings of a neighbourhood up to which it counts, in sampling periods."""
+    """Maximum deviation of the sampling interval in a neighbourhood, in sampling periods."""
     overlap: float = 4.0
-    """Overlapping differences for one independent one."""
+    """Number of overlapping differences per independent one."""
     relative_variance: float = 2.7
-    """Of a bin's level: one over the efficiency, 0.37, of a median deviation on normal values."""
+    """Variance factor of the level of a bin: the inverse of the efficiency, 0.37, of a median deviation of normal
+    values.
+    """
     least_level: float = 0.1
-    """Share of the highest bin's square below which a bin is not taken to be known better."""
+    """Minimum uncertainty of a bin, as a fraction of the square of the highest bin."""
 
 
 SPEED_NOISE = SpeedNoiseSettings()
@@ -41,18 +43,18 @@ def sixth(values: Array, stride: int = 1) -> Array:
 
 
 def tamed_rms(values: Array, wildest: float = 8.0) -> float:
-    """Root mean square; single wild values count for so many robust deviations only."""
+    """Root mean square; isolated outliers are limited to a number of robust standard deviations."""
     most = wildest * spread(values)
     return float(np.sqrt(np.mean(np.minimum(np.abs(values), most) ** 2)))
 
 
 def spread(values: Array) -> float:
-    """Standard deviation of normal values, from their median size: blind to a few outliers."""
+    """Standard deviation of normal values from their median absolute value: robust against a few outliers."""
     return float(NORMAL_MAD * np.median(np.abs(values)))
 
 
 def stride_ratio(values: Array) -> float:
-    """Noise of every third sample over noise of neighbours; 1 for white noise, more where a filter smoothed it."""
+    """Ratio of the noise of every third sample to that of neighbours: 1 for white noise, larger if smoothed."""
     near, far = spread(sixth(values)), min(spread(sixth(values[k:], 3)) for k in range(3))
     return far / near if near > 0 else 1.0
 
@@ -65,19 +67,19 @@ def noise_by_speed(
     keep: NDArray[np.bool_] | None = None,
     settings: SpeedNoiseSettings = SPEED_NOISE,
 ) -> tuple[float, float]:
-    """Timing error s of sigma^2 = sigma_0^2 + (s omega)^2, and how many standard errors s^2 is from zero.
+    """Timing error s of sigma^2 = sigma_0^2 + (s omega)^2, and the significance of s^2 in standard errors.
 
     Args:
         t: (n,) instants, s
         joints: (n, 2) angles, rad
-        floor: (2,) standard deviation at rest, below which slow stretches of a coarse encoder only seem to be, rad
-        period: nominal time between samples, s; neighbourhoods with a gap are left out
-        keep: (n, 2) readings without a fault: with them the level is a root mean square, which late stamps raise that
-            are rare and large; without, it is that of the usual reading
-        settings: bins of speed, and what they say
+        floor: (2,) standard deviation at rest, rad; slow segments of a coarse encoder only appear to be below it
+        period: nominal sampling interval, s; neighbourhoods with a gap are excluded
+        keep: (n, 2) readings without a fault: with them the level is a root mean square, which rare large time-stamp
+        errors increase; without, it is a robust level
+        settings: bins of speed and limits
 
     Returns:
-        s (s), and the significance
+        s (s), and its significance
     """
     if len(t) < settings.fewest * settings.bins:
         return 0.0, 0.0

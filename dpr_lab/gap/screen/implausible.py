@@ -1,4 +1,4 @@
-"""Readings that their neighbours alone rule out: jumps no rod can make, and readings that stand still."""
+"""Readings that contradict their neighbours: jumps that are too fast for a rod, and repeated readings."""
 
 from dataclasses import dataclass
 
@@ -13,20 +13,20 @@ class ImplausibleSettings:
     """Limits of the motion of a rod."""
 
     fastest: float = 200.0
-    """rad/s; no rod of a laboratory turns thirty times a second."""
+    """rad/s; no laboratory rod rotates thirty times per second."""
     moved: float = 8.0
-    """Standard deviations a rod must have moved before a reading that did not is called repeated."""
+    """Motion of a rod, in standard deviations, from which an equal reading counts as repeated."""
     goes_on: float = 0.25
-    """Share of what the rod moves a sample, by which it must move just before and after a repeated reading."""
+    """Fraction of the motion per sample by which the rod must move just before and after a repeated reading."""
     reach: int = 4
-    """Samples on either side over which a speed is taken, so that one jittered instant does not make it."""
+    """Number of samples on either side for the speed, so that a single wrong instant has little influence."""
 
 
 IMPLAUSIBLE = ImplausibleSettings()
 
 
 def too_fast(t: Array, joints: Array, settings: ImplausibleSettings = IMPLAUSIBLE) -> NDArray[np.bool_]:
-    """(n, 2) readings that lie further from both neighbours than a rod can turn in between: one, or a burst of them."""
+    """(n, 2) readings, single or in bursts, that are too far from both neighbours for a rod."""
     jumps = np.abs(np.diff(joints, axis=0)) > settings.fastest * np.diff(t)[:, None]
     edge = np.zeros((1, joints.shape[1]), dtype=bool)
     return np.concatenate([edge, jumps]) & np.concatenate([jumps, edge])
@@ -35,18 +35,18 @@ def too_fast(t: Array, joints: Array, settings: ImplausibleSettings = IMPLAUSIBL
 def repeated(
     t: Array, joints: Array, std: Array, jitter: float, period: float, settings: ImplausibleSettings = IMPLAUSIBLE
 ) -> NDArray[np.bool_]:
-    """Readings equal to the one before although the rod moves by many standard deviations a sample.
+    """Readings equal to the previous one although the rod moves by many standard deviations per sample.
 
-    Jittered instants can bring one axis to a stand by chance, but hardly both; and a rod that turns back stands still
-    between two samples on the same side.
+    Wrong instants may make the readings of one axis equal by chance, but hardly of both; and at a turning point, two
+    samples on either side may be equal.
 
     Args:
         t: (n,) instants, s
         joints: (n, 2) readings, rad
         std: (2,) standard deviation of a reading at rest, rad
-        jitter: that of an instant, s
-        period: nominal time between samples, s
-        settings: when a rod moves
+        jitter: standard deviation of an instant, s
+        period: nominal sampling interval, s
+        settings: limits of the motion
 
     Returns:
         (n, 2)
@@ -66,7 +66,7 @@ def repeated(
 
 
 def _before(step: Array) -> Array:
-    """(n, 2) the last step before each that is not zero; zero where there is none."""
+    """(n, 2) the last non-zero change before each reading; zero if there is none."""
     moves = np.where(np.nan_to_num(step) != 0.0, np.arange(len(step))[:, None], 0)
     last = np.maximum.accumulate(np.roll(moves, 1, axis=0) * (np.arange(len(step)) > 0)[:, None], axis=0)
     return np.nan_to_num(np.take_along_axis(step, last, axis=0))

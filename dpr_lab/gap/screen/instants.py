@@ -1,12 +1,12 @@
-"""When the readings were taken: stamps that jitter about an even clock, and readings that come late in a cycle.
+"""Sampling instants: time stamps that jitter about an even clock, and readings that are periodically late.
 
-Two faults of data loggers, seen before any physics is fitted:
+Two faults of data loggers are detected without a model:
 
-    stamp_jitter     Samples are taken at an even rate and stamped when they arrive. Sixth differences of the angles are
-                     then smaller on even instants than on the stamps. Stamps that are right although they are uneven
-                     leave smaller differences themselves, and stay.
-    periodic_delay   Every n-th reading is taken a fixed time after its stamp (a multiplexer, a buffer that is written
-                     to disk). Its error is delay times speed, in both joints, at the same place of each cycle.
+    stamp_jitter     Samples are taken at an even rate and receive their time stamps on arrival. The sixth differences
+    of the angles are then smaller on even instants than on the stamps. Uneven stamps that are correct give smaller
+    differences themselves, and are kept.
+    periodic_delay   Every n-th reading is taken a constant time after its stamp (a multiplexer, a buffer that is
+    written to disk). Its error is the product of delay and speed, in both joints, at the same position of each cycle.
 """
 
 from dataclasses import dataclass
@@ -27,41 +27,41 @@ class InstantSettings:
     """Limits of the test of time stamps."""
 
     uneven: float = 1e-3
-    """Standard deviation of the stamps about an even clock, in periods, below which they are even."""
+    """Standard deviation of the stamps about an even clock, in periods, below which they count as even."""
     widest: float = 0.5
-    """Distance of a stamp from the even clock, in periods, beyond which a sample may be missing."""
+    """Distance of a stamp from the even clock, in periods, above which a sample may be missing."""
     drift: int = 50
-    """Samples on either side over which the clock's offset is a median."""
+    """Number of samples on either side for the median offset of the clock."""
     usual_jitter: float = 3.0
-    """Standard deviations of the jitter up to which a stamp counts for the clock,"""
+    """Standard deviations of the jitter up to which a stamp is used for the clock,"""
     wander: float = 0.5
-    """and the standard deviation of the median about a straight line, over the jitter, below which it is steady."""
+    """and ratio of the median's scatter about a straight line to the jitter, below which the clock is steady."""
     block: int = 32
-    """Samples whose stamps are right, or not, together."""
+    """Number of consecutive samples that are judged together."""
     contrary: float = 1.5
-    """Standard errors by which a block must prefer its stamps to keep them, the recording preferring even instants."""
+    """Standard errors by which a block must prefer its stamps to keep them, if the recording prefers even instants."""
     preferred: float = 4.0
-    """Standard errors by which the windows that even instants suit better must outnumber the others."""
+    """Standard errors by which the windows that prefer even instants must outnumber the others."""
     fast: float = 0.4
-    """Share of the windows, the fastest, that count: a rod at rest looks the same at all instants."""
+    """Fraction of the windows that are compared, the fastest ones: at rest, all instants are equivalent."""
     cycle: int = 64
-    """Longest distance between two late readings, in samples."""
+    """Maximum distance between two late readings, in samples."""
     significance: float = 8.0
     """Standard errors by which a periodic delay must differ from zero."""
     contrast: float = 2.0
-    """Times the largest delay elsewhere in the cycle that the late reading must show."""
+    """Minimum ratio of the delay of the late reading to the largest other delay in the cycle."""
     likely: float = 0.3
-    """Share of the most significant cycle's standard errors from which another one is fitted as well."""
+    """Fraction of the largest significance from which another cycle is fitted as well."""
     unshared: float = 0.15
-    """Quantile of the spreads over places of all cycles that is free of the late readings'."""
+    """Quantile of the scatter over positions of all cycles that late readings do not affect."""
     least: float = 0.1
-    """Delay, in periods, below which it is left to the noise."""
+    """Minimum delay, in periods; a smaller one counts as noise."""
     wild: float = 8.0
-    """Standard deviations up to which a single reading counts in the search for a cycle,"""
+    """Standard deviations to which a single reading is limited in the search for a cycle,"""
     usual: float = 0.98
-    """or what this share of the readings keeps to, where that is more: the late readings of a cycle are many."""
+    """or this quantile of the readings, if it is larger: the late readings of a cycle are many."""
     reach: int = 4
-    """Samples on either side over which a speed is taken."""
+    """Number of samples on either side for the speed."""
 
 
 INSTANTS = InstantSettings()
@@ -80,22 +80,22 @@ class PeriodicDelay:
     """Standard error of the delay, s."""
 
     def late(self, samples: int) -> Flags:
-        """(samples,) which readings are late."""
+        """(samples,) whether a reading is late."""
         return np.arange(samples) % self.cycle == self.first
 
 
 def even_instants(t: Array, joints: Array, settings: InstantSettings = INSTANTS) -> Array | None:
-    """Instants without the jitter of their stamps, where the angles prefer even instants.
+    """Even instants in place of stamps with jitter, if the angles prefer them.
 
     Each window of seven samples is judged twice, by the sixth divided difference on its stamps and on even instants.
 
     Args:
         t: (n,) stamps, s
         joints: (n, m) angles, rad
-        settings: what decides
+        settings: limits of the test
 
     Returns:
-        (n,) s; None where the stamps are even, or right
+        (n,) s; None if the stamps are even, or correct
     """
     if len(t) < 4 * settings.drift:
         return None
@@ -112,7 +112,7 @@ def even_instants(t: Array, joints: Array, settings: InstantSettings = INSTANTS)
     without_loss |= np.abs(np.diff(windows, axis=1) - period).max(axis=1) < settings.widest * period
     counts = without_loss[:, None] & (speed > 0.0) & (speed >= np.quantile(speed, 1 - settings.fast, axis=0))
     votes = np.where(counts, np.sign(on_stamps - on_even), 0.0)
-    # Windows overlap: one in seven is independent.
+    # the windows overlap: one in seven is independent
     if votes.sum() < settings.preferred * np.sqrt((ORDER + 1) * max(counts.sum(), 1)):
         return None
     block = np.arange(len(t)) // settings.block
@@ -143,19 +143,19 @@ def _even_clock(t: Array, settings: InstantSettings) -> tuple[float, Array, Flag
 
 
 def periodic_delay(t: Array, joints: Array, settings: InstantSettings = INSTANTS) -> PeriodicDelay | None:
-    """The cycle whose late readings stand out most; None where none does.
+    """The cycle with the most significant late readings; None without any.
 
-    With the divided differences r = W theta of windows of seven and a reading i late by d, r = W_i d omega_i. So
+    With the divided differences r = W theta of windows of seven and a reading i late by d, r = W_i d omega_i. Therefore
 
         d_i = (W^T r)_i / ((W^T W)_ii omega_i),    information (W^T W)_ii omega_i^2 / sigma^2,
 
-    summed over every n-th reading, for each n and each place in the cycle. The likely cycles are fitted by least
-    squares, and the one that explains most is returned.
+    summed over every n-th reading, for each n and each position in the cycle. The likely cycles are fitted by least
+    squares, and the one with the largest reduction is returned.
 
     Args:
         t: (n,) instants, s
         joints: (n, m) angles, rad
-        settings: what decides
+        settings: limits of the test
     """
     if len(t) < 4 * settings.cycle:
         return None
@@ -177,14 +177,14 @@ def periodic_delay(t: Array, joints: Array, settings: InstantSettings = INSTANTS
         score += speed * np.clip(error, -most, most) / std**2
         information += speed**2 * power / std**2
     by_cycle = {cycle: _by_place(cycle, score, information) for cycle in range(2, settings.cycle + 1)}
-    # Instants that jitter at random spread the places of all cycles, a late reading only those that share a factor.
+    # random jitter increases the scatter at the positions of all cycles, a late reading only that of related cycles
     spreads = [NORMAL_MAD * np.median(np.abs(z - np.median(z))) for cycle, z in by_cycle.items() if cycle > ORDER]
     spread = max(1.0, float(np.quantile(spreads, settings.unshared)))
     places = {cycle: _standing_out(z, settings.contrast) for cycle, z in by_cycle.items()}
     largest = max(size for size, _ in places.values())
     if largest < settings.significance * spread:
         return None
-    # A late reading shows in the windows of its neighbours too, and so in other cycles: the best fit is the right one.
+    # a late reading also affects the windows of its neighbours, and so other cycles: the best fit is the right one
     likely = [(cycle, first) for cycle, (size, first) in places.items() if size > settings.likely * largest]
     fits = [_delayed(cycle, first, usable, weights, len(t)) for cycle, first in likely]
     best = max(fits, key=lambda fit: abs(fit.delay_s) / fit.std_s)
@@ -196,7 +196,7 @@ def _delayed(cycle: int, first: int, usable: list[tuple[Array, Array]], weights:
 
     Args:
         cycle: samples from one late reading to the next
-        first: index of the first
+        first: index of the first late reading
         usable: for each joint its divided differences (windows,) and speed (n,), in standard deviations
         weights: (windows, 7) of the divided differences
         samples: n
@@ -209,18 +209,18 @@ def _delayed(cycle: int, first: int, usable: list[tuple[Array, Array]], weights:
 
 
 def _by_place(cycle: int, score: Array, information: Array) -> Array:
-    """(cycle,) delay at each place of a cycle, in standard errors."""
+    """(cycle,) delay at each position of a cycle, in standard errors."""
     place = np.arange(len(score)) % cycle
     known = np.maximum(np.bincount(place, information, cycle), np.finfo(float).tiny)
     return np.bincount(place, score, cycle) / np.sqrt(known)
 
 
 def _standing_out(z: Array, contrast: float) -> tuple[float, int]:
-    """Size and place of the largest delay (cycle,); 0 where others in the cycle come near it."""
+    """Size and position of the largest delay (cycle,); 0 if others in the cycle are nearly as large."""
     size = np.abs(z)
     first = int(np.argmax(size))
     apart = np.abs((np.arange(len(z)) - first + len(z) // 2) % len(z) - len(z) // 2)
-    elsewhere = size[apart > ORDER // 2]  # a late reading shows in the windows of its neighbours too
+    elsewhere = size[apart > ORDER // 2]  # a late reading also affects the windows of its neighbours
     stands_out = not len(elsewhere) or size[first] > contrast * elsewhere.max()
     return (float(size[first]) if stands_out else 0.0), first
 
@@ -231,7 +231,7 @@ def _differences(values: Array, weights: Array) -> Array:
 
 
 def _to_samples(values: Array, samples: int) -> Array:
-    """(samples,) sums of values (windows, 7) over the windows that hold each sample."""
+    """(samples,) sums of values (windows, 7) over the windows that contain each sample."""
     total = np.zeros(samples)
     for place in range(ORDER + 1):
         total[place : samples - ORDER + place] += values[:, place]
@@ -239,7 +239,7 @@ def _to_samples(values: Array, samples: int) -> Array:
 
 
 def _speed(t: Array, angle: Array, reach: int) -> Array:
-    """(n,) speed over neighbours on either side, so that one wrong instant does not make it."""
+    """(n,) speed from neighbours on either side, so that a single wrong instant has little influence."""
     speed = np.gradient(angle, t)
     speed[reach:-reach] = (angle[2 * reach :] - angle[: -2 * reach]) / (t[2 * reach :] - t[: -2 * reach])
     return speed

@@ -1,6 +1,6 @@
-"""Outliers, and steps that stay: what stands out from a local polynomial.
+"""Outliers and lasting steps: deviations from a local polynomial.
 
-A swing is smooth over a few milliseconds; a reading off its neighbours, or all readings from one on, are not.
+A swing is smooth over a few milliseconds; a single wrong reading, or a step of all later readings, is not.
 """
 
 from dataclasses import dataclass
@@ -15,30 +15,34 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class LocalFaultSettings:
-    """From where on a fault stands out."""
+    """Detection limits."""
 
     half_window_s: float = 0.014
     """Half the length of the local polynomial."""
     fewest_half: int = 5
-    """Samples in half a window at least, below 360 Hz: the polynomial has six numbers."""
+    """Minimum number of samples in half a window, used below 360 Hz: the polynomial has six coefficients."""
     most_half: int = 16
-    """Samples in half a window at most, above 1.1 kHz."""
+    """Maximum number of samples in half a window, used above 1.1 kHz."""
     degree: int = 5
-    """Of the polynomial: over 28 ms a 5 Hz tumble is one to 1e-5 rad."""
+    """Degree of the polynomial: over 28 ms it fits a rotation at 5 Hz to 1e-5 rad."""
     stands_out: float = 6.0
-    """Standard deviations: three runs hold 6e4 readings; noise alone lifts one so far in about 1e4 such sets."""
+    """Standard deviations: three runs contain 6e4 readings; noise alone exceeds this limit in about one of 1e4 such
+    sets.
+    """
     above_surroundings: float = 4.0
-    """Times what is usual about it: a violent stretch lifts every residual, a fault only its own."""
+    """Ratio to the usual level of the surroundings: violent motion increases all residuals, a fault only its own."""
     usual: float = 0.9
-    """Quantile of the surroundings, 2 to 10 half windows away, that is usual."""
+    """Quantile of the surroundings, at a distance of 2 to 10 half windows, that defines the usual level."""
     reach: int = 3
-    """Samples about a peak among which the fault is looked for."""
+    """Number of samples around a peak in which the fault is located."""
     least_seen: float = 1e-3
-    """Share of a step or spike that a polynomial must leave."""
+    """Minimum fraction of a step or outlier that remains after the polynomial is fitted."""
     smooth: int = 4
-    """Samples on either side over which a speed is taken, so that one jittered instant does not make it."""
+    """Number of samples on either side for the speed, so that a single wrong instant has little influence."""
     bends: float = 1 / 23040
-    """Of (speed times half a window)^6 rad: what is left of cos(w t) by the best polynomial of degree 5 (Chebyshev)."""
+    """Coefficient of (speed times half a window)^6 rad: residual of cos(w t) after the best polynomial of degree 5
+    (Chebyshev).
+    """
 
 
 LOCAL_FAULTS = LocalFaultSettings()
@@ -46,12 +50,12 @@ LOCAL_FAULTS = LocalFaultSettings()
 
 @dataclass(frozen=True, slots=True)
 class LocalFaults:
-    """What one encoder did wrong, by indices of its readings."""
+    """Faults of one encoder, by indices of its readings."""
 
     outliers: Indices
-    """Single readings that are off."""
+    """Isolated outliers."""
     steps: tuple[tuple[int, float], ...]
-    """First reading after each step, and its size, rad."""
+    """First reading after each step, and the size of the step, rad."""
 
 
 def local_faults(
@@ -67,10 +71,10 @@ def local_faults(
     Args:
         t: (n,) instants, s
         angle: (n,) readings, rad
-        keep: (n,) which of them are plausible at all
+        keep: (n,) whether a reading is plausible at all
         noise: standard deviation of a reading at rest (rad) and of an instant (s)
-        period: nominal time between samples, s
-        settings: from where on a fault stands out
+        period: nominal sampling interval, s
+        settings: detection limits
     """
     half = int(np.clip(round(settings.half_window_s / period), settings.fewest_half, settings.most_half))
     outliers: list[int] = []
@@ -95,9 +99,9 @@ def local_faults(
 def _standing_out(
     even: Array, half: int, noise: tuple[float, float], period: float, settings: LocalFaultSettings
 ) -> Array:
-    """(n,) by how many standard deviations a step before a sample, or the sample alone, stands out; 0 at the ends.
+    """(n,) significance of a step or an outlier at each sample, in standard deviations; 0 at the ends.
 
-    A swing too fast for the polynomial leaves residuals of its own, and nothing less is believed.
+    A swing that is too fast for the polynomial leaves residuals of its own; only larger deviations are accepted.
     """
     reach = settings.smooth
     level = np.convolve(np.pad(even, reach, mode="edge"), np.full(2 * reach + 1, 1 / (2 * reach + 1)), mode="valid")
@@ -109,9 +113,9 @@ def _standing_out(
 
 @cache
 def _filters(half: int, degree: int) -> tuple[Array, Array]:
-    """Weights that read a step before the sample in the middle, and the middle sample alone, off a polynomial.
+    """Weights that estimate a step before the middle sample, and an outlier at the middle sample.
 
-    Both are scaled to unit variance on unit white noise.
+    Both are scaled to unit variance for unit white noise.
     """
     at = np.arange(-half, half + 1) / half
     smooth = np.linalg.qr(np.vander(at, degree + 1))[0]
@@ -132,13 +136,13 @@ def _highest(values: Array, half: int) -> Array:
 
 
 def _peaks(z: Array, half: int, settings: LocalFaultSettings) -> Indices:
-    """Local maxima that stand out from zero and from their surroundings."""
+    """Local maxima that exceed zero and their surroundings significantly."""
     highest = np.flatnonzero((z > settings.stands_out) & (z >= _highest(z, half)))
     return highest[z[highest] > settings.above_surroundings * _usual(z, highest, half, settings.usual)]
 
 
 def _usual(z: Array, at: Indices, half: int, share: float) -> Array:
-    """(places,) quantile of what lies 2 to 10 half windows from each place; zero where nothing does."""
+    """(places,) quantile of the values 2 to 10 half windows from each place; zero if there are none."""
     reach = 10 * half
     away = np.concatenate([np.arange(-reach, -2 * half), np.arange(2 * half + 1, reach)])
     around = np.sort(np.pad(z, reach, constant_values=np.inf)[reach + at[:, None] + away], axis=1)
@@ -151,17 +155,17 @@ def _usual(z: Array, at: Indices, half: int, share: float) -> Array:
 def _step_or_outlier(
     t: Array, angle: Array, about: float, period: float, settings: LocalFaultSettings
 ) -> tuple[int, float | None]:
-    """What a polynomial lacks most in a few samples: one reading that is off (its index), or a step from one on.
+    """The most likely fault in a few samples: an outlier (its index), or a step at a sample.
 
     Args:
         t: (n,) instants, s
         angle: (n,) readings, rad
-        about: where something is wrong, s
-        period: time between samples, s
-        settings: the polynomial, and how far from there a fault is looked for
+        about: instant of the detected deviation, s
+        period: sampling interval, s
+        settings: the polynomial, and the search range
 
     Returns:
-        index of the sample, and the size of the step, rad; no size for a single reading
+        index of the sample, and the size of the step, rad; no size for an outlier
     """
     away, at = np.abs(t - about), np.arange(len(t))[:, None]
     near = int((away < (settings.reach + 0.5) * period).sum())
@@ -172,27 +176,28 @@ def _step_or_outlier(
     power, along = (shapes**2).sum(axis=0), (angle - smooth @ (smooth.T @ angle)) @ shapes
     seen = power > settings.least_seen
     explained = np.where(seen, along**2, 0.0) / np.where(seen, power, 1.0)
-    # A reading alone on its side of a step is an outlier too, and few readings say no more: of equals, the nearest.
+    # A single reading on one side of a step is also an outlier, and few readings contain no more information: among
+    # equals, the nearest is chosen.
     best = int(np.argmax(explained >= (1 - 1e-9) * explained.max()))
     size = float(along[best] / power[best]) if best >= len(places) else None
     return int(places[best % len(places)]), size
 
 
 def _spline(t: Array, y: Array, at: Array, sweeps: int = 40) -> Array:
-    """Values at some instants of the cubic spline through readings, whose two pieces at either end are one cubic.
+    """Values at some instants of the cubic spline through readings, with not-a-knot conditions at the ends.
 
     Its slopes s at the readings make the curvature continuous. With spacings h and difference quotients d,
 
         s_i = 1.5 (w d_i-1 + (1 - w) d_i) - 0.5 (w s_i-1 + (1 - w) s_i+1),    w = h_i / (h_i-1 + h_i)
 
-    Each sweep through these halves the error. This is scipy's CubicSpline, which takes longer to import than a run to
-    screen.
+    Each sweep halves the error. The result is that of scipy's CubicSpline, whose import takes longer than the screening
+    of a run.
     """
     h = np.diff(t)
     d = np.diff(y) / h
     w = h[1:] / (h[:-1] + h[1:])
     left, right, known = 0.5 * w, 0.5 * (1 - w), 1.5 * (w * d[:-1] + (1 - w) * d[1:])
-    # The slopes at both ends follow from s_1 and s_n-2, and are eliminated from their equations.
+    # the slopes at both ends follow from s_1 and s_n-2, and are eliminated from their equations
     first = d[0] * (3 - w[0]) + d[1] * (1 - w[0]) ** 2 / w[0]
     last = d[-1] * (2 + w[-1]) + d[-2] * w[-1] ** 2 / (1 - w[-1])
     left[0], right[0], known[0] = 0.0, 1 - w[0], 2 * known[0] - w[0] * first

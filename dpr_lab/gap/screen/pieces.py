@@ -1,4 +1,4 @@
-"""A long record cut into pieces, every second one held out, so that one record too is tested on what took no part."""
+"""Division of a single long record into pieces, every second one held out, so that the diagnosis can be validated."""
 
 import re
 from collections.abc import Sequence
@@ -11,26 +11,26 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class PieceSettings:
-    """When a record is cut, and how."""
+    """Settings of the division."""
 
     length_s: float = 10.0
-    """Of a piece: as long as the releases that thresholds and probabilities were learnt on."""
+    """Length of a piece: as long as the releases for which thresholds and probabilities were calibrated."""
     from_s: float = 20.0
-    """Length from which a record makes two pieces or more."""
+    """Length from which a record is divided into two pieces or more."""
 
 
 PIECES = PieceSettings()
 
 
 def whole(name: str) -> str:
-    """Name of the run that a piece was cut from, and of a whole run itself."""
+    """Name of the run from which a piece was cut, or of the whole run itself."""
     return re.sub(r" \d+-\d+ s$", "", name)
 
 
 def in_pieces(runs: Sequence[Run], held_out: Sequence[Run]) -> tuple[Sequence[Run], Sequence[Run], str]:
-    """The runs to fit, those to hold out, and a sentence where a long record was cut for that.
+    """The runs to fit, the runs to hold out, and a sentence if a long record was divided.
 
-    Only one record alone is cut: several are tested on each other. Time goes on from piece to piece.
+    Only a single record is divided: several records validate each other. The time continues from piece to piece.
     """
     if len(runs) != 1 or held_out or runs[0].duration < PIECES.from_s:
         return runs, held_out, ""
@@ -43,7 +43,7 @@ def in_pieces(runs: Sequence[Run], held_out: Sequence[Run]) -> tuple[Sequence[Ru
         for start, stop, first, last in zip(starts, stops, edges[:-1], edges[1:], strict=True)
     ]
     sentence = (
-        f"The record of {run.duration:.0f} s was cut into {count} pieces; every second one is held out of the fit and"
-        " shows how far the gap closes."
+        f"The record of {run.duration:.0f} s was cut into {count} pieces; every second one is held out and"
+        f" measures the reduction of the gap."
     )
     return cut[0::2], cut[1::2], sentence

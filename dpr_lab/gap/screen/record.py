@@ -1,11 +1,11 @@
-"""A run thinned for the diagnosis: block averages of what the encoders read, each with its own noise.
+"""A run thinned for the diagnosis: block averages of the encoder readings, each with its own noise.
 
-Averaging blocks of 5 ms keeps all that white encoder noise leaves to be known, and shifts a curved swing by
-half its acceleration times the block's variance in time, which is taken off again:
+The average over a block of 5 ms keeps all information in the presence of white encoder noise. It shifts a curved swing
+by half its acceleration times the variance of the block's instants, which is subtracted:
 
     y = mean(theta) - alpha var(t) / 2
 
-Where rods are so fast, or encoders so fine, that what this leaves is seen, the blocks are shorter.
+If rods are so fast, or encoders so fine, that the remaining bias is significant, the blocks are shorter.
 """
 
 from dataclasses import dataclass, replace
@@ -25,33 +25,33 @@ from dpr_lab.run import Run
 Array = NDArray[np.float64]
 
 RATE_HZ = 200.0
-"""Of a thinned record: blocks of 5 ms, over which most swings are a parabola."""
+"""Rate of a thinned record: blocks of 5 ms, over which most swings are a parabola."""
 
 
 @dataclass(frozen=True, slots=True)
 class ThinningSettings:
-    """What of a screened run is kept, and what is averaged."""
+    """Settings for the readings that are kept and averaged."""
 
     after_release_s: float = 0.03
-    """Start: before, the latch may still touch the rod, and an initial state lies 20 ms before its segment."""
+    """Start: the latch may touch the rod before, and an initial state lies 20 ms before its segment."""
     gap_s: float = 0.03
-    """A longer hole ends a segment,"""
+    """A longer gap ends a segment,"""
     gap_spacings: float = 1.5
-    """or one of more than so many usual spacings, of a slow recording: a camera's frames are 33 ms apart."""
+    """or a gap of more than this number of usual spacings in a slow recording: a camera's frames are 33 ms apart."""
     averaged_from: float = 1.5
-    """Times the blocks' rate: slower recordings are kept as they are."""
+    """Ratio to the rate of the blocks below which a recording is not averaged."""
     bent: float = 0.092
-    """Of (speed times a block)^4 rad: residual curvature bias of a block mean."""
+    """Coefficient of (speed times a block)^4 rad: remaining curvature bias of a block mean."""
     seen: float = 6.0
-    """Largest such bias, in standard deviations of a block, at the highest speeds: 27 stood out, 7 did not."""
+    """Maximum bias, in standard deviations of a block, at the highest speeds: 27 was significant, 7 was not."""
     fastest: float = 0.995
-    """Quantile of the speed that counts as the highest."""
+    """Quantile of the speed that is used as the highest speed."""
     turn: float = 0.1
-    """Most that a rod may turn in a step of the integrator, rad."""
+    """Maximum rotation of a rod in one step of the integrator, rad."""
     least_kept: float = 0.5
-    """Share of the usual number of trusted readings that a block must hold."""
+    """Minimum fraction of the usual number of trusted readings in a block."""
     arm_moves: float = 5.0
-    """Standard errors of the autocorrelation of neighbours, above which encoder 0 saw the arm move."""
+    """Standard errors of the autocorrelation of neighbours, above which the arm moved according to encoder 0."""
 
 
 THINNING = ThinningSettings()
@@ -59,28 +59,28 @@ THINNING = ThinningSettings()
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One run as the diagnosis sees it."""
+    """One run as input of the diagnosis."""
 
     run: Run
     screened: Screened
     t: NDArray[np.float64]
-    """(n,) since the release, s."""
+    """(n,) time since the release, s."""
     joints: NDArray[np.float64]
-    """(n, 2) readings of the encoders of joint 1 and 2, rad; nan where none is to be trusted."""
+    """(n, 2) readings of the encoders of joints 1 and 2, rad; nan where a reading is not trusted."""
     sigma: NDArray[np.float64]
-    """(n, 2) standard deviation of each, rad."""
+    """(n, 2) standard deviation of each reading, rad."""
     breaks: NDArray[np.float64]
-    """Instants no segment may span, s."""
+    """Instants that no segment may contain, s."""
     arm_moves: bool | None
-    """Whether encoder 0 saw the arm move; none where it was not recorded."""
+    """Whether the arm moved according to encoder 0; None if it was not recorded."""
     noise_correlation: float
-    """Of the errors of neighbouring readings, seen at rest: what a filter or a tracker leaves."""
+    """Autocorrelation of the errors of neighbouring readings at rest, caused by a filter or a tracker."""
     step: float
-    """Longest step for an integrator that follows these rods, s."""
+    """Maximum step of an integrator for these rods, s."""
 
     def without(self, t: Array, off: NDArray[np.bool_]) -> "Record":
-        """Without the readings of some instants t (n,), each with a finding for the axes that are off, (n, 2)."""
-        evidence = "one reading off the swing that fits all others"
+        """The record without the readings of some axes at some instants t (n,), each with a finding."""
+        evidence = "an outlier from the swing that fits all other readings"
         findings = [
             Finding("outlier", self.run.name, AXES[axis], float(t[i]), evidence)
             for i, axis in np.argwhere(off).tolist()
@@ -121,7 +121,7 @@ def record(run: Run, rig: Rig, settings: ThinningSettings = THINNING) -> Record:
 
 
 def _fastest(seen: Screened, quantile: float) -> float:
-    """Highest speed of a joint, rad/s, over spacings of a block: noise and single faults make none."""
+    """Highest speed of a joint, rad/s, over spacings of a block, which noise and single faults hardly affect."""
     t, trusted = seen.t, seen.keep.all(axis=1)
     apart = max(1, round(1 / RATE_HZ / float(np.median(np.diff(t)))))
     some, at = seen.joints[trusted][::apart], t[trusted][::apart]
@@ -131,7 +131,7 @@ def _fastest(seen: Screened, quantile: float) -> float:
 
 
 def _block_rate(seen: Screened, fastest: float, rate_hz: float, settings: ThinningSettings) -> float | None:
-    """The lowest rate at which a block's mean is as good as its noise, twice `RATE_HZ` and so on; none: as read."""
+    """The lowest rate at which the bias of a block mean is below its noise, in factors of two; None: as read."""
     blocks = RATE_HZ
     while rate_hz >= settings.averaged_from * blocks:
         noise = np.sqrt(seen.noise**2 * blocks / rate_hz + (seen.jitter_s * fastest) ** 2).min()
@@ -142,14 +142,14 @@ def _block_rate(seen: Screened, fastest: float, rate_hz: float, settings: Thinni
 
 
 def _as_read(seen: Screened) -> tuple[Array, Array, Array]:
-    """Instants, readings (nan where none is to be trusted) and their standard deviations."""
+    """Instants, readings (nan where a reading is not trusted) and their standard deviations."""
     speed = np.gradient(seen.joints, seen.t, axis=0)
     sigma = np.sqrt(seen.noise**2 + (seen.jitter_s * speed) ** 2)
     return seen.t, np.where(seen.keep, seen.joints, np.nan), sigma
 
 
 def _blocks(seen: Screened, rate_hz: float, least_kept: float) -> tuple[Array, Array, Array]:
-    """Means over blocks of 1 / `rate_hz`; without dither only as many readings count as the rod passed counts."""
+    """Means over blocks of 1 / `rate_hz`; without dither, fewer readings are independent."""
     number = np.floor(seen.t * rate_hz + 1e-6).astype(np.int64)
     edges = np.flatnonzero(np.diff(number, prepend=number[0] - 1))
     keep = seen.keep.all(axis=1).astype(float)
@@ -172,9 +172,9 @@ def _blocks(seen: Screened, rate_hz: float, least_kept: float) -> tuple[Array, A
 def _curvature(t: Array, values: Array, rate_hz: float) -> Array:
     """(n, m) second derivative at a rate, from the parabola through seven neighbours.
 
-    The ends of what is even repeat theirs, and stretches too short for one have none.
+    Values at the ends of a uniform segment are repeated; segments that are too short have none.
 
-    Three neighbours would do for the swing, but would make the noise of one average that of the next.
+    Three neighbours would suffice for the swing, but would correlate the noise of neighbouring averages.
 
     Source: Savitzky & Golay (1964), Smoothing and differentiation of data, Anal. Chem. 36, 1627-1639.
     """
@@ -189,7 +189,7 @@ def _curvature(t: Array, values: Array, rate_hz: float) -> Array:
 
 
 def _arm_moves(run: Run, standard_errors: float) -> bool | None:
-    """Whether neighbouring readings of encoder 0 move together, as noise does not."""
+    """Whether neighbouring readings of encoder 0 are correlated, which noise is not."""
     swing = run.swing.theta[:, 0]
     if run.arm_read is False or (run.counts is None and np.ptp(swing) == 0.0):
         return None

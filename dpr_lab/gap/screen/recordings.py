@@ -1,4 +1,4 @@
-"""Screened recordings of one rig, and the fitting problem that they make once they are cut into segments."""
+"""Screened recordings of one rig, and the fitting problem of their segments."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,13 +25,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class SegmentLengths:
-    """Lengths at which the model is fitted, s."""
+    """Segment lengths of the fits, s."""
 
     first: float = 0.25
-    """From which any rig file within 20 % of the truth converges."""
+    """Length at which the fit converges from any rig file within 20 % of the truth."""
     working: float = 0.5
-    """Length at which effects are distinguished: four to seven times as sensitive as the first, and Gauss-Newton still
-    converges."""
+    """Length at which effects are distinguished: four to seven times as sensitive as the first, and Gauss-Newton
+    still converges.
+    """
 
 
 LENGTHS = SegmentLengths()
@@ -42,11 +43,11 @@ class InitialGuess:
     """Settings of the initial state estimate from neighbouring readings."""
 
     near_s: float = 0.03
-    """Readings that count: a cubic follows any swing so far."""
+    """Time over which readings are used: a cubic fits any swing in this time."""
     fewest: int = 6
-    """Readings for a cubic; where they are not near, the next ones count."""
+    """Number of readings for a cubic; if they are not within this time, the next ones are used."""
     before: int = 4
-    """Readings before a segment's first that then count too."""
+    """Number of readings before the first one of a segment that are used in that case."""
 
 
 GUESS = InitialGuess()
@@ -59,11 +60,11 @@ class Recordings:
     records: tuple[Record, ...]
     rig: Rig
     ratios: Array | None = None
-    """(7,) ratios, b and p/b by which the rods answer to noise of what drives them; none until they are known."""
+    """(7,) ratios, b and p/b for the response of the rods to torque noise; None until they are known."""
     exact_torques: bool = False
-    """Whether known torques are taken for exact."""
+    """Whether known torques are assumed to be exact."""
     torque_noise_Nm: tuple[float, float] = (np.inf, np.inf)
-    """Upper limit of the standard deviation of the measured torques of joint 1 and 2, by a fit."""
+    """Upper limit of the standard deviation of the measured torques of joints 1 and 2, from a fit."""
 
     @property
     def constants(self) -> RigConstants:
@@ -77,11 +78,11 @@ class Recordings:
 
     @property
     def masses_weighed(self) -> bool:
-        """Whether all masses are measured, so that friction that follows the load shows the scale of all torques."""
+        """Whether all masses are measured, so that load-dependent friction determines the scale of all torques."""
         return all(self.rig.parameters[name].measured is not None for name in MASSES)
 
     def cut(self, length: float) -> tuple[Problem, Array]:
-        """Segments of about a length, s, and (segments, 4) initial states guessed from the readings."""
+        """Segments of approximately one length, s, and (segments, 4) initial states estimated from the readings."""
         records = self.records
         cuts = [cut(item.t, length, item.breaks) for item in records]
         stretches = [(i, s) for i, own in enumerate(cuts) for s in own]
@@ -111,7 +112,7 @@ class Recordings:
         return problem, initial
 
     def without(self, problem: Problem, off: NDArray[np.bool_]) -> "Recordings":
-        """Recordings without some readings (samples, 2): faults that are only visible with a model."""
+        """Recordings without some readings (samples, 2): faults that are only detectable with a model."""
         if not off.any():
             return self
         run = problem.segments.run[problem.owner]
@@ -126,7 +127,7 @@ class Recordings:
 
 
 def _initial_states(item: Record, stretches: Sequence[slice], relative2: bool, guess: InitialGuess = GUESS) -> Array:
-    """(stretches, 4) states where the segments of stretches start, by cubics through the readings; at rest if released.
+    """(segments, 4) initial states of the segments, by cubics through the readings; at rest after a release.
 
     Returns:
         theta1, theta2, omega1, omega2, rad and rad/s
@@ -151,7 +152,7 @@ def _initial_states(item: Record, stretches: Sequence[slice], relative2: bool, g
 
 
 def _near(item: Record, start: int, at: float, guess: InitialGuess) -> NDArray[np.int64]:
-    """Readings about an instant, on its side of breaks; or those about the first of its segment where they are few."""
+    """Readings near an instant, on the same side of breaks; or those near the first of its segment if there are few."""
     first, last = np.searchsorted(item.t, _between(item.breaks, float(item.t[start]))).tolist()
     i = max(first, int(np.searchsorted(item.t, at - guess.near_s, side="right")))
     j = min(last, int(np.searchsorted(item.t, at + guess.near_s)))

@@ -1,17 +1,17 @@
-"""Sensor faults found before any physics is fitted: each a named finding, each masked, split at, or weighted.
+"""Sensor faults that are detected without a model: each is named, and its readings are masked, split or weighted.
 
-A swing is smooth over a few milliseconds, so what an encoder does wrong shows among its neighbours:
+A swing is smooth over a few milliseconds, so an encoder fault is visible in neighbouring readings:
 
-    repeated_sample           a reading that did not move although the rod did
-    outlier                   one reading off its neighbours
-    missed_counts             a step that stays
-    jitter                    noise that grows with speed: sigma^2 = sigma_0^2 + (s omega)^2, s the timing error
-    gap                       samples that never came
-    non_white_noise           neighbouring readings share their error
-    noise_level               noise other than the rig file says
-    undithered_quantisation   counts that stand still at rest: rounding does not average out
-    stamp_jitter              stamps that jitter although the readings were taken evenly: replaced by even instants
-    periodic_delay            every n-th reading taken later than its stamp, or before it: left out
+    repeated_sample             a reading that did not change although the rod moved
+    outlier                     one reading that deviates from its neighbours
+    missed_counts               a lasting step
+    jitter                      noise that increases with speed: sigma^2 = sigma_0^2 + (s omega)^2, s the timing error
+    gap                         missing samples
+    non_white_noise             correlated errors of neighbouring readings
+    noise_level                 noise that differs from the rig file
+    undithered_quantisation     constant counts at rest: rounding does not average out
+    stamp_jitter                time stamps with jitter, readings taken evenly: replaced by even instants
+    periodic_delay              every n-th reading is taken later than its stamp, or before it: excluded
 """
 
 from dataclasses import dataclass, replace
@@ -31,33 +31,39 @@ from dpr_lab.run import Run
 Array = NDArray[np.float64]
 
 AXES = ("joint1", "joint2")
-"""Encoders of the rods, as findings and results name them."""
+"""Encoders of the rods, as named in findings and results."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScreenSettings:
-    """From where on a property of a whole run is a finding."""
+    """Limits above which a property of a whole run is a finding."""
 
     gap_periods: float = 1.5
-    """Sampling periods between two samples, beyond which one is missing,"""
+    """Distance of two samples, in sampling periods, above which one is missing,"""
     gap_near: int = 10
-    """if as many samples after them are behind those before by half a period."""
+    """if the later samples are behind the earlier ones by half a period."""
     noise_ratio: float = 1.5
-    """Of the noise to what the rig file says, either way; of that over wider spacings to that of neighbours."""
+    """Ratio of the noise to the value in the rig file, in either direction; and of the noise over wider spacings to
+    that of neighbours.
+    """
     still_counts: float = 0.2
-    """Counts of noise before rounding, below which rounding errors of neighbouring readings are alike."""
+    """Noise before rounding, in counts, below which rounding errors of neighbouring readings are equal."""
     fewest_at_rest: int = 20
-    """Readings at rest that tell whether counts stand still."""
+    """Number of readings at rest from which constant counts are detected."""
     colour_hz: float = 500.0
-    """Sample rate from which noise is compared over spacings: below, the swing itself leaks into wider differences."""
+    """Sample rate from which the noise is compared over spacings: at lower rates the swing itself affects wider
+    differences.
+    """
     significance: float = 6.0
-    """Standard errors by which noise must grow with speed."""
+    """Standard errors by which noise must increase with speed."""
     on_grid: float = 0.7
-    """Mean of exp(2 pi i reading / count) from which readings of a table lie on the grid; spread evenly it is zero."""
+    """Mean of exp(2 pi i reading / count) from which readings of a table are on the grid; it is zero for an even
+    distribution.
+    """
     repeating: float = 0.5
-    """Share of the readings of a cycle that equal the one before, from which they are repeated and not late."""
+    """Fraction of equal neighbouring readings in a cycle from which they are repeated and not late."""
     shown: int = 20
-    """Findings of one kind on one axis that are listed singly."""
+    """Number of findings of one kind on one axis that are listed individually."""
 
 
 SCREEN = ScreenSettings()
@@ -71,44 +77,44 @@ class Finding:
     run: str
     axis: str | None
     at_s: float | None
-    """When, since the release, s; none for a property of the whole run."""
+    """Instant since the release, s; None for a property of the whole run."""
     evidence: str
     step: float | None = None
-    """How far the reading stepped, rad, where it did."""
+    """Size of the step of a reading, rad, if there is one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Screened:
-    """A swing with its sensor faults known."""
+    """A swing with its sensor faults."""
 
     run: Run
-    """The run, on the instants at which its readings were taken."""
+    """The run, with the corrected sampling instants."""
     t: Array
     """(n,) instants since the release, s."""
     joints: Array
-    """(n, 2) what the encoders of joint 1 and 2 read, rad."""
+    """(n, 2) readings of the encoders of joints 1 and 2, rad."""
     keep: NDArray[np.bool_]
-    """(n, 2) readings to be trusted."""
+    """(n, 2) whether a reading is trusted."""
     breaks: tuple[tuple[float, int], ...]
-    """Instants of a step (s) and the axis (0 or 1) that made it: no segment may span it."""
+    """Instants of a step (s) and its axis (0 or 1): no segment may contain it."""
     noise: Array
     """(2,) standard deviation of a reading at rest, rad."""
     jitter_s: float
     """Standard deviation of the sampling instants, s."""
     count: Array
-    """(2,) least change of a reading, rad; zero for a table of angles."""
+    """(2,) smallest change of a reading, rad; zero for a table of angles."""
     dithered: NDArray[np.bool_]
     """(2,) whether rounding errors of neighbouring readings are independent."""
     on_grid: NDArray[np.bool_]
-    """(2,) whether readings lie on the grid of the encoder's counts, so that counts can be missed."""
+    """(2,) whether readings are on the grid of the encoder's counts, so that counts can be missed."""
     findings: tuple[Finding, ...]
 
 
 def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
-    """Look for sensor faults in one run.
+    """Detect the sensor faults of one run.
 
     Raises:
-        RunError: too few samples to tell the noise.
+        RunError: too few samples to estimate the noise.
     """
     run, stamped = _on_true_instants(run, rig)
     swing, period = run.swing, 1.0 / run.rate_hz
@@ -119,7 +125,7 @@ def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
     in_time = run.only(~np.pad(late, (len(run.t) - len(t), 0)))
     at_rest = np.maximum(noise_floor(in_time, rig).std_joint, count / np.sqrt(12))
     colour, coloured = _colour(run, rig, joints, settings)
-    noise = at_rest * colour  # noise that was filtered shows only over wider spacings
+    noise = at_rest * colour  # filtered noise is visible only over wider spacings
     jitter, jittered = _jitter(run, t[~late], joints[~late], noise, settings)
     wild, stale = too_fast(t, joints), repeated(t, joints, noise, jitter, period)
     keep = ~(wild | stale | late[:, None])
@@ -137,8 +143,8 @@ def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
         breaks += [(float(t[i]), axis) for i, _ in steps]
         for kind, at, evidence in (
             ("outlier", t[wild[:, axis]], "the reading jumps there and back faster than any rod"),
-            ("repeated_sample", t[stale[:, axis]], "the reading stands still while the rod moves"),
-            ("outlier", t[found.outliers], "one reading off the polynomial through its neighbours"),
+            ("repeated_sample", t[stale[:, axis]], "the reading is constant while the rod moves"),
+            ("outlier", t[found.outliers], "one reading deviates from the polynomial through its neighbours"),
         ):
             findings += _events(Finding(kind, run.name, name, None, evidence), at.tolist(), settings)
         for i, size in steps:
@@ -154,7 +160,7 @@ def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
 
 
 def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
-    """The run with even instants where its stamps jitter about them."""
+    """The run with even instants if its stamps jitter about them."""
     even = even_instants(run.t, _read_joints(run, rig))
     if even is None:
         return run, []
@@ -165,7 +171,7 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
 
 
 def _late(run: Run, t: Array, joints: Array, settings: ScreenSettings) -> tuple[NDArray[np.bool_], list[Finding]]:
-    """(n,) readings that come late in a cycle."""
+    """(n,) readings that are late in a cycle."""
     delay = periodic_delay(t, joints[:, :1] if run.setup.alone else joints)
     if delay is None:
         return np.zeros(len(t), dtype=bool), []
@@ -177,7 +183,7 @@ def _late(run: Run, t: Array, joints: Array, settings: ScreenSettings) -> tuple[
         size, side = abs(delay.delay_s), "after" if delay.delay_s > 0 else "before"
         precision = f"{1e3 * size:.3g} +- {1e3 * delay.std_s:.1g} ms"
         name, evidence = "periodic_delay", f"one reading in {delay.cycle} is taken {precision} {side} its stamp"
-    return late, [Finding(name, run.name, None, float(t[delay.first]), f"{evidence}: it is left out")]
+    return late, [Finding(name, run.name, None, float(t[delay.first]), f"{evidence}; these readings are excluded")]
 
 
 def _read_joints(run: Run, rig: Rig) -> Array:
@@ -187,7 +193,7 @@ def _read_joints(run: Run, rig: Rig) -> Array:
 
 
 def _without_joint2(found: Screened) -> Screened:
-    """What was found in the swing of a rod alone: joint 2 reads nothing."""
+    """Faults in the swing of a single rod: encoder 2 has no readings."""
     return replace(
         found,
         keep=np.repeat(found.keep[:, :1], 2, axis=1),
@@ -198,9 +204,9 @@ def _without_joint2(found: Screened) -> Screened:
 
 
 def _events(found: Finding, at: list[float], settings: ScreenSettings) -> list[Finding]:
-    """A finding for each instant, or for the first with their number where they are many."""
+    """A finding for each instant, or for the first one with their number if there are many."""
     if len(at) > settings.shown:
-        return [replace(found, at_s=at[0], evidence=f"{found.evidence}; {len(at)} times, first here")]
+        return [replace(found, at_s=at[0], evidence=f"{found.evidence}; {len(at)} times; this is the first")]
     return [replace(found, at_s=s) for s in at]
 
 
@@ -208,7 +214,7 @@ def _gaps(name: str, t: Array, period: float, settings: ScreenSettings) -> list[
     spacing, behind, near = np.diff(t), t - period * np.arange(len(t)), settings.gap_near
     missing = np.rint(spacing / period) - 1
     wide = np.flatnonzero(spacing > settings.gap_periods * period)
-    # After a lost sample all stamps are late; after a sample that was only read late they are not.
+    # after a lost sample all stamps are late; after a late reading they are not
     stays = [np.median(behind[i + 1 : i + 1 + near]) - np.median(behind[max(0, i + 1 - near) : i + 1]) for i in wide]
     wide = wide[np.array(stays) > 0.5 * period]
     if not len(wide):
@@ -222,7 +228,7 @@ def _gaps(name: str, t: Array, period: float, settings: ScreenSettings) -> list[
 
 
 def _count_size(run: Run, rig: Rig) -> Array:
-    """(2,) angle by which readings move at least, rad: a coarse encoder behind a finer counter takes several counts."""
+    """(2,) smallest change of a reading, rad: a coarse encoder with a finer counter changes by several counts."""
     if run.counts is None:
         return np.zeros(2)
     steps = np.gcd.reduce(np.diff(run.counts[:, 1:], axis=0), axis=0)
@@ -230,7 +236,7 @@ def _count_size(run: Run, rig: Rig) -> Array:
 
 
 def _on_grid(run: Run, rig: Rig, joints: Array, settings: ScreenSettings) -> NDArray[np.bool_]:
-    """Whether the readings of each joint are whole counts apart; an interpolated or fused table holds no counts."""
+    """Whether the readings of each joint differ by whole counts; an interpolated or fused table contains no counts."""
     if run.counts is not None:
         return np.ones(2, dtype=bool)
     turns = np.exp(2j * np.pi * joints / np.abs(rig.radians_per_count[1:]))
@@ -238,7 +244,7 @@ def _on_grid(run: Run, rig: Rig, joints: Array, settings: ScreenSettings) -> NDA
 
 
 def _dithered(run: Run, rig: Rig, count: Array, settings: ScreenSettings) -> NDArray[np.bool_]:
-    """Whether noise before rounding reaches a fifth of a count, seen at rest; assumed where there was no rest."""
+    """Whether the noise before rounding reaches a fifth of a count at rest; assumed if there was no rest."""
     rest = rig.encoders.joint_angles.of_rods(run.rest[:, 1:])
     if run.counts is None or len(rest) < settings.fewest_at_rest:
         return np.ones(2, dtype=bool)
@@ -254,10 +260,10 @@ def _levels(run: Run, rig: Rig, std: Array, dithered: NDArray[np.bool_], setting
     found = []
     for axis, name in enumerate(AXES):
         if not dithered[axis]:
-            evidence = "the counts stand still at rest: less noise than a fifth of a count before rounding"
+            evidence = "the counts are constant at rest: the noise before rounding is below a fifth of a count"
             found.append(Finding("undithered_quantisation", run.name, name, None, evidence))
         elif not 1 / settings.noise_ratio < counts[axis] / nominal < settings.noise_ratio:
-            evidence = f"{counts[axis]:.2f} counts rms, the rig file says {nominal:.2f} with rounding"
+            evidence = f"{counts[axis]:.2f} counts rms, the rig file gives {nominal:.2f} with rounding"
             found.append(Finding("noise_level", run.name, name, None, evidence))
     return found
 
@@ -266,15 +272,17 @@ def _jitter(run: Run, t: Array, joints: Array, std: Array, settings: ScreenSetti
     jitter, significance = noise_by_speed(t, joints, std, 1.0 / run.rate_hz)
     if significance < settings.significance:
         return 0.0, []
-    evidence = f"noise grows with speed as sampling instants off by {1e3 * jitter:.2g} ms rms would make it"
+    evidence = (
+        f"noise increases with speed, as errors of the sampling instants of {1e3 * jitter:.2g} ms rms would cause"
+    )
     return jitter, [Finding("jitter", run.name, None, None, evidence)]
 
 
 def _colour(run: Run, rig: Rig, joints: Array, settings: ScreenSettings) -> tuple[Array, list[Finding]]:
-    """(2,) factor from the noise of neighbours to that of wider spacings, 1 for white noise; and what was found."""
+    """(2,) factor from the noise of neighbours to that of wider spacings, 1 for white noise; and the findings."""
     factor, found = np.ones(2), []
     if run.rate_hz < settings.colour_hz:
-        evidence = "neighbouring readings at rest share {:.0%} of their error: a filter or a tracker"
+        evidence = "neighbouring readings at rest have correlated errors (correlation {:.0%}): a filter or a tracker"
         shared = rest_correlation(run, rig).tolist()
         return factor, [
             Finding("non_white_noise", run.name, name, None, evidence.format(alike))
