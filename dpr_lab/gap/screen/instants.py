@@ -3,10 +3,11 @@
 Two faults of data loggers are detected without a model:
 
     stamp_jitter     Samples are taken at an even rate and receive their time stamps on arrival. The sixth differences
-    of the angles are then smaller on even instants than on the stamps. Uneven stamps that are correct give smaller
-    differences themselves, and are kept.
+                     of the angles are then smaller on even instants than on the stamps. Uneven stamps that are
+                     correct give smaller differences themselves, and are kept.
     periodic_delay   Every n-th reading is taken a constant time after its stamp (a multiplexer, a buffer that is
-    written to disk). Its error is the product of delay and speed, in both joints, at the same position of each cycle.
+                     written to disk). Its error is the product of delay and speed, in both joints, at the same
+                     position of each cycle.
 """
 
 from dataclasses import dataclass
