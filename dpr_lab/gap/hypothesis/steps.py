@@ -19,8 +19,7 @@ BEFORE_S = 1e-4
 """Time between a step and the first reading that shows it: shorter than any sample period."""
 
 BLIND = 1e-6
-"""Fraction of a step's squared length that must remain beside the segment's initial state for the step to be
-detectable.
+"""Fraction of a step's squared length that must remain after the initial state is projected out, for it to be visible.
 """
 
 
