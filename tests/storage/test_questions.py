@@ -76,7 +76,7 @@ def test_a_certain_mistake_is_questioned_with_the_option_that_mends_it(
         ("free/bad_word", "is not a number: correct it, or leave the field empty"),
         ("degrees/decimal_commas", "if commas are decimal signs, export it with semicolons"),
         ("free/nan_half", "too many for a recording.*--start-s, --duration-s"),
-        ("free/identical_angles", "hold the same numbers.*--elbow clamped"),
+        ("free/identical_angles", "contain the same numbers.*--elbow clamped"),
         ("wild/constant_theta1", "is constant while theta2 turns.*--rods outer"),
         ("free/constant_theta2", "is constant while theta1 turns.*--rods inner.*--elbow clamped"),
         ("free/constant_both", "the rods are at rest throughout"),
@@ -236,7 +236,7 @@ def test_rods_that_hang_and_are_pushed_are_refused(paper: Rig, tmp_path: Path) -
     rods = np.pi + noise + 0.4 * np.column_stack([np.sin(4 * since), np.sin(6 * since)])
     file = tmp_path / "a.csv"
     np.savetxt(file, np.column_stack([t, rods]), delimiter=",", header="t,theta1,theta2", comments="")
-    with pytest.raises(RunError, match=r"hang at rest until 2\.0.* pushed them.*--start-s 3\.0"):
+    with pytest.raises(RunError, match=r"hang at rest until 2\.0.* they were pushed.*--start-s 3\.0"):
         import_csv(file, paper)
 
 
