@@ -21,6 +21,7 @@ def test_the_lock_file_covers_the_project() -> None:
         *project["dependencies"],
         *extras["parquet"],
         *extras["hdf5"],
+        *extras["netcdf"],
         *extras["ros2"],
         *extras["cluster"],
         *extras["signing"],

@@ -1,12 +1,13 @@
-"""`dpr-lab run info|verify|recover|export`: inspection, verification and export of run files."""
+"""`dpr-lab run info|verify|recover|export|layout`: inspection, verification, export and viewer layouts of run files."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from dpr_lab.cli.checks import Choices
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 from dpr_lab.cli.listing import Listing
 from dpr_lab.errors import RunError
@@ -14,6 +15,15 @@ from dpr_lab.errors import RunError
 app = typer.Typer(
     help="Inspect, check, repair and export run files.", cls=Listing, no_args_is_help=True, rich_markup_mode=None
 )
+
+
+def _viewers() -> Iterable[str]:
+    from dpr_lab.storage.viewers import VIEWERS
+
+    return VIEWERS
+
+
+VIEWER_NAMES = Choices("viewer", _viewers)
 
 RunFile = Annotated[Path, typer.Argument(help="A run file (.mcap).")]
 RunFiles = Annotated[list[Path], typer.Argument(help="Run files (.mcap).")]
@@ -89,11 +99,11 @@ def recover(
 def export(
     file: RunFile,
     out: Annotated[
-        Path, typer.Option(help="File to write; its suffix is the format: .csv .parquet .h5 .hdf5 .mat .mcap")
+        Path, typer.Option(help="File to write; its suffix is the format: .csv .parquet .h5 .hdf5 .nc .mat .mcap")
     ],
     as_json: Json = False,
 ) -> None:
-    """Write a run as CSV, Parquet, HDF5 or MATLAB file, or JointState for ROS 2 (MCAP); absolute angles, upright = 0.
+    """Write a run as CSV, Parquet, HDF5, NetCDF, MATLAB or JointState (MCAP, ROS 2); absolute angles, upright = 0.
 
     Example: dpr-lab run export runs/20261121T101500Z_X1_1a2b3c4d.mcap --out run.csv
     """
@@ -106,6 +116,36 @@ def export(
         emit({"out": str(out)})
     else:
         line(out)
+
+
+@app.command()
+def layout(
+    viewer: Annotated[
+        str,
+        typer.Argument(
+            help="foxglove or plotjuggler.", callback=VIEWER_NAMES.check, autocompletion=VIEWER_NAMES.complete
+        ),
+    ],
+    out: Annotated[Path | None, typer.Option(help="File to write; default: dpr-lab.foxglove.json or the like.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Write a layout of Foxglove or PlotJuggler that shows the angles, torques and losses of run files.
+
+    Example: dpr-lab run layout foxglove --out dpr-lab.foxglove.json
+    """
+    json_mode(as_json)
+    from dpr_lab.storage.viewers import VIEWERS
+    from dpr_lab.whole_file import write_text
+
+    name, content = VIEWERS[viewer]
+    file = out or Path(name)
+    if file.exists():
+        raise RunError(f"{file}: exists already; choose another name")
+    write_text(file, content(), RunError)
+    if as_json:
+        emit({"out": str(file)})
+    else:
+        line(file)
 
 
 def _each(

@@ -2,12 +2,14 @@
 
 Every format contains the same columns (`COLUMNS`, `COUNT_COLUMNS` if the run has counts, torques if it was driven), one
 row per sample, without resampling. Formats with metadata also contain the metadata of the run: Parquet under the key
-`dpr_lab`, HDF5 as attributes, MATLAB as struct `run`. CSV has none.
+`dpr_lab`, HDF5 and NetCDF as attributes, MATLAB as struct `run`. CSV has none.
 """
 
+import io
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -123,6 +125,25 @@ def write_hdf5(run: Run, path: Path) -> None:
     path.write_bytes(image)
 
 
+def write_netcdf(run: Run, path: Path) -> None:
+    """Write NetCDF 4; `xarray.open_dataset` returns one variable per column over the coordinate `t_s`.
+
+    The file is created in memory, as that of HDF5 is.
+    """
+    with extra("netcdf"):
+        import_module("h5netcdf")
+        xarray = import_module("xarray")
+    table = columns(run)
+    times = ("t_s", table.pop("t_s"), {"units": UNITS["t_s"], "long_name": "time since the release"})
+    values = {name: ("t_s", column, {"units": UNITS[name]}) for name, column in table.items()}
+    attributes = about(run) | {"complete": int(run.complete)}
+    data = xarray.Dataset(values, coords={"t_s": times}, attrs=attributes)
+    compressed = {name: {"zlib": True, "shuffle": True, "fletcher32": True} for name in values}
+    image = io.BytesIO()
+    data.to_netcdf(image, engine="h5netcdf", encoding=compressed)
+    path.write_bytes(image.getvalue())
+
+
 def write_mat(run: Run, path: Path) -> None:
     """Write MATLAB level 5; `load` returns one column vector per column and the struct `run`."""
     from scipy.io import savemat
@@ -171,6 +192,7 @@ EXPORTERS: Mapping[str, Callable[[Run, Path], None]] = {
     ".csv": write_csv,
     ".parquet": write_parquet,
     ".h5": write_hdf5,
+    ".nc": write_netcdf,
     ".mat": write_mat,
     ".mcap": write_joint_states,
 }

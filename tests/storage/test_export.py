@@ -47,6 +47,13 @@ def from_hdf5(path):
         return {name: file[name][:] for name in file}, file.attrs["rig"]
 
 
+def from_netcdf(path):
+    with pytest.importorskip("xarray").open_dataset(path, engine="h5netcdf") as data:
+        assert data["theta1_rad"].attrs["units"] == "rad"
+        assert list(data.coords) == ["t_s"]
+        return {name: data[name].values for name in data.variables}, data.attrs["rig"]
+
+
 def from_mat(path):
     from scipy.io import loadmat
 
@@ -55,12 +62,14 @@ def from_mat(path):
     return {n: v for n, v in table.items() if not n.startswith("__")}, str(about["rig"])
 
 
-READERS = {".csv": from_csv, ".parquet": from_parquet, ".h5": from_hdf5, ".mat": from_mat}
+READERS = {".csv": from_csv, ".parquet": from_parquet, ".h5": from_hdf5, ".nc": from_netcdf, ".mat": from_mat}
 
 
 @pytest.mark.parametrize("counts", [None, COUNTS], ids=["angles", "counts"])
 @pytest.mark.parametrize("suffix", [suffix for suffix in EXPORTERS if suffix != ".mcap"])
 def test_an_export_read_back_is_the_run(tmp_path, suffix, counts):
+    if suffix == ".nc":
+        pytest.importorskip("h5netcdf")
     run = make(counts)
     table, rig = READERS[suffix](export(run, tmp_path / f"swing{suffix}"))
     assert rig == (None if suffix == ".csv" else "paper")
@@ -72,15 +81,16 @@ def test_an_export_read_back_is_the_run(tmp_path, suffix, counts):
     assert not table
 
 
-@pytest.mark.parametrize(("suffix", "extra"), [(".parquet", "parquet"), (".h5", "hdf5")])
+@pytest.mark.parametrize(("suffix", "extra"), [(".parquet", "parquet"), (".h5", "hdf5"), (".nc", "netcdf")])
 def test_a_missing_library_is_named_with_its_extra(tmp_path, monkeypatch, suffix, extra):
     real = builtins.__import__
 
     def without(name, *args, **kwargs):
-        if name.split(".")[0] in ("pyarrow", "h5py"):
+        if name.split(".")[0] in ("pyarrow", "h5py", "h5netcdf"):
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
         return real(name, *args, **kwargs)
 
+    monkeypatch.setattr("dpr_lab.storage.export.import_module", without)
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(DprError, match=rf"pip install 'dpr-lab\[{extra}\]'"):
         export(make(), tmp_path / f"swing{suffix}")
@@ -96,5 +106,5 @@ def test_an_existing_file_or_one_in_the_place_of_the_folder_is_said(tmp_path, su
 
 
 def test_an_unknown_format_lists_the_known(tmp_path):
-    with pytest.raises(RunError, match=r"unknown format '.xlsx'; known formats: .csv, .parquet, .h5, .mat"):
+    with pytest.raises(RunError, match=r"unknown format '.xlsx'; known formats: .csv, .parquet, .h5, .nc, .mat"):
         export(make(), tmp_path / "swing.xlsx")

@@ -31,8 +31,8 @@ CALIBRATED = CalibrationSettings()
 
 
 @dataclass(frozen=True, slots=True)
-class Calibration:
-    """Result of a calibration."""
+class EnsembleWidth:
+    """Result of a calibration: the factor, and what the bands cover with it."""
 
     factor: float
     """Of the standard deviations."""
@@ -42,7 +42,7 @@ class Calibration:
 
 def calibrated(
     model: Model, components: Sequence[PosteriorComponent], runs: Sequence[Run], rig: Rig, seed: int
-) -> Calibration:
+) -> EnsembleWidth:
     """Find the factor.
 
     Args:
@@ -56,9 +56,9 @@ def calibrated(
         RunError: the model cannot follow a run.
     """
 
-    def tried(factor: float) -> Calibration:
+    def tried(factor: float) -> EnsembleWidth:
         members = sampled_models(model, widened(components, factor), CALIBRATED.members, seed)
-        return Calibration(factor, pooled([predictive_band(model, members, run, rig, seed) for run in runs]))
+        return EnsembleWidth(factor, pooled([predictive_band(model, members, run, rig, seed) for run in runs]))
 
     low, enough = tried(1.0), None
     for factor in CALIBRATED.factors:

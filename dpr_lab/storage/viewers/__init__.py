@@ -1,0 +1,12 @@
+"""Layouts of viewers for run files: angles, torques and events of the joints, one plot below the other."""
+
+from collections.abc import Callable
+
+from dpr_lab.storage.viewers.foxglove import foxglove
+from dpr_lab.storage.viewers.plotjuggler import plotjuggler
+
+VIEWERS: dict[str, tuple[str, Callable[[], str]]] = {
+    "foxglove": ("dpr-lab.foxglove.json", foxglove),
+    "plotjuggler": ("dpr-lab.plotjuggler.xml", plotjuggler),
+}
+"""Name of a viewer -> usual name of the file, and its content."""

@@ -1,0 +1,18 @@
+"""Curves of a run file that a viewer shows, by plot."""
+
+from dpr_lab.storage.layout import EVENTS, SAMPLES, STATUS
+
+PLOTS: dict[str, tuple[tuple[str, str, int | None], ...]] = {
+    "absolute angles, rad": ((SAMPLES, "theta", 1), (SAMPLES, "theta", 2)),
+    "arm, rad": ((SAMPLES, "theta", 0),),
+    "encoder counts": ((SAMPLES, "counts", 0), (SAMPLES, "counts", 1), (SAMPLES, "counts", 2)),
+    "known torques, N m": ((SAMPLES, "tau", 0), (SAMPLES, "tau", 1)),
+    "losses": ((STATUS, "dropped", None), (STATUS, "overruns", None)),
+}
+"""Title -> (topic, key of its messages, element of an array) of each curve."""
+
+TEXTS = EVENTS
+"""Topic with the release and other events."""
+
+COLORS = ("#1f77b4", "#d62728", "#2ca02c")
+"""Of the curves of a plot, in order."""

@@ -1,0 +1,58 @@
+"""Layouts of viewers: each curve that they name is in a run file, and the files are what the viewers read."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from dpr_lab.storage.layout import SCHEMAS
+from dpr_lab.storage.viewers import VIEWERS
+
+
+def in_schema(topic: str, key: str, element: str | None) -> bool:
+    kind = SCHEMAS[topic]["properties"].get(key, {}).get("type")
+    return kind == "array" if element else kind in ("number", "integer")
+
+
+def test_foxglove_shows_keys_of_run_files_in_panels_that_exist() -> None:
+    document = json.loads(VIEWERS["foxglove"][1]())
+    paths = [path["value"] for panel in document["configById"].values() for path in panel.get("paths", [])]
+    assert "/samples.theta[1]" in paths
+    for path in paths:
+        match = re.fullmatch(r"(/\w+)\.(\w+)(\[\d\])?", path)
+        assert match is not None
+        assert in_schema(*match.groups()), path
+
+    def leaves(node: Any) -> list[str]:
+        return [node] if isinstance(node, str) else [*leaves(node["first"]), *leaves(node["second"])]
+
+    assert leaves(document["layout"]) == list(document["configById"])
+
+
+def test_plotjuggler_shows_keys_of_run_files() -> None:
+    root = ElementTree.fromstring(VIEWERS["plotjuggler"][1]().encode())
+    names = [curve.attrib["name"] for curve in root.iter("curve")]
+    assert "/samples/theta[1]" in names
+    for name in names:
+        match = re.fullmatch(r"(/\w+)/(\w+)(\[\d\])?", name)
+        assert match is not None
+        assert in_schema(*match.groups()), name
+    (column,) = root.iter("DockSplitter")
+    areas = list(column)
+    assert int(column.attrib["count"]) == len(areas) == len(column.attrib["sizes"].split(";"))
+
+
+@pytest.mark.parametrize("viewer", VIEWERS)
+def test_the_command_writes_a_layout_once(viewer: str, tmp_path: Path) -> None:
+    from typer.testing import CliRunner
+
+    from dpr_lab.cli.app import app
+    from dpr_lab.errors import RunError
+
+    file = tmp_path / "layout"
+    assert CliRunner().invoke(app, ["run", "layout", viewer, "--out", str(file)]).exit_code == 0
+    assert file.read_text(encoding="utf-8") == VIEWERS[viewer][1]()
+    assert isinstance(CliRunner().invoke(app, ["run", "layout", viewer, "--out", str(file)]).exception, RunError)
