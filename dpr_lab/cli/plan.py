@@ -29,7 +29,12 @@ def plan(
         Path | None, typer.Option(help="Diagnosis of these runs (JSON); default: they are diagnosed first.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the search; the same seed gives the same plan.")] = 0,
-    out: Annotated[Path | None, typer.Option(help="Folder of plan.json and of input signals for the drives.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of plan.json, a rig file with the planned poses, and input signals for the drives."
+        ),
+    ] = None,
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,

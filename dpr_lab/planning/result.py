@@ -49,6 +49,8 @@ class PlannedRelease(_Record):
     """What the arm does."""
     signal: Literal["", "multisine", "chirp"]
     """Input signal of the joint drives; empty for a free swing."""
+    pose: str | None = None
+    """Name of the start pose in the rig file that was written; None where no folder was given."""
     input: str | None
     """File of the input signal, for the device to replay; None for a free swing, and where no folder was given."""
     minutes: Number

@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+import pytest
+
+from dpr_lab.rig import load_rig
 from tests.schemas import validator
 
 LIMITS = """
@@ -26,6 +29,10 @@ def test_from_the_rig_file_alone(cli, tmp_path: Path) -> None:
     assert done.json["state"] == "first"
     assert done.json["minutes"] <= 4.0
     assert done.json["files"]["plan"] == str(out / "plan.json")
+    written = load_rig(out / "rig.toml")
+    for one in done.json["releases"]:
+        assert written.poses[one["pose"]].theta1 == pytest.approx(one["theta1_rad"], abs=1e-4)
+        assert one["pose"] not in load_rig("paper").poses
     signals = [one for one in done.json["releases"] if one["signal"]]
     assert signals
     rows = Path(signals[0]["input"]).read_text().splitlines()
