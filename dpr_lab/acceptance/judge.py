@@ -14,9 +14,12 @@ Source: D. J. Schuirmann (1987), A comparison of the two one-sided tests procedu
 Pharmacokinetics and Biopharmaceutics 15, 657-680.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
+
+import numpy as np
+from scipy import stats
 
 from dpr_lab.acceptance.limits import Limits
 from dpr_lab.effects import EFFECTS
@@ -63,16 +66,22 @@ class Acceptance:
     """The underlying diagnosis in words."""
     limits: tuple[JudgedLimit, ...]
     """Results in the order of the file."""
+    recordings: tuple[str, ...] = ()
+    """Releases that are expected to decide limits that are not decidable yet, in the order of recording."""
+    would_decide: tuple[str, ...] = ()
+    """Quantities of the limits that these releases decide if the value is half its limit or amid its range."""
 
 
-def judge(diagnosis: Diagnosis, limits: Limits) -> Acceptance:
+def judge(diagnosis: Diagnosis, limits: Limits, free_run_rad: Mapping[str, float] | None = None) -> Acceptance:
     """Test every limit.
 
     Args:
         diagnosis: the diagnosis of the recordings, with its evidence
         limits: the limits of the rig
+        free_run_rad: run -> error of a free run over the horizon of the limit, rad; where there is such a limit
     """
-    judged = (*_effects(diagnosis, limits), *_ratios(diagnosis, limits))
+    free = _free_run(diagnosis, limits, free_run_rad or {})
+    judged = (*_effects(diagnosis, limits), *_ratios(diagnosis, limits), *free)
     answers = {limit.answer for limit in judged}
     overall: Answer = "fail" if "fail" in answers else "not decidable" if "not decidable" in answers else "pass"
     return Acceptance(overall, diagnosis.sentence, judged)
@@ -96,6 +105,22 @@ def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
         interval = diagnosis.ratios[name].interval90
         reason = _untrusted(diagnosis) or next(filter(None, map(_doubted, diagnosis.effects)), "")
         yield _judged(name, limit.unit, limit.bounds, interval, _answer(interval, *limit.bounds), reason)
+
+
+def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float]) -> Iterator[JudgedLimit]:
+    """The median error over releases, whose logarithm is taken as normal between releases."""
+    if (limit := limits.free_run) is None:
+        return
+    reason = f"the description of the recordings is probably wrong: {diagnosis.hints[0]}" if diagnosis.hints else ""
+    interval = None
+    if len(errors) < 2:
+        reason = reason or f"fewer than two recordings are longer than {limit.horizon_s:g} s"
+    else:
+        logs = np.log(np.maximum(list(errors.values()), np.finfo(float).tiny))
+        spread = float(stats.t.ppf(SURE, len(logs) - 1) * logs.std(ddof=1) / np.sqrt(len(logs)))
+        interval = float(np.exp(logs.mean() - spread)), float(np.exp(logs.mean() + spread))
+    answer = _answer(interval, None, limit.max)
+    yield _judged(f"free run over {limit.horizon_s:g} s", limit.unit, (None, limit.max), interval, answer, reason)
 
 
 def _judged(

@@ -6,6 +6,11 @@ torque_Nm = { max = 0.002, unit = "N m" }
 [ratios]
 "c2/b" = { nominal = 0.30, tolerance = 0.03, unit = "1/s" }
 "a/b" = { min = 3.5, max = 3.9, unit = "1" }
+
+[free_run]
+max = 0.05
+horizon_s = 2.0
+unit = "rad"
 """
 
 from collections.abc import Iterable
@@ -67,6 +72,17 @@ class RatioLimit(RigTable):
         return self.nominal - self.tolerance, self.nominal + self.tolerance
 
 
+class FreeRunLimit(RigTable):
+    """Largest permitted error of a free run of the corrected model from the start of a release."""
+
+    max: Positive
+    """Root mean square error of a reading, in `unit`."""
+    horizon_s: Annotated[float, Field(ge=0.5, le=60, strict=True)]
+    """Duration of the free run, s."""
+    unit: str
+    """`rad`."""
+
+
 class Limits(RigTable):
     """Limits of a rig."""
 
@@ -74,6 +90,8 @@ class Limits(RigTable):
     """Effect -> amplitude -> limit of its size."""
     ratios: dict[str, RatioLimit] = Field(default={})
     """Ratio -> its range."""
+    free_run: FreeRunLimit | None = None
+    """Of the free-run error; None without a limit."""
 
 
 def load_limits(path: Path) -> Limits:
@@ -84,8 +102,8 @@ def load_limits(path: Path) -> Limits:
         names them.
     """
     limits = read_config(path, Limits)
-    if not limits.ratios and not any(limits.effects.values()):
-        raise ConfigError(f"{path}: has no limits: add a table [effects.NAME] or [ratios]")
+    if not limits.ratios and not any(limits.effects.values()) and limits.free_run is None:
+        raise ConfigError(f"{path}: has no limits: add a table [effects.NAME], [ratios] or [free_run]")
     refuse_other_limits(path, limits)
     return limits
 
@@ -102,6 +120,8 @@ def refuse_other_limits(path: Path, limits: Limits) -> None:
         for parameter, limit in amplitudes.items():
             _known(path, f"effects.{name}", f"amplitude of {name}", parameter, units)
             _same_unit(path, f"effects.{name}.{parameter}", limit.unit, units[parameter])
+    if limits.free_run is not None:
+        _same_unit(path, "free_run", limits.free_run.unit, "rad")
     for name, limit in limits.ratios.items():
         _known(path, "ratios", "ratio", name, RATIO_UNITS)
         _same_unit(path, f"ratios.{name}", limit.unit, RATIO_UNITS[name])

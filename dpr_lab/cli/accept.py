@@ -7,6 +7,7 @@ import typer
 
 from dpr_lab.cli.checks import AnyClock, RigName, TorqueKind
 from dpr_lab.cli.console import emit, json_mode, line, table
+from dpr_lab.shown import listed
 
 EXIT_CODES = {"pass": 0, "fail": 1, "not decidable": 9}
 """Exit code of each answer."""
@@ -52,6 +53,10 @@ def accept(
             for limit in acceptance.limits
         ]
         table("Limits", ("quantity", "limits", "90 % interval", "unit", "answer", "reason"), rows)
+        if acceptance.would_decide:
+            line(f"These releases are expected to decide {listed(acceptance.would_decide)}:")
+            for number, release in enumerate(acceptance.recordings, 1):
+                line(f"{number}. {release}")
     raise typer.Exit(EXIT_CODES[acceptance.answer])
 
 

@@ -31,9 +31,7 @@ def plan(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the search; the same seed gives the same plan.")] = 0,
     out: Annotated[
         Path | None,
-        typer.Option(
-            help="Folder of plan.json, a rig file with the planned poses, and input signals for the drives."
-        ),
+        typer.Option(help="Folder of plan.json, a rig file with the planned poses, and input signals for the drives."),
     ] = None,
     any_clock: AnyClock = False,
     torque: TorqueKind = None,

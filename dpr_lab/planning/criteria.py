@@ -20,16 +20,17 @@ A. C. Atkinson & V. V. Fedorov (1975), The design of experiments for discriminat
 62, 57-70. K. Chaloner & I. Verdinelli (1995), Bayesian experimental design: a review, Statistical Science 10, 273-304.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.advice.check_kind import expected_bits
-from dpr_lab.gap.classes.posterior import CALIBRATION
+from dpr_lab.gap.classes.posterior import CALIBRATION, HIDDEN
 from dpr_lab.planning.knowledge import RATIO_COLUMNS, Causes, Knowledge
 
 Array = NDArray[np.float64]
@@ -44,6 +45,8 @@ class Worth:
     cause that nobody thinks of."""
     ratios: float = 0.02
     """The same of a bit about the ratios: they matter once causes are decided."""
+    limits: float = 0.3
+    """The same of a bit about a quantity that has a limit: log2 of its standard deviation."""
     sizes: tuple[float, ...] = (0.1, 0.3, 1.0)
     """Sizes of the library's amplitudes, in typical ones."""
     least: float = 0.01
@@ -94,7 +97,7 @@ class OpenPairs:
             G = given(known.information, others, list(dict.fromkeys((*own, *about))))
             inverse = np.linalg.pinv(G[: len(own), : len(own)], rcond=1e-12, hermitian=True)
             imitation = inverse @ (G[: len(own), len(own) :] @ target) if name != causes.about else target
-            sizes.append(imitation)
+            sizes.append(_with_hidden(name, causes.about, own, known, imitation, target))
             spreads.append(inverse)
         return cls(
             causes.about,
@@ -105,6 +108,11 @@ class OpenPairs:
             tuple(sizes),
             tuple(spreads),
         )
+
+    def sized_distance(self, F: Array, truth: int, other: int) -> float:
+        """D^2 of two causes at the sizes expected, without their spread."""
+        none = tuple(np.zeros_like(spread) for spread in self.spreads)
+        return float(replace(self, spreads=none).distances(F)[truth, other])
 
     def distances(self, F: Array) -> Array:
         """(n, n) expected D^2 of the readings under each cause (row) from the nearest of each other (column)."""
@@ -125,8 +133,29 @@ class OpenPairs:
         return apart
 
     def gained(self, before: Array, F: Array) -> Array:
-        """(n, n) d^2 that information adds to the log odds of each cause against each other."""
-        return np.maximum(self.distances(F) - before, 0.0) / CALIBRATION.temperature
+        """(n, n) d^2 that information adds to the log odds of each cause against each other.
+
+        A form that is contained in a richer one is never worse explained by it. The evidence for it is that against
+        the added amplitude.
+        """
+        d2 = np.maximum(self.distances(F) - before, 0.0) / CALIBRATION.temperature
+        for i, name in enumerate(self.names):
+            for j, richer in enumerate(self.names):
+                if name in EFFECTS[richer].nested:
+                    d2[i, j] = d2[j, i]
+        return d2
+
+
+def _with_hidden(name: str, about: str, own: Sequence[int], known: Knowledge, sizes: Array, target: Array) -> Array:
+    """Sizes of a cause; what a richer form adds to the named effect is taken as large as it may still be hidden.
+
+    A diagnosis keeps both in one class until it would show that much.
+    """
+    if about not in EFFECTS[name].nested or not len(target):
+        return sizes
+    shared = {known.model.columns[i].name for i in known.places[about]}
+    added = np.array([known.model.columns[i].name not in shared for i in own])
+    return np.where(added, np.maximum(np.abs(sizes), HIDDEN * np.abs(target).max()), sizes)
 
 
 def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
@@ -186,10 +215,20 @@ def ratio_std(known: Knowledge, F: Array) -> Array:
     return np.sqrt(np.diag(np.linalg.inv(given(F, rest, range(len(RATIOS))))))
 
 
-def detectable(known: Knowledge, F: Array, sigmas: float) -> dict[str, dict[str, float | None]]:
-    """Minimum detectable size of every amplitude, given what is fitted; None where it is not seen."""
+def detectable(
+    known: Knowledge, F: Array, sigmas: float, names: Iterable[str] | None = None
+) -> dict[str, dict[str, float | None]]:
+    """Size of every amplitude of some or all effects in standard deviations; None where it is not seen.
+
+    Args:
+        known: what is known now
+        F: (k, k) information
+        sigmas: standard deviations of a size
+        names: of the effects; None: all
+    """
     sizes: dict[str, dict[str, float | None]] = {}
-    for name, places in known.places.items():
+    for name in known.places if names is None else names:
+        places = known.places.get(name, ())
         fitted = [i for i in known.fitted if i not in places]
         left = np.diag(given(F, fitted, list(places)))
         prior = np.diag(known.prior)[list(places)]

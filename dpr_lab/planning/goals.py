@@ -1,10 +1,11 @@
-"""Whether planned releases decide the limits that a rig must keep (`dpr-lab accept`).
+"""Limits that a rig must keep (`dpr-lab accept`) as goals of a plan, and whether its releases decide them.
 
 A limit is decided by a 90 % interval, 1.645 standard deviations on either side. A quantity at half its limit, or in the
-middle of its range, passes on average if that reach is below the distance to the limit.
+middle of its range, passes on average if that reach is below its distance to the limit.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,33 +21,67 @@ from dpr_lab.planning.result import LimitForecast
 Array = NDArray[np.float64]
 
 
-def limit_forecasts(known: Knowledge, F: Array, limits: Limits) -> list[LimitForecast]:
-    """Each limit of a file, and whether releases with some information decide it.
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """One limit, and how exactly its quantity is known."""
+
+    quantity: str
+    """As `dpr-lab accept` names it."""
+    unit: str
+    """SI."""
+    reach: float | None
+    """Half of the 90 % interval; None where no size shows."""
+    room: float
+    """Distance to the limit from half of it, or from the middle of a range."""
+    single: bool = True
+    """Whether the score test of `accept` gives it an interval."""
+
+
+def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:
+    """Each limit of a file with some information.
 
     Args:
         known: what is known now
-        F: (k, k) information with the planned releases
+        F: (k, k) information
         limits: what the rig must keep
     """
     return [*_of_effects(known, F, limits), *_of_ratios(known, F, limits)]
 
 
-def _of_effects(known: Knowledge, F: Array, limits: Limits) -> Iterator[LimitForecast]:
-    sizes = detectable(known, F, NORMAL_Q90)
+def goal_bits(known: Knowledge, F: Array, limits: Limits) -> float:
+    """log2 of one over the reach of every limit in units of its room, no finer than half of it; summed."""
+    shares = [one.reach / one.room for one in goals(known, F, limits) if one.reach is not None]
+    return float(np.sum(-np.log2(np.maximum(shares, 0.5)))) if shares else 0.0
+
+
+def limit_forecasts(known: Knowledge, F: Array, limits: Limits) -> list[LimitForecast]:
+    """Each limit of a file, and whether releases with some information decide it; arguments as of `goals`."""
+    return [
+        LimitForecast(
+            quantity=one.quantity,
+            unit=one.unit,
+            reach=one.reach,
+            decides=one.single and one.reach is not None and one.reach < one.room,
+        )
+        for one in goals(known, F, limits)
+    ]
+
+
+def _of_effects(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
+    sizes = detectable(known, F, NORMAL_Q90, limits.effects)
     for name, amplitudes in limits.effects.items():
         for parameter, limit in amplitudes.items():
-            reach = sizes.get(name, {}).get(parameter)
             single = len(EFFECTS[name].amplitudes) == 1 or name in known.named
-            decides = single and reach is not None and reach < limit.max / 2
-            yield LimitForecast(quantity=f"{name}.{parameter}", unit=limit.unit, reach=reach, decides=decides)
+            yield Goal(f"{name}.{parameter}", limit.unit, sizes.get(name, {}).get(parameter), limit.max / 2, single)
 
 
-def _of_ratios(known: Knowledge, F: Array, limits: Limits) -> Iterator[LimitForecast]:
+def _of_ratios(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
+    if not limits.ratios:
+        return
     reaches = NORMAL_Q90 * ratio_std(known, F)
     for name, limit in limits.ratios.items():
         index = RATIOS.index(name)
         lower, upper = limit.bounds
         middle = known.model.estimate.ratios[index] if lower is None or upper is None else (lower + upper) / 2
-        room = min((abs(end - middle) for end in (lower, upper) if end is not None), default=np.inf)
-        reach = float(reaches[index])
-        yield LimitForecast(quantity=name, unit=limit.unit, reach=reach, decides=reach < room)
+        room = min(abs(end - middle) for end in (lower, upper) if end is not None)
+        yield Goal(name, limit.unit, float(reaches[index]), max(float(room), 1e-300))

@@ -1,14 +1,16 @@
 """Worth of information for a plan: bits about open causes, the library and the ratios, weighed and added."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.acceptance.limits import Limits
 from dpr_lab.planning.criteria import WORTH, OpenPairs, cause_bits, library_bits, ratio_bits
+from dpr_lab.planning.goals import goal_bits
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.release import CandidateRelease
-from dpr_lab.planning.simulation import simulated_distance
+from dpr_lab.planning.simulation import SIMULATED_FIT, simulated_distance
 
 Array = NDArray[np.float64]
 
@@ -24,14 +26,16 @@ class Objective:
     """(n, n) D^2 that the runs so far hold, of each."""
     ratios: float
     """Bits about the ratios so far."""
+    limits: Limits = field(default_factory=Limits)
+    """Limits that the rig must keep."""
 
     @classmethod
-    def of(cls, known: Knowledge) -> "Objective":
-        """From what is known."""
+    def of(cls, known: Knowledge, limits: Limits | None = None) -> "Objective":
+        """From what is known, and the limits that the rig must keep."""
         pairs = tuple(OpenPairs.of(known, causes) for causes in known.causes)
         pairs = tuple(one for one in pairs if len(one.names) > 1)
         before = tuple(one.distances(known.information) for one in pairs)
-        return cls(known, pairs, before, ratio_bits(known, known.information))
+        return cls(known, pairs, before, ratio_bits(known, known.information), limits or Limits())
 
     def gained(self, F: Array) -> list[Array]:
         """Of each named effect, (n, n) d^2 that further information adds."""
@@ -42,11 +46,16 @@ class Objective:
         if not self.pairs:
             return None
         pairs = max(self.pairs, key=lambda one: float(np.sort(one.probabilities)[-2]))
-        truth, other = np.argsort(-pairs.probabilities)[:2].tolist()
-        k = self.pairs.index(pairs)
-        linear = pairs.distances(self.known.information + information)[truth, other] - self.before[k][truth, other]
+        before = next(b for one, b in zip(self.pairs, self.before, strict=True) if one is pairs)
+        first, second = np.argsort(-pairs.probabilities)[:2].tolist()
+        gained = pairs.distances(self.known.information + information) - before
+        truth, other = max(((first, second), (second, first)), key=lambda pair: float(gained[pair]))
+        linear = pairs.sized_distance(self.known.information + information, truth, other)
+        linear -= pairs.sized_distance(self.known.information, truth, other)
+        if linear < SIMULATED_FIT.least:
+            return None
         nonlinear = simulated_distance(release, self.known, pairs, truth, other)
-        return None if nonlinear is None or linear <= 0 else nonlinear / float(linear)
+        return None if nonlinear is None else nonlinear / linear
 
     def bits(self, F: Array) -> dict[tuple[str, str], float]:
         """Expected bits of each open pair with that information."""
@@ -61,4 +70,6 @@ class Objective:
         """Weighed sum of bits with that information."""
         causes = sum(self.bits(F).values())
         library = WORTH.library if self.pairs else 1.0
-        return causes + library * library_bits(self.known, F) + WORTH.ratios * (ratio_bits(self.known, F) - self.ratios)
+        ratios = WORTH.ratios * (ratio_bits(self.known, F) - self.ratios)
+        limits = WORTH.limits * goal_bits(self.known, F, self.limits)
+        return causes + library * library_bits(self.known, F) + ratios + limits

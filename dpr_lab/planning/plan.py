@@ -67,7 +67,7 @@ def plan(
         diagnosis = diagnose(runs, rig)
     started, driven = time.perf_counter(), limits.drive is not None
     known = known_after(runs, rig, diagnosis, driven) if runs and diagnosis else known_before(rig, driven)
-    objective = Objective.of(known)
+    objective = Objective.of(known, limits)
     planner = Planner(objective, limits, np.random.default_rng(seed), driven_releases(known.model, limits))
     steps = planner.sequence(count or (LENGTH.usual if budget_min is None else LENGTH.most), budget_min)
     return summed_up(objective, steps, limits, time.perf_counter() - started)

@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 class SimulatedFit:
     """How the other cause is fitted."""
 
+    least: float = 1.0
+    """Linearised Delta D^2 below which a release tells so little that nothing is simulated."""
     iterations: int = 6
     """Gauss-Newton steps from the linear solution, after which the rest hardly changes."""
 

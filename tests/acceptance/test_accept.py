@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from dpr_lab.acceptance.free_run import free_run_errors
 from dpr_lab.acceptance.judge import judge
 from dpr_lab.acceptance.limits import Limits, load_limits
 from dpr_lab.errors import ConfigError
@@ -106,8 +107,9 @@ def test_a_ratio_is_not_decidable_where_the_cause_is_unsure(found: Diagnosis) ->
         ('[effects.coulomb_joint2]\ntorque_Nm = {max = nan, unit = "N m"}', "torque_Nm.max = nan"),
         ('[effects.coulomb_joint2]\ntorque_Nm = {max = "1", unit = "N m"}', "torque_Nm.max = '1'"),
         ('[ratios]\n"c3/b" = {max = 1.0, unit = "1/s"}', "no ratio named c3/b"),
-        ('[ratios]\n"c2/b" = {nominal = 1.0, unit = "1/s"}', "go together"),
+        ('[ratios]\n"c2/b" = {nominal = 1.0, unit = "1/s"}', "give both nominal and tolerance"),
         ('[ratios]\n"c2/b" = {unit = "1/s"}', "needs either"),
+        ('[free_run]\nmax = 0.1\nhorizon_s = 1.0\nunit = "deg"', 'must be "rad"'),
         ("[ratios", "not valid TOML"),
     ],
 )
@@ -123,3 +125,28 @@ def test_a_wrong_file_is_refused_with_its_key_and_value(tmp_path: Path, text: st
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be read"):
         load_limits(tmp_path / "none.toml")
+
+
+def test_a_free_run_is_judged_by_its_spread_over_releases(found: Diagnosis) -> None:
+    limit = {"max": 0.05, "horizon_s": 2.0, "unit": "rad"}
+    kept = Limits.model_validate({"free_run": limit})
+    answers = {
+        name: judge(found, kept, dict(enumerate_runs(errors))).answer
+        for name, errors in {"small": (0.010, 0.012, 0.011), "large": (0.2, 0.25, 0.3), "wide": (0.01, 0.2)}.items()
+    }
+    assert answers == {"small": "pass", "large": "fail", "wide": "not decidable"}
+    (alone,) = judge(found, kept, {"X1": 0.01}).limits
+    assert alone.answer == "not decidable"
+    assert "fewer than two recordings" in alone.reason
+
+
+def enumerate_runs(errors: tuple[float, ...]) -> list[tuple[str, float]]:
+    return [(f"X{number}", error) for number, error in enumerate(errors, 1)]
+
+
+def test_free_run_errors_grow_with_the_horizon(recorded: Callable[..., list], found: Diagnosis, paper: Rig) -> None:
+    runs = recorded({"coulomb_joint1": {"torque_Nm": TORQUE_NM}})
+    short, long = (free_run_errors(runs, paper, found, horizon) for horizon in (0.6, 2.0))
+    assert short.keys() == long.keys() == {run.name for run in runs}
+    assert sum(short.values()) < sum(long.values()) < 0.5
+    assert free_run_errors(runs, paper, found, 59.0) == {}

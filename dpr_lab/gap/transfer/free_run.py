@@ -71,18 +71,19 @@ class FreeRuns:
         return {name: value for name, value in rms.items() if np.isfinite(value)}
 
 
-def free_runs(recordings: Recordings, at: Estimate) -> FreeRuns:
+def free_runs(recordings: Recordings, at: Estimate, length_s: float = FREE_RUN.length_s) -> FreeRuns:
     """Simulate a model freely for each recording.
 
     Args:
         recordings: the recordings; if one has few first readings, `MIN_SAMPLES` of them are fitted
         at: ratios and effects for the simulation
+        length_s: from the beginning to where the free run is compared, s
     """
     items = tuple(item.only(slice(cut(item.t, np.inf, item.breaks)[0].start, None)) for item in recordings.records)
     begun = [_begun(recordings, item, at) for item in items]
     compared = []
     for item in items:
-        within = item.t - item.t[0] <= FREE_RUN.length_s
+        within = item.t - item.t[0] <= length_s
         within[:MIN_SAMPLES] = True
         compared.append(replace(item.only(within), breaks=np.zeros(0)))
     whole, _ = (

@@ -1,0 +1,31 @@
+"""Errors of free runs of a corrected model over a horizon."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dpr_lab.effects import effect_params
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.transfer.free_run import free_runs
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+
+def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon_s: float) -> dict[str, float]:
+    """Run -> root mean square error of the corrected model that runs free from the start, rad.
+
+    Args:
+        runs: the runs; one that is shorter than the horizon is left out
+        rig: the rig
+        diagnosis: it has the corrected model
+        horizon_s: duration of the free run, s
+    """
+    long = [run for run in runs if run.t[-1] >= horizon_s]
+    if not long:
+        return {}
+    at = Estimate.of(diagnosis.unknowns, effect_params(diagnosis.model_effects), np.zeros((0, 4)))
+    recordings = Recordings(tuple(record(run, rig) for run in long), rig)
+    return free_runs(recordings, at, horizon_s).errors_rad
