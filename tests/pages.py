@@ -22,7 +22,8 @@ RECORD = ROOT.parent / "shared" / "data" / "real" / "multiarm" / "dp_freeswing_1
 
 FOLLOWED = ("sh", "python")
 READ = ("c", "json", "toml")
-NOT_COMMANDS = ("", "text", "{toctree}", "{literalinclude}", "{eval-rst}", "{code-cell} ipython3")
+LAW_OF_PLUGIN = "{literalinclude} ../examples/plugin/src/dpr_lab_magnet.py"
+NOT_COMMANDS = ("", "text", "{toctree}", LAW_OF_PLUGIN, "{eval-rst}", "{code-cell} ipython3")
 """Formulas, what a program prints, what Sphinx reads; cells of a notebook run whenever the site is built."""
 
 

@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import subprocess
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -85,7 +86,10 @@ def compiled(file: Path) -> None:
 
 
 def settings_read(file: Path) -> None:
-    """A rig file, or the keys of the screen."""
+    """A rig file, a part of a project file, or the keys of the screen."""
+    if "[project" in file.read_text(encoding="utf-8"):
+        assert tomllib.loads(file.read_text(encoding="utf-8"))["project"]
+        return
     if "[rig]" in file.read_text(encoding="utf-8"):
         load_rig(file)
     else:
