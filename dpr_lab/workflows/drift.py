@@ -91,6 +91,7 @@ def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResul
     from dpr_lab.drift.changes import changes
     from dpr_lab.drift.estimates import estimate_each
     from dpr_lab.drift.groups import grouped
+    from dpr_lab.drift.moving_arm import estimate_each_arm
     from dpr_lab.identification.model import load_model
     from dpr_lab.report.drift import save_drift
     from dpr_lab.rig import load_rig
@@ -100,11 +101,15 @@ def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResul
         refuse_file(request.out)
     rig = load_rig(request.rig)
     effects = _effects(request.diagnosis) if request.diagnosis else None
+    runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque, moving=True)
+    moving = any(run.arm_mode in ("free", "driven") for run in runs)
+    if moving and (request.diagnosis or request.model):
+        raise RunError("runs with a free or driven arm are compared by their ratios: leave out --diagnosis and --model")
     start = load_model(request.model).starting_point(rig) if request.model else None
-    runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque)
     groups = grouped([_recorded(file) for file in request.runs], request.by)
     on_event(StageBegan(1, len(STAGES), STAGES[0]))
-    found = estimate_each([runs[i] for i in groups.order], rig, effects, start)
+    ordered = [runs[i] for i in groups.order]
+    found = estimate_each_arm(ordered, rig) if moving else estimate_each(ordered, rig, effects, start)
     on_event(StageBegan(2, len(STAGES), STAGES[1]))
     drift = changes(found, groups.group, groups.names)
     kinds = torque_kinds(runs)
