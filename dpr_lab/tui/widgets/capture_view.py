@@ -21,10 +21,9 @@ from dpr_lab.tui.line_breaks import Hanging
 from dpr_lab.tui.recorder.attempt import Attempt, Phase
 from dpr_lab.tui.recorder.sighting import Sighting
 from dpr_lab.tui.widgets import readout
-from dpr_lab.tui.widgets.arm_above import ArmAbove
 from dpr_lab.tui.widgets.chart import Chart, Series
 from dpr_lab.tui.widgets.checklist import checklist_text
-from dpr_lab.tui.widgets.pendulum import Lengths, Pendulum
+from dpr_lab.tui.widgets.pendulum import ArmAbove, Lengths, Pendulum
 from dpr_lab.tui.widgets.readout import BAD, GOOD, Placement
 
 BEGIN = "press {capture.start}: the latch closes and you are guided to the pose"

@@ -16,8 +16,8 @@ from dpr_lab.tui.steps import connect
 from dpr_lab.tui.steps.capture import CaptureStep
 from dpr_lab.tui.steps.connect import ConnectStep
 from dpr_lab.tui.steps.rig import RigStep
-from dpr_lab.tui.widgets.arm_above import ArmAbove
 from dpr_lab.tui.widgets.chart import Chart
+from dpr_lab.tui.widgets.pendulum import ArmAbove
 from tests.tui.steps.test_looks import CONNECTED, NONE_LOST, NOW, READY, recorded
 
 
