@@ -73,7 +73,7 @@ async def test_cancelling_leaves_nothing_half_written(lab, until, recorded: list
     async with lab(DiagnoseStep, runs=recorded) as pilot:
         await pilot.press("s")
         await until(pilot, lambda: "step" in text(pilot.app, "#state"))
-        assert "Diagnose: under way" in str(pilot.app.query_one(Stepper).render())  # it said "to be done"
+        assert "Diagnose: running" in str(pilot.app.query_one(Stepper).render())  # it said "to be done"
         await pilot.press("X")
         await until(pilot, lambda: step(pilot.app).job is None)
         assert "Diagnose: to be done" in str(pilot.app.query_one(Stepper).render())
@@ -326,7 +326,7 @@ async def test_a_recording_cannot_be_held_out_from_itself(lab, until, recorded: 
         await pilot.press("s")
         await until(pilot, lambda: step(pilot.app).job is None)
         (notice,) = pilot.app._notifications
-        assert f"{copy}: the same recording as {recorded[0]}" in notice.message
+        assert f"{copy}: is the same recording as {recorded[0]}" in notice.message
 
 
 @pytest.mark.slow

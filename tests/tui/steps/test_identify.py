@@ -117,7 +117,7 @@ async def test_a_recording_chosen_twice_is_refused(lab, until, recorded: list[Pa
         await pilot.press("s")
         await until(pilot, lambda: step(pilot.app).job is None)
         (notice,) = pilot.app._notifications
-        assert f"{copy}: the same recording as {recorded[0]}" in notice.message
+        assert f"{copy}: is the same recording as {recorded[0]}" in notice.message
         assert pilot.app.workspace.model is None
 
 
