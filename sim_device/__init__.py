@@ -1,1 +1,1 @@
-"""A device made of software: hidden plant, encoders, operator and latch, speaking only bytes on a link."""
+"""A simulated device: plant, encoders, operator and latch; it communicates only by bytes on a link."""

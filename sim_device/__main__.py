@@ -41,7 +41,7 @@ text on standard input; each further line that is a JSON object is a release to 
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Serve until stopped; returns the exit code."""
+    """Serve until stopped; return the exit code."""
     options = _parser().parse_args(arguments)
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="sim_device: %(message)s")
     try:
@@ -64,16 +64,18 @@ def _parser() -> argparse.ArgumentParser:
     add("--rig", default="paper", help="rig file or built-in name: lengths, poses, encoders (default: %(default)s)")
     add("--plant", default="paper", help="plant file or built-in name: the hidden truth (default: %(default)s)")
     add("--link", default="pty", help="pty, slcan or tcp:PORT (default: %(default)s)")
-    add("--clock", default="realtime", choices=("realtime", "fast"), help="fast: as fast as the host takes it")
-    add("--seed", type=_whole, help="varies noise and hand; also the truth with --draw (default: the plant file's)")
+    add("--clock", default="realtime", choices=("realtime", "fast"), help="fast: as fast as the host receives")
+    add(
+        "--seed", type=_whole, help="seed of noise and operator; also the truth with --draw (default: the plant file's)"
+    )
     add("--draw", action="store_true", help="draw the true parameters around the plant file's, from the seed")
     add("--draw-effects", metavar="KIND[:LEVEL[:EFFECT,...]]", help=DRAW_HELP)
     add("--baud", type=_whole, help="bit/s of the line (default: 921600 for serial, 1000000 for CAN)")
     add("--uid", type=_uid, default=0x51D0_0000_0001, help="the device's number, hexadecimal")
     add("--drift-ppm", type=float, default=0.0, help="error of the device's crystal (default: %(default)s)")
     add("--torques", metavar="FILE", help="table (t_s, tau1_Nm, tau2_Nm) that joint drives replay from the release on")
-    add("--hand-error", type=float, default=0.0, help="rad by which the hand misses every pose (default: %(default)s)")
-    add("--fault", action="append", default=[], metavar="NAME=VALUE", help="something that goes wrong, see below")
+    add("--hand-error", type=float, default=0.0, help="error of the operator at every pose, rad (default: %(default)s)")
+    add("--fault", action="append", default=[], metavar="NAME=VALUE", help="fault to simulate, see below")
     add("--firmware", default="python", choices=("python", "c"), help="c: the reference firmware (default: python)")
     add("--exit-with-parent", action="store_true", help="stop when standard input closes")
     add("--reveal", action="store_true", help="print the plant's truth as JSON and exit")
@@ -111,9 +113,9 @@ def _tell(options: argparse.Namespace) -> int:
 
 
 def _hold(options: argparse.Namespace) -> int:
-    """A sealed plant whose truth is in memory alone, and gone with whoever started this.
+    """A sealed plant whose truth exists only in memory, and is lost when this process ends.
 
-    Each line that comes is a release to record, a JSON object, until one is anything else: that reveals the truth.
+    Each line with a JSON object is a release to record; any other line reveals the truth.
     """
     from dpr_lab.rig import parse_rig
     from sim_device.trials.trial import drawn_trial, recorded_next

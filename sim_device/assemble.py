@@ -1,4 +1,4 @@
-"""Put a simulated device together from names, as the command line gives them."""
+"""Assemble a simulated device from the options of the command line."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,10 +29,10 @@ from sim_device.trials.request import parse_request, with_kind
 
 
 def hidden_plant(options: Options) -> HiddenPlant:
-    """The truth that a device with these options carries.
+    """The truth of a device with these options.
 
     Raises:
-        ConfigError: a rig or plant file that is not found or not valid, or nothing that could be drawn.
+        ConfigError: a rig or plant file is missing or invalid, or the requested draw is impossible.
     """
     rig = load_rig(options.rig)
     plant = Path(options.rig).parent / SEALED_FILE if options.plant == SEALED_PLANT else options.plant
@@ -47,12 +47,12 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
     """A device and its open link, ready for `serve`.
 
     Args:
-        options: what was chosen
-        at_once: whether a device in real time is to answer while its kernels are still being compiled; its operator
-            takes the rods to no pose before that
+        options: options of the device
+        at_once: whether a device in real time answers while its kernels are still being compiled; until then, its
+        operator moves the rods to no pose
 
     Raises:
-        ConfigError: a file or a fault that is not right.
+        ConfigError: an invalid file or fault.
         LinkError: no such link, or it cannot be opened.
     """
     rig, plant = load_rig(options.rig), hidden_plant(options)
@@ -80,7 +80,7 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
 
 
 def _drives(options: Options, plant: PlantConfig) -> JointDrives | ArmDrive | None:
-    """Drives that replay the table that is given, was sealed, or is drawn, or that of the arm; None for free swings."""
+    """Drives that replay the given, sealed or drawn table, or the drive of the arm; None for free swings."""
     if plant.arm_drive is not None:
         if options.torques is not None:
             raise ConfigError(f"--torques: plant {plant.name} has a driven arm, whose joints have no drives besides")
@@ -94,7 +94,7 @@ def _drives(options: Options, plant: PlantConfig) -> JointDrives | ArmDrive | No
 
 
 def with_drives(info: DeviceInfo, drives: JointDrives | ArmDrive | None) -> DeviceInfo:
-    """What a board says it is that has these drives."""
+    """Identity that a board with these drives reports."""
     if drives is None:
         return info
     if isinstance(drives, ArmDrive):
@@ -104,11 +104,11 @@ def with_drives(info: DeviceInfo, drives: JointDrives | ArmDrive | None) -> Devi
 
 
 def _firmware(name: str) -> tuple[Callable[[DeviceInfo, SimulatedRods, Clock, Faults], Board], Framing]:
-    """The board that runs a firmware, and the firmware's own framing of a serial line."""
+    """The board with a firmware, and the framing of that firmware for a serial line."""
     if name == "python":
         return PythonBoard, SerialCodec
     from sim_device.firmware.c_board import CBoard
     from sim_device.firmware.c_firmware import CFraming, load
 
-    load()  # compiles it where that was not done before
+    load()  # compiles it if necessary
     return CBoard, CFraming

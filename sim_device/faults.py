@@ -1,4 +1,4 @@
-"""Faults on request: what a bad cable, a dying board or a broken encoder does to a recording."""
+"""Faults on request: effects of a bad cable, a failing board or a broken encoder on a recording."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -26,39 +26,39 @@ class FaultKind:
 
 
 FAULTS: dict[str, FaultKind] = {
-    "drop": FaultKind("frame", "probability that a frame is lost, either way"),
-    "duplicate": FaultKind("frame", "probability that a frame arrives twice, either way"),
-    "reorder": FaultKind("frame", "probability that a frame changes places with the next, either way"),
+    "drop": FaultKind("frame", "probability that a frame is lost, in either direction"),
+    "duplicate": FaultKind("frame", "probability that a frame arrives twice, in either direction"),
+    "reorder": FaultKind("frame", "probability that two successive frames are exchanged, in either direction"),
     "lose_torques": FaultKind("frame", "probability that a TORQUE or ARM_INPUT frame is lost"),
     "lose_events": FaultKind("frame", "how many of the first EVENT frames are lost", np.inf, whole=True),
     "lose_pongs": FaultKind("frame", "probability that a PONG frame is lost"),
-    "pong_scale": FaultKind("frame", "factor on the tick that PONG tells; 0: frozen", 10.0),
-    "stuck_latch": FaultKind("frame", "1: every STATUS says that the latch holds", whole=True),
-    "flip": FaultKind("byte", "probability that a byte has one bit flipped, either way"),
+    "pong_scale": FaultKind("frame", "factor on the tick in PONG; 0: constant", 10.0),
+    "stuck_latch": FaultKind("frame", "1: every STATUS reports that the latch holds", whole=True),
+    "flip": FaultKind("byte", "probability that a byte has one bit inverted, in either direction"),
     "garbage": FaultKind("byte", "probability that a write to the host is preceded by stray bytes"),
-    "truncate": FaultKind("byte", "probability that a frame to the host loses its end"),
-    "overrun": FaultKind("board", "probability that the board comes too late to take a sample"),
+    "truncate": FaultKind("byte", "probability that a frame to the host is truncated"),
+    "overrun": FaultKind("board", "probability that the board is too late for a sample"),
     "stuck_encoder": FaultKind(
-        "encoder", "joint (0, 1, 2) whose counter stays where it was at the release", JOINTS - 1, whole=True
+        "encoder", "joint (0, 1, 2) whose counter stays constant after the release", JOINTS - 1, whole=True
     ),
     MISSED_COUNTS.name: FaultKind(
-        "encoder", "counts that encoder 2 misses at once, a quarter of a second into the swing", 32767, whole=True
+        "encoder", "counts that encoder 2 misses, a quarter of a second after the release", 32767, whole=True
     ),
-    "stall_ms": FaultKind("time", "ms for which nothing passes the link, again and again while streaming", 60_000),
-    "bus_off_after_s": FaultKind("time", "device seconds of streaming after which the link falls silent", np.inf),
+    "stall_ms": FaultKind("time", "duration in ms of repeated interruptions of the link while streaming", 60_000),
+    "bus_off_after_s": FaultKind("time", "device seconds of streaming after which the link transmits nothing", np.inf),
     "cut_after_s": FaultKind("time", "device seconds of streaming after which the link is cut", np.inf),
-    "cut_at_release": FaultKind("time", "1: the link is cut as soon as the device has let go", whole=True),
+    "cut_at_release": FaultKind("time", "1: the link is cut immediately after the release", whole=True),
     "reset_after_s": FaultKind("time", "device seconds of streaming after which the device restarts", np.inf),
     "major": FaultKind("identity", "major version of the protocol that the device claims", 255, whole=True),
     "schema": FaultKind("identity", "schema hash that the device claims", 0xFFFFFFFF, whole=True),
 }
-"""Name on the command line -> kind. Everything here can be given several times and combined."""
+"""Faults by their name on the command line. All can be given several times and combined."""
 
 STRAY_BYTES = 24
-"""What `garbage` puts in front of a write."""
+"""Bytes that `garbage` inserts before a write."""
 
 MISSED_AFTER_S = 0.25
-"""When an encoder misses counts at once, after the release."""
+"""Time after the release at which an encoder misses several counts."""
 
 
 class Faults:
@@ -74,7 +74,7 @@ class Faults:
         return self._values.get(name)
 
     def strikes_bytes(self) -> bool:
-        """Whether any fault works on bytes, which a CAN bus does not show."""
+        """Whether any fault changes bytes, which a CAN bus would not transmit."""
         return any(FAULTS[name].site == "byte" for name in self._values)
 
     def frames(self, frames: list[Frame]) -> list[Frame]:
@@ -107,7 +107,7 @@ class Faults:
         return [frame for frame, gone in zip(frames, lost, strict=True) if not (gone and frame.number == number)]
 
     def _untrue(self, frame: Frame) -> Frame:
-        """A PONG or STATUS that tells something else than the board meant to."""
+        """A PONG or STATUS with false content."""
         if frame.number == NUMBERS[Pong] and "pong_scale" in self._values:
             pong = decode(frame)
             assert isinstance(pong, Pong)
@@ -127,7 +127,7 @@ class Faults:
         return data[: self._rng.integers(1, len(data))]
 
     def taken(self, count: int) -> NDArray[np.bool_]:
-        """(count,) samples that the board takes in time."""
+        """(count,) whether the board takes a sample in time."""
         late = self._values.get("overrun", 0.0)
         return self._rng.random(count) >= late if late else np.ones(count, dtype=np.bool_)
 
@@ -143,7 +143,7 @@ class Faults:
         return stray + self.flipped(data)
 
     def flipped(self, data: bytes) -> bytes:
-        """Bytes after a noisy cable."""
+        """Bytes after transmission over a noisy cable."""
         flip = self._values.get("flip", 0.0)
         if not data or not flip:
             return data
@@ -158,8 +158,8 @@ class Faults:
         """(n, 3) counts of a swing as the encoders read them.
 
         Args:
-            counts: (n, 3) as they should be
-            released_at: (3,) those at the release
+            counts: (n, 3) without faults
+            released_at: (3,) counts at the release
             since: (n,) time since the release, s
         """
         joint, missed = self._values.get("stuck_encoder"), self._values.get(MISSED_COUNTS.name, 0.0)
@@ -176,7 +176,7 @@ def parse_faults(texts: Iterable[str], seed: int = 0) -> Faults:
     """Faults from texts such as `drop=0.01`.
 
     Raises:
-        ConfigError: not `name=value`, no such fault, or a value out of range.
+        ConfigError: the text is not `name=value`, the fault is unknown, or its value is out of range.
     """
     return Faults(dict(_parsed(text) for text in texts), seed)
 

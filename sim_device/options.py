@@ -1,4 +1,4 @@
-"""What can be chosen about a simulated device, as the command line names it."""
+"""Options of a simulated device, as on the command line."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,28 +15,28 @@ class Options:
     clock: str = "realtime"
     """A name of `sim_device.firmware.clock.CLOCKS`."""
     seed: int | None = None
-    """Varies noise and operator; None takes the plant file's."""
+    """Seed of noise and operator; None for that of the plant file."""
     draw: bool = False
     """Draw the true parameters around the plant file's, from the seed."""
     draw_effects: str | None = None
-    """Draw parameters and effects: a text of `sim_device.trials.request.parse_request`, such as `single:clear`."""
+    """Draw parameters and effects: a text for `sim_device.trials.request.parse_request`, such as `single:clear`."""
     baud: int | None = None
-    """Bits per second of the line; None takes 921600 for serial and 1000000 for CAN."""
+    """Bits per second of the line; None for 921600 (serial) and 1000000 (CAN)."""
     uid: int = 0x51D0_0000_0001
     drift_ppm: float = 0.0
     """Error of the device's crystal."""
     torques: str | Path | None = None
     """A table of torques that the joint drives replay from the release on; None for a rig without drives."""
     hand_error: float = 0.0
-    """How far the operator misses every pose, rad."""
+    """Error of the operator at every pose, rad."""
     fault: tuple[str, ...] = ()
-    """Texts such as `drop=0.01`."""
+    """Faults, as texts such as `drop=0.01`."""
     firmware: str = "python"
     """`python`, or `c` for the reference firmware."""
 
 
 SEALED_PLANT = "sealed"
-"""Instead of a plant: the one sealed in `device/` in the folder of the rig file."""
+"""A sealed plant in place of the plant file: the one in `device/` in the folder of the rig file."""
 SEALED_FILE = Path("device") / "plant.toml"
 SEALED_TORQUES = Path("device") / "torques.csv"
-"""What its drives replay, where it has any."""
+"""Table of torques that its drives replay, if it has drives."""

@@ -1,4 +1,4 @@
-"""What `serve` asks of a board, whichever firmware it runs."""
+"""Interface of a board for `serve`, independent of its firmware."""
 
 from collections.abc import Iterable
 from typing import Protocol
@@ -26,9 +26,9 @@ class Board(Protocol):
         ...
 
     def note_dropped(self, frames: Iterable[Frame]) -> None:
-        """Count the samples among frames for which the link had no room."""
+        """Register the samples among frames for which the link had no room."""
         ...
 
     def reset(self) -> None:
-        """Restart the board, as after a power dip."""
+        """Restart the board, as after a power failure."""
         ...

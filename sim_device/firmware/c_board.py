@@ -1,4 +1,4 @@
-"""The simulated board with the reference firmware in C: `PythonBoard` in all but who keeps the rules."""
+"""The simulated board with the reference firmware in C; otherwise equivalent to `PythonBoard`."""
 
 from collections.abc import Iterable
 
@@ -16,7 +16,7 @@ from sim_device.plant.rods import SimulatedRods
 
 
 class CBoard:
-    """The hardware of a board on a link, around its firmware: latch, timer, encoders; wall time as an argument."""
+    """The hardware of a board on a link, with its firmware: latch, timer, encoders; wall time is an argument."""
 
     def __init__(self, info: DeviceInfo, rods: SimulatedRods, clock: Clock, faults: Faults | None = None) -> None:
         self._info, self._rods, self._clock, self._faults = info, rods, clock, faults or Faults()
@@ -30,7 +30,7 @@ class CBoard:
         self._act(self._clock.now)
 
     def reset(self) -> None:
-        """Restart the board, as after a power dip: the latch opens unless it was open, and nothing is remembered."""
+        """Restart the board, as after a power failure: the latch opens unless it is open, and all state is lost."""
         if self._firmware.latched:
             self._rods.let_go(self._clock.now, self._info.rate_default_hz)
         self._start()
@@ -61,7 +61,7 @@ class CBoard:
         return frames
 
     def note_dropped(self, frames: Iterable[Frame]) -> None:
-        """Count the samples among frames for which the link had no room."""
+        """Register the samples among frames for which the link had no room."""
         self._firmware.note_dropped(sum(map(is_sample, frames)))
 
     def _millis(self, wall: float) -> int:
@@ -78,7 +78,7 @@ class CBoard:
             self._ticks, self._next_tick = TickBase(now, actions.rate_hz), 0
 
     def _idle_reading(self, now: float) -> NDArray[np.int64]:
-        """(1, 4) only the newest: what else was latched while nothing is streamed goes nowhere."""
+        """(1, 4) only the newest reading: earlier ones are discarded while nothing is streamed."""
         tick = self._next_tick - 1
         return np.concatenate([[tick], self._rods.idle_counts(now, tick)])[None]
 
@@ -95,7 +95,7 @@ class CBoard:
 
 
 def _arrived(frames: Iterable[Frame], missing: Iterable[bool]) -> list[Frame]:
-    """Frames without those samples, and the torques of their ticks, that go astray inside the board."""
+    """Frames without the samples, and the torques at their ticks, that are lost inside the board."""
     arrived: list[Frame] = []
     following, gone = iter(missing), False
     for frame in frames:

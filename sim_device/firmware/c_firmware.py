@@ -1,4 +1,4 @@
-"""The reference firmware in Python's hands: frames, time and readings in, frames and actions out."""
+"""Python interface of the reference firmware: frames, time and readings as input, frames and actions as output."""
 
 import ctypes
 import struct
@@ -13,10 +13,10 @@ from firmware_protocol.messages import DEVICE_NODE, MAX_DATA, Frame, State, Torq
 from sim_device.firmware.c_library import library_path
 
 FRAMES = 2048
-"""Frames that the library keeps until they are taken (`DPR_HOST_FRAMES`)."""
+"""Frames that the library stores until they are fetched (`DPR_HOST_FRAMES`)."""
 
 READINGS = FRAMES // 16
-"""Readings that one poll takes, so that what it says fits."""
+"""Maximum number of readings per poll, limited by the stored frames."""
 
 SHORTEST_LINE = 5
 """Bytes of the shortest frame on a byte stream."""
@@ -94,12 +94,12 @@ _PROTOTYPES = {
 
 @cache
 def load() -> ctypes.PyDLL:
-    """The library, compiled where that was not done before.
+    """The library, compiled if necessary.
 
     Raises:
         ConfigError: it cannot be compiled.
     """
-    # Calls are too short to be worth letting go of the interpreter lock, which a busy thread may then keep for a while.
+    # the calls are too short to release the interpreter lock, which a busy thread may then keep for some time
     library = ctypes.PyDLL(str(library_path()))
     for name, (result, *arguments) in _PROTOTYPES.items():
         function = library[name]
@@ -109,7 +109,7 @@ def load() -> ctypes.PyDLL:
 
 
 class Firmware:
-    """One board's firmware; milliseconds, ticks and readings are the caller's.
+    """The firmware of one board; milliseconds, ticks and readings are supplied by the caller.
 
     Raises:
         ConfigError: there is no compiler to build it with.
@@ -131,7 +131,7 @@ class Firmware:
 
     @property
     def latched(self) -> bool:
-        """Whether it holds the latch."""
+        """Whether the firmware holds the latch."""
         return self._library.dpr_host_latched(self._host)
 
     @property
@@ -140,7 +140,7 @@ class Firmware:
         return self._library.dpr_host_next_tick(self._host)
 
     def receive(self, frame: Frame, millis: int, ticks: float) -> list[Frame]:
-        """Hand over a frame that arrived at a time, ms and ticks with their fraction; what it answers."""
+        """Process a frame that arrived at a time (ms, and ticks with fraction); return the answers."""
         tick, fraction = divmod(ticks, 1.0)
         time = (millis & 0xFFFFFFFF, int(tick) & 0xFFFFFFFF, min(int(fraction * 65536), 65535))
         self._library.dpr_host_receive(self._host, byref(_packed(frame)), *time)
@@ -156,10 +156,10 @@ class Firmware:
         """Run lease, fault and reading checks; return the messages.
 
         Args:
-            millis: now
-            readings: (n, 4) of tick and counters
+            millis: current time
+            readings: (n, 4) tick and counters
             torques: (n, kinds, 2) in units, of the kinds of its identity
-            inputs: (n, kinds) of the arm's drive, likewise
+            inputs: (n, kinds) of the drive of the arm, in the same way
         """
         rows = self._rows(readings, torques, inputs)
         frames: list[Frame] = []
@@ -191,11 +191,11 @@ class Firmware:
         return self._library.dpr_host_actions(self._host)
 
     def set_fault(self, fault: int) -> None:
-        """The fault that its hardware has from now on; 0 none."""
+        """Set the fault of its hardware; 0 for none."""
         self._library.dpr_host_set_fault(self._host, fault)
 
     def note_dropped(self, samples: int) -> None:
-        """Tell it of samples that the link had no room for."""
+        """Report samples for which the link had no room."""
         self._library.dpr_host_note_dropped(self._host, samples & 0xFFFF)
 
     def _taken(self) -> list[Frame]:
@@ -203,7 +203,7 @@ class Firmware:
 
 
 class CFraming:
-    """Frames framed for a UART by the firmware's own encoder and decoder."""
+    """Framing for a UART by the encoder and decoder of the firmware."""
 
     def __init__(self, library: ctypes.PyDLL | None = None) -> None:
         self._library = library or load()
@@ -216,7 +216,7 @@ class CFraming:
         return self._line.raw[:length]
 
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """The undamaged frames, and nothing to answer."""
+        """The undamaged frames; there is never an answer."""
         frames = ctypes.create_string_buffer((len(data) // SHORTEST_LINE + 2) * _FRAME.size)
         return _unpacked(frames, self._library.dpr_host_decode(self._decoder, data, len(data), frames)), b""
 

@@ -14,20 +14,20 @@ from dpr_lab.errors import ConfigError
 
 FOLDER = Path(firmware_protocol.__file__).parent / "c"
 BUILT = FOLDER / "build" / "libdpr.so"
-"""Where the Makefile puts it."""
+"""Path of the library that the Makefile builds."""
 
 CHOSEN = "DPR_FIRMWARE_LIBRARY"
-"""Environment variable that names another build, such as one with sanitizers."""
+"""Environment variable with the path of another build, such as one with sanitizers."""
 
 FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared")
 COMPILERS = ("cc", "gcc", "clang")
 
 
 def library_path() -> Path:
-    """The library of the sources as they are now.
+    """The library built from the current sources.
 
     Raises:
-        ConfigError: it has to be compiled and there is no C compiler, or the compiler refused.
+        ConfigError: it must be compiled, but there is no C compiler or the compiler failed.
     """
     if chosen := os.environ.get(CHOSEN):
         return Path(chosen)
@@ -43,7 +43,7 @@ def compile_to(target: Path, *flags: str) -> None:
     """Compile core and host port; the file is written atomically.
 
     Raises:
-        ConfigError: there is no C compiler, or it refused.
+        ConfigError: there is no C compiler, or it failed.
     """
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent) as folder:

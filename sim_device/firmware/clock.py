@@ -1,4 +1,4 @@
-"""Device time: what the device's crystal counts, at the pace of the wall clock or faster."""
+"""Device time: the count of the device's crystal, in real time or faster."""
 
 import math
 from collections.abc import Mapping
@@ -10,17 +10,20 @@ CLOCKS: dict[str, Mapping[State, float]] = {
     "realtime": {},
     "fast": {State.STREAMING: 20.0, State.RELEASED: 60.0},
 }
-"""Name on the command line -> device seconds per wall second in each state; 1 in those not named.
+"""Clocks by name: device seconds per wall second in each state; 1 if a state is not listed.
 
-The rest before a release is paced lower: the host decides how long it lasts, and must not be flooded while it thinks.
+At rest before a release the ratio is smaller, because the host determines the duration and must not be flooded
+meanwhile.
 """
 
 LONGEST_STEP = 0.01
-"""Under the fast clock a stalled process skips device time instead of producing it all at once, wall s."""
+"""Under the fast clock, device time is skipped for the duration of a stall instead of being produced at once, wall
+s.
+"""
 
 
 PATIENCE = 6.0
-"""How much slower the lease runs out under the fast clock: the host has as much more to do in a wall second."""
+"""Factor by which the lease lasts longer under the fast clock, because the host has more work per wall second."""
 
 
 @dataclass(slots=True)
@@ -35,7 +38,7 @@ class Clock:
     drift_ppm: float = 0.0
     """Error of the crystal: device time = true time * (1 + drift_ppm 1e-6)."""
     most_ticks_hz: float = math.inf
-    """Ticks in a wall second that a fast clock does not exceed."""
+    """Maximum ticks per wall second of a fast clock."""
     now: float = 0.0
     _wall: float | None = None
 
@@ -50,13 +53,13 @@ class Clock:
         return 1.0 + self.drift_ppm * 1e-6
 
     def watch(self, wall: float) -> float:
-        """The time that the host's lease is measured in, s, at the wall time `wall`."""
+        """The time for the lease of the host, s, at the wall time `wall`."""
         return wall / PATIENCE if self.simulated else wall
 
     def advance(self, wall: float, state: State, rate_hz: float, blocked: bool = False) -> float:
-        """Device time at the wall time `wall`, s, of a device that ticks at `rate_hz`.
+        """Device time at the wall time `wall`, s, of a device with `rate_hz` ticks per second.
 
-        A fast clock stands still while the link is `blocked`; a real one cannot.
+        A fast clock stops while the link is `blocked`; a real one cannot.
         """
         passed = 0.0 if self._wall is None else wall - self._wall
         self._wall = wall

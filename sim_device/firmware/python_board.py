@@ -1,4 +1,4 @@
-"""The simulated board: the device role of the protocol, fed by the rods instead of by timers and encoders."""
+"""The simulated board: the device role of the protocol, with readings of the simulated rods."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -28,9 +28,9 @@ from sim_device.plant.rods import SimulatedRods
 
 FIRMWARE = "1.0.0"
 RATE_DEFAULT_HZ = 1000
-"""Ticks a second while nobody asks for another rate."""
+"""Ticks per second until the host requests another rate."""
 REPORTS_HZ = 10
-"""POSITION and STATUS a second."""
+"""POSITION and STATUS messages per second."""
 
 
 def identity(rig: Rig, uid: int, rate_max_hz: int, simulated_time: bool) -> DeviceInfo:
@@ -47,14 +47,14 @@ def identity(rig: Rig, uid: int, rate_max_hz: int, simulated_time: bool) -> Devi
 
 @dataclass(frozen=True, slots=True)
 class TickBase:
-    """Ticks over device time: tick `first` at `origin`, `rate_hz` a second."""
+    """Ticks over device time: tick `first` at `origin`, then `rate_hz` per second."""
 
     origin: float
     rate_hz: int
     first: int = 0
 
     def at(self, now: float) -> float:
-        """Ticks, with their fraction, at the device time `now`."""
+        """Number of ticks, with fraction, at the device time `now`."""
         return self.first + (now - self.origin) * self.rate_hz
 
     def times(self, first: int, count: int) -> NDArray[np.float64]:
@@ -65,14 +65,14 @@ class TickBase:
 def streamed(
     rods: SimulatedRods, ticks: TickBase, released_at: int | None, first: int, count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """(count, 3) counts at the ticks from `first` on, and (count,) which samples go astray inside the board.
+    """(count, 3) counts at the ticks from `first` on, and (count,) whether a sample is lost inside the board.
 
     Args:
-        rods: what is measured
-        ticks: when
+        rods: the measured rods
+        ticks: instants of the ticks
         released_at: tick of the release; None while the rods are held
         first: the first tick
-        count: how many
+        count: number of ticks
     """
     if released_at is None:
         return rods.held_counts(ticks.times(first, count), first), np.zeros(count, dtype=np.bool_)
@@ -93,7 +93,7 @@ class Counters:
     dropped: int = 0
 
     def count(self, in_time: bool) -> None:
-        """A tick has passed, and its sample was taken in time or not."""
+        """Register a tick, whose sample was taken in time or not."""
         self.taken += in_time
         self.overruns += not in_time
 
@@ -101,7 +101,7 @@ class Counters:
 class PythonBoard:
     """A board on a link: frames in, frames out, wall time as an argument.
 
-    The lease and the ticks are measured in what `clock` makes of it.
+    The lease and the ticks are measured by `clock`.
     """
 
     def __init__(self, info: DeviceInfo, rods: SimulatedRods, clock: Clock, faults: Faults | None = None) -> None:
@@ -116,7 +116,7 @@ class PythonBoard:
         self._restart_ticks(self._info.rate_default_hz)
 
     def reset(self) -> None:
-        """Restart the board, as after a power dip: the latch opens unless it was open, and nothing is remembered."""
+        """Restart the board, as after a power failure: the latch opens unless it is open, and all state is lost."""
         if self._session.latched:
             self._rods.let_go(self._clock.now, self._info.rate_default_hz)
         self._start()
@@ -140,7 +140,7 @@ class PythonBoard:
         return self._carry_out(self._session.receive(frame, self._clock.watch(wall)), now)
 
     def note_dropped(self, frames: Iterable[Frame]) -> None:
-        """Count the samples among frames for which the link had no room."""
+        """Register the samples among frames for which the link had no room."""
         self._counters.dropped += sum(map(is_sample, frames))
 
     def _carry_out(self, answer: Answer, now: float) -> list[Frame]:
@@ -165,7 +165,7 @@ class PythonBoard:
         return []
 
     def _let_go(self) -> list[Frame]:
-        """The latch opens at the instant of the next sample, which so is the first of the swing."""
+        """The latch opens at the instant of the next sample, which is the first sample of the swing."""
         self._release_tick = self._next_tick
         self._rods.let_go(float(self._ticks.times(self._release_tick, 1)[0]), self._ticks.rate_hz)
         return [self._session.released(self._release_tick)]

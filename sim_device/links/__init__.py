@@ -1,1 +1,1 @@
-"""How frames reach a host and come back: serial over a pty, TCP on the loopback, CAN as SLCAN or in-process."""
+"""Links between device and host: serial over a pty, TCP on the loopback, CAN as SLCAN or in-process."""

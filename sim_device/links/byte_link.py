@@ -1,4 +1,4 @@
-"""Frames over a byte stream: what a port and a codec are, and the queue between them."""
+"""Frames over a byte stream: interfaces of port and codec, and the queue between them."""
 
 from collections.abc import Callable
 from typing import Protocol, TypeAlias
@@ -10,7 +10,7 @@ from sim_device.links.link import LIMITS, HostAddress
 
 
 class Port(Protocol):
-    """A byte stream to at most one host."""
+    """A byte stream to a single host."""
 
     @property
     def connected(self) -> bool:
@@ -30,7 +30,7 @@ class Port(Protocol):
         ...
 
     def close(self) -> None:
-        """Take the port away from the host."""
+        """Disconnect the host from the port."""
         ...
 
 
@@ -47,7 +47,7 @@ class FrameCodec(Protocol):
 
 
 Framing: TypeAlias = Callable[[], FrameCodec]
-"""Makes a codec, one for every host that connects."""
+"""Creates a codec, one for every host that connects."""
 
 
 class SerialCodec:
@@ -66,7 +66,7 @@ class SerialCodec:
 
 
 class ByteLink:
-    """Frames over a byte port, with a queue that is bounded unless the sender watches `blocked`."""
+    """Frames over a byte port; the queue is bounded, unless the sender observes `blocked`."""
 
     def __init__(
         self, address: HostAddress, port: Port, new_codec: Framing, faults: Faults, queue_bytes: float
@@ -80,7 +80,7 @@ class ByteLink:
 
     @property
     def blocked(self) -> bool:
-        """Whether the host takes frames more slowly than they come."""
+        """Whether the host receives frames more slowly than they are produced."""
         return len(self._queue) > LIMITS.blocked_bytes
 
     def receive(self) -> list[Frame]:
@@ -113,7 +113,7 @@ class ByteLink:
         self._port.wait(timeout, to_write=bool(self._queue))
 
     def bus_off(self) -> None:
-        """Send nothing: a line of bytes falls silent."""
+        """Send nothing from now on."""
 
     def close(self) -> None:
         """Cut the link."""

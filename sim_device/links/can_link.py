@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class CanLink:
-    """Frames on a python-can bus; the bus keeps the queue."""
+    """Frames on a python-can bus, which keeps the queue."""
 
     def __init__(self, address: HostAddress, bus: "can.BusABC", faults: Faults) -> None:
         self.address, self.blocked = address, False
@@ -28,7 +28,7 @@ class CanLink:
         return self._faults.frames([Frame(m.arbitration_id, bytes(m.data)) for m in plain])
 
     def send(self, frames: list[Frame]) -> list[Frame]:
-        """Put the frames on the bus; none is dropped."""
+        """Send the frames on the bus; none is dropped."""
         import can
 
         for frame in self._faults.frames(frames):
@@ -42,7 +42,7 @@ class CanLink:
             self._arrived.append(message)
 
     def bus_off(self) -> None:
-        """An error frame of the class that SocketCAN gives for it (CAN_ERR_BUSOFF)."""
+        """An error frame with the class that SocketCAN uses for bus-off (CAN_ERR_BUSOFF)."""
         import can
 
         self._bus.send(can.Message(arbitration_id=0x40, is_error_frame=True, dlc=8, data=bytes(8)))

@@ -1,4 +1,4 @@
-"""What a link is: where a host connects, and frames to and from it."""
+"""Interface of a link: the address for a host, and the frames in both directions."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -11,24 +11,26 @@ class LinkLimits:
     """Capacities of links and of the simulated board."""
 
     rate_max_hz: int = 4000
-    """What the simulated board can sample, on any link."""
+    """Maximum sample rate of the simulated board on any link."""
     used_share: float = 0.8
-    """Share of a link that samples may fill; the rest is for everything else."""
+    """Fraction of a link for samples; the remainder is for all other messages."""
     serial_sample_bits: int = 14 * 10
-    """14 bytes, each with start and stop bit."""
+    """Bits of a sample on a UART: 14 bytes, each with start and stop bit."""
     can_sample_bits: int = 135
-    """8 data bytes with the most stuff bits there can be."""
+    """Bits of a sample on CAN: 8 data bytes with the maximum number of stuff bits."""
     fast_samples_hz: float = 60_000.0
-    """Samples in a wall second under the fast clock, at most: about what a host in Python keeps up with."""
+    """Maximum samples per wall second under the fast clock, about the capacity of a host in Python."""
     slcan_fast_samples_hz: float = 4_000.0
-    """The same for an SLCAN host, which reads byte by byte: above it, answers wait behind a full pty for too long."""
+    """The same for an SLCAN host, which reads byte by byte: at a higher rate, answers are delayed too long by a full
+    pty.
+    """
     queue_bytes: int = 65536
-    """Bytes that wait for the link before frames are dropped."""
+    """Number of waiting bytes from which frames are dropped."""
     blocked_bytes: int = 4096
-    """Waiting bytes above which the fast clock stands still."""
+    """Number of waiting bytes above which the fast clock stops."""
 
     def carried_hz(self, bits_per_s: int, sample_bits: int) -> int:
-        """Highest sample rate that a link of a bit rate carries."""
+        """Maximum sample rate of a link with a given bit rate."""
         return max(1, min(self.rate_max_hz, int(self.used_share * bits_per_s / sample_bits)))
 
 
@@ -41,18 +43,18 @@ class HostAddress:
 
     url: str
     rate_max_hz: int
-    """Highest sample rate that it carries."""
+    """Maximum sample rate of the link."""
     fast_samples_hz: float = LIMITS.fast_samples_hz
 
 
 class DeviceLink(Protocol):
-    """Link to at most one host."""
+    """Link to a single host."""
 
     address: HostAddress
 
     @property
     def blocked(self) -> bool:
-        """Whether the host takes frames more slowly than they come."""
+        """Whether the host receives frames more slowly than they are produced."""
         ...
 
     def receive(self) -> list[Frame]:
@@ -64,11 +66,11 @@ class DeviceLink(Protocol):
         ...
 
     def wait(self, timeout: float) -> None:
-        """Return when something can be done, or after `timeout` seconds."""
+        """Return when the link is ready, or after `timeout` seconds."""
         ...
 
     def bus_off(self) -> None:
-        """Say what a controller says that leaves its bus after too many errors; nothing passes from then on."""
+        """Report that the controller left its bus after too many errors; nothing is transmitted from then on."""
         ...
 
     def close(self) -> None:

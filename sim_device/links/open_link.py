@@ -24,10 +24,10 @@ def open_link(
 
     Args:
         name: `pty`, `slcan`, `tcp:PORT` or `virtual:CHANNEL`
-        baud: bits per second of the serial port or the bus; None takes the usual 921600 and 1000000
-        faults: what goes wrong on the way
-        lossless: keep everything that does not go out at once, for a device that waits while the link is blocked
-        framing: makes what turns frames into the bytes of a serial line and back
+        baud: bits per second of the serial port or the bus; None for the usual 921600 and 1000000
+        faults: transmission faults
+        lossless: keep everything that cannot be sent at once, for a device that waits while the link is blocked
+        framing: creates the converter between frames and the bytes of a serial line
 
     Raises:
         LinkError: no such link, or it cannot be opened.
@@ -77,7 +77,7 @@ LINKS: dict[str, Callable[[str, int | None, Faults, float, Framing], DeviceLink]
     "tcp": _tcp,
     "virtual": _virtual,
 }
-"""Kind of link -> how to open it. `virtual` is python-can's in-process bus: its host lives in the same process."""
+"""Functions that open a link, by kind. `virtual` is python-can's in-process bus: its host is in the same process."""
 
 
 def _can_bitrate(baud: int | None) -> int:

@@ -1,4 +1,4 @@
-"""A serial port: where a host connects over a pseudo terminal. Non-blocking, and still there when the host returns."""
+"""A serial port as a pseudo terminal. It is non-blocking and remains when the host disconnects."""
 
 import errno
 import fcntl
@@ -18,9 +18,9 @@ _CBAUD, _BOTHER = 0o010017, 0o010000
 class PtyPort:
     """A serial port: the master end of a pseudo terminal in raw mode.
 
-    A pseudo terminal ignores the baud rate, a UART does not: when the host has set another rate than the device's, both
-    directions carry noise, and noise answers what the host sends, so that a wrong rate shows as more than silence.
-    Where the host's rate cannot be known (no Linux, or `baud` None) every rate is right.
+    A pseudo terminal ignores the baud rate, a UART does not: if the host has set a rate other than that of the device,
+    both directions transmit noise, and the device answers with noise, so that a wrong rate is distinguishable from
+    silence. If the rate of the host is unknown (not Linux, or `baud` None), every rate is accepted.
     """
 
     def __init__(self, baud: int | None) -> None:
@@ -31,12 +31,12 @@ class PtyPort:
         if self.baud is not None:
             _set_baud(slave, self.baud)
         self.path = os.ttyname(slave)
-        # Not kept open: a hang-up on the master then tells that no host has the port open.
+        # the slave end is closed: a hang-up on the master then indicates that no host has opened the port
         os.close(slave)
 
     @property
     def connected(self) -> bool:
-        """Whether a host has the slave end open."""
+        """Whether a host has opened the slave end."""
         return not self._poll(select.POLLIN, 0.0) & select.POLLHUP
 
     @property
@@ -57,7 +57,7 @@ class PtyPort:
         return data
 
     def write(self, data: bytes | bytearray) -> int:
-        """Write; return the number of accepted bytes. Without a host they are lost, as on an unplugged cable."""
+        """Write; return the number of accepted bytes. Without a host they are lost, as with an unplugged cable."""
         if not self.connected:
             return len(data)
         try:
@@ -70,7 +70,7 @@ class PtyPort:
     def wait(self, timeout: float, to_write: bool) -> None:
         """Wait for the host's bytes, for room if `to_write`, or for `timeout` seconds."""
         if self._poll(select.POLLIN | (select.POLLOUT if to_write else 0), timeout) & select.POLLHUP:
-            time.sleep(min(timeout, 0.02))  # a pty without a host cannot be waited on
+            time.sleep(min(timeout, 0.02))  # a pty without a host does not support waiting
 
     def _poll(self, events: int, timeout: float) -> int:
         poll = select.poll()

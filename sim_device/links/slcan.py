@@ -5,7 +5,7 @@ import re
 from firmware_protocol.messages import Frame
 
 BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
-"""Bit/s of the commands S0 .. S8."""
+"""Bit rates of the commands S0 .. S8, bit/s."""
 
 LONGEST_LINE = 64
 """A longer run without a carriage return is not SLCAN and is dropped."""
@@ -16,10 +16,11 @@ OK, REFUSED = b"\r", b"\a"
 
 
 class SlcanCodec:
-    """One CAN frame a line: `tIIILDD..` and a carriage return; II the identifier, L the length, DD the data in hex.
+    """One CAN frame per line: `tIIILDD..` and a carriage return.
 
-    The adapter carries frames while its channel is open and set to the bus's bit rate. Extended and remote frames are
-    acknowledged like any other and go nowhere, since no node on this bus uses them.
+    II is the identifier, L the length, DD the data in hex. The adapter transmits frames while its channel is open and
+    set to the bit rate of the bus. Extended and remote frames are acknowledged like any other and discarded, because no
+    node on this bus uses them.
 
     Source: Lawicel CAN232 manual, list of commands.
     """
@@ -35,7 +36,7 @@ class SlcanCodec:
         return self._open and self._bitrate == self._bus_bitrate
 
     def encode(self, frame: Frame) -> bytes:
-        """The line that the host sees for a frame on the bus; empty while the channel is closed."""
+        """The line that the host receives for a frame on the bus; empty while the channel is closed."""
         return b"t%03X%d%s\r" % (frame.id, len(frame.data), frame.data.hex().encode()) if self._on_bus else b""
 
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:

@@ -1,4 +1,4 @@
-"""A TCP port on the loopback interface, where one host connects. Non-blocking, and still there when it returns."""
+"""A TCP port on the loopback interface for one host. It is non-blocking and remains when the host disconnects."""
 
 import select
 import socket
@@ -73,7 +73,7 @@ class TcpServerPort:
         self._host = None
 
     def close(self) -> None:
-        """Drop the host and stop listening."""
+        """Disconnect the host and stop listening."""
         if self._host is not None:
             self._hang_up()
         self._server.close()

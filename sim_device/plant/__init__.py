@@ -1,1 +1,1 @@
-"""What is true of the simulated rig: rods, effects, encoders and the operator who places them."""
+"""Truth of the simulated rig: rods, effects, encoders and the operator."""

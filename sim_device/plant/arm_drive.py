@@ -1,6 +1,6 @@
-"""The drive of the arm: from the release on the device runs a program of its own, and tells its input.
+"""The drive of the arm: from the release on, the device runs its own program and reports the input.
 
-It is a part of the rig: nothing on the wire starts, stops or changes it.
+It is a part of the rig: no message starts, stops or changes it.
 """
 
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ from sim_device.random_streams import RandomStream
 
 @dataclass(frozen=True, slots=True)
 class ArmDrive:
-    """A motor at the arm, worked by the board at its ticks; its input holds from its tick to the next.
+    """A motor at the arm, controlled by the board at its ticks; its input is constant from one tick to the next.
 
-    tau0 = gear kt i gain + offset,  with i the current, or i = (u - ke gear omega0) / R of a voltage u
+    tau0 = gear kt i gain + offset, with i the current, or i = (u - ke gear omega0) / R of a voltage u
     """
 
     config: ArmDriveConfig
@@ -26,29 +26,29 @@ class ArmDrive:
 
     @property
     def kinds(self) -> tuple[TorqueKind, ...]:
-        """Which inputs it tells."""
+        """Inputs that it reports."""
         return tuple(kind for kind in TorqueKind if kind.name.lower() in self.config.tells)
 
     @property
     def quantity(self) -> ArmQuantity:
-        """What its input is."""
+        """Quantity of its input."""
         return ArmQuantity[self.config.input.upper()]
 
     @property
     def unit(self) -> float:
-        """Step of its input, N m, A or V."""
+        """Resolution of its input, N m, A or V."""
         return self.config.unit_micro * 1e-6
 
     def exerted(self, first: int, count: int, rate_hz: float) -> NDArray[np.float64]:
         """(count, 1) torque of the arm from the ticks `first`, ... since the release on, N m.
 
-        Without the back-EMF, which acts as a friction of the arm.
+        The back-EMF, which acts as friction of the arm, is not included.
         """
         given = self._given(first, count, rate_hz) * self.unit
         return (given * self.config.torque_per_input * self.config.gain + self.config.offset_Nm)[:, None]
 
     def told(self, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.int64]:
-        """(count, kinds) what ARM_INPUT says of these ticks, in units; `release` is the number of the release."""
+        """(count, kinds) content of ARM_INPUT at these ticks, in units; `release` is the number of the release."""
         noise = standard_noise(self.seed, RandomStream.DRIVES, release, first, count)[:, 0] * self.config.noise
         given = self._given(first, count, rate_hz) + np.rint(noise / self.unit)
         commanded = np.rint(self._asked(np.arange(first, first + count) / rate_hz) / self.unit)
@@ -56,12 +56,12 @@ class ArmDrive:
         return np.stack([by_kind[kind] for kind in self.kinds], axis=1)
 
     def _given(self, first: int, count: int, rate_hz: float) -> NDArray[np.float64]:
-        """(count,) input that acts, later than asked for and cut to what the driver can give, in units."""
+        """(count,) input that acts, delayed and limited by the driver, in units."""
         asked = self._asked(np.arange(first, first + count) / rate_hz - self.config.delay_s)
         return np.rint(np.clip(asked, -self.config.limit, self.config.limit) / self.unit)
 
     def _asked(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n,) input that the program asks for at times since the release, s; none before it."""
+        """(n,) input that the program requests at times since the release, s; none before it."""
         low, high = self.config.rates_hz
         if self.config.program == "sines":
             shape = (np.sin(2 * np.pi * low * t) + np.sin(2 * np.pi * high * t)) / 2

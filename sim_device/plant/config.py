@@ -1,4 +1,4 @@
-"""The plant file: what the simulated device is in truth, which the lab never reads."""
+"""The plant file: the truth of the simulated device, which dpr-lab never reads."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -12,7 +12,7 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.rig import PARAMETERS, refuse_other_parameters
 
 _PACKAGE = Path(__file__).parents[1]
-# Installed as a wheel the built-in files lie inside the package; in a checkout they are in the top-level folder.
+# an installed wheel contains the built-in files in the package; in a checkout they are in the top-level folder
 BUILTIN = _PACKAGE / "builtin" if (_PACKAGE / "builtin").is_dir() else _PACKAGE.parent / "configs"
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -25,7 +25,7 @@ class _Table(BaseModel):
 
 
 class ArmConfig(_Table):
-    """The arm: held by its brake, free about the vertical with inertia J0, friction c0 and spring k0, or driven too."""
+    """The arm: held by its brake, free (inertia J0, friction c0, spring k0 about the vertical), or driven too."""
 
     mode: Literal["clamped", "free", "driven"] = "clamped"
     J0: Positive = 0.05
@@ -40,21 +40,21 @@ class EncoderConfig(_Table):
     """Errors of encoders and board."""
 
     noise_counts: NotNegative | tuple[NotNegative, NotNegative, NotNegative] = 0.5
-    """Standard deviation of Gaussian noise before rounding, of all encoders or of each."""
+    """Standard deviation of Gaussian noise before rounding, common to all encoders or one for each."""
     step_counts: Annotated[int, Field(gt=0)] = 1
-    """Counters move by this many counts at a time, as those of a coarser encoder."""
+    """Counters change in steps of this number of counts, as those of a coarser encoder."""
     jitter_ms: NotNegative = 0.0
     """Standard deviation of the instants at which the encoders are read."""
     late_every: Annotated[int, Field(ge=0)] = 0
-    """Every so many samples of a swing one is read late, as by a multiplexer; 0 for none,"""
+    """Every so many samples of a swing, one is read late, as by a multiplexer; 0 for none;"""
     late_ms: Annotated[float, Field(ge=0, le=50, allow_inf_nan=False)] = 0.0
-    """by so much."""
+    """and this is its delay."""
     stale_every: Annotated[int, Field(ge=0)] = 0
-    """Every so many samples of a swing one repeats the one before; 0 for none."""
+    """Every so many samples of a swing, one repeats the previous one; 0 for none."""
     repeated_share: Share = 0.0
-    """Share of the samples of a swing that repeat the one before."""
+    """Fraction of the samples of a swing that repeat the previous one."""
     missing_share: Share = 0.0
-    """Share of the samples of a swing that are never sent."""
+    """Fraction of the samples of a swing that are never sent."""
 
 
 class OperatorConfig(_Table):
@@ -68,28 +68,28 @@ class DriveConfig(_Table):
     """Properties of the joint drives of a device that replays torques."""
 
     tells: tuple[Literal["measured", "commanded"], ...] = ("measured", "commanded")
-    """Which torques the board sends."""
+    """Torques that the board sends."""
     delay_s: NotNegative = 0.0
-    """How much later than commanded a torque acts."""
+    """Delay between the command of a torque and its effect."""
     noise_Nm: NotNegative = 0.0
     """Standard deviation of the measured torques."""
     gain: tuple[Finite, Finite] = (1.0, 1.0)
-    """Torque that acts at each joint over the reported one: a wrong torque constant."""
+    """Ratio of the acting to the reported torque at each joint: error of the torque constant."""
     offset_Nm: tuple[Finite, Finite] = (0.0, 0.0)
-    """Torque that acts at each joint from the release on and is not reported, N m."""
+    """Torque at each joint that acts from the release on and is not reported, N m."""
     ripple: tuple[tuple[Finite, Finite], tuple[Finite, Finite]] = ((0.0, 0.0), (0.0, 0.0))
-    """Of the torque that acts at each joint, what comes and goes with its angle: shares of cosine and sine of"""
+    """Ripple of the torque at each joint: fractions of cosine and sine of"""
     ripple_order: NotNegative = 6.0
-    """so many times that angle."""
+    """this multiple of its angle."""
     unit_uNm: Annotated[int, Field(gt=0, lt=1 << 32)] = 100
-    """Step in which torques are commanded and reported."""
+    """Resolution of commanded and reported torques."""
 
 
 class ArmDriveConfig(_Table):
-    """The motor of an arm whose mode is `driven`, its driver, and the program that the device runs."""
+    """The motor of an arm with the mode `driven`, its driver, and the program of the device."""
 
     input: Literal["torque", "current", "voltage"]
-    """What the driver sets and the device tells: N m at the arm, A or V."""
+    """Quantity that the driver controls and the device reports: N m at the arm, A or V."""
     kt: Positive = 1.0
     """Torque constant, N m/A."""
     ke: NotNegative = 0.0
@@ -97,46 +97,48 @@ class ArmDriveConfig(_Table):
     R: Positive = 1.0
     """Resistance, ohm."""
     gear: Positive = 1.0
-    """Turns of the motor for one turn of the arm."""
+    """Gear ratio: turns of the motor per turn of the arm."""
     limit: Positive
-    """Largest input that the driver gives."""
+    """Maximum input of the driver."""
     program: Literal["sines", "chirp", "prbs"] = "sines"
     """Two sines, a sweep of one, or a pseudo-random binary sequence."""
     amplitude: Positive
-    """Of the program, in units of the input."""
+    """Amplitude of the program, in units of the input."""
     rates_hz: tuple[Positive, Positive] = (0.5, 1.3)
-    """Of the sines; or where the sweep begins and ends; half the second is the rate of bits of a sequence."""
+    """Frequencies of the sines, or initial and final frequency of the sweep; half the second is the bit rate of a
+    sequence.
+    """
     sweep_s: Positive = 10.0
     """Duration of the sweep."""
     tells: Annotated[tuple[Literal["measured", "commanded"], ...], Field(min_length=1)] = ("measured", "commanded")
-    """Which inputs the board sends."""
+    """Inputs that the board sends."""
     delay_s: NotNegative = 0.0
-    """How much later than commanded an input acts."""
+    """Delay between the command of an input and its effect."""
     noise: NotNegative = 0.0
     """Standard deviation of the measured input."""
     gain: Finite = 1.0
-    """Torque that acts over the one of the constants above: a wrong torque constant."""
+    """Ratio of the acting torque to that from the constants above: error of the torque constant."""
     offset_Nm: Finite = 0.0
     """Torque that acts from the release on and is not reported."""
     unit_micro: Annotated[int, Field(gt=0, lt=1 << 32)] = 100
-    """Step in which the input is set and reported: uN m, uA or uV."""
+    """Resolution of the input: uN m, uA or uV."""
 
     @property
     def torque_per_input(self) -> float:
-        """N m at the arm over the input."""
+        """Ratio of the torque at the arm, N m, to the input."""
         return {"torque": 1.0, "current": self.gear * self.kt, "voltage": self.gear * self.kt / self.R}[self.input]
 
     @property
     def back_emf(self) -> float:
-        """Friction of the arm by the back-EMF of a voltage drive, N m s/rad."""
+        """Friction of the arm caused by the back-EMF of a voltage drive, N m s/rad."""
         return self.ke * self.kt * self.gear**2 / self.R * self.gain if self.input == "voltage" else 0.0
 
 
 class PlantConfig(_Table):
     """A plant file (`configs/plants/*.toml`).
 
-    Args of the file: `name`, `seed`, `[parameters]` with one value for each of `PARAMETERS` (SI), `[arm]`,
-    `[arm_drive]` of a driven one, `[effects.NAME]` or, at most one, `[foreign.NAME]` with the effect's own parameters,
+    Fields of the file: `name`, `seed`, `[parameters]` with one value for each of `PARAMETERS` (SI), `[arm]`,
+    `[arm_drive]` for a driven arm, `[effects.NAME]` or at most one `[foreign.NAME]` with the parameters of the effect,
     `[encoders]`, `[drives]`, `[hand]`.
     """
 
@@ -171,7 +173,7 @@ class PlantConfig(_Table):
 
 
 def find_plant(name: str | Path) -> Path:
-    """The plant file meant by a path, or by the bare name of a built-in one.
+    """The plant file at a path, or the built-in one of a bare name.
 
     Raises:
         ConfigError: there is neither such a file nor such a built-in name.
@@ -187,7 +189,7 @@ def find_plant(name: str | Path) -> Path:
 
 
 def load_plant(name: str | Path, seed: int | None = None) -> PlantConfig:
-    """Read a plant file by path or built-in name; `seed`, where given, replaces the file's.
+    """Read a plant file by path or built-in name; if `seed` is given, it replaces that of the file.
 
     Raises:
         ConfigError: not found or not valid; the message names file, key and value.

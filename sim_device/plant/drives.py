@@ -1,6 +1,6 @@
-"""Joint drives: from the release on they replay a table of torques, and tell what they were asked for and gave.
+"""Joint drives: from the release on they replay a table of torques and report commanded and measured torques.
 
-They are a part of the rig, as the arm is: nothing on the wire starts, stops or changes them.
+They are a part of the rig, as the arm is: no message starts, stops or changes them.
 """
 
 import csv
@@ -18,19 +18,19 @@ from sim_device.plant.encoders import standard_noise
 from sim_device.random_streams import RandomStream
 
 FULL_SCALE = 0x7FFF
-"""Largest torque that the wire carries, units."""
+"""Maximum torque on the wire, units."""
 
 COLUMNS = ("t_s", "tau1_Nm", "tau2_Nm")
 
 SLACK_S = 1e-9
-"""By which a row may come after its tick and still be of it."""
+"""Maximum delay of a row after its tick."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointDrives:
-    """Drives of both joints, worked by the board at its ticks; a torque holds from its tick to the next.
+    """Drives of both joints, controlled by the board at its ticks; a torque is constant from one tick to the next.
 
-    Before the release and before the table's first row they give nothing; after the last row they go on with it.
+    Before the release and before the first row of the table the torque is zero; after the last row it stays constant.
     """
 
     t: NDArray[np.float64]
@@ -47,11 +47,11 @@ class JointDrives:
 
     @property
     def unit_Nm(self) -> float:
-        """Step of their torques, N m."""
+        """Resolution of their torques, N m."""
         return self.config.unit_uNm * 1e-6
 
     def exerted(self, first: int, count: int, rate_hz: float) -> NDArray[np.float64]:
-        """(count, 2) what acts from the ticks `first`, `first` + 1, ... since the release on, N m."""
+        """(count, 2) acting torques from the ticks `first`, `first` + 1, ... since the release on, N m."""
         asked = self._asked(first, count, rate_hz, self.config.delay_s) * np.float64(self.unit_Nm)
         return asked * np.array(self.config.gain) + np.array(self.config.offset_Nm)
 
@@ -64,7 +64,7 @@ class JointDrives:
         return np.stack([by_kind[kind] for kind in self.kinds], axis=1)
 
     def _asked(self, first: int, count: int, rate_hz: float, later_s: float) -> NDArray[np.int64]:
-        """(count, 2) rows of the table at the ticks, in units, of a table that comes later by so much."""
+        """(count, 2) rows of the table at the ticks, in units, for a table with this delay."""
         t = np.arange(first, first + count) / rate_hz - later_s
         row = np.searchsorted(self.t, t + SLACK_S, side="right")
         units = np.rint(np.concatenate([np.zeros((1, 2)), self.joints]) / self.unit_Nm).astype(np.int64)
@@ -72,7 +72,7 @@ class JointDrives:
 
 
 def write_table(drives: JointDrives, file: Path) -> None:
-    """The table that drives replay, as `load_drives` reads it."""
+    """The table that the drives replay, as read by `load_drives`."""
     rows = np.column_stack([drives.t, drives.joints]).tolist()
     file.write_text("\n".join([",".join(COLUMNS), *(",".join(map(repr, row)) for row in rows)]) + "\n", "utf-8")
 
@@ -81,7 +81,7 @@ def load_drives(file: str | Path, config: DriveConfig, seed: int) -> JointDrives
     """Drives that replay a table (CSV): time since the release in s, and the torques of both joints in N m.
 
     Raises:
-        ConfigError: no such table, a pipe, or a torque that the wire does not carry in the plant's unit.
+        ConfigError: no such table, a pipe, or a torque that cannot be sent in the plant's unit.
     """
     path = regular(Path(file), ConfigError)
     try:

@@ -10,17 +10,17 @@ from dpr_lab.rig import JOINTS, Rig
 from sim_device.random_streams import RandomStream, generator
 
 BLOCK = 1024
-"""Ticks of noise drawn at a time."""
+"""Ticks of noise that are drawn at a time."""
 
 
 @dataclass(frozen=True, slots=True)
 class NoisyEncoders:
     """Three multi-turn encoders with Gaussian noise.
 
-    counts = s round((rig.positions(theta) + noise_counts * n) / s),  n ~ N(0, 1),  s = step_counts
+        counts = s round((rig.positions(theta) + noise_counts * n) / s),    n ~ N(0, 1),    s = step_counts
 
-    The noise is a pure function of seed, stream, release and tick, so the same seed reads the same counts over any link
-    and in any batching.
+    The noise is a pure function of seed, stream, release and tick, so the same seed gives the same counts over any link
+    and in batches of any size.
     """
 
     rig: Rig
@@ -33,7 +33,7 @@ class NoisyEncoders:
 
         Args:
             theta: (n, 3) true absolute angles, rad
-            stream: what the rods are doing
+            stream: state of the rods
             release: number of the release, from 1
             first: tick of the first row, counted from the start of the stream
 

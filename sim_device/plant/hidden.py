@@ -1,4 +1,4 @@
-"""The plant that a plant file describes, whichever kind it is."""
+"""The plant of a plant file, of either kind."""
 
 from dpr_lab.rig import Rig
 from sim_device.plant.config import PlantConfig
@@ -13,6 +13,6 @@ def plant_of(config: PlantConfig, rig: Rig) -> HiddenPlant:
     """Plant of a plant file.
 
     Raises:
-        ConfigError: effects that there are not, or not together.
+        ConfigError: unknown effects, or effects that cannot be combined.
     """
     return ForeignPlant(config, rig) if config.foreign else Plant(config, rig)

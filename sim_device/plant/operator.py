@@ -1,4 +1,4 @@
-"""The operator and the latch: places the rods, imperfectly, and lets them go."""
+"""The operator and the latch: they place the rods, with errors, and release them."""
 
 from dataclasses import dataclass
 
@@ -13,14 +13,14 @@ from sim_device.random_streams import RandomStream, generator
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """How the operator works."""
+    """Settings of the operator."""
 
     placing_time: float = 0.5
-    """From one pose to the next, s of device time."""
+    """Time from one pose to the next, s of device time."""
     looks: int = 8
-    """How often he looks at the screen before he gives up, where that does not say what it should."""
+    """Number of looks at the screen before the operator gives up, if the displayed angles are wrong."""
     near: float = 0.5
-    """Share of a pose's tolerance within which he takes what the screen says for the pose."""
+    """Fraction of the tolerance of a pose within which the operator accepts the displayed angles."""
 
 
 HABITS = Habits()
@@ -28,9 +28,9 @@ HABITS = Habits()
 
 @dataclass(frozen=True, slots=True)
 class HeldRods:
-    """Rods in the operator's hand or the latch: moving smoothly from `start` to `target`, then at rest.
+    """Rods in the hand of the operator or in the latch: they move smoothly from `start` to `target`, then rest.
 
-    theta(t) = start + (target - start) s(x),  s(x) = 10 x^3 - 15 x^4 + 6 x^5,  x = (t - begins) / takes in [0, 1]
+        theta(t) = start + (target - start) s(x),   s(x) = 10 x^3 - 15 x^4 + 6 x^5,   x = (t - begins) / takes in [0, 1]
 
     Source: minimum-jerk motion, Flash and Hogan (1985), J. Neurosci. 5(7) 1688-1703.
     """
@@ -50,16 +50,16 @@ class HeldRods:
 
 
 def placement(operator: OperatorConfig, pose: Pose, seed: int, release: int, error: float = 0.0) -> NDArray[np.float64]:
-    """(3,) where the operator leaves the rods for a pose: both rods a little off, and by `error` on purpose, rad."""
+    """(3,) final angles of the rods for a pose: with random errors, and with the deliberate `error`, rad."""
     return pose.theta + np.array([0.0, error, error]) + operator.placement_std * _draw(seed, release)[0]
 
 
 def release_speed(operator: OperatorConfig, seed: int, release: int) -> NDArray[np.float64]:
-    """(3,) angular velocities at the instant the latch opens, rad/s."""
+    """(3,) angular velocities at the instant at which the latch opens, rad/s."""
     return operator.release_speed_std * _draw(seed, release)[1]
 
 
 def _draw(seed: int, release: int) -> NDArray[np.float64]:
-    """(2, 3) unit normal deviations of angle and speed; the clamped arm has none."""
+    """(2, 3) unit normal deviations of angle and speed; zero for the clamped arm."""
     rods = generator(seed, RandomStream.OPERATOR, release).standard_normal((2, JOINTS - 1))
     return np.concatenate([np.zeros((2, 1)), rods], axis=1)

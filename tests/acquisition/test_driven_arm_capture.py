@@ -86,7 +86,7 @@ def test_inputs_that_never_came_are_counted_and_not_made_up(furuta: Rig, tmp_pat
 
 def test_another_input_than_the_rig_file_says_is_refused(furuta: Rig, tmp_path: Path, bench, agree) -> None:
     table = furuta.model_dump(exclude_none=True) | {"motor": {"input": "current"}}
-    with bench(**FURUTA) as (device, _), pytest.raises(ConfigError, match=r"motor\.input is current.*tells a voltage"):
+    with bench(**FURUTA) as (device, _), pytest.raises(ConfigError, match=r"input is current.*reports a voltage"):
         capture(device, Rig.model_validate(table), "X1", OPTIONS, tmp_path, confirm=agree)
 
 

@@ -90,7 +90,7 @@ FAST = {"arrival_ppm": 50_000.0, "arrival_margin_ppm": 4_000.0}
             "could not be checked by PING and PONG (frozen)",
         ),
         (ARRIVAL, WORD, ["clock_fit"], "although it declares its time as simulated"),
-        ({"rate_ppm": 0.0, "rate_ppm_std": 4e4} | ARRIVAL, WORD, ["clock_fit"], "known to 4 % only"),
+        ({"rate_ppm": 0.0, "rate_ppm_std": 4e4} | ARRIVAL, WORD, ["clock_fit"], "has an uncertainty of 4 %"),
         ({}, replace(WORD, real_time=False), [], "ok"),
         (FIT, replace(WORD, latched=50), ["latch"], "50 of 50 STATUS messages reported that the latch holds"),
         (FIT, replace(WORD, latched=5), [], "ok"),

@@ -89,8 +89,8 @@ def while_streaming(**said: object) -> Lie:
 @pytest.mark.parametrize(
     ("lie", "error", "said"),
     [
-        (while_streaming(latched=False), DeviceFault, "latch is open"),
-        (while_streaming(state=State.IDLE, latched=False), DeviceFault, "latch is open"),
+        (while_streaming(latched=False), DeviceFault, "reports an open latch"),
+        (while_streaming(state=State.IDLE, latched=False), DeviceFault, "reports an open latch"),
         (while_streaming(state=State.HOLDING), SafetyStop, "reported HOLDING instead of streaming"),
     ],
 )

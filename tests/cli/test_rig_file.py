@@ -55,7 +55,7 @@ def test_flags_describe_arm_length_geared_joints_zeros_and_mounted_rods(cli, tmp
         (
             (*FLAGS[:-1], "heavy"),
             2,
-            "--m2 'heavy': write it as 0.21, or as 0.21+-0.001 if weighed (then not identified)",
+            "--m2 'heavy': write the value as 0.21, or as 0.21+-0.001 if weighed (then not identified)",
         ),
         ((*FLAGS[:-1], "-1"), 3, "parameters.m2"),
         ((*FLAGS, "--l1", "300"), 3, "rig.L1 = 300"),

@@ -62,7 +62,7 @@ def test_a_rig_with_such_a_name_is_refused(tmp_path: Path) -> None:
     (tmp_path / "rig.toml").write_text(rig)
     done = run("identifiability", "--rig", tmp_path / "rig.toml", capture_output=True)
     assert done.returncode == 3
-    assert b"cannot be shown" in done.stderr
+    assert b"cannot be displayed" in done.stderr
     assert b"\x1b" not in done.stderr + done.stdout
 
 

@@ -36,9 +36,9 @@ def test_a_swing_passes(swing, paper: Rig) -> None:
 @pytest.mark.parametrize(
     ("inner", "outer", "sentence"),
     [
-        (0 * T + np.pi, 0 * T + np.pi, "theta1 and theta2 stand still .*--columns"),
-        (INNER, 0 * T + np.pi, "theta2 stands still .*--rods inner"),
-        (0 * T + 1.0, OUTER, "theta1 stands still .*--columns"),
+        (0 * T + np.pi, 0 * T + np.pi, "theta1 and theta2 are at rest .*--columns"),
+        (INNER, 0 * T + np.pi, "theta2 is at rest .*--rods inner"),
+        (0 * T + 1.0, OUTER, "theta1 is at rest .*--columns"),
         (INNER, INNER + 1.0, "joint 2 does not turn: .* --elbow clamped"),
         (INNER, INNER, 'elbow = "clamped"'),
     ],

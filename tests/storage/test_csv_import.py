@@ -54,7 +54,7 @@ def test_counts_are_read_by_the_rig_and_kept(tmp_path):
         assert_the_swing(run, atol=2 * np.pi / 16384)
         np.testing.assert_array_equal(run.counts, counts)
     broken = table(tmp_path / "b.csv", ("time", "counts1", "counts2"), T, THETA1, THETA2)
-    with pytest.raises(RunError, match="whole numbers"):
+    with pytest.raises(RunError, match="counts requires integers"):
         read(broken, unit="counts")
 
 

@@ -123,7 +123,7 @@ def test_of_both_kinds_in_a_run_the_measured_ones_act_unless_the_others_are_said
     export(both, tmp_path / "a.h5")
     again = import_csv(tmp_path / "a.h5", paper, ImportOptions(torque="commanded"))
     assert again.torques == pytest.approx(2 * TAU)
-    with pytest.raises(RunError, match="holds no commanded torques, only measured ones: remove the option --torque"):
+    with pytest.raises(RunError, match="contains no commanded torques, only measured ones: remove the option --torque"):
         both.driven_by("measured").driven_by("commanded")
 
 
@@ -138,7 +138,7 @@ def test_a_prescribed_arm_is_kept_and_refused_where_it_is_not_known(paper: Rig, 
     for run in (made, load_run(tmp_path / "a.mcap")):
         assert run.setup.arm is not None
         assert run.setup.arm.omega[5:-5] == pytest.approx(1.2 * np.cos(4 * T)[5:-5], abs=2e-3)
-    with pytest.raises(RunError, match=r"needs \[rig\] L0"):
+    with pytest.raises(RunError, match=r"needs its length L0 in \[rig\]"):
         import_csv(file, paper.model_copy(update={"rig": RigGeometry(name="paper", L1=0.4)}), options)
     with pytest.raises(RunError, match="needs readings of theta0"):
         import_csv(table(tmp_path, "tau1,tau2", TAU), armed, ImportOptions(arm="prescribed", columns={"t": "t"}))

@@ -136,7 +136,7 @@ def test_an_object_of_matlab_says_how_to_save_it(tmp_path: Path) -> None:
     shape, empty = mat_element(5, struct.pack("<ii", 1, 1)), mat_element(1, b"")
     data = mat_element(14, ids + shape + empty + mat_element(9, struct.pack("<d", 0.0)))
     opaque = mat_element(14, flags + b"".join(names) + data)
-    with pytest.raises(RunError, match=r"MATLAB's class timeseries, .* save it as a struct: s.time = ts.Time"):
+    with pytest.raises(RunError, match=r"MATLAB class timeseries, .* save it as a struct: s.time = ts.Time"):
         read(mat_file(tmp_path / "a.mat", opaque))
 
 
