@@ -16,6 +16,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.robust import refit_lost, student_weights
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.hypothesis.residuals import lone_readings
+from dpr_lab.gap.screen.disturbances import without_disturbances
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.identification.model import ParameterValue
 from dpr_lab.identification.prior_update import update_prior
@@ -55,6 +56,24 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
     Raises:
         RunError: no initial state fits the readings of a segment.
     """
+    recordings, short, first = _fitted_in_short_segments(recordings, start)
+    steady = without_disturbances(recordings, first.estimate.ratios)
+    if steady is not recordings:
+        recordings, short, first = _fitted_in_short_segments(steady, start)
+    found = first.estimate.ratios
+    driven = any(setup.torques for setup in short.segments.setups)
+    b = float(found[SCALE]) if driven else scale(found, recordings.rig).value
+    recordings = recordings.without(short, lone_readings(short, first.estimate))
+    at = first.estimate.changed(ratios=with_scale(found, b))
+    recordings = replace(recordings, ratios=None if recordings.exact_torques else at.ratios)
+    problem, bare = lengthened(recordings, short, at, recordings.working_length)
+    if quieter := with_likeliest_noise(recordings, problem, bare):
+        recordings = quieter
+        problem, bare = lengthened(recordings, short, at, recordings.working_length)
+    return recordings, problem, bare
+
+
+def _fitted_in_short_segments(recordings: Recordings, start: Array) -> tuple[Recordings, Problem, Fit]:
     short, initial = recordings.cut(LENGTHS.first)
     at = Estimate.of(start, effect_params({}), initial)
     free = free_parameters(at, (), short)
@@ -63,17 +82,7 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
     if not recordings.exact_torques:
         short = replace(short, disturbance=disturbance(short, rough.estimate, most_Nm=recordings.torque_noise_Nm))
     first = fit(short.weighted(np.sqrt(student_weights(short, rough))), rough.estimate, free)
-    found = first.estimate.ratios
-    driven = any(setup.torques for setup in short.segments.setups)
-    b = float(found[SCALE]) if driven else scale(found, recordings.rig).value
-    recordings = recordings.without(short, lone_readings(short, first.estimate))
-    at = first.estimate.changed(ratios=with_scale(found, b))
-    recordings = replace(recordings, ratios=None if recordings.exact_torques else at.ratios)
-    problem, bare = lengthened(recordings, short, at, LENGTHS.working)
-    if quieter := with_likeliest_noise(recordings, problem, bare):
-        recordings = quieter
-        problem, bare = lengthened(recordings, short, at, LENGTHS.working)
-    return recordings, problem, bare
+    return recordings, short, first
 
 
 def with_likeliest_noise(

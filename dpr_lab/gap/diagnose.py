@@ -25,6 +25,7 @@ from dpr_lab.gap.evidence.evidence import evidence
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import far_from_noise
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.screen.disturbances import without_disturbances
 from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
@@ -73,8 +74,10 @@ class Fitted:
     recordings: Recordings
     problem: Problem
     bare: Hypothesis
+    unseen: Recordings
+    """Recordings that take no part in any fit, without what disturbed them."""
     held_out: Unseen | None
-    """Recordings that are never fitted; None without any."""
+    """The same as the bare model follows them; None where there are none."""
 
 
 @solvable
@@ -127,10 +130,10 @@ def diagnose(
     request.begin("which")
     selection = _selected(request, fitted)
     if other := _with_other_noise(fitted, selection.chosen):
-        fitted = _fitted(request, other, unseen)
+        fitted = _fitted(request, other, fitted.unseen)
         places, selection = locate(fitted.problem, fitted.bare), _selected(request, fitted)
     refuse_negative_scale(selection.chosen.fit.estimate.ratios, runs, rig)
-    recordings, problem = fitted.recordings, fitted.problem
+    recordings, problem, unseen = fitted.recordings, fitted.problem, fitted.unseen
     request.begin("classes")
     posteriors = tuple(effect_posterior(selection, name) for name, _ in selection.path)
     request.begin("how far")
@@ -158,9 +161,10 @@ def diagnose(
 def _fitted(request: Request, recordings: Recordings, unseen: Recordings) -> Fitted:
     start = nominal_ratios(request.rig) if request.start is None else request.start
     recordings, problem, bare = fit_bare_model(recordings, start)
+    unseen = without_disturbances(unseen, bare.fit.estimate.ratios)
     alike = replace(unseen, ratios=recordings.ratios, torque_noise_Nm=recordings.torque_noise_Nm)
     held_out = held_out_runs(alike, bare) if unseen.records else None
-    return Fitted(recordings, problem, bare, held_out)
+    return Fitted(recordings, problem, bare, unseen, held_out)
 
 
 def _with_other_noise(fitted: Fitted, model: Hypothesis) -> Recordings | None:

@@ -15,7 +15,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.record import RATE_HZ
-from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig_tables import AddedMass
 
 Array = NDArray[np.float64]
@@ -114,4 +114,4 @@ def _simulated(recordings: Recordings, chosen: Hypothesis, choice: PossibleRelea
     sigma = np.tile(np.median(like.sigma, axis=0), (len(t), 1))
     run = replace(like.run, added_mass=choice.added)
     record = replace(like, run=run, t=t + 0.5 * PAD, joints=angles, sigma=sigma, breaks=np.zeros(0))
-    return recordings.only([record]).cut(LENGTHS.working)
+    return recordings.only([record]).cut(recordings.working_length)

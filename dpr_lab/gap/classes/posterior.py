@@ -107,7 +107,7 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
     found = [
         Alternative(other, (other,), test.cosine(own, item), _cost(selection, without, item))
         for other, item in others.items()
-        if other not in alike
+        if other not in alike and without.key | {other} not in selection.impossible
     ]
     found = sorted(found, key=lambda item: item.cost)[:ALTERNATIVES]
     worse = np.array([0.0, *(item.cost - chosen.cost for item in found), without.cost - chosen.cost])

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 
 
@@ -22,6 +24,10 @@ class Thresholds:
     """Reduction of chi2 below which an effect is due to chance: the maximum over some 600 shapes."""
     chance_at_floor: float = 90.0
     """The same for an additional effect if only noise remains."""
+    consistent: float = 4.0
+    """Standard errors, by the scatter of segments, of a fall of chi2 that is no chance, more than noise being left."""
+    fewest_segments: int = 10
+    """Segments that show the scatter of a fall."""
     integrator: float = 5e-4
     """Fraction of the explained chi2 that is uncertain because of the integrator's steps."""
     integrator_at_floor: float = 5e-5
@@ -79,12 +85,30 @@ def indifference(
 
 def significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
     """Reduction of cost from one set to a larger one that is not significant."""
+    if at_noise_floor(after):
+        return _significance(base, before, after)
+    return min(_significance(base, before, after), scatter(before, after))
+
+
+def _significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
     if not before.effects:
         return THRESHOLDS.chance * after.residuals.inflation
     if at_noise_floor(after) and not at_noise_floor(before):
         return indifference(base, after, share=THRESHOLDS.integrator_at_floor)
     chance = THRESHOLDS.chance_at_floor if at_noise_floor(before) else THRESHOLDS.chance
     return indifference(base, after, independent=chance)
+
+
+def scatter(before: Hypothesis, after: Hypothesis) -> float:
+    """Fall of chi2 that chance may cause by the scatter of the falls of segments; inf where there are too few.
+
+    What small unknown effects leave is smooth along a segment. As so many pieces of noise it would hide a cause that
+    improves every segment. Segments are the independent pieces.
+    """
+    falls = before.fit.linear.chi2_by_segment - after.fit.linear.chi2_by_segment
+    if len(falls) < THRESHOLDS.fewest_segments or not np.isfinite(falls).all():
+        return float("inf")
+    return float(THRESHOLDS.consistent * np.sqrt(len(falls) * np.var(falls, ddof=1)))
 
 
 def accepted(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
@@ -101,6 +125,8 @@ def need(base: Hypothesis, at: Hypothesis, less: Hypothesis) -> float:
     if at_noise_floor(at):
         return (less.cost - at.cost) / (THRESHOLDS.chance * at.residuals.inflation)
     growth, factor = less.residuals.excess - excess(at), less.residuals.excess / excess(at)
+    if less.cost - at.cost > scatter(less, at):  # it improves every segment, however small it is next to a large one
+        return factor / THRESHOLDS.slow
     if growth < THRESHOLDS.small * excess(base) and factor < THRESHOLDS.keeps_if_small:
         return 0.0
     large = growth > THRESHOLDS.large * excess(base)

@@ -8,7 +8,7 @@ by half its acceleration times the variance of the block's instants, which is su
 If rods are so fast, or encoders so fine, that the remaining bias is significant, the blocks are shorter.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -36,8 +36,9 @@ class ThinningSettings:
     """Start: the latch may touch the rod before, and an initial state lies 20 ms before its segment."""
     gap_s: float = 0.03
     """A longer gap ends a segment,"""
-    gap_spacings: float = 1.5
-    """or a gap of more than this number of usual spacings in a slow recording: a camera's frames are 33 ms apart."""
+    gap_spacings: float = 4.5
+    """or a gap of more than this number of usual spacings in a slow recording: a camera's frames are 33 ms apart, and a
+    few of them may be lost."""
     averaged_from: float = 1.5
     """Ratio to the rate of the blocks below which a recording is not averaged."""
     bent: float = 0.092
@@ -77,6 +78,8 @@ class Record:
     """Autocorrelation of the errors of neighbouring readings at rest, caused by a filter or a tracker."""
     step: float
     """Maximum step of an integrator for these rods, s."""
+    kicks: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    """Breaks at which something kicked the rods, so that no free run goes on there, s."""
 
     def without(self, t: Array, off: NDArray[np.bool_]) -> "Record":
         """The record without the readings of some axes at some instants t (n,), each with a finding."""

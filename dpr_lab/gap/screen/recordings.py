@@ -30,9 +30,13 @@ class SegmentLengths:
     first: float = 0.25
     """Length at which the fit converges from any rig file within 20 % of the truth."""
     working: float = 0.5
-    """Length at which effects are distinguished: four to seven times as sensitive as the first, and Gauss-Newton
-    still converges.
-    """
+    """Length at which effects are distinguished: four to seven times as sensitive as the first, and Gauss-Newton still
+    converges."""
+    steady: float = 2.0
+    """The same of rods that turn as one, which no chaos limits: what builds up over swings, as friction and a zero
+    error do, stands out against what does not repeat;"""
+    steady_parts: int = 5
+    """but at least so many segments of each recording, which show its scatter."""
 
 
 LENGTHS = SegmentLengths()
@@ -80,6 +84,14 @@ class Recordings:
     def masses_weighed(self) -> bool:
         """Whether all masses are measured, so that load-dependent friction determines the scale of all torques."""
         return all(self.rig.parameters[name].measured is not None for name in MASSES)
+
+    @property
+    def working_length(self) -> float:
+        """Length of the segments at which effects are distinguished, s."""
+        if not all(item.run.setup.held and item.run.setup.arm is None for item in self.records):
+            return LENGTHS.working
+        shortest = min((float(np.ptp(item.t)) for item in self.records), default=0.0)
+        return float(np.clip(shortest / LENGTHS.steady_parts, LENGTHS.working, LENGTHS.steady))
 
     def cut(self, length: float) -> tuple[Problem, Array]:
         """Segments of approximately one length, s, and (segments, 4) initial states estimated from the readings."""

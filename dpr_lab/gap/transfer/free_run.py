@@ -13,7 +13,7 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import descend
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.screen.record import Record
-from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.gap.screen.recordings import Recordings
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,8 @@ def free_runs(recordings: Recordings, at: Estimate, length_s: float = FREE_RUN.l
     begun = [_begun(recordings, item, at) for item in items]
     compared = []
     for item in items:
-        within = item.t - item.t[0] <= length_s
+        until = min(item.t[0] + length_s, *item.kicks[item.kicks > item.t[0]], np.inf)
+        within = item.t <= until
         within[:MIN_SAMPLES] = True
         compared.append(replace(item.only(within), breaks=np.zeros(0)))
     whole, _ = (
@@ -109,6 +110,6 @@ def own_zeros(recordings: Recordings, at: Estimate, iterations: int) -> Array:
     """(runs, 2) zeros of encoders that are zeroed before each run, by a fit to the whole run; else (0, 2)."""
     if not recordings.rig.encoders.rezeroed:
         return np.zeros((0, 2))
-    problem, initial = recordings.cut(LENGTHS.working)
+    problem, initial = recordings.cut(recordings.working_length)
     begun = at.changed(initial=initial, zeros=np.zeros((0, 2)))
     return descend(problem, begun, (), iterations=iterations).estimate.zeros

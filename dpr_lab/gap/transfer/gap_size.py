@@ -13,7 +13,7 @@ from dpr_lab.fitting.projection import TINY, ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics, bounded_residual, residual_statistics
-from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.sensor_faults import AXES
 
 Array = NDArray[np.float64]
@@ -74,7 +74,7 @@ def by_horizon(
     """Gap of several models by the length of segments with free initial states: horizon (s) -> model -> rms, rad."""
     found: dict[str, dict[str, float]] = {}
     for length in HORIZONS_S:
-        problem, initial = (working, None) if length == LENGTHS.working else recordings.cut(length)
+        problem, initial = (working, None) if length == recordings.working_length else recordings.cut(length)
         noise = np.mean(problem.weight[problem.read] ** 2)
         found[f"{length:g}"] = {}
         for name, at in models.items():

@@ -12,7 +12,7 @@ from dpr_lab.fitting.gauss_newton import descend
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import folds, left_out_chi2
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.gap.screen.recordings import Recordings
 
 Array = NDArray[np.float64]
 
@@ -21,13 +21,20 @@ Array = NDArray[np.float64]
 class BlockBootstrap:
     """Settings of the bootstrap interval of a reduction."""
 
-    block: int = 2
-    """Number of neighbouring segments that are resampled together, because residuals of one swing are correlated."""
+    block_s: float = 1.0
+    """Duration of neighbouring segments that are resampled together, because residuals of one swing are correlated."""
     draws: int = 400
     """Number of bootstrap samples: enough to locate the ends of a 90 % interval to a twentieth of its width."""
 
 
 BOOTSTRAP = BlockBootstrap()
+
+
+def block(problem: Problem) -> int:
+    """Number of neighbouring segments that are drawn together."""
+    offsets = problem.segments.offsets
+    length = float(np.median(problem.t[offsets[1:] - 1] - problem.t[offsets[:-1]]))
+    return max(1, round(BOOTSTRAP.block_s / max(length, 1e-9)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +58,9 @@ class Unseen:
     noise_rad: float
     """Noise of a reading, rad."""
     chi2: Callable[[Hypothesis], Array]
-    """(segments,) chi2 of a model."""
+    """(segments,) by a model."""
+    block: int
+    """Number of neighbouring segments that count as one piece of evidence."""
 
     @property
     def runs(self) -> list[tuple[str, NDArray[np.bool_]]]:
@@ -67,7 +76,7 @@ def left_out(recordings: Recordings, problem: Problem) -> Unseen:
 
 def held_out_runs(recordings: Recordings, base: Hypothesis) -> Unseen:
     """Whole recordings that the diagnosis did not fit."""
-    problem, initial = recordings.cut(LENGTHS.working)
+    problem, initial = recordings.cut(recordings.working_length)
     begun = descend(problem, base.fit.estimate.changed(initial=initial), (), iterations=20).estimate.initial
 
     @cache
@@ -83,12 +92,14 @@ def held_out_runs(recordings: Recordings, base: Hypothesis) -> Unseen:
 def _unseen(recordings: Recordings, problem: Problem, chi2: Callable[[Hypothesis], Array]) -> Unseen:
     dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
     noise = float(np.mean(problem.weight[problem.read] ** 2) ** -0.5)
-    return Unseen(tuple(item.run.name for item in recordings.records), problem.segments.run, dof, noise, chi2)
+    return Unseen(
+        tuple(item.run.name for item in recordings.records), problem.segments.run, dof, noise, chi2, block(problem)
+    )
 
 
-def reduction(above: Array, rng: np.random.Generator) -> GapReduction:
-    """Relative reduction of the gap from (2, segments) chi2 above the noise, before and after."""
-    sums = np.add.reduceat(above, np.arange(0, above.shape[1], BOOTSTRAP.block), axis=1)
+def reduction(above: Array, rng: np.random.Generator, block: int) -> GapReduction:
+    """Relative reduction of the gap from (2, segments) chi2 above the noise, before and after; drawn by blocks."""
+    sums = np.add.reduceat(above, np.arange(0, above.shape[1], block), axis=1)
     blocks = sums.shape[1]
     drawn = _shares(sums[:, rng.integers(0, blocks, (BOOTSTRAP.draws, blocks))])
     low, high = np.quantile(drawn, [0.05, 0.95])

@@ -39,8 +39,8 @@ from dpr_lab.gap.hypothesis.cross_validation import PRIOR, folds, left_out_chi2
 from dpr_lab.gap.hypothesis.residuals import residual_statistics
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.result.gap_budget import GapBudget, VaryingParameter
-from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
-from dpr_lab.gap.transfer.out_of_sample import BOOTSTRAP
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.transfer.out_of_sample import block
 from dpr_lab.gap.where.discrepancy import RULES as DISCREPANCY
 from dpr_lab.gap.where.discrepancy import discrepancy_columns
 from dpr_lab.gap.which.selected import Selection
@@ -91,13 +91,12 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     noise, total = left.level * float(dof[followed].sum()), float(left_out_chi2(before, fold)[followed].sum())
     if residual_statistics(problem, before).z < RULES.gap_from or not followed.any() or total <= noise:
         return split([total] * 4, noise, names, (), "There is no gap above the noise to divide.")
-    parts = _Parts.of(after, fold, followed)
+    parts = _Parts.of(problem, after, fold, followed)
     explained = parts.left_out()
     if fold.max() == 0 or min(np.bincount(fold[followed], minlength=fold.max() + 1)) < RULES.segments:
-        why = (
-            f"Recordings of fewer than {RULES.segments} segments of {LENGTHS.working:g} s do not show"
-            f" which part of the gap is reproducible."
-        )
+        length = everything.working_length
+        fewer = f"Recordings of fewer than {RULES.segments} segments of {length:.2g} s"
+        why = f"{fewer} do not show which part of the gap is reproducible."
         return split([total, *[float(explained.sum())] * 3], noise, names, (), why)
     if left.z > THRESHOLDS.noise_floor:
         parts = parts.with_discrepancy(discrepancy_columns(problem, after))
@@ -131,8 +130,8 @@ def split(
 
 
 def _fitted_to_all(everything: Recordings, known: Problem, *models: Fit) -> tuple[Problem, Fit, Fit]:
-    """The models fitted to all recordings, starting from their fits to the first of them."""
-    problem, initial = everything.cut(LENGTHS.working)
+    """The models fitted to all recordings, from where they are fitted to some, which come first."""
+    problem, initial = everything.cut(everything.working_length)
     refitted = []
     for model in models:
         first = carried(known.segments, model.estimate.initial, problem.segments, initial)
@@ -186,18 +185,20 @@ class _Parts:
     own: tuple[int, ...]
     """Columns that are free in every recording, like its initial states: zeros of encoders."""
     candidates: tuple[int, ...]
-    """Columns of parameters that may vary."""
+    """Columns that may vary."""
+    block: int = 1
+    """Number of neighbouring segments that count as one piece of evidence."""
 
     @classmethod
-    def of(cls, at: Fit, fold: NDArray[np.int64], followed: NDArray[np.bool_]) -> Self:
-        """The model alone, in the segments that it can simulate."""
+    def of(cls, problem: Problem, at: Fit, fold: NDArray[np.int64], followed: NDArray[np.bool_]) -> Self:
+        """The model alone, where its segments can be followed."""
         inside = [at.free[i] for i in at.inside]
         A = at.linear.A[:, :, at.inside] * np.array([PRIOR * parameter.size for parameter in inside])
         A, e = np.where(followed[:, None, None], A, 0.0), np.where(followed[:, None], at.linear.e, 0.0)
         zeros = [i for i, parameter in enumerate(inside) if parameter.block == "zeros"]
         own = tuple(i for i in zeros if len(np.unique(fold[_used(A[:, :, i])])) == 1)
         others = tuple(i for i in range(len(inside)) if i not in own and _used(A[:, :, i]).any())
-        return cls(A, e, fold, np.ones(len(inside)), own, others)
+        return cls(A, e, fold, np.ones(len(inside)), own, others, block(problem))
 
     @property
     def by_fold(self) -> list[tuple[NDArray[np.bool_], Array, Array]]:
@@ -234,7 +235,7 @@ class _Parts:
             precision = np.concatenate([self.precision, np.full(columns.shape[2], ridge)])
             wider = replace(self, X=X, precision=precision)
             chi2 = wider.left_out()
-            blocks = np.add.reduceat(before - chi2, np.arange(0, len(chi2), BOOTSTRAP.block))
+            blocks = np.add.reduceat(before - chi2, np.arange(0, len(chi2), self.block))
             chance = RULES.beyond_chance * float(np.std(blocks)) * len(blocks) ** 0.5
             if chi2.sum() < least.sum() and blocks.sum() > chance:
                 best, least = wider, chi2

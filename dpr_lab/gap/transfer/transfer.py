@@ -29,7 +29,7 @@ from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FreeRuns
-from dpr_lab.gap.transfer.out_of_sample import BOOTSTRAP, GapReduction, Unseen, left_out, reduction, share
+from dpr_lab.gap.transfer.out_of_sample import GapReduction, Unseen, left_out, reduction, share
 from dpr_lab.gap.which.selected import Selection
 
 Array = NDArray[np.float64]
@@ -128,14 +128,16 @@ def transfer(
     above = {name: np.stack([values - noise, chosen - noise]) for name, values in chi2.items()}
     shares = {name: _by_run(apart, pair, rng) for name, pair in above.items()}
     left = shares[""] if not unseen else _fitted(recordings, problem, selection, rng)
+    closed = reduction(above[""], rng, apart.block)
+    kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.estimate >= TRANSFER.kept else 1.0)
     withdrawn = [
         name
         for name, less in selection.without.items()
-        if not (_helps(apart, chi2[name] - chosen) and _keeps(above[name], noise, less, selection.chosen))
+        if not (_helps(apart, chi2[name] - chosen) and _keeps(above[name], noise, less, selection.chosen, kept))
     ]
     return Transfer(
         basis=basis,
-        closed=reduction(above[""], rng),
+        closed=closed,
         closing=tuple(_closing(apart, selection, above[""], noise)),
         left_out=left,
         held_out=shares[""] if unseen else {},
@@ -192,40 +194,46 @@ def _bounded(chi2: Array) -> Array:
 
 
 def _by_run(unseen: Unseen, above: Array, rng: np.random.Generator) -> dict[str, GapReduction]:
-    return {name: reduction(above[:, own], rng) for name, own in unseen.runs}
+    return {name: reduction(above[:, own], rng, unseen.block) for name, own in unseen.runs}
 
 
 def _helps(unseen: Unseen, fall: Array) -> bool:
     """Whether chi2 is significantly reduced over all runs and significantly increased in none."""
-    whole, spread = _sum(fall)
-    each = [_sum(fall[own]) for _, own in unseen.runs]
-    beyond_chance = whole > spread or (whole > 0.0 and _signed_rank(fall) > TRANSFER.beyond_chance)
+    whole, spread = _sum(fall, unseen.block)
+    each = [_sum(fall[own], unseen.block) for _, own in unseen.runs]
+    beyond_chance = whole > spread or (whole > 0.0 and _signed_rank(fall, unseen.block) > TRANSFER.beyond_chance)
     return beyond_chance and all(total > -reach for total, reach in each)
 
 
-def _keeps(above: Array, noise: Array, less: Hypothesis, chosen: Hypothesis) -> bool:
+def _of_fitted(closed: GapReduction, selection: Selection) -> float:
+    """What all effects close, over what they close in the fitted recordings: a remainder lowers the share of each."""
+    excess = np.array([[selection.base.residuals.excess], [selection.chosen.residuals.excess]])
+    return float(np.clip(closed.estimate / max(share(excess), TRANSFER.kept), 0.0, 1.0))
+
+
+def _keeps(above: Array, noise: Array, less: Hypothesis, chosen: Hypothesis, kept: float) -> bool:
     """Whether an effect closes a similar share as in the fitted recordings; (2, segments) chi2 above the noise."""
     if above[0].sum() < TRANSFER.gap_from * noise.sum():
         return True
     fitted = np.array([[less.residuals.excess], [chosen.residuals.excess]])
-    return share(above) >= TRANSFER.kept * share(fitted)
+    return share(above) >= kept * share(fitted)
 
 
-def _signed_rank(fall: Array) -> float:
+def _signed_rank(fall: Array, block: int) -> float:
     """Wilcoxon's signed-rank sum of groups of segments, in its standard errors."""
-    blocks = _blocks(fall)
+    blocks = _blocks(fall, block)
     ranks = 1.0 + np.argsort(np.argsort(np.abs(blocks)))
     n = len(blocks)
     return float((ranks * np.sign(blocks)).sum() / np.sqrt(n * (n + 1) * (2 * n + 1) / 6))
 
 
-def _blocks(fall: Array) -> Array:
+def _blocks(fall: Array, block: int) -> Array:
     """Sums over neighbouring segments, whose residuals are correlated."""
-    return np.add.reduceat(fall, np.arange(0, len(fall), BOOTSTRAP.block))
+    return np.add.reduceat(fall, np.arange(0, len(fall), block))
 
 
-def _sum(fall: Array) -> tuple[float, float]:
+def _sum(fall: Array, block: int) -> tuple[float, float]:
     """Sum over segments, and its standard error."""
-    blocks = _blocks(fall)
+    blocks = _blocks(fall, block)
     spread = np.sqrt(len(blocks) * np.var(blocks, ddof=1)) if len(blocks) > 1 else np.inf
     return float(fall.sum()), float(TRANSFER.beyond_chance * spread)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.effects import named_params
 from dpr_lab.effects.effect import Effect
+from dpr_lab.effects.limits import at_limit
 from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
@@ -105,6 +106,10 @@ class FittedSets:
         if best is None or model.fit.chi2 <= best.fit.chi2:
             self._fits[model.key] = best = model
         return best
+
+    def possible(self, model: Hypothesis) -> bool:
+        """Whether every effect of a set has a size that a rig can have."""
+        return self.problem.limits is None or not at_limit(model.fit.estimate.params, self.problem.limits)
 
     def unexpected(self, model: Hypothesis) -> list[str]:
         """Effects of a set that are supported by the recordings alone."""

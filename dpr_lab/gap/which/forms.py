@@ -3,7 +3,8 @@
 The library contains each effect in one functional form, and a real effect may have another: friction that grows with a
 power of the load, a softening spring, a delay that decreases with speed. While a residual remains, an additional effect
 may merely compensate for such a deviation. It must therefore explain a part of the residual that no other form of the
-remaining effects can explain.
+remaining effects can explain. A torque that takes no energy and the error of an encoder have no form that depends
+on the speed: a tilt whose sign changes with the speed would be friction.
 """
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
 from dpr_lab.effects import EFFECTS, SLICES, without_effect
+from dpr_lab.effects.effect import Effect
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import Trajectory, trajectory
@@ -64,18 +66,20 @@ def _other_forms(problem: Problem, along: Trajectory, model: Hypothesis, name: s
     if effect.stage not in TRAJECTORY_TORQUES:
         without = estimate.changed(params=without_effect(estimate.params, name))
         error = np.nan_to_num(problem.predict(estimate) - problem.predict(without))
-        free = [_free(encoder_angle(problem, j), encoder_speed(along, j), problem.t) for j in effect.joints]
+        free = [_free(effect, encoder_angle(problem, j), encoder_speed(along, j), problem.t) for j in effect.joints]
         return problem.whitened(error[:, :, None] * np.concatenate(free, axis=1)[:, None, :])
     alone = np.zeros_like(estimate.params)
     alone[SLICES[name]] = estimate.params[SLICES[name]]
     torque = along.torques(effect.stage, problem.model.constants, alone[None])
-    free = [_free(along.joint_angle[:, j], along.joint_speed[:, j], along.t) for j in effect.joints]
+    free = [_free(effect, along.joint_angle[:, j], along.joint_speed[:, j], along.t) for j in effect.joints]
     columns = [along.answer(problem, torque * np.concatenate(free, axis=1)[:, None, :])]
     if effect.potential:
         columns += [under_torque(problem, along, j, angle_hats(along.joint_angle[:, j])[0]) for j in effect.joints]
     return np.concatenate(columns, axis=2)
 
 
-def _free(angle: Array, speed: Array, t: Array) -> Array:
-    """(n, k) hats over angle, speed and time."""
-    return np.concatenate([angle_hats(angle)[0], speed_hats(speed)[0], time_hats(t)[0]], axis=1)
+def _free(effect: Effect, angle: Array, speed: Array, t: Array) -> Array:
+    """(n, k) hats over angle and time, and over speed where the effect may depend on it."""
+    of_pose = not effect.dissipative and effect.stage in ("torque", "encoder")
+    hats = [angle_hats(angle)[0], time_hats(t)[0], *([] if of_pose else [speed_hats(speed)[0]])]
+    return np.concatenate(hats, axis=1)

@@ -1,6 +1,6 @@
 """Forward selection: the score test ranks candidates, the best are fitted, and two sets are extended further."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -73,8 +73,8 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
                 level[larger.key] = larger
         if not level:
             return
-        ranked = sorted(level.values(), key=lambda model: model.cost)
-        ranked = sorted([sets.escaped(ranked[0]), *ranked[1:]], key=lambda model: model.cost)
+        ranked = _ranked(sets, level.values())
+        ranked = _ranked(sets, [sets.escaped(ranked[0]), *ranked[1:]])
         largest = ranked[0]
         yield Proposal(largest)
         if accepted(sets.bare, best, largest):
@@ -86,6 +86,11 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
         if to_floor and at_noise_floor(best):
             return
         front = [largest] if at_noise_floor(largest) else [largest, *_runners_up(sets, largest, ranked[1:])]
+
+
+def _ranked(sets: FittedSets, models: Iterable[Hypothesis]) -> list[Hypothesis]:
+    """Sets by the criterion, those with an effect of an impossible size last."""
+    return sorted(models, key=lambda model: (not sets.possible(model), model.cost))
 
 
 def _worth_its_price(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:

@@ -19,11 +19,15 @@ from dpr_lab.gap.hypothesis.thresholds import (
     excess,
     indifference,
     need,
+    scatter,
     significance,
 )
 from dpr_lab.gap.which.fitted_sets import EFFORT, FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.search import Decision, Move, Proposal
+
+RICH = 4
+"""Amplitudes from which an effect may stand for several others."""
 
 REPLACEMENTS = 2
 """Number of candidates that are fitted in place of each effect."""
@@ -49,7 +53,9 @@ def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]
         and grown.key & sets.expected <= model.key
         and excess(model) < THRESHOLDS.keeps * excess(grown)
         and excess(model) - excess(grown) < THRESHOLDS.large * excess(sets.bare)
-        and (not at_noise_floor(grown) or _as_likely(sets, model, grown))
+        and (
+            _as_likely(sets, model, grown) if at_noise_floor(grown) else model.cost - grown.cost < scatter(model, grown)
+        )
     ]
     if adequate:
         yield Proposal(min(adequate, key=lambda model: (len(model.effects), model.cost)))
@@ -133,6 +139,26 @@ def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
             yield Proposal(sets.with_one(simpler, score))
 
 
+def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """An effect of many parameters replaced by others that together have fewer.
+
+    A curve of many parameters follows on a small arc what a tilt, friction and drag do together, and is met first.
+    """
+    for name in sets.unexpected(current):
+        if len(sets.library[name].amplitudes) < RICH:
+            continue
+        model = sets.without(current, name)
+        while True:
+            room = len(current.fit.free) - len(model.fit.free) - 1
+            ranking = (score for score in sets.test(model).ranking if score.effect.name != name)
+            score = next((score for score in ranking if len(score.columns) <= room), None)
+            if score is None or score.gain < THRESHOLDS.chance * current.residuals.inflation:
+                break
+            model = sets.with_one(model, score)
+            if sets.possible(model):
+                yield Proposal(model)
+
+
 def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     model = proposal.model
     better = model.cost < current.cost and at_noise_floor(model) >= at_noise_floor(current)
@@ -150,7 +176,8 @@ def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
             best = min(best, sets.reshaped(current, name), key=_criterion)
         for score in sets.test(less).ranking[:REPLACEMENTS]:
             if score.effect.name != name:
-                best = min(best, sets.with_one(less, score), key=_criterion)
+                other = sets.with_one(less, score)
+                best = min(best, other, key=_criterion) if sets.possible(other) else best
     if best is not current:
         yield Proposal(best)
 
@@ -224,7 +251,10 @@ def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Propo
     others = [
         model
         for model in fits.values()
-        if model.effects and len(model.effects) <= len(current.effects) and known <= model.key
+        if model.effects
+        and len(model.effects) <= len(current.effects)
+        and known <= model.key
+        and (sets.possible(model) or not sets.possible(current))
     ]
     best = min(others, key=_criterion, default=current)
     if best.key != current.key:
@@ -349,6 +379,13 @@ SECOND_CAUSE = Move(
     _better_with_fewer_parameters,
     then="repeat",
 )
+SEVERAL_CAUSES = Move(
+    "several causes",
+    "an effect of many parameters is replaced by others that explain more with fewer",
+    _several_for_one,
+    _better_with_fewer_parameters,
+    then="repeat",
+)
 EXCHANGE = Move(
     "exchange",
     "while the residual exceeds the noise, each effect is replaced in turn by other effects and other shapes",
@@ -398,6 +435,7 @@ REFINE = (
     RICHER_FORM,
     SIMPLER_FORM,
     SECOND_CAUSE,
+    SEVERAL_CAUSES,
     EXCHANGE,
     SECOND_CAUSE,
     DROP,
@@ -420,6 +458,7 @@ MOVES = (
     RICHER_FORM,
     SIMPLER_FORM,
     SECOND_CAUSE,
+    SEVERAL_CAUSES,
     EXCHANGE,
     CROSS_VALIDATION,
     OWN_SHARE,

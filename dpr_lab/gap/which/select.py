@@ -137,6 +137,7 @@ def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]
         tests_without={name: sets.test(less) for name, less in without.items()},
         path=_path(sets, chosen),
         expected=sets.expected,
+        impossible=frozenset(key for key, model in fits.items() if not sets.possible(model)),
         misleading=misleading,
         trace=state.trace,
     )

@@ -44,6 +44,8 @@ class Selection:
     """The sets from the bare model to the selected one, which differ by one effect each, the largest effect first."""
     expected: frozenset[str] = frozenset()
     """Effects that the rig is known to have; they stay in the model at any size."""
+    impossible: frozenset[frozenset[str]] = frozenset()
+    """Those of the fitted sets with an effect of a size that no rig has."""
     misleading: tuple[str, ...] = ()
     """Effects that worsen the prediction of held-out runs and are therefore not in the selected set."""
     trace: tuple[TracedTrial, ...] = ()

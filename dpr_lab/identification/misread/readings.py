@@ -27,6 +27,8 @@ class Misreading:
     """The run with this interpretation; None if it does not apply."""
     arm: bool = False
     """Whether the arm moves in this interpretation, which is also the case for a compliant arm."""
+    time_factor: float = 1.0
+    """Factor of the times."""
 
 
 def readings(rig: Rig) -> tuple[Misreading, ...]:
@@ -134,10 +136,14 @@ _TIMES = (
     Misreading("the times are in microseconds (import with --time-unit us)", _in_time(1e-6)),
     Misreading("the times are in seconds (import with --time-unit s)", _in_time(1e3)),
     Misreading(
-        "the swing is half as fast as its time stamps (import with half the --rate-hz, or check t)", _in_time(2.0)
+        "the swing is half as fast as its time stamps (import with half the --rate-hz, or check t)",
+        _in_time(2.0),
+        time_factor=2.0,
     ),
     Misreading(
-        "the swing is twice as fast as its time stamps (import with twice the --rate-hz, or check t)", _in_time(0.5)
+        "the swing is twice as fast as its time stamps (import with twice the --rate-hz, or check t)",
+        _in_time(0.5),
+        time_factor=0.5,
     ),
 )
 

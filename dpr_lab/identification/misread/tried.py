@@ -113,10 +113,11 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
         runs: the runs with the given interpretation
         rig: rig of the recordings
     """
-    first = fitted(runs, rig)
-    explained = better_readings(runs, rig, np.inf if first is None else first.chi2_per_dof)
+    as_read = [one.chi2_per_dof for one in (fitted(runs, rig), fitted(runs, rig, quick=True)) if one is not None]
+    first = min(as_read, default=np.inf)  # over as short a time what a model lacks adds up to less
+    explained = better_readings(runs, rig, first)
     if explained:
-        before = max(np.inf if first is None else first.chi2_per_dof - 1, 1e-9)
+        before = max(first - 1, 1e-9)
         tried = [
             BetterReading(reading, float(1 - max(fit.chi2_per_dof - 1, 0.0) / before)) for reading, fit in explained
         ]
@@ -127,6 +128,9 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
 def better_readings(runs: Sequence[Run], rig: Rig, chi2_per_dof: float) -> list[tuple[Misreading, RatioFit]]:
     """Other interpretations that explain the runs far better, best first, without those far worse than the best.
 
+    Where the swing is read slower, segments of the same length hold less of it: what the rods lack adds up to less, in
+    chi2 with the fourth power.
+
     Args:
         runs: the runs with the given interpretation
         rig: rig of the recordings
@@ -136,7 +140,7 @@ def better_readings(runs: Sequence[Run], rig: Rig, chi2_per_dof: float) -> list[
     good = [
         (reading, other)
         for reading, other in _otherwise(runs, rig, limit)
-        if other.chi2_per_dof < limit and residual(other) < SETTINGS.suspicious
+        if other.chi2_per_dof < limit / max(reading.time_factor, 1.0) ** 4 and residual(other) < SETTINGS.suspicious
     ]
     good = sorted(good, key=lambda one: one[1].chi2_per_dof)
     return [one for one in good if one[1].chi2_per_dof < SETTINGS.better * good[0][1].chi2_per_dof]
@@ -160,7 +164,9 @@ def impossible(ratios: Array, rig: Rig) -> str:
     return ""
 
 
-def fitted(runs: Sequence[Run], rig: Rig, *, quick: bool = False, worst: float = np.inf) -> RatioFit | None:
+def fitted(
+    runs: Sequence[Run], rig: Rig, *, quick: bool = False, worst: float = np.inf, time_factor: float = 1.0
+) -> RatioFit | None:
     """Fit of the rods without effects to the beginning of each run; None if the fit has no finite result.
 
     Args:
@@ -168,10 +174,11 @@ def fitted(runs: Sequence[Run], rig: Rig, *, quick: bool = False, worst: float =
         rig: that they were recorded on
         quick: whether fewer samples and iterations are enough
         worst: reduced chi-square above which the fit stops after the first segments
+        time_factor: by which the times were multiplied; slower swings are fitted for longer, to the same samples
     """
     with np.errstate(all="ignore"):
         try:
-            prepared = _preprocessed(runs, rig, thinned=quick)
+            prepared = _preprocessed(runs, rig, thinned=quick, longer=float(np.clip(time_factor, 1.0, 2.0)))
             iterations = SETTINGS.iterations if quick else SETTINGS.thorough
             ratio_fit = short_fit(rig.nominal, prepared, rig, iterations=iterations, settings=GAUSS_NEWTON, worst=worst)
         except np.linalg.LinAlgError:
@@ -196,15 +203,18 @@ def _otherwise(runs: Sequence[Run], rig: Rig, limit: float) -> Iterator[tuple[Mi
         if all(one is None for one in read):
             continue
         try:
-            other = fitted([one or run for one, run in zip(read, runs, strict=True)], rig, quick=True, worst=limit)
+            alike, factor = [one or run for one, run in zip(read, runs, strict=True)], reading.time_factor
+            other = fitted(alike, rig, quick=True, worst=limit, time_factor=factor)
         except RunError:  # without motion or samples in this interpretation
             continue
         if other is not None and not impossible(other.ratios, rig):
             yield reading, other
 
 
-def _preprocessed(runs: Sequence[Run], rig: Rig, *, thinned: bool = False) -> list[PreprocessedRun]:
-    seconds = SETTINGS.tried_s if thinned else SETTINGS.looked_at_s
+def _preprocessed(
+    runs: Sequence[Run], rig: Rig, *, thinned: bool = False, longer: float = 1.0
+) -> list[PreprocessedRun]:
+    seconds = longer * (SETTINGS.tried_s if thinned else SETTINGS.looked_at_s)
     prepared = [preprocess(_beginning(run, seconds), rig) for run in runs]
     return [_thinned(run) for run in prepared] if thinned else prepared
 

@@ -1,0 +1,184 @@
+"""What acts on the rods for a moment and is no property of the rig: a kick in mid-swing, a hand that pushes.
+
+Both show once the bare model follows the rest of a recording in short segments with free initial states.
+
+    kick    One segment fits far worse than all others. Cut where the speed jumps, its two parts fit as well as those:
+            an effect of the rig acts all along a segment, and a cut in two leaves a sixteenth of what it does at least.
+    push    A segment fits worse by orders of magnitude and no cut helps, or the energy of the rods by the fitted ratios
+            rises at the beginning: rods that nothing drives only lose it.
+
+No segment spans a kick. What a hand did is left out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import base_of_run
+from dpr_lab.effects import effect_params
+from dpr_lab.fitting.cut import MIN_SAMPLES
+from dpr_lab.fitting.estimate import SCALE, Estimate, whole_of
+from dpr_lab.fitting.gauss_newton import Fit, descend, fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.screen.record import Record
+from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.gap.screen.sensor_faults import Finding
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class DisturbanceRules:
+    """From where on something acted on the rods."""
+
+    outstanding: float = 8.0
+    """chi2 of a kicked segment over that of the worst undisturbed one;"""
+    pushed: float = 100.0
+    """the same where no cut helps, so that an effect of the rig might do it."""
+    visible: float = 25.0
+    """chi2 per reading of a disturbed segment, at least."""
+    most: float = 0.1
+    """Share of the segments of a recording that may be disturbed."""
+    cut_off: float = 25.0
+    """Factor by which a cut at the kick must reduce chi2; what acts all along a segment falls by 16."""
+    rises: float = 0.05
+    """Rise of energy over the largest above rest from which a hand pushed,"""
+    early: float = 0.3
+    """within this share of the recording; later nothing may rise by half as much."""
+    alike: float = 1.5
+    """chi2 per reading on both sides of a kick over that of the worst undisturbed segment, at most."""
+    iterations: int = 15
+    """Of a fit of initial states."""
+
+
+RULES = DisturbanceRules()
+
+
+def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
+    """Recordings with breaks at kicks, and without what a hand did at the beginning.
+
+    Only free swings are judged: known torques and a moving arm bring energy in.
+
+    Args:
+        recordings: the runs
+        ratios: (7,) of a fit in short segments that weighs outlying readings down
+
+    Returns:
+        the same object where nothing disturbed them
+    """
+    records = [_undisturbed(recordings, recording, ratios) for recording in recordings.records]
+    same = all(one is recording for one, recording in zip(records, recordings.records, strict=True))
+    return recordings if same else replace(recordings, records=tuple(records))
+
+
+def _undisturbed(recordings: Recordings, recording: Record, ratios: Array) -> Record:
+    if not recording.run.setup.free or recording.arm_moves:
+        return recording
+    one = replace(recordings, ratios=None).only([recording])
+    until = _pushed_until(*_followed(one, ratios))
+    if until is not None:
+        evidence = f"the rods gain energy until {until:.2g} s: a hand still pushes, these readings are left out"
+        return _with(recording.only(recording.t >= until), [Disturbed(float(recording.t[0]), until, evidence)])
+    disturbed = _outstanding(one, ratios)
+    # A kick where a segment begins shows in no segment, so they are cut elsewhere as well.
+    later = recording.only(recording.t >= recording.t[0] + 0.5 * LENGTHS.first)
+    for other in _outstanding(one.only([later]), ratios):
+        if all(abs(other.since - one.since) > LENGTHS.first for one in disturbed):
+            disturbed.append(other)
+    return _with(recording, disturbed) if disturbed else recording
+
+
+@dataclass(frozen=True, slots=True)
+class Disturbed:
+    """An interval in which something acted on the rods; a kick has no length."""
+
+    since: float
+    until: float
+    evidence: str
+
+
+def _followed(one: Recordings, ratios: Array) -> tuple[Problem, Fit]:
+    """One recording in short segments, as the ratios follow it."""
+    short, initial = one.cut(LENGTHS.first)
+    return short, fit(short, Estimate.of(ratios, effect_params({}), initial), (), iterations=RULES.iterations)
+
+
+def _with(recording: Record, disturbed: Sequence[Disturbed]) -> Record:
+    """A recording without what is disturbed, and with breaks there."""
+    findings = [Finding("disturbance", recording.run.name, None, one.since, one.evidence) for one in disturbed]
+    outside = np.all([(recording.t < one.since) | (recording.t >= one.until) for one in disturbed], axis=0)
+    at = np.array([one.since for one in disturbed])
+    cut = replace(
+        recording.only(outside), breaks=np.sort(np.append(recording.breaks, at)), kicks=np.append(recording.kicks, at)
+    )
+    return replace(cut, screened=replace(recording.screened, findings=(*recording.screened.findings, *findings)))
+
+
+def energies(problem: Problem, at: Fit) -> Array:
+    """(segments,) energy at the start of each segment of one run, above that of hanging rods, over b, 1/s^2."""
+    constants, (setup,) = problem.model.constants, problem.segments.setups
+    base = base_of_run(whole_of(at.estimate.ratios), setup, constants.L1, constants.g)
+    a, b, d, e1, *_ = (base / at.estimate.ratios[SCALE]).tolist()
+    th1, th2, w1, w2 = at.estimate.initial.T
+    w2 = w1 if setup.held else w2
+    kinetic = 0.5 * a * w1**2 + 0.5 * b * w2**2 + d * np.cos(th1 - th2) * w1 * w2
+    return np.asarray(kinetic + e1 * (1 + np.cos(th1)) + d * constants.g / constants.L1 * (1 + np.cos(th2)))
+
+
+def _pushed_until(problem: Problem, at: Fit) -> float | None:
+    """The start of the first segment from which on the energy only falls, if it rose before; else None."""
+    energy = energies(problem, at)
+    begins = problem.t[problem.segments.offsets[:-1]]
+    if len(energy) < 4 or not np.isfinite(energy).all():
+        return None
+    top = int(np.argmax(energy))
+    rise = float(energy[top] - energy[: top + 1].min()) / float(energy[top])
+    if top == 0 or rise < RULES.rises or begins[top] - begins[0] > RULES.early * (begins[-1] - begins[0]):
+        return None
+    after = energy[top:]
+    again = float(np.max(after - np.minimum.accumulate(after))) / float(energy[top])
+    return float(begins[top]) if again < 0.5 * rise and again < RULES.rises else None
+
+
+def _outstanding(one: Recordings, ratios: Array) -> list[Disturbed]:
+    """Kicks and pushes, by the segments that fit far worse than all others."""
+    short, followed = _followed(one, ratios)
+    edges, chi2 = short.segments.offsets, followed.linear.chi2_by_segment
+    level = np.where(np.isfinite(chi2), chi2, np.inf) / np.diff(edges)
+    order = np.argsort(-level)
+    most = min(max(1, int(RULES.most * len(level))), len(level) - 1)
+    worse = [k for k in range(1, most + 1) if level[order[k - 1]] > RULES.outstanding * level[order[k]]]
+    if not worse:
+        return []
+    others, disturbed = max(float(level[order[worse[-1]]]), 1.0), []
+    for s in sorted(order[: worse[-1]].tolist()):
+        if level[s] < RULES.visible:
+            continue
+        kick = _kick(one, short, followed, s, others)
+        if kick is not None:
+            disturbed.append(Disturbed(kick, kick, "the speed jumps as by a kick: no segment spans it"))
+        elif level[s] > RULES.pushed * others:
+            first, last = float(short.t[edges[s]]), float(short.t[edges[s + 1] - 1])
+            evidence = f"until {last:.2g} s the rods move as no free rods do, as if a hand pushed: left out"
+            disturbed.append(Disturbed(first, float(np.nextafter(last, np.inf)), evidence))
+    return disturbed
+
+
+def _kick(one: Recordings, short: Problem, followed: Fit, s: int, others: float) -> float | None:
+    """Instant at which a cut lets a segment fit as well as the others; None where no cut does."""
+    (recording,) = one.records
+    first, last = (int(i) for i in short.segments.offsets[s : s + 2])
+    begin, end = np.searchsorted(recording.t, [short.t[first], short.t[last - 1]]).tolist()
+    near = recording.only(slice(max(begin - MIN_SAMPLES, 0), end + 1 + MIN_SAMPLES))
+    best, where = np.inf, 0.0
+    for i in range(MIN_SAMPLES, len(near.t) - MIN_SAMPLES + 1):
+        at = 0.5 * float(near.t[i - 1] + near.t[i])
+        halves, initial = one.only([replace(near, breaks=np.array([at]))]).cut(np.inf)
+        cut = descend(halves, followed.estimate.changed(initial=initial), (), iterations=RULES.iterations)
+        left = float(halves.chi2_by_segment(halves.predict(cut.estimate)).sum())
+        if left < best:
+            best, where = left, at
+    enough = float(followed.linear.chi2_by_segment[s]) / RULES.cut_off
+    return where if best < enough and best < RULES.alike * others * len(near.t) else None

@@ -1,0 +1,75 @@
+"""Kicks and pushing hands are found at their instants, and never where nothing acts on the rods."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from tests.background_rigs import recordings as background
+from tests.bench_rigs import Rod, one_rod, rod_swing, table
+
+W2 = 36.0
+KICKS = [(3.4, -1.6), (6.25, 0.9)]
+
+
+def recorded(folder: Path, rod: Rod, seed: int = 0) -> tuple[Rig, list[Run]]:
+    """Two releases of a rod, the first of them disturbed as `rod` says."""
+    rng = np.random.default_rng(seed)
+    t, rig = np.arange(0.0, 9.0, 0.005), one_rod(1.5 * 9.81 / W2, 0.1, 4096, rng)
+    calm = Rod(W2, rod.viscous, rod.dry, rod.drag)
+    runs = []
+    for name, one, start in (("first", rod, 1.2), ("second", calm, 0.9)):
+        angle = rod_swing(one, start, t) + rng.normal(0.0, 3e-4, len(t))
+        count = 2 * np.pi / 4096
+        runs.append(table(folder, name, rig, {"t_s": t, "theta1_rad": count * np.rint(angle / count)}))
+    return rig, runs
+
+
+def disturbances(rig: Rig, runs: list[Run]) -> list[tuple[str, float | None]]:
+    """Run and instant of each that the bare model's fit leads to."""
+    screened = Recordings(tuple(record(run, rig) for run in runs), rig)
+    cleaned, *_ = fit_bare_model(screened, nominal_ratios(rig))
+    findings = [finding for one in cleaned.records for finding in one.screened.findings]
+    return [(finding.run, finding.at_s) for finding in findings if finding.name == "disturbance"]
+
+
+def test_each_kick_is_found_within_a_few_samples(tmp_path):
+    rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.1, 0.01, kicks=list(KICKS)))
+    assert disturbances(rig, runs) == [("first", pytest.approx(at, abs=0.02)) for at, _ in KICKS]
+
+
+def test_a_kick_where_a_segment_begins_is_found_too(tmp_path):
+    rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.1, 0.01, kicks=[(4.5, 1.5)]))
+    assert disturbances(rig, runs) == [("first", pytest.approx(4.5, abs=0.02))]
+
+
+def test_a_hand_that_pushes_at_the_beginning_is_left_out(tmp_path):
+    rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.1, 0.01, push=(0.3, -60.0)))
+    (found,) = disturbances(rig, runs)
+    assert found == ("first", pytest.approx(0.0, abs=0.04))
+
+
+def test_friction_and_drag_alone_disturb_nothing(tmp_path):
+    rig, runs = recorded(tmp_path, Rod(W2, 0.05, 0.4, 0.05))
+    assert disturbances(rig, runs) == []
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_effects_of_two_rods_are_no_disturbance(seed):
+    rig, runs, _ = background(seed)
+    assert disturbances(rig, runs) == []
+
+
+@pytest.mark.slow
+def test_behind_kicks_the_dry_friction_is_named(tmp_path):
+    rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.25, 0.0, kicks=list(KICKS)))
+    diagnosis = diagnose(runs, rig)
+    assert {finding.name for finding in diagnosis.sensor_findings} >= {"disturbance"}
+    (dry,) = (effect for effect in diagnosis.effects if effect.name == "coulomb_joint1")
+    assert dry.probability > 0.9
