@@ -24,7 +24,7 @@ from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.gap.bare_model import nominal_ratios
 from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, Diagnosis
 from dpr_lab.gap.screen.record import RATE_HZ, record
-from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.planning.information import PresentModel
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -169,7 +169,7 @@ def _prior_information(prior: Prior, model: PresentModel) -> Array:
 
 def _of_runs(recordings: Recordings, model: PresentModel) -> Array:
     """(k, k) Fisher information of runs as a diagnosis cuts them."""
-    problem, initial = recordings.cut(LENGTHS.working)
+    problem, initial = recordings.cut(recordings.working_length)
     at = problem.with_zeros(model.estimate.changed(initial=initial))
     columns = problem.all_free(model.columns)
     A, _ = linearise(problem, at, columns).flat
