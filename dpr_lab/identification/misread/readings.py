@@ -58,6 +58,11 @@ _ANGLES = (
         "the zero of the angles is in the opposite direction (imported with the wrong --zero, or a wrong zero_counts)",
         lambda inner, outer: (inner + np.pi, outer + np.pi),
     ),
+    _of_angles(
+        "the zero of joint 2 is in the opposite direction (add half a turn to theta2 with --offset, or correct"
+        " zero_counts)",
+        lambda inner, outer: (inner, outer + np.pi),
+    ),
     _of_angles("one rod's sign is reversed (direction of one encoder)", lambda inner, outer: (-inner, outer)),
     _of_angles(
         "the sign of joint 2 is reversed (direction of its encoder)", lambda inner, outer: (inner, 2 * inner - outer)

@@ -31,10 +31,10 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
     possible = ratio_fit is not None and not impossible(ratio_fit.ratios, rig)
     if ratio_fit is not None and possible and residual(ratio_fit) < SETTINGS.suspicious:
         return
-    causes = [
-        reading.cause
-        for reading, _ in better_readings(runs, rig, np.inf if ratio_fit is None else ratio_fit.chi2_per_dof)
-    ]
+    chi2 = np.inf if ratio_fit is None else ratio_fit.chi2_per_dof
+    if not possible:  # impossible masses may fit to the noise: another reading need not fit better
+        chi2 = max(chi2, SETTINGS.explained * SETTINGS.better)
+    causes = [reading.cause for reading, _ in better_readings(runs, rig, chi2)]
     if causes:
         raise IdentificationError(
             f"these recordings do not fit this rig as interpreted; another interpretation fits: {', or '.join(causes)}"
@@ -46,10 +46,10 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
         raise IdentificationError(
             "these recordings are not compatible with a double pendulum with the lengths and masses of the rig file"
             + (f": {impossible(ratio_fit.ratios, rig)}" if ratio_fit is not None and not possible else "")
-            + "; other zeros, signs, units and orders of the angles were tested and do not explain them:"
-            " check the unit of"
-            f" time{', torques (in N m)' * driven}, L1 and g in the rig file, masses, counts_per_rev, and that the arm"
-            " is clamped"
+            + "; zeros in the opposite direction, other signs, units and orders of the angles were tested and do not"
+            " explain them: check the zero of each angle (--offset or zero_counts), --wrap, the unit of time"
+            f"{', torques (in N m)' * driven}, L1 and g in the rig file, masses, counts_per_rev, and that the arm is"
+            " clamped"
         )
 
 
