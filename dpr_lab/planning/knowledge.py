@@ -116,7 +116,7 @@ def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, driven: boo
         rig,
         model,
         prior,
-        prior + _of_runs(recordings, model) / inflation,
+        prior + information_of_runs(recordings, model) / inflation,
         inflation,
         frozenset(diagnosis.model_effects),
         tuple(_causes(diagnosis)),
@@ -167,7 +167,7 @@ def _prior_information(prior: Prior, model: PresentModel) -> Array:
     return information
 
 
-def _of_runs(recordings: Recordings, model: PresentModel) -> Array:
+def information_of_runs(recordings: Recordings, model: PresentModel) -> Array:
     """(k, k) Fisher information of runs as a diagnosis cuts them."""
     problem, initial = recordings.cut(recordings.working_length)
     at = problem.with_zeros(model.estimate.changed(initial=initial))

@@ -31,6 +31,8 @@ class SequenceStep:
     """What it costs after the one before."""
     worth: float
     """Weighed bits that it adds."""
+    price: float
+    """Minutes that its worth is divided by: all of them within a budget, those of the operator's hands without one."""
     simulated: float | None = None
     """Delta D^2 of the most open pair by simulation over that by linearisation; None where nothing is open."""
 
@@ -114,6 +116,7 @@ class Planner:
                 one.horizon_s,
                 cost,
                 self.objective.worth(F + one.information / f) - before,
+                _price(cost, one.release, left),
             )
             for one in pool
             if (cost := minutes(one.release, mounted, self.limits)) <= left
@@ -147,4 +150,8 @@ def _bent(release: CandidateRelease) -> CandidateRelease:
 
 
 def _rate(step: SequenceStep) -> float:
-    return step.worth / step.minutes
+    return step.worth / step.price
+
+
+def _price(cost: float, release: CandidateRelease, left: float) -> float:
+    return max(cost if np.isfinite(left) else cost - release.duration_s / 60, 1 / 60)

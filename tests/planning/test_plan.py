@@ -43,6 +43,13 @@ def test_a_first_plan_shows_more_than_the_poses_of_the_rig_file(paper: Rig) -> N
     assert coulomb.after < coulomb.typical
 
 
+def test_without_a_budget_recordings_are_long_and_with_one_their_time_counts(paper: Rig) -> None:
+    times = PlanLimits.model_validate({"recording": {"shortest_s": 2.0, "longest_s": 8.0}})
+    (free,), (paid,) = (plan(paper, limits=times, count=1, budget_min=budget).releases for budget in (None, 5.0))
+    assert free.duration_s == 8.0
+    assert paid.duration_s < 8.0
+
+
 def test_the_same_seed_gives_the_same_plan(paper: Rig) -> None:
     first, second = (plan(paper, limits=limits(), count=1, seed=4) for _ in range(2))
     assert first.releases == second.releases

@@ -1,0 +1,78 @@
+"""Which of the given recordings of a real rig to fit first: the plan's choice against all others.
+
+    python benchmarks/plan_real.py --data FOLDER
+
+The information of each recording is computed at the rig file's values, before any is fitted, and the plan takes the one
+that is worth most. Each recording is then fitted alone. What the fit predicts of the others, running free, is compared
+with the median over all choices.
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from _bars import Bar, at_most, options, show
+from _real import PIECE_S, PIECES
+
+from dpr_lab.errors import DprError
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.planning.knowledge import information_of_runs, known_before
+from dpr_lab.planning.objective import Objective
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.run import Run
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
+
+
+def multiarm(folder: Path) -> tuple[Rig, list[Run]]:
+    """Pieces of 10 s of the published free swing."""
+    rig, file = load_rig("multiarm"), folder / "multiarm" / "dp_freeswing_1khz.csv"
+    cuts = [ImportOptions(zero="hanging", start_s=PIECE_S * k, duration_s=PIECE_S) for k in range(PIECES)]
+    return rig, [replace(import_csv(file, rig, cut), name=f"piece {k}") for k, cut in enumerate(cuts)]
+
+
+def worths(rig: Rig, runs: list[Run]) -> list[float]:
+    """What each recording is worth by the plan, from the rig file alone."""
+    known = known_before(rig)
+    objective = Objective.of(known)
+    each = (Recordings((record(run, rig),), rig) for run in runs)
+    return [objective.worth(known.information + information_of_runs(one, known.model)) for one in each]
+
+
+def held_out_error(rig: Rig, runs: list[Run], chosen: int) -> float:
+    """Median error of free runs along the recordings that were not fitted, rad; inf where nothing could be fitted."""
+    others = [run for k, run in enumerate(runs) if k != chosen]
+    try:
+        found = diagnose([runs[chosen]], rig, held_out=others)
+    except DprError as error:
+        print(f"  {runs[chosen].name}: {error}", file=sys.stderr)
+        return np.inf
+    return float(np.median([found.gap.free_run_rad[run.name]["after"] for run in others]))
+
+
+def bars(rig: Rig, runs: list[Run]) -> list[Bar]:
+    """The plan's choice over the median of all choices."""
+    worth = worths(rig, runs)
+    errors = []
+    for k, run in enumerate(runs):
+        errors.append(held_out_error(rig, runs, k))
+        print(f"{run.name}: worth {worth[k]:.3f}, held-out error {errors[-1]:.4f} rad", file=sys.stderr, flush=True)
+    best = int(np.argmax(worth))
+    return [
+        at_most(f"{rig.name}: held-out error of the plan's choice over the median", errors[best] / np.median(errors), 1)
+    ]
+
+
+def main() -> None:
+    """Import, rate, fit, print."""
+    parser = options(__doc__)
+    parser.add_argument("--data", type=Path, required=True, help="folder of the real recordings")
+    args = parser.parse_args()
+    rig, runs = multiarm(args.data)
+    show("plan on real recordings", bars(rig, runs[:3] if args.quick else runs), args.json)
+
+
+if __name__ == "__main__":
+    main()
