@@ -69,7 +69,30 @@ END
 """
 """A model of the rig `paper` in two formats."""
 
+FURUTA = f"""
+PYTHONPATH={ROOT} python - <<'END'
+import re
+from pathlib import Path
+import numpy as np
+from dpr_lab.dynamics.arm import ArmParameters
+from tests.point_masses import point_masses
+page = Path({str(ROOT / "docs/how-to/moving-arm.md")!r}).read_text()
+Path("furuta.toml").write_text(re.search(r"```toml\\n(.*?)```", page, re.DOTALL)[1])
+Z = (0.065, 0.0, 0.05, 0.0, 0.0, 1e-4, 0.0, 1e-4, 0.0)
+t = np.arange(0, 2.5, 0.005)
+volts = 2 * np.sin(6 * t) + 2 * np.sin(11 * t)
+for name, J0, push in (("sine", 2.6e-4, 0.1 / 16 * volts), ("swing", 1e9, 0 * t)):
+    start = (0.0, np.pi - 0.5, 0.0, 0.0, 0.0, 0.0)
+    theta = point_masses(Z, ArmParameters(J0, 1e-3), start, t, push, (0.0935, 0.129, 9.81))
+    theta += np.random.default_rng(1).normal(0, 3e-4, theta.shape)
+    rows = np.column_stack([t, theta[:, 0], theta[:, 1] - np.pi, volts])
+    np.savetxt(f"{{name}}.csv", rows, "%.6f", ",", header="t,theta0,theta1,voltage", comments="")
+END
+"""
+"""Tables of a Furuta pendulum, its arm driven and clamped, and the rig file of the page."""
+
 TAKEN_FOR_GRANTED = {
+    "docs/how-to/moving-arm.md": FURUTA,
     "docs/rig-file.md": ROBOT,
     "docs/how-to/simulator-model.md": f"{ROBOT}\n{DRY} runs",
     "docs/reference/schemas.md": f"cp {ROOT}/tests/tui/data/diagnosis.json .",

@@ -41,7 +41,7 @@ def arm_motion(t: NDArray[np.float64], theta0: NDArray[np.float64], name: str) -
     return ArmMotion(t, np.asarray(spline(at)), np.asarray(spline.derivative()(at)) / spacing, noise)
 
 
-def refuse_still_arm(theta0: NDArray[np.float64], mode: str, path: object, least_rad: float = 0.005) -> None:
+def refuse_still_arm(theta0: NDArray[np.float64], mode: str, path: object, least_rad: float = 0.01) -> None:
     """Make sure that an arm that could move did.
 
     Raises:
