@@ -84,7 +84,9 @@ def identify_any_arm(
     from dpr_lab.identification.moving_arm.identify import identify_moving_arm, moves
 
     rig, runs = _read(request, on_event, moving=True)
-    if not moves(runs):
+    # One rod with a clamped arm shows ratios to its own inertia only, as a rotary pendulum's rig file expects them.
+    alone = rig.rods.mounted == "inner" and rig.arm.mode in ("free", "driven")
+    if not moves(runs) and not alone:
         return _identified(runs, rig, request, on_event, proceed)
     on_event(LocalFitBegan())
     model = identify_moving_arm(runs, rig)

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from dpr_lab.dynamics.simulate import simulate_arm
+from dpr_lab.dynamics.simulate import simulate, simulate_arm
 from dpr_lab.errors import RunError
 from dpr_lab.identification.moving_arm.doubts import stops
 from dpr_lab.identification.moving_arm.identify import identify_moving_arm
+from dpr_lab.rig import load_rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.options import ImportOptions
+from dpr_lab.workflows.identify import IdentifyRequest, MovingArmResult, identify_any_arm
 from tests.identification.test_moving_arm_fit import NOISE, PUSH, T, drawn, recorded, rig_with
 
 KT = {"nominal": 0.5, "lower": 0.1, "upper": 2.0}
@@ -98,3 +100,23 @@ def test_an_input_is_scaled_in_a_table(tmp_path):
         import_csv(file, rig, ImportOptions(zero="hanging", scale={"input": -1.0}, arm="free"))
     with pytest.raises(ValueError, match="offset can be given for theta0, theta1, theta2, not for input"):
         ImportOptions(offset={"input": 1.0})
+
+
+def test_a_clamped_run_of_one_rod_on_a_rig_with_a_motor_gives_its_own_ratios_only(tmp_path):
+    rig_file = tmp_path / "rig.toml"
+    text = load_rig("furuta").path.read_text()
+    rig_file.write_text(text)
+    rig = load_rig(rig_file)
+    t = np.arange(0, 3, 0.005)
+    a, e1, c1 = 1.37e-4, 0.0153, 2.3e-5
+    swing = simulate([a, a, 0.0, e1, c1, 0.0], rig.L1, rig.g, [np.pi - 0.6, 0.0, 0.0, 0.0], t)[:, 0]
+    swing += np.random.default_rng(1).normal(0, 3e-4, len(t))
+    table = tmp_path / "swing.csv"
+    rows = np.column_stack([t, 0 * t, swing])
+    np.savetxt(table, rows, delimiter=",", header="t,theta0,theta1", comments="", fmt="%.7f")
+    run = tmp_path / "swing.mcap"
+    import_csv(table, rig, ImportOptions(arm="clamped", keep_rest=True), out=run)
+    done = identify_any_arm(IdentifyRequest((run,), str(rig_file), tmp_path / "model.json"))
+    assert isinstance(done, MovingArmResult)
+    assert set(done.model.ratios) == {"e1/a", "c1/a"}
+    assert done.model.ratios["e1/a"].value == pytest.approx(e1 / a, rel=1e-3)

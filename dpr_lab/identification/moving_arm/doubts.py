@@ -113,6 +113,8 @@ def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
 def stop_sentence(recording: ArmRecording) -> str:
     """A sentence where the arm's speed changes at once at the same end of its range, twice or more; else empty."""
     run = recording.run
+    if run.arm_mode == "clamped" or np.ptp(run.theta[:, 0]) < DOUBTS.hardly_rad:
+        return ""
     for end, angle, contacts in stops(run.t, run.theta[:, 0]):
         return (
             f"{run.file or run.name}: the arm hits a stop at theta0 = {angle:.3g} rad, its {end} angle, {len(contacts)}"
