@@ -70,14 +70,14 @@ def test_what_does_not_fit_is_refused_first(cli, bench: tuple[Path, Rig], paper:
     assert cli("diagnose", *RUNS, cwd=folder).code == 2
     assert cli("diagnose", *RUNS, "--rig", "rig.toml", "--joints", "a,b", cwd=folder).code == 2
     other = cli("diagnose", *RUNS, "--rig", "paper", "--simulator", "robot.xml", cwd=folder)
-    assert (other.code, "its L1 is 0.3, that of the model 0.4" in other.err) == (3, True)
+    assert (other.code, "its L1 is 0.3, but that of the model is 0.4" in other.err) == (3, True)
     own = cli("diagnose", *RUNS, "--simulator", "robot.xml", "--out", ".", cwd=folder)
     assert (own.code, "is not overwritten" in own.err) == (3, True)
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-def test_a_urdf_is_compared_and_not_changed(cli, bench: tuple[Path, Rig]) -> None:
+def test_a_urdf_is_compared_and_changed(cli, bench: tuple[Path, Rig]) -> None:
     pytest.importorskip("urdf_parser_py")
     folder, rig = bench
     text = FORMATS["urdf"].written(model_of(rig, {}, rig.name), rig)[FORMATS["urdf"].main]
@@ -87,5 +87,7 @@ def test_a_urdf_is_compared_and_not_changed(cli, bench: tuple[Path, Rig]) -> Non
     done = cli(*words, cwd=folder)
     assert done.code == 0, done.err
     said = done.json["simulator"]
-    assert (said["format"], said["changes"], said["diff"]) == ("URDF", [], "")
+    assert (said["format"], said["refused"], said["lost"]) == ("URDF", "", {})
     assert [cause["quantity"] for cause in said["causes"]] == ["damping"]
+    assert [change["attribute"] for change in said["changes"]] == ["damping"]
+    assert all(replay["after_rad"] < 0.1 * replay["before_rad"] for replay in said["replays"])

@@ -78,8 +78,8 @@ PLANTED = {
     "rod too short": Planted('pos="0 0 -0.3"', 'pos="0 0 -0.315"', "length error, inner rod", "shoulder"),
 }
 
-MISSED = "frictionloss missing, shoulder"
-"""Named as Stribeck friction, which no attribute holds: MuJoCo softens dry friction (`solref`, `solimp`)."""
+SOFTENED = "frictionloss missing, shoulder"
+"""Named as Stribeck friction, because MuJoCo softens dry friction (`solref`, `solimp`)."""
 
 
 def swing(text: str, rig: Rig, start: tuple[float, float], t: Array, step: float = 2.5e-4) -> Array:

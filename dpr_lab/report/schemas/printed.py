@@ -52,6 +52,23 @@ class PrintedChange(BaseModel):
     """New value."""
 
 
+class PrintedReplay(BaseModel):
+    """Errors of free runs on one recording with the numbers of both files, root mean square over both rods."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    run: str
+    """Name of the recording."""
+    until_s: float
+    """Predictability horizon, s since the release."""
+    before_rad: float
+    """Error with the user's file, rad."""
+    after_rad: float
+    """Error with the changed file, rad."""
+    lab_rad: float
+    """Error of the corrected model in dpr-lab, rad."""
+
+
 class PrintedSimulator(BaseModel):
     """Additional content of `diagnose --simulator`."""
 
@@ -68,11 +85,15 @@ class PrintedSimulator(BaseModel):
     unnamed: list[str]
     """Named effects that no attribute of a body or joint represents."""
     changes: list[PrintedChange]
-    """Changed attributes of an MJCF file."""
+    """Changed attributes or texts of the file."""
     diff: str
-    """Unified diff of an MJCF file."""
+    """Unified diff of the file."""
+    lost: dict[str, str]
+    """Effect -> reason why the file cannot contain it."""
+    replays: list[PrintedReplay]
+    """Errors on held-out recordings, or on the fitted ones if none are held out; empty without MuJoCo."""
     refused: str
-    """Reason why an MJCF file cannot be changed; empty if it can."""
+    """Reason why the file cannot be changed; empty if it can."""
 
 
 class PrintedDiagnosis(Diagnosis):
