@@ -61,7 +61,8 @@ def test_it_speaks_the_names_of_the_file(cli, bench: tuple[Path, Rig]) -> None:
     done = cli("diagnose", *RUNS, "--rig", "rig.toml", "--simulator", "robot.xml", cwd=folder)
     assert done.code == 0, done.err
     assert "Joint 1 is 'shoulder' and joint 2 is 'elbow' in robot.xml." in done.out
-    assert "What to change in robot.xml" in done.out
+    assert "Changes of robot.xml" in done.out
+    assert "Replayed with the numbers of robot.xml" in done.out
     assert "With --out FOLDER the changed robot.xml is written to this folder." in done.out
 
 
