@@ -111,7 +111,7 @@ def __getattr__(name: str) -> Any:
     if name not in _FROM:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, there = _FROM[name]
-    return import_module(f"{__name__}.public_help").explain(getattr(import_module(module), there), name)
+    return import_module(f"{__name__}.shown").explain(getattr(import_module(module), there), name)
 
 
 def __dir__() -> list[str]:
