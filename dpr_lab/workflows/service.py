@@ -17,8 +17,6 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, TypeAlias
 
-from pydantic import TypeAdapter, ValidationError
-
 from dpr_lab.errors import DprError
 from dpr_lab.version import __version__
 from dpr_lab.workflows import events
@@ -265,6 +263,8 @@ def _request(method: Method, params: Mapping[str, Any]) -> Any:
     Raises:
         RpcError: unknown, missing or wrong parameters.
     """
+    from pydantic import TypeAdapter, ValidationError  # heavy: the start of a command imports all jobs' events
+
     kind = _imported(method.request)
     known = [field.name for field in fields(kind)]
     if unknown := [name for name in params if name not in known]:

@@ -4,6 +4,7 @@ import os
 import pty
 import re
 import runpy
+import select
 import subprocess
 import sys
 import time
@@ -74,11 +75,11 @@ def test_a_terminal_is_asked(tmp_path: Path) -> None:
         "Name of the rig": "asked",
         "Distance between the two joints": "0.3",
         "Length of the outer rod": "far\n0.25",  # asked again after a word
-        "Inner rod": "0.21",
-        "Outer rod": "0.12+-0.002",
+        "Mass of the inner rod": "0.21",
+        "Mass of the outer rod": "0.12+-0.002",
         "Mass of the parts at joint 2": "",
         "Counts per turn": "",
-        "encoder reads": "absolute",
+        "Encoder of the outer rod": "absolute",
         "Link to the device": "",
     }
     master, slave = pty.openpty()
@@ -87,7 +88,8 @@ def test_a_terminal_is_asked(tmp_path: Path) -> None:
     os.close(slave)
     shown, deadline = "", time.monotonic() + 120
     waiting = [(question, line) for question, answer in answers.items() for line in answer.split("\n")]
-    while waiting and time.monotonic() < deadline:
+    while waiting:
+        assert select.select([master], [], [], max(0.0, deadline - time.monotonic()))[0], (waiting[0], shown)
         shown += os.read(master, 4096).decode()
         if waiting[0][0] in shown and shown.rstrip().endswith(":"):
             os.write(master, (waiting.pop(0)[1] + "\n").encode())
