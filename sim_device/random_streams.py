@@ -1,4 +1,4 @@
-"""Where randomness enters the simulated device: one seed, separate streams, no state."""
+"""Random numbers of the simulated device: one seed, separate streams, no state."""
 
 from enum import IntEnum
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 class RandomStream(IntEnum):
-    """What a random number is for; streams never share numbers."""
+    """Purpose of a random number; streams never share numbers."""
 
     IDLE = 0
     REST = 1
@@ -23,5 +23,5 @@ class RandomStream(IntEnum):
 
 
 def generator(seed: int, stream: RandomStream, *numbers: int) -> np.random.Generator:
-    """The random generator of one purpose, the same every time for the same arguments."""
+    """The random generator of one purpose, identical for identical arguments."""
     return np.random.default_rng([seed, stream, *numbers])

@@ -1,4 +1,4 @@
-"""The loop that runs a device on a link until it is stopped, or until a fault takes one of them away."""
+"""Main loop of a device on a link, until it is stopped or a fault ends one of them."""
 
 import logging
 import time
@@ -12,13 +12,13 @@ from sim_device.links.link import DeviceLink
 log = logging.getLogger(__name__)
 
 STREAMING_PAUSE = 0.002
-"""Longest wait while streaming, s: samples go out in twos at 1 kHz, which halves the cost of sending each alone."""
+"""Maximum wait while streaming, s: samples are sent in pairs at 1 kHz, at half the cost of single ones."""
 
 IDLE_PAUSE = 0.02
-"""Longest wait while nothing is streamed, s."""
+"""Maximum wait while nothing is streamed, s."""
 
 STALL_EVERY_S = 1.0
-"""From the start of one stall asked for to that of the next."""
+"""Time from the start of one requested stall to that of the next."""
 
 
 def serve(
@@ -32,20 +32,20 @@ def serve(
     reset_after = faults.value("reset_after_s")
     line = _Line(link, faults)
     while not stopped():
-        # The lease is looked at after reading and as of before it: keepalives that waited while this process slept were
-        # sent in time, whether it slept before it read or has since.
+        # The lease is checked after reading, with the time before it: keepalives that arrived while this process was
+        # suspended were sent in time, whether the suspension was before or after the reading.
         now = wall()
         frames = [answer for frame in line.receive(device, now) for answer in device.receive(frame, now)]
         if faults.value("cut_at_release") and any(map(_tells_release, frames)):
-            log.info("the link is cut at the release, as asked for")
+            log.info("the link is cut at the release, as requested")
             break
         frames += device.service(now, link.blocked)
         device.note_dropped(line.send(frames))
         if _reached(device, faults.value("cut_after_s")):
-            log.info("the link is cut, as asked for")
+            log.info("the link is cut, as requested")
             break
         if _reached(device, reset_after):
-            log.info("the device restarts, as asked for")
+            log.info("the device restarts, as requested")
             device.reset()
             reset_after = None
         link.wait(STREAMING_PAUSE if device.streams else IDLE_PAUSE)
@@ -61,7 +61,7 @@ def _reached(device: Board, seconds: float | None) -> bool:
 
 
 class _Line:
-    """A link that stalls or falls silent on request."""
+    """A link that stalls or stops transmitting on request."""
 
     def __init__(self, link: DeviceLink, faults: Faults) -> None:
         self._link = link
@@ -72,16 +72,16 @@ class _Line:
         self._held: list[Frame] = []
 
     def receive(self, device: Board, now: float) -> list[Frame]:
-        """The frames that have arrived, none while the line is stalled or silent."""
+        """The frames that have arrived, none while the link is stalled or silent."""
         if self._on_bus and _reached(device, self._bus_off_after):
-            log.info("the link falls silent, as asked for")
+            log.info("the link transmits nothing from now on, as requested")
             self._link.bus_off()
             self._on_bus = False
         self._open = not (device.streams and self._stalled(now))
         return self._link.receive() if self._open and self._on_bus else []
 
     def send(self, frames: list[Frame]) -> list[Frame]:
-        """Send frames, or keep them until the stall is over; returns those that found no room."""
+        """Send frames, or keep them until the stall is over; return those for which there was no room."""
         if not self._on_bus:
             return []
         self._held += frames

@@ -1,4 +1,4 @@
-"""The plant: the hidden truth that the encoders look at."""
+"""The plant: true motion of the rods and true behaviour of the encoders."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -24,37 +24,37 @@ from dpr_lab.setup import Setup
 from sim_device.plant.config import PlantConfig
 
 MAX_STEP = 1e-4
-"""Longest step of the truth, s: its error stays far below a count for as long as a chaotic swing can be compared."""
+"""Maximum step of the simulation, s: its error stays far below a count as long as a chaotic swing can be compared."""
 
 BLOCK_TIME = 1.0
-"""How much of a swing is computed at a time, s."""
+"""Duration of a swing that is computed at a time, s."""
 
 LOOK = 5e-4
-"""How often an encoder with play or delay looks at its joint, s."""
+"""Interval at which an encoder with play or delay is evaluated, s."""
 
 Driven = Callable[[int, int], NDArray[np.float64]]
-"""(first, count) -> (count, 2) torques of joint 1 and 2 from each of these ticks to the next, N m.
+"""(first, count) -> (count, 2) torques of joints 1 and 2 from each of these ticks to the next, N m.
 
-(count, 1) of the arm where that is what is driven.
+(count, 1) torque of the arm if the arm is driven.
 """
 
 CONSTANT = [param_index(effect.name, "constant_Nm") for effect in SPRING]
-"""Where a joint's constant torque stands: what a drive is between two ticks."""
+"""Position of a joint's constant torque in the parameters: the torque of a drive between two ticks."""
 
 RIPPLE, RIPPLE_ORDER = (
     [[param_index(effect.name, name) for name in names] for effect in (DETENT_JOINT1, DETENT_JOINT2)]
     for names in (("cos1_Nm", "sin1_Nm"), ("order",))
 )
-"""Where a joint's detent stands: what ripple is while the torque holds."""
+"""Position of a joint's detent in the parameters: the ripple at a constant torque."""
 
 NO_ROD = 1e-9
-"""Mass, kg, and inertia, kg m^2, of an outer rod that is not there; zero would leave joint 2 without an equation."""
+"""Mass, kg, and inertia, kg m^2, of a missing outer rod; with zero, joint 2 would have no equation."""
 
 Theta = NDArray[np.float64]
 
 
 def hung(Z: NDArray[np.float64], setup: Setup) -> NDArray[np.float64]:
-    """(9,) parameters of what hangs on the rig."""
+    """(9,) parameters of the mounted rods."""
     l1, l2, m1, m2, mb, c1, c2, J1, J2 = Z
     if setup.mounting == "inner":
         return np.array([l1, l2, m1, NO_ROD, mb, c1, c2, J1, NO_ROD])
@@ -64,15 +64,14 @@ def hung(Z: NDArray[np.float64], setup: Setup) -> NDArray[np.float64]:
 
 
 class Plant:
-    """The rig's true dynamics and effects.
+    """True dynamics and effects of the rig.
 
     Args:
         config: the plant file
-        rig: gives the lengths, gravity and any added mass, which are measured and so true
+        rig: gives the lengths, gravity and any added mass, which are measured and therefore true
 
     Raises:
-        ConfigError: the plant file names an effect or a parameter of one that there is not, or effects that the plant
-            cannot have.
+        ConfigError: the plant file names an unknown effect or parameter, or effects that the plant cannot have.
     """
 
     def __init__(self, config: PlantConfig, rig: Rig) -> None:
@@ -86,9 +85,9 @@ class Plant:
             constants_of_run(rig_constants(rig)._replace(**masses), self._setup),
         )
         self.pace = 1.0
-        """True seconds in a second of the device's clock, as far as an effect sets it wrong."""
+        """True seconds per second of the device's clock, according to the clock effect."""
         self.delay = 0.0
-        """How much later joint 2 is read than joint 1, s."""
+        """Delay of the reading of joint 2 after that of joint 1, s."""
         self.has_play = False
         """Whether the encoder of joint 2 has play."""
         if config.effects:
@@ -106,7 +105,7 @@ class Plant:
 
     @cached_property
     def _moving(self) -> tuple[RigModel, int]:
-        """The rig for `integrate`, and how its arm is held; its kernels are compiled when this is first asked for."""
+        """The rig for `integrate`, and the mode of its arm; its kernels are compiled at the first access."""
         of_arm = self.config.arm
         back_emf = self.config.arm_drive.back_emf if self.config.arm_drive is not None else 0.0
         mode = "clamped" if of_arm.mode == "clamped" else "free"  # of a driven one the torque is known
@@ -118,10 +117,10 @@ class Plant:
             raise ConfigError(f"plant {self.config.name}: effects: {error}") from error
 
     def refuse_drives(self) -> None:
-        """Make sure that drives on the joints of this plant do what they tell, and nothing more.
+        """Verify that drives on the joints of this plant produce exactly the reported torques.
 
         Raises:
-            ConfigError: a rod is not mounted, or an effect is one that only drives have.
+            ConfigError: a rod is not mounted, or the plant has an effect that belongs to drives.
         """
         if self._setup.held:
             raise ConfigError(f"plant {self.config.name}: drives need both rods mounted")
@@ -136,20 +135,20 @@ class Plant:
             raise ConfigError(f"plant {self.config.name}: effects: simulated drives have no {', '.join(of_drives)}")
 
     def let_go(self, theta: Theta, omega: Theta, rate_hz: float, release: int, driven: Driven | None = None) -> "Swing":
-        """The swing of rods let go at theta, omega (3,), read at `rate_hz`, and driven at these ticks."""
+        """The swing of rods released at theta, omega (3,), read at `rate_hz`, and driven at these ticks."""
         return Swing(self, theta, omega, rate_hz, driven)
 
     def counted(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(n, 3) what the counters say instead of these counts: the same."""
+        """(n, 3) final counts; unchanged here."""
         return counts
 
     def start(self, theta: Theta, omega: Theta) -> RigState:
-        """The state of rods let go at theta, omega (3,); a clamped arm does not move."""
+        """The state of rods released at theta, omega (3,); a clamped arm does not move."""
         at_rest = 0.0 if self._moving[1] == CLAMPED else float(omega[0])
         return at_release([*theta, at_rest, omega[1], omega[1 if self._setup.held else 2]])
 
     def swing(self, theta: Theta, omega: Theta, t: Theta) -> NDArray[np.float64]:
-        """(n, 6) angles and speeds at the instants `t` (n,) of a swing that is at theta, omega (3,) at t[0]."""
+        """(n, 6) angles and speeds at the instants `t` (n,) of a swing with theta, omega (3,) at t[0]."""
         return self.goes_on(self.start(theta, omega), t)[:, : 2 * JOINTS]
 
     def goes_on(self, state: RigState, t: Theta) -> NDArray[np.float64]:
@@ -157,7 +156,7 @@ class Plant:
         return integrate(*self._moving, state, t, MAX_STEP)
 
     def driven_on(self, state: RigState, t: Theta, torques: Theta) -> NDArray[np.float64]:
-        """As `goes_on`, under torques of `Driven` (n - 1, ...) that hold from each instant to the next, N m."""
+        """Like `goes_on`, under torques (n - 1, ...) that are constant from each instant to the next, N m."""
         if self.config.arm_drive is not None:
             return integrate(*self._moving, state, t, MAX_STEP, np.append(torques[:, 0], 0.0))
         changes = 1 + np.flatnonzero((np.diff(torques, axis=0) != 0).any(axis=1))
@@ -174,7 +173,7 @@ class Plant:
 
     @cached_property
     def _driven(self) -> tuple[RigModel, int]:
-        """As `_moving`, of joints that any torque may act in."""
+        """Like `_moving`, for joints in which any torque may act."""
         model, mode = self._moving
         pushed = model.params.copy()
         pushed[CONSTANT] = 1.0
@@ -186,26 +185,26 @@ class Plant:
         return model_with(model.base, model.constants, model.arm, pushed)._replace(params=still), mode
 
     def joint2(self, theta1: Theta, theta2: Theta) -> Theta:
-        """Angle of joint 2 as its encoder has it, rad."""
+        """Angle of joint 2 as read by its encoder, rad."""
         return theta2 - self._constants.relative2 * theta1
 
     def with_joint2(self, theta: Theta, angle2: Theta) -> Theta:
-        """(n, 3) absolute angles with another angle of joint 2, (n,) as its encoder has it, rad."""
+        """(n, 3) absolute angles with another angle of joint 2, (n,) as read by its encoder, rad."""
         return np.column_stack([theta[:, :2], angle2 + self._constants.relative2 * theta[:, 1]])
 
     def held(self, angle2: Theta, hold: float) -> Theta:
-        """(n,) angles that the encoder of joint 2 holds as its joint goes through `angle2`, from `hold` on, rad."""
+        """(n,) angles of the encoder of joint 2, which has play, while its joint moves through `angle2`, rad."""
         return held_along(angle2, hold, self._moving[0])
 
     def misread(self, theta: Theta, t: Theta, run: int) -> Theta:
-        """(n, 3) angles as the encoders misread them at the device times `t` (n,) since the release number `run`."""
+        """(n, 3) angles with encoder errors at the device times `t` (n,) since the release number `run`."""
         angles = np.column_stack([theta[:, 1], self.joint2(theta[:, 1], theta[:, 2])])
         if self.config.effects:
             apply_encoder_errors(angles, t, run, self._moving[0])
         return self.with_joint2(np.column_stack([theta[:, 0], angles[:, 0]]), angles[:, 1])
 
     def reveal(self) -> dict[str, dict[str, object]]:
-        """The truth, to be opened once an identification is finished."""
+        """The truth, to be revealed after an identification."""
         _, L1, g = self._frame
         true_ratios = ratios(base_parameters(self.config.Z, L1, g))
         return {
@@ -218,9 +217,10 @@ class Plant:
 
 
 class Swing:
-    """One release as the encoders are shown it, computed a block ahead of whoever reads it.
+    """One release with the angles at the encoders, computed in blocks in advance of the reader.
 
-    Blocks start from the state the last one ended in, so the same release has the same bits however it is read.
+    Each block starts from the final state of the previous one, so the same release has the same bits in any order of
+    reading.
     """
 
     def __init__(self, plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Driven | None = None) -> None:
@@ -233,7 +233,7 @@ class Swing:
         """(count, 3) angles at the ticks `first`, `first` + 1, ... since the release, rad.
 
         Raises:
-            ValueError: `first` lies before what was read last; a swing is read forwards.
+            ValueError: `first` lies before the last read tick; a swing is read forwards.
         """
         if first < self.first:
             raise ValueError(f"the swing was read up to tick {self.first}, not back to {first}")
@@ -245,7 +245,7 @@ class Swing:
 
 
 def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Driven | None) -> Iterator[Theta]:
-    """Blocks of angles, (ticks, 3), with joint 2 as late and as loose as its encoder has it."""
+    """Blocks of angles, (ticks, 3), with the delay and play of the encoder of joint 2."""
     rate_hz /= plant.pace
     if plant.delay == 0.0 and not plant.has_play:
         yield from (states[:-1, :JOINTS] for _, states in _blocks(plant, theta, omega, rate_hz, 1, driven))
@@ -264,7 +264,7 @@ def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Dri
 
 
 def _joint2_at(plant: Plant, blocks: list[tuple[Theta, Theta]], t: Theta) -> Theta:
-    """(n,) angle of joint 2 at the true times `t`; before the release it was held."""
+    """(n,) angle of joint 2 at the true times `t`; before the release it is constant."""
     from scipy.interpolate import CubicHermiteSpline  # slow to import, and few plants need it
 
     at = np.concatenate([times[:-1] for times, _ in blocks])
@@ -276,7 +276,7 @@ def _joint2_at(plant: Plant, blocks: list[tuple[Theta, Theta]], t: Theta) -> The
 def _blocks(
     plant: Plant, theta: Theta, omega: Theta, rate_hz: float, looks: int, driven: Driven | None
 ) -> Iterator[tuple[Theta, Theta]]:
-    """Blocks of true times and states, each from the instant at which the last one ended, `looks` to a tick."""
+    """Blocks of true times and states, each from the end of the previous one, with `looks` instants per tick."""
     ticks = max(1, round(BLOCK_TIME * rate_hz))
     own = np.arange(ticks * looks + 1) / (rate_hz * looks)
     state, first = plant.start(theta, omega), 0

@@ -1,4 +1,4 @@
-"""The rods as operator, latch and gravity move them, and what the encoders make of it."""
+"""The rods, moved by operator, latch and gravity, and the readings of the encoders."""
 
 import math
 from collections.abc import Callable
@@ -24,22 +24,22 @@ Counts = NDArray[np.int64]
 HANGING = Pose(theta1=np.pi, theta2=np.pi)
 
 LONGEST_REPEAT = 8
-"""Samples in a row, at most, that say what one before them says."""
+"""Maximum number of successive samples that repeat an earlier one."""
 
 
 class SimulatedRods:
-    """Where the rods are at any device time: in the operator's hand, in the latch, or swinging.
+    """Position of the rods at any device time: in the operator's hand, in the latch, or swinging.
 
     Args:
-        plant: moves them while they swing
+        plant: moves them during a swing
         rig: poses and encoders
-        placing_time: how long the operator takes to a pose, s of device time
-        hand_error: how far off every pose the operator leaves both rods, on purpose, rad
+        placing_time: time of the operator to a pose, s of device time
+        hand_error: deliberate error of both rods at every pose, rad
         clock_rate: device seconds per true second
-        faults: what is wrong with the encoders
-        drives: what drives the joints or the arm while they swing; None for nothing
-        ready: whether the rods can be let go; the operator waits for that before he takes them to a pose
-        before: releases made before the first of this one's
+        faults: faults of the encoders
+        drives: drives of the joints or the arm during a swing; None without any
+        ready: whether the rods can be released; until then the operator moves them to no pose
+        before: number of earlier releases
     """
 
     def __init__(
@@ -66,9 +66,9 @@ class SimulatedRods:
         self._at_release = np.zeros(3, dtype=np.int64)
 
     def place(self, pose_number: int, now: float) -> None:
-        """The operator takes the rods to a pose of the rig, counted from 1; where there is none they stay as they are.
+        """The operator moves the rods to a pose of the rig, counted from 1; without such a pose they stay in place.
 
-        Turns made by the last swing are unwound, so that the counters do not depend on how long it went on.
+        Full turns of the last swing are removed, so that the counters do not depend on its duration.
         """
         start = target = self._theta(now)
         if 1 <= pose_number <= len(self._poses):
@@ -79,7 +79,7 @@ class SimulatedRods:
         self._held, self._swing = HeldRods(start, target, begins, self._placing_time), None
 
     def let_go(self, at: float, rate_hz: float) -> None:
-        """The latch opens at the device time `at`; from then on the swing is read at `rate_hz` ticks a second."""
+        """The latch opens at the device time `at`; from then on the swing is read at `rate_hz` ticks per second."""
         theta = self._held.theta(np.array([at]))[0]
         self._release += 1
         omega = release_speed(self._config.hand, self._config.seed, self._release)
@@ -89,7 +89,7 @@ class SimulatedRods:
         self._at_release = self._read(theta[None], RandomStream.SWING, self._release, 0)[0]
 
     def held_counts(self, t: NDArray[np.float64], first: int) -> Counts:
-        """(n, 3) counts of the rest before a release at the device times `t`; `first` is the tick of the first."""
+        """(n, 3) counts at rest before a release at the device times `t`; `first` is the tick of the first."""
         self._begin_placing(float(t[0]))
         return self._read(self._held.theta(t), RandomStream.REST, self._release + 1, first)
 
@@ -103,10 +103,10 @@ class SimulatedRods:
         return self._faults.counts(counts, self._at_release, since)
 
     def torques(self, first: int | None, count: int) -> NDArray[np.int64]:
-        """(count, kinds, ...) what the drives tell at each tick from `first` since the release on.
+        """(count, kinds, ...) report of the drives at each tick from `first` since the release on.
 
-        The last axis is that of joints 1 and 2, and is not there for the drive of the arm. `first` is None while the
-        drives stand still.
+        The last axis is that of joints 1 and 2; it is missing for the drive of the arm. `first` is None while the
+        drives are at rest.
         """
         if self._drives is None:
             return np.zeros((count, 0), dtype=np.int64)
@@ -115,7 +115,7 @@ class SimulatedRods:
         return self._drives.told(self._release, first, count, self._rate_hz)
 
     def missing(self, first: int, count: int) -> NDArray[np.bool_]:
-        """(count,) which samples of the swing the board never sends."""
+        """(count,) whether a sample of the swing is never sent."""
         return sampling_faults.missing(self._config, self._release, first, count)
 
     def idle_counts(self, now: float, tick: int) -> Counts:
@@ -124,14 +124,14 @@ class SimulatedRods:
         return self._read(self._theta(now)[None], RandomStream.IDLE, 0, tick)[0]
 
     def _begin_placing(self, now: float) -> None:
-        """The operator who waited waits no longer."""
+        """The waiting operator continues."""
         if self._ready() and self._held.begins == math.inf:
             self._held = replace(self._held, begins=now)
 
     def _guided(self, target: NDArray[np.float64], near: float) -> NDArray[np.float64]:
-        """(3,) where the encoders read `target`, if they misread that itself by more than `near`, rad.
+        """(3,) angles at which the encoders read `target`, if their error exceeds `near`, rad.
 
-        The operator follows the screen. Where no place reads right, as under a stuck bit, it is the target.
+        The operator follows the screen. If no angle reads right, as with a stuck bit, it is the target itself.
         """
         theta = target
         for _ in range(HABITS.looks):
@@ -157,7 +157,7 @@ class SimulatedRods:
     def _read(
         self, theta: NDArray[np.float64], stream: RandomStream, release: int, first: int, since: ArrayLike = -np.inf
     ) -> Counts:
-        """(n, 3) counts of the angles that encoders are shown at the device times `since` the release."""
+        """(n, 3) counts of the angles at the encoders at the device times `since` the release."""
         misread = self._plant.misread(theta, np.full(len(theta), since), release - 1)
         return self._plant.counted(self._encoders.read(misread, stream, release, first))
 

@@ -1,4 +1,4 @@
-"""What a real board does to samples: reads them at uneven instants, sends one twice, loses one."""
+"""Sampling faults of a real board: uneven instants, repeated samples, lost samples."""
 
 from statistics import NormalDist
 
@@ -9,24 +9,24 @@ from sim_device.plant.config import PlantConfig
 from sim_device.plant.encoders import standard_noise
 from sim_device.random_streams import RandomStream
 
-# Which column of the noise decides what.
+# columns of the noise by their purpose
 _JITTER, _REPEATED, _MISSING = range(3)
 
 
 def instants(config: PlantConfig, release: int, first: int, count: int) -> NDArray[np.float64]:
-    """(count,) how much later than its tick each sample of a swing is read, s."""
+    """(count,) delay of each sample of a swing after its tick, s."""
     jitter = config.encoders.jitter_ms * 1e-3 * _noise(config, release, first, count)[:, _JITTER]
     return jitter + config.encoders.late_ms * 1e-3 * _in_cycle(config.encoders.late_every, first, count)
 
 
 def repeated(config: PlantConfig, release: int, first: int, count: int) -> NDArray[np.bool_]:
-    """(count,) which samples of a swing say what the one before says."""
+    """(count,) whether a sample of a swing repeats the previous one."""
     by_chance = _noise(config, release, first, count)[:, _REPEATED] < _threshold(config.encoders.repeated_share)
     return by_chance | _in_cycle(config.encoders.stale_every, first, count)
 
 
 def missing(config: PlantConfig, release: int, first: int, count: int) -> NDArray[np.bool_]:
-    """(count,) which samples of a swing are never sent."""
+    """(count,) whether a sample of a swing is never sent."""
     return _noise(config, release, first, count)[:, _MISSING] < _threshold(config.encoders.missing_share)
 
 
@@ -35,7 +35,7 @@ def between_ticks(theta: NDArray[np.float64], later: NDArray[np.float64]) -> NDA
 
     Args:
         theta: (n + 2 + k, 3) angles at the ticks, at one more before, and at k + 1 more after, rad
-        later: (n,) how much later than the ticks, in ticks, less than k + 1
+        later: (n,) delay after the ticks, in ticks, less than k + 1
 
     Returns:
         (n, 3) rad
@@ -48,7 +48,7 @@ def between_ticks(theta: NDArray[np.float64], later: NDArray[np.float64]) -> NDA
 
 
 def _in_cycle(every: int, first: int, count: int) -> NDArray[np.bool_]:
-    """(count,) which samples end a cycle of `every`; none for 0."""
+    """(count,) whether a sample ends a cycle of `every`; none for 0."""
     if not every:
         return np.zeros(count, dtype=np.bool_)
     return np.arange(first, first + count) % every == every - 1

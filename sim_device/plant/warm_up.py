@@ -1,7 +1,7 @@
-"""What moves a plant is compiled before the rods are let go: at once, or in another process while the device answers.
+"""Compilation of the kernels of a plant before a release: at once, or in another process while the device answers.
 
-A computer that never ran these kernels takes long for them, and a host waits seconds for an answer at most. A thread
-would not do: while it compiles, the device says nothing for a second at a time.
+The first compilation on a computer takes long, and a host waits only seconds for an answer. A thread is not sufficient:
+while it compiles, the device does not answer for a second at a time.
 """
 
 import os
@@ -22,17 +22,17 @@ from sim_device.plant.plant import Plant
 
 
 def warm_up(plant: HiddenPlant, rig: Rig, *, in_background: bool) -> Callable[[], bool]:
-    """Have everything compiled that a plant needs.
+    """Compile the kernels of a plant.
 
     Args:
-        plant: whose kernels
-        rig: the rig that it is of
-        in_background: whether to leave that for later where it takes long
+        plant: the plant
+        rig: its rig
+        in_background: whether to compile in the background if it takes long
 
     Returns:
-        whether the rods can be let go; the compilation starts at the first call
+        whether the rods can be released; the compilation starts at the first call
     """
-    plant.misread(np.zeros((1, JOINTS)), np.zeros(1), 0)  # a device looks at its rods from the beginning
+    plant.misread(np.zeros((1, JOINTS)), np.zeros(1), 0)  # a device reads its rods from the beginning
     if not in_background or CACHE is None or simulator_compiled() or not isinstance(plant, Plant):
         _swing_once(plant)
         return lambda: True
@@ -40,14 +40,14 @@ def warm_up(plant: HiddenPlant, rig: Rig, *, in_background: bool) -> Callable[[]
 
 
 class _Compiling:
-    """A process that fills the cache of kernels, and a thread that loads them from there."""
+    """A process that fills the cache of kernels, and a thread that loads them from it."""
 
     def __init__(self, plant: Plant, rig: Rig) -> None:
         self._plant, self._rig = plant, rig
         self._loading: threading.Thread | None = None
 
     def __call__(self) -> bool:
-        """Whether all is done."""
+        """Whether the compilation is complete."""
         if self._loading is None:
             child = ChildFunction(_fill_cache, self._plant.config, self._rig)
             self._loading = threading.Thread(target=_load_after, args=(child, self._plant), daemon=True)
@@ -64,14 +64,14 @@ def _swing_once(plant: HiddenPlant) -> None:
 def _load_after(child: ChildFunction, plant: Plant) -> None:
     while not child.wait(1.0):
         pass
-    _swing_once(plant)  # out of the cache, in no time
+    _swing_once(plant)  # from the cache, which is fast
 
 
 def _fill_cache(connection: Connection, config: PlantConfig, rig: Rig) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(connection,), daemon=True).start()
     if hasattr(os, "nice"):
-        os.nice(5)  # whoever connects comes first
+        os.nice(5)  # a connecting host has priority
     _swing_once(plant_of(config, rig))
 
 

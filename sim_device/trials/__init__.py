@@ -1,1 +1,1 @@
-"""Blind trials as the device prepares them: what is drawn, how big its gap is, recorded and sealed."""
+"""Preparation of blind trials by the device: drawing of a plant, size of its gap, recording and sealing."""

@@ -1,4 +1,4 @@
-"""Draw a plant whose effects nobody chose: what there is to find in a blind trial (`sim_device.trials.request`)."""
+"""Random plants with effects for blind trials (`sim_device.trials.request`)."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,30 +20,30 @@ from sim_device.trials.request import LEVELS, EffectRequest
 from sim_device.trials.sizing import Coefficients, sized
 
 LARGEST = 40.0
-"""Gap over the noise of the largest effect of a pair or triple, at most."""
+"""Maximum gap of the largest effect of a pair or triple, in units of the noise."""
 
 
 @dataclass(frozen=True, slots=True)
 class Background:
-    """What is on every real rig next to its largest effect."""
+    """Small effects of every real rig, in addition to its largest effect."""
 
     effects: tuple[int, int] = (3, 6)
-    """Least and largest number of small effects."""
+    """Minimum and maximum number of small effects."""
     gap: tuple[float, float] = (0.1, 0.6)
-    """Gap over the noise of each."""
+    """Gap of each small effect, in units of the noise."""
     logger: float = 1 / 3
     """Probability of a fault of the logger."""
     length: float = 0.005
     """Relative standard deviation of the rod's length about L1 of the rig file."""
     mass: float = 0.01
-    """The same of its masses, which the rig file states."""
+    """The same for its masses, which the rig file gives."""
 
 
 BACKGROUND = Background()
 
 
 def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfig:
-    """A plant around `base`, drawn from its seed.
+    """A plant similar to `base`, drawn from its seed.
 
     Raises:
         ConfigError: `base` does not belong to the rig.
@@ -64,7 +64,7 @@ def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfi
 
 
 def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> PlantConfig:
-    """The plant with small effects, a zero offset, values other than the rig file's, and perhaps a logger's fault."""
+    """The plant with small effects, a zero offset, other true values, and sometimes a logger fault."""
     least, most = BACKGROUND.effects
     wanted = len(plant.effects) + int(rng.integers(least, most, endpoint=True))
     for name in rng.permutation(visible_effects()).tolist():
@@ -84,7 +84,7 @@ def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> 
 
 
 def described(wanted: EffectRequest, rig: Rig) -> Rig:
-    """The rig file that the lab is given: with background its masses are known to 1 %."""
+    """The rig file for dpr-lab: with background, its masses are known to 1 %."""
     if wanted.kind != "background":
         return rig
     return rig.model_copy(update={"parameters": {**rig.parameters, **dict(_roughly_weighed(rig))}})
@@ -97,7 +97,7 @@ def _roughly_weighed(rig: Rig) -> Iterator[tuple[str, Parameter]]:
 
 
 def logger_fault(rng: np.random.Generator) -> EncoderConfig:
-    """Encoders whose readings come late in a cycle, are repeated in a cycle or at random, or jitter."""
+    """Encoders whose readings are late in a cycle, repeated in a cycle or at random, or have jitter."""
     cycle = int(rng.integers(5, 41))
     faults: list[dict[str, float]] = [
         {"late_every": cycle, "late_ms": float(rng.uniform(0.5, 4.0))},
@@ -109,7 +109,7 @@ def logger_fault(rng: np.random.Generator) -> EncoderConfig:
 
 
 def dirty(rng: np.random.Generator) -> EncoderConfig:
-    """Encoders with one or more of the faults that a real recording has."""
+    """Encoders with one or more of the faults of a real recording."""
     faults = np.zeros(5, dtype=np.bool_)
     while not faults.any():
         faults = rng.random(5) < 0.4
@@ -143,12 +143,12 @@ def _takes_part(name: str, held_back: bool | None) -> bool:
 
 
 def visible_effects() -> list[str]:
-    """Library effects that a free swing can show."""
+    """Library effects that are identifiable in a free swing."""
     return [name for name, effect in OF_FREE_SWINGS.items() if not effect.absorbed_by]
 
 
 def alike(name: str, other: str) -> bool:
-    """Whether two effects are twins, cases of one another or of a third, so that together they are not two."""
+    """Whether two effects are special cases of one another or of a third, so that together they are not two effects."""
     return not _relatives(name).isdisjoint(_relatives(other))
 
 
@@ -157,7 +157,7 @@ def _relatives(name: str) -> set[str]:
 
 
 def _with_effect(plant: PlantConfig, rig: Rig, name: str, gap: float, rng: np.random.Generator) -> PlantConfig:
-    """The plant with one more effect that alone opens the gap wanted, or as near as its swings allow."""
+    """The plant with one more effect that alone causes the requested gap, as nearly as its swings permit."""
     table, unit = ("foreign", _foreign_unit) if name in FOREIGN else ("effects", _library_unit)
     return plant.model_copy(
         update={table: {**getattr(plant, table), name: sized(plant, rig, name, unit(name, rng), gap)}}
@@ -173,7 +173,7 @@ def _foreign_unit(name: str, rng: np.random.Generator) -> Coefficients:
 
 
 def _library_unit(name: str, rng: np.random.Generator) -> Coefficients:
-    """Coefficients of an effect at about its typical size: free amplitudes of either sign, shapes over their range."""
+    """Coefficients of an effect near its typical size: free amplitudes of either sign, shapes over their range."""
     return {p.name: (_shape if p.role == "shape" else _amplitude)(p, rng) for p in EFFECTS[name].parameters}
 
 

@@ -1,4 +1,4 @@
-"""Sealed plants whose joints are driven: parameters and torques that nobody chose, and what the drives do besides."""
+"""Sealed plants with driven joints: random parameters and torques, and random faults of the drives."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,26 +23,26 @@ from sim_device.trials.request import EffectRequest
 
 @dataclass(frozen=True, slots=True)
 class Driving:
-    """How joints are driven, and how much their drives do that their torques do not tell."""
+    """Settings of the torques, and sizes of the faults that the reported torques do not show."""
 
     length_s: float = 10.0
     row_s: float = 0.01
-    """Between rows of the table of torques."""
+    """Interval between the rows of the table of torques."""
     tones: int = 4
-    """Sines of each joint, up to `highest_hz`."""
+    """Number of sines of each joint, up to `highest_hz`."""
     highest_hz: float = 3.0
     largest_Nm: float = 0.2
-    """Amplitude of a sine at most: about the weight's torque on a rod of the paper's rig."""
+    """Maximum amplitude of a sine: similar to the weight's torque on a rod of the paper's rig."""
     noise_Nm: float = 2e-3
     """Standard deviation of the measured torques."""
     scale: float = 0.15
-    """Of a torque constant that is off, at most; a fifth of this and the next three at least."""
+    """Maximum error of a torque constant; the minimum of this and of the next three is a fifth of it."""
     offset_Nm: float = 0.03
     ripple: float = 0.2
-    """Of the torque, peak."""
+    """Maximum ripple as a fraction of the torque."""
     delay_s: float = 0.01
     subtle: float = 0.1
-    """Of the sizes of a clear fault."""
+    """Range of the sizes of a clear fault."""
 
 
 DRIVING = Driving()
@@ -50,19 +50,19 @@ DRIVING = Driving()
 
 @dataclass(frozen=True, slots=True)
 class DriveFault:
-    """Fault of a drive that its torques do not show, and the library effect that names it correctly."""
+    """Fault of a drive that the reported torques do not show, and the library effect that names it correctly."""
 
     name: str
     drives: dict[str, Any]
-    """What differs in the plant's `[drives]`."""
+    """Changed values of the plant's `[drives]`."""
 
 
 Fault = Callable[[float, np.random.Generator], dict[str, Any]]
-"""(size over the largest, either way; chance) -> what differs in `[drives]`."""
+"""(size relative to the maximum, with sign; random number) -> changed values of `[drives]`."""
 
 
 def _delay(size: float, rng: np.random.Generator) -> dict[str, Any]:
-    """It shows where the commanded torques are reported; a board's ticks know whole milliseconds."""
+    """The fault is visible if the commanded torques are reported; the ticks of a board are whole milliseconds."""
     return {"delay_s": max(round(DRIVING.delay_s * abs(size), 3), 1e-3), "tells": ("commanded",)}
 
 
@@ -88,17 +88,17 @@ FAULTS: Mapping[str, Fault] = {
     TORQUE_RIPPLE[0].name: _ripple(0),
     TORQUE_RIPPLE[1].name: _ripple(1),
 }
-"""Effect of the library -> how a drive that has it is drawn."""
+"""Library effect -> function that draws a drive with this effect."""
 
 
 ANY_FAULT = EffectRequest("driven")
 
 
 def drawn_fault(seed: int, wanted: EffectRequest = ANY_FAULT) -> DriveFault | None:
-    """One of `FAULTS` or none, each as likely as another; or the one that is asked for by name.
+    """One of `FAULTS` or none, all equally probable, or the one that is requested by name.
 
     Raises:
-        ConfigError: that is nothing that drives do.
+        ConfigError: it is no fault of drives.
     """
     rng = generator(seed, RandomStream.DRAW)
     names = list(wanted.effects) or [*FAULTS, None]
@@ -127,13 +127,13 @@ def drawn_drives(plant: PlantConfig, how: Driving = DRIVING) -> JointDrives:
 def driven_runs(
     rig: Rig, seed: int, base: str = "paper", fault: DriveFault | None = None, duration: float = 3.0
 ) -> tuple[PlantConfig, list[Run]]:
-    """A plant drawn around a plant file's, and a recording of it under torques from each of the rig's poses."""
+    """A plant similar to that of a plant file, and its recording under torques from each of the rig's poses."""
     plant = driven(drawn(load_plant(base, seed), rig), fault)
     return plant, record(plant, rig, duration, drives=drawn_drives(plant))
 
 
 def done_by_drives(config: DriveConfig) -> dict[str, dict[str, float]]:
-    """Effects of the library that drives have, and their sizes; those of a board that tells what acts have no delay."""
+    """Library effects of the drives, and their sizes; a board that reports measured torques has no delay."""
     effects: dict[str, dict[str, float]] = {}
     for joint in range(2):
         if config.gain[joint] != 1.0:

@@ -1,4 +1,4 @@
-"""How much of a plant's effects can be seen: what no undisturbed swing of 0.5 s explains, in units of the noise."""
+"""Gap of a plant: residual of an effect-free model in segments of 0.5 s, in units of the noise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,17 +13,19 @@ from dpr_lab.dynamics.sensitivity import sensitivities
 
 @dataclass(frozen=True, slots=True)
 class GapMeasure:
-    """What a gap is measured on, and how finely."""
+    """Settings of the measurement of a gap."""
 
     rate_hz: float = 200.0
     duration: float = 10.0
-    """Of each release, s."""
+    """Duration of each release, s."""
     window: float = 0.5
-    """Length of a segment with a start state of its own, s."""
+    """Length of a segment with its own initial state, s."""
     step: float = 2.5e-3
-    """Of the integrator, s."""
+    """Step of the integrator, s."""
     rounds: int = 3
-    """Of Gauss-Newton; from the truth two are enough for any effect that the first second does not dwarf."""
+    """Iterations of Gauss-Newton; from the truth, two suffice for any effect that does not dominate the first
+    second.
+    """
 
 
 MEASURE = GapMeasure()
@@ -36,20 +38,20 @@ Array = NDArray[np.float64]
 def gap_size(
     ratios: Array, frame: tuple[float, float], period: float, readings: Sequence[Array], noise: Array, relative: bool
 ) -> float:
-    """Root mean square of what is left of noiseless readings after the best undisturbed fit, over the noise.
+    """Root mean square residual of noiseless readings after the best effect-free fit, in units of the noise.
 
-    The fit has the five ratios and, for each segment of `MEASURE.window`, a free start state; it starts at the truth.
+    The fit has the five ratios and, for each segment of `MEASURE.window`, a free initial state; it starts at the truth.
 
     Args:
         ratios: (5,) true ratios of base parameters
         frame: L1 (m), g (m/s^2)
         period: time between readings, s
-        readings: for each release (n, 2) what joint encoders 1 and 2 read, rad; hanging is 0
+        readings: for each release, (n, 2) readings of joint encoders 1 and 2, rad; hanging is 0
         noise: (2,) standard deviation of the encoders' readings, rad
         relative: whether encoder 2 reads theta2 - theta1
 
     Returns:
-        gap in units of the noise; inf where the fit leaves what can be computed
+        gap in units of the noise; inf if the fit diverges
     """
     length = round(MEASURE.window / period)
     pieces = [release[k : k + length] for release in readings for k in range(0, len(release) - length + 1, length)]
@@ -70,7 +72,7 @@ def gap_size(
 
 
 def _start(readings: Array, period: float, relative: bool) -> Array:
-    """(4,) about the state at the first of some readings."""
+    """(4,) approximate state at the first of some readings."""
     theta = readings[:3].copy()
     theta[:, 1] += relative * theta[:, 0]
     omega = (-3 * theta[0] + 4 * theta[1] - theta[2]) / (2 * period)
@@ -78,7 +80,7 @@ def _start(readings: Array, period: float, relative: bool) -> Array:
 
 
 def _as_read(columns: Array, relative: bool) -> Array:
-    """Rows theta1, theta2 (axis 1) as the joint encoders have them."""
+    """Rows theta1, theta2 (axis 1) as read by the joint encoders."""
     read = columns[:, :2].copy()
     if relative:
         read[:, 1] -= read[:, 0]
@@ -86,11 +88,11 @@ def _as_read(columns: Array, relative: bool) -> Array:
 
 
 def _solved(rest: Array, slope: Array) -> tuple[Array, Array, Array]:
-    """Least squares with the start states eliminated: shift of ratios, of start states, and residual.
+    """Least squares with the initial states eliminated: change of ratios and of initial states, and residual.
 
     Args:
         rest: (segments, m) residual
-        slope: (segments, m, 5 + 4) its slopes in ratios and start state
+        slope: (segments, m, 5 + 4) its derivatives with respect to ratios and initial state
     """
     common = len(RATIOS)
     Q, R = np.linalg.qr(slope[:, :, common:])

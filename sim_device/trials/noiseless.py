@@ -1,4 +1,4 @@
-"""What a plant's encoders would read without noise, and how big a gap its effects open in it."""
+"""Noiseless readings of the encoders of a plant, and the gap that its effects cause in them."""
 
 import math
 
@@ -15,9 +15,9 @@ Array = NDArray[np.float64]
 
 
 def plant_gap(config: PlantConfig, rig: Rig) -> float:
-    """Gap that the effects of a plant open over a release of 10 s from each pose, in units of the noise.
+    """Gap of the effects of a plant over a release of 10 s from each pose, in units of the noise.
 
-    It is infinite for a plant whose swing does not stay finite.
+    It is infinite for a plant whose swing diverges.
 
     Raises:
         ConfigError: effects that the plant cannot have.
@@ -32,7 +32,7 @@ def plant_gap(config: PlantConfig, rig: Rig) -> float:
 
 
 def noiseless(config: PlantConfig, rig: Rig, release: int) -> Array:
-    """(n, 2) what joint encoders 1 and 2 read during a release from the pose of that number, from 1, rad."""
+    """(n, 2) readings of joint encoders 1 and 2 during a release from the pose of that number, from 1, rad."""
     plant, pose = plant_of(config, rig), list(rig.poses.values())[release - 1]
     ticks = np.arange(round(MEASURE.duration * MEASURE.rate_hz))
     theta = plant.let_go(pose.theta, np.zeros(3), MEASURE.rate_hz, release).theta(0, len(ticks))
@@ -44,7 +44,7 @@ def noiseless(config: PlantConfig, rig: Rig, release: int) -> Array:
 
 
 def _noise(config: PlantConfig, rig: Rig) -> Array:
-    """(2,) standard deviation of encoders 1 and 2 with their rounding, rad."""
+    """(2,) standard deviation of encoders 1 and 2 including their rounding, rad."""
     noise = np.broadcast_to(np.asarray(config.encoders.noise_counts, dtype=np.float64), 3)
     variance = noise**2 + config.encoders.step_counts**2 / 12
     return np.abs(rig.radians_per_count[1:]) * np.sqrt(variance[1:])

@@ -1,4 +1,4 @@
-"""The recordings of a plant without device, link and waiting: the same counts, for trials by the hundred."""
+"""Recordings of a plant without device, link and waiting: identical counts, for hundreds of trials."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from sim_device.plant.hidden import plant_of
 from sim_device.plant.rods import SimulatedRods
 
 REST = 0.5
-"""How long the rods are recorded at rest before each release, s."""
+"""Duration of the rest before each release, s."""
 
 
 def record(
@@ -22,18 +22,18 @@ def record(
     drives: JointDrives | None = None,
     before: int = 0,
 ) -> list[Run]:
-    """One run from each of the rig's poses, as the lab would have recorded them.
+    """One run from each of the rig's poses, as dpr-lab would have recorded it.
 
-    The counts of the swings are those that the protocol would have carried; the rest before them is other noise of the
-    same kind.
+    The counts of the swings are those that the protocol would have transmitted; the rest before them has other noise of
+    the same kind.
 
     Args:
         config: the plant
-        rig: the rig it is mounted on
-        duration: how long each swing is recorded, s
-        rate_hz: samples a second; None: as the rig file says
-        drives: on its joints; none: free swings
-        before: releases made before these, which the hand and the noise do not repeat
+        rig: the rig on which it is mounted
+        duration: duration of each swing, s
+        rate_hz: samples per second; None for that of the rig file
+        drives: drives of its joints; None for free swings
+        before: number of earlier releases, whose operator errors and noise are not repeated
 
     Raises:
         ConfigError: effects that the plant cannot have.
@@ -81,6 +81,6 @@ def _released(
 
 
 def _near(theta: NDArray[np.float64], pose: NDArray[np.float64], release: int) -> NDArray[np.float64]:
-    """Angles without the full turns that lie between each rod and its pose at the release, row `release`."""
+    """Angles without the full turns between each rod and its pose at the release, row `release`."""
     turns = np.rint((theta[release] - pose) / (2 * np.pi))
     return theta - 2 * np.pi * np.where([False, True, True], turns, 0.0)

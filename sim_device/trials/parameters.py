@@ -1,4 +1,4 @@
-"""The parts of a rig nobody chose: true parameters drawn around a plant file's, and masses as scales give them."""
+"""Random parts of a rig: true parameters similar to those of a plant file, and masses as given by scales."""
 
 from dataclasses import dataclass
 
@@ -13,16 +13,16 @@ from sim_device.random_streams import RandomStream, generator
 
 @dataclass(frozen=True, slots=True)
 class PartSpread:
-    """How far parts are from what the plant file says."""
+    """Deviations of the parts from the plant file."""
 
     parameter: float = 0.15
-    """Of a true parameter, relative; the paper's rig bounds the search at 0.2."""
+    """Maximum relative deviation of a true parameter; the paper's rig bounds the search at 0.2."""
     mass: float = 0.15
-    """Of a mass that is weighed, relative."""
+    """Relative deviation of a mass that is weighed."""
     scales_std: float = 1e-4
-    """Of the scales that the parts are weighed on, kg."""
+    """Standard deviation of the scales, kg."""
     scales_step: float = 1e-4
-    """Of their display, kg."""
+    """Resolution of their display, kg."""
 
 
 SPREAD = PartSpread()
@@ -32,10 +32,10 @@ def drawn(config: PlantConfig, rig: Rig) -> PlantConfig:
     """The same plant with other true parameters, drawn from its seed.
 
     Each searched parameter is uniform within `SPREAD` of the file's value and within the rig's bounds, so that the
-    truth stays findable; a parameter that the rig file gives as measured keeps its value.
+    truth can be identified; a parameter that the rig file gives as measured keeps its value.
 
     Raises:
-        ConfigError: a value of the plant lies so far outside the rig's bounds that nothing is left to draw from.
+        ConfigError: a value of the plant lies so far outside the rig's bounds that no range remains.
     """
     spread = np.array([[1 - SPREAD.parameter], [1 + SPREAD.parameter]]) * config.Z
     lower, upper = np.maximum(spread[0], rig.bounds[0]), np.minimum(spread[1], rig.bounds[1])
@@ -51,9 +51,9 @@ def drawn(config: PlantConfig, rig: Rig) -> PlantConfig:
 
 
 def weighed(base: PlantConfig, rig: Rig, step: float = 0.0) -> tuple[PlantConfig, Rig]:
-    """A rig of other parts, drawn from the plant's seed: its masses, and the rig file after each has been weighed.
+    """A rig with other parts, drawn from the plant's seed: its masses, and the rig file after each has been weighed.
 
-    Masses that the rig file gives as measured stay. With a `step` the scales show multiples of it, kg.
+    Masses that the rig file gives as measured do not change. With a `step`, the scales show multiples of it, kg.
     """
     rng = generator(base.seed, RandomStream.RIG)
     drawn_masses = {name: base.parameters[name] * (1 + SPREAD.mass * rng.uniform(-1, 1)) for name in MASSES}

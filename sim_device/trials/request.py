@@ -1,14 +1,19 @@
-"""What a blind trial asks to be drawn.
+"""Requests for a blind trial: the kind, level and effects of a drawn plant.
 
-    single   one effect of the library            form      one of its families in another form
-    pair     two, the smaller a fifth as visible   outside   one that the library does not hold
-    triple   three, 1 : 0.45 : 0.2                 clean     none
-    dirty    one or none, and faulty encoders       any       one of these
-    driven   joints driven by torques that are reported, their drives with a fault or none; only where asked for
-    background   one, three to six others near or below the noise, one in three with a logger's fault; only likewise
+    single       one effect of the library
+    pair         two effects, the smaller with a fifth of the larger gap
+    triple       three effects with gaps in the ratio 1 : 0.45 : 0.2
+    form         one effect of a family of the library, in another form
+    outside      one effect that the library lacks
+    clean        no effect
+    dirty        one effect or none, and faulty encoders
+    any          one of the kinds above
+    driven       joints driven by reported torques, drives with a fault or none; only on request
+    background   one effect, three to six small ones near or below the noise, in one of three trials a fault of
+                 the logger; only on request
 
-Sizes are drawn as the gap they open (`sim_device.trials.gap_size`): at least twice the noise where they should be
-`clear`, half to one and a half times where they should be `subtle`.
+Sizes are drawn by the gap that they cause (`sim_device.trials.gap_size`): at least twice the noise for `clear`, half to
+one and a half times the noise for `subtle`.
 """
 
 from dataclasses import dataclass
@@ -23,40 +28,40 @@ Kind = Literal["single", "pair", "triple", "clean", "form", "outside", "dirty", 
 Level = Literal["clear", "subtle"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 LEVELS: dict[Level, tuple[float, float]] = {"clear": (2.0, 20.0), "subtle": (0.5, 1.5)}
-"""Range of the gap over the noise."""
+"""Range of the gap in units of the noise."""
 
 _KIND_NAMED: dict[str, Kind] = {kind: kind for kind in KINDS}
 _LEVEL_NAMED: dict[str, Level] = {level: level for level in LEVELS}
 
 ANY = "any"
-"""Instead of a kind: the seed chooses it too."""
+"""In place of a kind: the kind is drawn from the seed as well."""
 
 FREE_SWINGS: tuple[Kind, ...] = tuple(kind for kind in KINDS if kind not in ("driven", "background"))
-"""The kinds that `ANY` stands for."""
+"""The kinds that `ANY` may select."""
 
 SHARES: dict[Kind, tuple[float, ...]] = {"pair": (1.0, 0.2), "triple": (1.0, 0.45, 0.2)}
-"""Gap of each effect over that of the largest, of which the smallest is to be clear."""
+"""Gap of each effect relative to that of the largest, such that the smallest is clear."""
 
 
 @dataclass(frozen=True, slots=True)
 class EffectRequest:
-    """What to draw."""
+    """Requested draw."""
 
     kind: Kind
     level: Level = "clear"
     effects: tuple[str, ...] = ()
-    """Names instead of drawn ones, the largest first."""
+    """Names of effects in place of drawn ones, the largest first."""
     held_back: bool | None = None
-    """Of out-of-library effects only those held back from tuning, only the others, or (None) all."""
+    """Out-of-library effects: only those excluded from tuning (True), only the others (False), or all (None)."""
 
     @property
     def shares(self) -> tuple[float, ...]:
-        """Gap of each effect over that of the largest."""
+        """Gap of each effect relative to that of the largest."""
         return SHARES.get(self.kind, (1.0,))
 
 
 def with_kind(text: str, seed: int) -> str:
-    """What is asked for, with a kind drawn from the seed where it says `any`."""
+    """The request, with a kind drawn from the seed in place of `any`."""
     kind, colon, rest = text.partition(":")
     return f"{generator(seed, RandomStream.KIND).choice(FREE_SWINGS) if kind == ANY else kind}{colon}{rest}"
 

@@ -1,8 +1,7 @@
-"""The seal of a drawn plant: a salted hash, given away before anything is recorded, that fixes the truth.
+"""The seal of a drawn plant: a salted hash, published before any recording, that fixes the truth.
 
-The truth lies in a folder of the device's own, or in its memory, until it is asked for. The salt is drawn afresh, not
-from the seed: whoever knows or guesses the seed can draw the plant again, but cannot tell from the seal whether it is
-the one.
+The truth is in a folder of the device, or in its memory, until it is requested. The salt is random and does not depend
+on the seed: with the seed one can draw the plant again, but cannot tell from the seal whether it is the same plant.
 """
 
 import hashlib
@@ -29,7 +28,7 @@ def seal(truth: dict[str, Any], salt: str) -> str:
 
 
 def truth(plant: "HiddenPlant") -> dict[str, Any]:
-    """Parameters, ratios and effects; of an out-of-library effect those of the library that would be a right answer."""
+    """Parameters, ratios and effects; for an out-of-library effect, the library effects that are correct answers."""
     from sim_device.plant.foreign import FOREIGN
     from sim_device.trials.driven import done_by_drives
 
@@ -44,21 +43,21 @@ def truth(plant: "HiddenPlant") -> dict[str, Any]:
 
 
 def salted(plant: "HiddenPlant", drawn: dict[str, Any]) -> dict[str, Any]:
-    """The truth of a plant with what was asked for, `truth`, and the `salt` of its seal."""
+    """The truth of a plant with the request, `truth`, and the `salt` of its seal."""
     return {"salt": secrets.token_hex(16), "truth": truth(plant) | {"drawn": drawn}}
 
 
 def keep(plant: "PlantConfig", truth: dict[str, Any], folder: Path, drives: "JointDrives | None" = None) -> None:
-    """Keep a plant and its salted truth in a folder.
+    """Store a plant and its salted truth in a folder.
 
     Args:
-        plant: what is sealed
-        truth: of `salted`
-        folder: made here, for the device alone
-        drives: on its joints, if any
+        plant: the sealed plant
+        truth: result of `salted`
+        folder: created here, for the device only
+        drives: drives of its joints, if any
 
     Raises:
-        ConfigError: the folder is there already, or cannot be written.
+        ConfigError: the folder exists already, or cannot be written.
     """
     from sim_device.plant.drives import write_table
     from sim_device.trials.toml import toml_text
@@ -72,13 +71,13 @@ def keep(plant: "PlantConfig", truth: dict[str, Any], folder: Path, drives: "Joi
             write_table(drives, folder / SEALED_TORQUES.name)
         (folder / TRUTH).write_text(json.dumps(truth), encoding="utf-8")
     except FileExistsError as error:
-        raise ConfigError(f"{folder}: is there already; a sealed plant is never replaced") from error
+        raise ConfigError(f"{folder}: exists already; a sealed plant is never replaced") from error
     except OSError as error:
-        raise ConfigError(f"{folder}: the sealed plant cannot be kept there: {error.strerror}") from error
+        raise ConfigError(f"{folder}: the sealed plant cannot be written there: {error.strerror}") from error
 
 
 def opened(folder: Path) -> dict[str, Any]:
-    """The truth kept in a folder, with the salt that anybody needs to check its seal.
+    """The truth stored in a folder, with the salt that is necessary to verify its seal.
 
     Raises:
         ConfigError: no sealed plant is there.
@@ -86,4 +85,4 @@ def opened(folder: Path) -> dict[str, Any]:
     try:
         return json.loads((folder / TRUTH).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ConfigError(f"{folder}: holds no sealed plant: {error}") from error
+        raise ConfigError(f"{folder}: contains no sealed plant: {error}") from error

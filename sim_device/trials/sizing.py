@@ -1,4 +1,4 @@
-"""How big an effect has to be to open a gap of a size: scale it until it does."""
+"""Scaling of an effect until it causes a gap of a requested size."""
 
 import math
 from dataclasses import dataclass
@@ -15,25 +15,25 @@ Coefficients = dict[str, float]
 
 @dataclass(frozen=True, slots=True)
 class SizeSearch:
-    """When the search for a scale ends, and how far it looks at a time."""
+    """Limits of the search for a scale."""
 
     exact: float = 0.04
-    """How near a size comes to the gap wanted, as the logarithm of their ratio."""
+    """Maximum deviation from the requested gap, as the logarithm of their ratio."""
     rounds: int = 9
-    """Most scales tried; the nearest is kept."""
+    """Maximum number of scales; the nearest is kept."""
     stride: float = 20.0
-    """Largest factor of the scale at once, either way."""
+    """Maximum factor between two scales, in either direction."""
     retreat: float = 5.0
-    """What the scale is divided by while every one tried was too large."""
+    """Divisor of the scale while all previous ones were too large."""
 
 
 SEARCH = SizeSearch()
 
 
 def sized(plant: PlantConfig, rig: Rig, name: str, unit: Coefficients, gap: float) -> Coefficients:
-    """Coefficients of an effect, scaled from `unit` until it alone opens a gap on the plant, in units of the noise.
+    """Coefficients of an effect, scaled from `unit` until it alone causes a gap on the plant, in units of the noise.
 
-    Where no size opens that gap they are those that come nearest.
+    If no size causes that gap, they are the nearest ones.
     """
     table = "foreign" if name in FOREIGN else "effects"
     bare = plant.model_copy(update={"effects": {}, "foreign": {}})
@@ -53,7 +53,7 @@ def sized(plant: PlantConfig, rig: Rig, name: str, unit: Coefficients, gap: floa
 
 
 def _next_scale(proposed: float, scale: float, bounds: list[float]) -> float:
-    """The scale in proportion, or the middle between one too small and one too large when that lies outside them."""
+    """The scale in proportion, limited to the range between too small and too large scales."""
     if bounds[0] < proposed < bounds[1]:
         return min(max(proposed, scale / SEARCH.stride), scale * SEARCH.stride)
     return math.sqrt(bounds[0] * bounds[1]) if bounds[0] > 0.0 else scale / SEARCH.retreat

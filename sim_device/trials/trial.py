@@ -1,4 +1,4 @@
-"""A blind trial as the device prepares it: a rig of other parts, a plant drawn for it, sealed, perhaps recorded."""
+"""A blind trial as prepared by the device: a rig with other parts, a drawn plant, its seal, and optional recordings."""
 
 import secrets
 from collections.abc import Mapping
@@ -24,20 +24,20 @@ from sim_device.trials.seal import keep, salted, seal
 from sim_device.trials.toml import toml_text
 
 SEED_BITS = 128
-"""A seed that nobody gave has so many bits: too many to try, even with all that is public of the trial."""
+"""Number of bits of a random seed: too many to try, even with all that is public of the trial."""
 
 
 @dataclass(frozen=True, slots=True)
 class DrawnTrial:
-    """A plant that was drawn, what it is sealed with, and what is public of it."""
+    """A drawn plant, its sealed truth, and its public part."""
 
     plant: PlantConfig
     rig: Rig
-    """As its rig file says; its numbers come from a stream of their own and are rounded as scales show them."""
+    """Rig according to its rig file; its numbers come from a separate stream and are rounded like those of scales."""
     kept: dict[str, Any]
     """`truth` and `salt`."""
     drives: JointDrives | None = None
-    """On its joints; none: free swings."""
+    """Drives of its joints; None for free swings."""
 
     def report(self, direct: bool) -> dict[str, Any]:
         """Report of a drawn trial: `seal`; `rig`, the rig file as TOML text; `runs`, if requested."""
@@ -49,11 +49,11 @@ def drawn_trial(options: Options, around: Rig) -> DrawnTrial:
     """Draw a plant.
 
     Args:
-        options: plant, what to draw (anything where that is left out) and seed
-        around: the rig it is drawn around
+        options: plant, requested draw (anything by default) and seed
+        around: the nominal rig
 
     Raises:
-        ConfigError: nothing that could be drawn.
+        ConfigError: the request is impossible.
     """
     seed, public = (secrets.randbits(SEED_BITS) if options.seed is None else options.seed for _ in range(2))
     wanted = parse_request(with_kind(options.draw_effects or ANY, seed))
@@ -68,15 +68,15 @@ def sealed_trial(options: Options, folder: Path, direct: bool = False) -> dict[s
     """Draw and seal a plant.
 
     Args:
-        options: rig, plant, what to draw (anything where that is left out) and seed
-        folder: where the device keeps the truth
+        options: rig, plant, requested draw (anything by default) and seed
+        folder: folder of the device for the truth
         direct: whether to record the plant at once, without device and link
 
     Returns:
         See `DrawnTrial.report`.
 
     Raises:
-        ConfigError: nothing that could be drawn, or the folder is there already.
+        ConfigError: the request is impossible, or the folder exists already.
     """
     trial = drawn_trial(options, load_rig(options.rig))
     keep(trial.plant, trial.kept, folder, trial.drives)
@@ -84,12 +84,12 @@ def sealed_trial(options: Options, folder: Path, direct: bool = False) -> dict[s
 
 
 def recorded_next(trial: DrawnTrial, wanted: Mapping[str, Any], before: int) -> dict[str, Any]:
-    """Record one release that is asked for by and by, as an experimenter would.
+    """Record one requested release, in the manner of an experimenter.
 
     Args:
         trial: the plant
-        wanted: `theta1`, `theta2`, `duration_s`; `rods` and `added_mass` as in a rig file, as they are where left out
-        before: releases made before: the hand places the rods otherwise each time
+        wanted: `theta1`, `theta2`, `duration_s`; `rods` and `added_mass` as in a rig file, unchanged by default
+        before: number of earlier releases: the operator errors differ each time
 
     Raises:
         ConfigError: a release that the rig cannot make.

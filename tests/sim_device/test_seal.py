@@ -133,9 +133,9 @@ def test_the_program_seals_and_unseals(program, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--unseal", "nowhere"), "holds no sealed plant"),
+        (("--unseal", "nowhere"), "contains no sealed plant"),
         (("--draw-effects", "gremlins", "--seal", "device"), "draw 'gremlins'"),
-        (("--draw-effects", "clean", "--seal", "a_file/device"), "cannot be kept there"),
+        (("--draw-effects", "clean", "--seal", "a_file/device"), "cannot be written there"),
     ],
 )
 def test_what_cannot_be_sealed_or_opened_is_said(program, words, said, tmp_path: Path, monkeypatch) -> None:

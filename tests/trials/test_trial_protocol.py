@@ -41,7 +41,7 @@ def test_drawing_and_diagnosing_work_while_the_device_folder_is_out_of_reach(dia
     """The lab needs nothing of the truth until it asks for it."""
     os.replace(diagnosed.folder / "device", diagnosed.folder.parent / "elsewhere")
     assert len(recordings(diagnosed)) == 3
-    with pytest.raises(DprError, match="holds no sealed plant"):
+    with pytest.raises(DprError, match="contains no sealed plant"):
         open_trial(diagnosed)
 
 

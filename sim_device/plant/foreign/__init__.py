@@ -1,6 +1,6 @@
-"""Effects that the lab cannot know: none of its library, or one of it in another form.
+"""Out-of-library effects: effects that the library lacks, or library effects in another form.
 
-They exist to test the diagnosis: a plant carries at most one of them.
+They test the diagnosis: a plant contains at most one of them.
 """
 
 from sim_device.plant.foreign.bodies import BODIES
@@ -15,7 +15,7 @@ FOREIGN: dict[str, OutOfLibraryEffect] = {
 }
 
 FORMS = tuple(name for name, effect in FOREIGN.items() if effect.family)
-"""Of a family in the library, in another form."""
+"""Effects of a family in the library, in another form."""
 
 OUTSIDE = tuple(name for name, effect in FOREIGN.items() if not effect.family)
-"""Of no family in the library."""
+"""Effects of no family in the library."""

@@ -1,4 +1,4 @@
-"""Rods that can do more than turn: a rod that bends, a rod that leaves the plane, a shaft loose in its bearing."""
+"""Rods with additional degrees of freedom: a bending rod, a rod that leaves the plane, a loose shaft in its bearing."""
 
 import math
 from collections.abc import Sequence
@@ -12,13 +12,13 @@ from sim_device.plant.foreign.engine import Body, EquationOfMotion, undisturbed
 State = NDArray[np.float64]
 
 AXIAL = 0.02
-"""Inertia of the outer rod about its own axis over that about joint 2."""
+"""Ratio of the outer rod's inertia about its own axis to that about joint 2."""
 
 RIM_LOSS = 20.0
-"""Damping over spring force of the rim, s/m: it grows with the depth, so that no force jumps."""
+"""Ratio of damping to spring force of the rim, s/m: damping grows with the depth, so that the force is continuous."""
 
 RATTLE_ERROR = 1e-6
-"""Enough for a shaft that rattles at 100 Hz, and far below an encoder's step."""
+"""Step, sufficient for a shaft that rattles at 100 Hz, with an error far below an encoder's step."""
 
 
 def bending_rod(body: Body, values: Values) -> EquationOfMotion:

@@ -1,4 +1,4 @@
-"""Brakes, wind and a table that leans: torques that come from the place and the moment, not from the rig."""
+"""Brakes, wind and a tilting table: torques that depend on the place or the time, not on the rig."""
 
 import math
 
@@ -31,7 +31,9 @@ def eddy_brake(body: Body, values: Values) -> EquationOfMotion:
 
 
 def air_draught(body: Body, values: Values) -> EquationOfMotion:
-    """Wind across the outer rod, in gusts; only what it adds to the drag of still air.
+    """Wind across the outer rod, in gusts; only the difference from the drag of still air.
+
+    F = -K [|v - u| (v - u) - |v| v], u = U (1 + sin(2 pi t / T) / 2) cos(theta2)
 
     F = -K [|v - u| (v - u) - |v| v],    u = U (1 + sin(2 pi t / T) / 2) cos(theta2)
     """

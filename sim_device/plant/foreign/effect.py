@@ -1,4 +1,4 @@
-"""What an out-of-library effect is: something the lab's library does not hold, or not in this form."""
+"""Interface of an out-of-library effect, which the library lacks at least in this form."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -20,21 +20,21 @@ BuildEquation = Callable[[Body, Values], EquationOfMotion]
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """The swing at consecutive ticks, as a disturbed encoder meets it."""
+    """The swing at consecutive ticks, as input of a disturbed encoder."""
 
     t: Array
     """(n,) time since the release, s."""
     states: Array
-    """(n, 4 + memory) theta1, theta2, omega1, omega2, rad and rad/s, and the motion's memory."""
+    """(n, 4 + memory) theta1, theta2, omega1, omega2, rad and rad/s, and additional states."""
     noise: Array
-    """(n, 3) unit normal numbers that belong to the ticks."""
+    """(n, 3) unit normal numbers of the ticks."""
 
 
 Reading = Callable[[Array, Moment, Values], Array]
-"""Angles (n, 2) that joint encoders 1 and 2 should read, rad -> what they do read, before noise and rounding."""
+"""True angles (n, 2) of joint encoders 1 and 2, rad -> their readings before noise and rounding."""
 
 Counter = Callable[[NDArray[np.int64], Values], NDArray[np.int64]]
-"""Rounded counts (n, 3) -> what the counters say."""
+"""Rounded counts (n, 3) -> readings of the counters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +53,9 @@ class OutOfLibraryEffect:
     name: str
     meaning: str
     amplitude: Size
-    """How big it is; a draw scales it until the gap has the size wanted."""
+    """Its size; a draw scales it to the requested gap."""
     most: float = math.inf
-    """Largest amplitude that still makes sense."""
+    """Maximum meaningful amplitude."""
     sign: Literal["positive", "any"] = "positive"
     shape: tuple[Size, ...] = ()
     motion: BuildEquation | None = None
@@ -63,9 +63,9 @@ class OutOfLibraryEffect:
     counter: Counter | None = None
     dissipative: bool = False
     family: Sequence[Effect] = ()
-    """Library effects that would be a right answer; empty when there is none."""
+    """Library effects that would be a correct answer; empty without any."""
     held_back: bool = False
-    """Kept out of everything that is tuned on trials."""
+    """Whether it is excluded from all tuning on trials."""
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
-"""The equation of motion of foreign plants, open to torques and states that the lab's kernels do not know.
+"""Equation of motion of plants with out-of-library effects, with torques and states that dpr-lab's kernels lack.
 
-Plain Python under an adaptive eighth-order rule: what comes out shares neither integrator nor step with the lab.
+Plain Python with an adaptive eighth-order rule: the result shares neither integrator nor step size with dpr-lab.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,13 +14,13 @@ from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.equation import accelerations
 
 ERROR = 1e-9
-"""Of a step of the integrator, relative, and a tenth of it absolute."""
+"""Relative tolerance of an integration step; the absolute one is a tenth of it."""
 
 LONGEST_STEP = 0.02
-"""So that no step jumps over a disturbance of short duration, s."""
+"""Maximum step, so that no disturbance of short duration is skipped, s."""
 
 BEGUN = 1e-9
-"""Speed from which a joint slides, rad/s."""
+"""Speed above which a joint slides, rad/s."""
 
 Slope = Callable[[float, NDArray[np.float64]], Sequence[float]]
 """Time since the release, s, and state (theta1, theta2, omega1, omega2, memory ...) -> its derivative."""
@@ -44,9 +44,9 @@ class Body:
     L2: float
     g: float
     mass: float
-    """Of both rods and the encoder on the inner one, kg."""
+    """Mass of both rods and the encoder on the inner one, kg."""
     outer_mass: float
-    """Of the outer rod, kg."""
+    """Mass of the outer rod, kg."""
 
     @classmethod
     def of(cls, Z: NDArray[np.float64], L1: float, L2: float, g: float) -> "Body":
@@ -65,23 +65,23 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class DryJoint:
-    """A joint that friction holds at rest: it slides only where more than the limit pushes it."""
+    """A joint that friction holds at rest: it slides only if the torque exceeds the limit."""
 
     joint: int
-    """1 or 2."""
+    """Number of the joint, 1 or 2."""
     size: Callable[[NDArray[np.float64]], float]
-    """Friction at a state whose joint slides, N m; of one at rest, its limit."""
+    """Friction in a state with sliding joint, N m; its limit if the joint rests."""
 
     def speed(self, x: NDArray[np.float64]) -> float:
         """Speed of the joint, rad/s."""
         return float(x[2] if self.joint == 1 else x[3] - x[2])
 
     def torques(self, torque: float) -> tuple[float, float]:
-        """Generalised torques of one in the joint."""
+        """Generalised torques of a unit torque in the joint."""
         return (torque, 0.0) if self.joint == 1 else (-torque, torque)
 
     def holding(self, body: Body, x: NDArray[np.float64]) -> float:
-        """Torque that keeps the joint's speed as it is, N m."""
+        """Torque that keeps the joint's speed constant, N m."""
         free, pushed = (self.gain(body, x, torque) for torque in (0.0, 1.0))
         return -free / (pushed - free)
 
@@ -98,14 +98,14 @@ class DryJoint:
 
 @dataclass(frozen=True, slots=True)
 class EquationOfMotion:
-    """How the rods move: the derivative of the state, and the memory it starts with."""
+    """Motion of the rods: the derivative of the state, and the initial additional states."""
 
     slope: Slope
     memory: tuple[float, ...] = ()
     error: float = ERROR
-    """Of a step of the integrator."""
+    """Maximum step of the integrator."""
     sticks: "tuple[Body, DryJoint] | None" = None
-    """The rods and their joint with dry friction, where `slope` is that of the rods without it."""
+    """The rods and their joint with Coulomb friction, for which `slope` is that of the rods without it."""
 
 
 def undisturbed(body: Body) -> EquationOfMotion:
@@ -114,7 +114,7 @@ def undisturbed(body: Body) -> EquationOfMotion:
 
 
 def under(body: Body, torques: Torques) -> EquationOfMotion:
-    """The rods under further torques that need no memory."""
+    """The rods under further torques without additional states."""
 
     def slope(t: float, x: NDArray[np.float64]) -> Sequence[float]:
         theta1, theta2, omega1, omega2 = x.tolist()
@@ -125,7 +125,7 @@ def under(body: Body, torques: Torques) -> EquationOfMotion:
 
 
 def at_joint2(torque: Callable[[float, float], float]) -> Torques:
-    """Torques of something between the rods, from its torque on the outer one (relative angle, relative speed)."""
+    """Torques of an element between the rods, from its torque on the outer one (relative angle, relative speed)."""
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
         tau = torque(theta2 - theta1, omega2 - omega1)
@@ -135,7 +135,7 @@ def at_joint2(torque: Callable[[float, float], float]) -> Torques:
 
 
 def at_joint1(torque: Callable[[float, float], float]) -> Torques:
-    """Torques of something between arm and inner rod (angle from hanging, speed)."""
+    """Torques of an element between arm and inner rod (angle from hanging, speed)."""
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
         return torque(theta1 - np.pi, omega1), 0.0
@@ -144,7 +144,7 @@ def at_joint1(torque: Callable[[float, float], float]) -> Torques:
 
 
 def sticking(body: Body, joint: int, size: Callable[[NDArray[np.float64]], float]) -> EquationOfMotion:
-    """Rods with dry friction in one joint, whose level may depend on the state."""
+    """Rods with Coulomb friction in one joint, whose level may depend on the state."""
     return replace(undisturbed(body), sticks=(body, DryJoint(joint, size)))
 
 
@@ -158,7 +158,7 @@ def integrate(motion: EquationOfMotion, state: NDArray[np.float64], t: NDArray[n
 def _solved(
     slope: Slope, error: float, state: NDArray[np.float64], first: float, t: NDArray[np.float64], event: Any = None
 ) -> Any:
-    from scipy.integrate import solve_ivp  # slow to import, and few plants are foreign
+    from scipy.integrate import solve_ivp  # slow to import, and few plants need it
 
     return solve_ivp(
         slope, (first, t[-1]), state, "DOP853", t, events=event, rtol=error, atol=error / 10, max_step=LONGEST_STEP
@@ -168,25 +168,25 @@ def _solved(
 def _integrate_sticking(
     error: float, body: Body, dry: DryJoint, state: NDArray[np.float64], t: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """From stop to start and back, each stretch between two events by itself."""
+    """From stop to start and back, with a separate integration between two events."""
     states, x, first = [state[None]], state, t[0]
     t, side = t[1:], float(np.sign(dry.speed(x))) or _starts(body, dry, x)
     while len(t):
         solved = _solved(_sliding_slope(body, dry, side), error, x, first, t, _change(body, dry, side))
-        states.append(np.reshape(solved.y, (len(x), -1)).T)  # of no instant it is a list
+        states.append(np.reshape(solved.y, (len(x), -1)).T)  # an empty list if there are no instants
         t = t[len(solved.t) :]
         if solved.status == 1:
             began, first, x = first, float(solved.t_events[0][-1]), solved.y_events[0][-1].copy()
             x[1 + dry.joint] = 0.0 if dry.joint == 1 else x[2]
-            # One that was let go stands at the limit, where rounding must not hold it again.
+            # after a release the joint is at the limit, where rounding must not hold it again
             side = _starts(body, dry, x) if side else _pushed(body, dry, x)
-            if first == began:  # a slide of less than a step, whose start was taken for its end
+            if first == began:  # a slide shorter than a step, whose start was taken for its end
                 x[1 + dry.joint] += side * BEGUN
     return np.concatenate(states)
 
 
 def _starts(body: Body, dry: DryJoint, x: NDArray[np.float64]) -> float:
-    """Which way a joint at rest starts to slide; 0 where it stays."""
+    """Direction in which a resting joint starts to slide; 0 if it stays at rest."""
     return 0.0 if abs(dry.holding(body, x)) < dry.size(x) else _pushed(body, dry, x)
 
 
@@ -203,7 +203,7 @@ def _sliding_slope(body: Body, dry: DryJoint, side: float) -> Slope:
 
 
 def _change(body: Body, dry: DryJoint, side: float) -> Any:
-    """What falls through zero where the joint stops, or has to be let go."""
+    """Event functions, which fall through zero when the joint stops or must slide."""
 
     def left(t: float, x: NDArray[np.float64]) -> float:
         return side * dry.speed(x) if side else dry.size(x) - abs(dry.holding(body, x))

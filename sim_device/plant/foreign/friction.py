@@ -1,4 +1,4 @@
-"""Dry, load-dependent and presliding friction, in forms that are not the library's."""
+"""Coulomb, load-dependent and presliding friction, in forms other than those of the library."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ DRY_JOINT1, DRY_JOINT2 = zip(COULOMB, STRIBECK, FRICTION_CURVE, HYSTERESIS, stri
 
 
 def asymmetric_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Dry friction that is stronger in one direction: tau1 = -F s (1 + A s), s = (2/pi) atan(omega1 / v)."""
+    """Coulomb friction that is stronger in one direction: tau1 = -F s (1 + A s), s = (2/pi) atan(omega1 / v)."""
     force, asymmetry, speed = values["torque_Nm"], values["asymmetry"], values["speed_rad_per_s"]
 
     def torque(angle: float, omega: float) -> float:
@@ -30,7 +30,7 @@ def asymmetric_joint1(body: Body, values: Values) -> EquationOfMotion:
 
 
 def rounded_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """Dry friction rounded algebraically: tau2 = -F w / sqrt(w^2 + v^2), w = omega2 - omega1."""
+    """Coulomb friction rounded algebraically: tau2 = -F w / sqrt(w^2 + v^2), w = omega2 - omega1."""
     force, speed = values["torque_Nm"], values["speed_rad_per_s"]
     return under(body, at_joint2(lambda angle, omega: -force * omega / math.hypot(omega, speed)))
 
@@ -75,9 +75,9 @@ def lugre_joint2(body: Body, values: Values) -> EquationOfMotion:
 def joint_force(
     body: Body, moment: float, mass: float, theta1: float, theta2: float, omega1: float, omega2: float
 ) -> float:
-    """Force on a joint that carries `mass`, N; `moment` is what of it turns with the inner rod, kg m.
+    """Force on a joint that carries `mass`, N; `moment` is the part that rotates with the inner rod, kg m.
 
-    It follows from the accelerations without friction, which is smaller by orders.
+    It follows from the accelerations without friction, which is smaller by orders of magnitude.
     """
     alpha1, alpha2 = body.accelerations(theta1, theta2, omega1, omega2)
     sin1, cos1, sin2, cos2 = math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2)
@@ -130,7 +130,7 @@ def seizing_joint2(body: Body, values: Values) -> EquationOfMotion:
 FRICTION = (
     OutOfLibraryEffect(
         "asymmetric_friction_joint1",
-        "dry friction of joint 1, stronger in one direction",
+        "Coulomb friction of joint 1, stronger in one direction",
         Size("torque_Nm", 1e-3, 3e-3),
         shape=(Size("asymmetry", 0.15, 0.4), Size("speed_rad_per_s", 0.05, 0.3)),
         motion=asymmetric_joint1,
@@ -139,7 +139,7 @@ FRICTION = (
     ),
     OutOfLibraryEffect(
         "rounded_friction_joint2",
-        "dry friction of joint 2, rounded at rest",
+        "Coulomb friction of joint 2, rounded at rest",
         Size("torque_Nm", 3e-4, 1e-3),
         shape=(Size("speed_rad_per_s", 0.2, 1.0),),
         motion=rounded_joint2,

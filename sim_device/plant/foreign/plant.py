@@ -1,4 +1,4 @@
-"""A plant with an out-of-library effect: what rods and encoders see of it."""
+"""A plant with an out-of-library effect: motion of its rods and readings of its encoders."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +17,14 @@ from sim_device.random_streams import RandomStream
 
 
 class ForeignPlant:
-    """The rods under one out-of-library effect, on a clamped arm and without effects of the library.
+    """The rods under one out-of-library effect, on a clamped arm and without library effects.
 
     Args:
         config: the plant file
-        rig: gives the lengths, gravity and any added mass, which are measured and so true
+        rig: gives the lengths, gravity and any added mass, which are measured and therefore true
 
     Raises:
-        ConfigError: the plant file names an effect or a parameter of one that there is not, or effects that the plant
-            cannot have together.
+        ConfigError: the plant file names an unknown effect or parameter, or effects that the plant cannot combine.
     """
 
     def __init__(self, config: PlantConfig, rig: Rig) -> None:
@@ -45,12 +44,12 @@ class ForeignPlant:
     def let_go(
         self, theta: Array, omega: Array, rate_hz: float, release: int, driven: Driven | None = None
     ) -> "ForeignSwing":
-        """The swing of rods let go at theta, omega (3,), read at `rate_hz`."""
+        """The swing of rods released at theta, omega (3,), read at `rate_hz`."""
         start = np.array([*theta[1:], *omega[1:], *self.motion.memory])
         return ForeignSwing(self, start, float(theta[0]), rate_hz, release)
 
     def misread(self, theta: Array, t: Array, run: int) -> Array:
-        """(n, 3) angles as the encoders misread them at rest; those of a swing have been misread already."""
+        """(n, 3) angles with encoder errors at rest; those of a swing already contain them."""
         if not np.isneginf(t).all():
             return theta
         states = np.zeros((len(theta), 4 + len(self.motion.memory)))
@@ -58,7 +57,7 @@ class ForeignPlant:
         return self.as_read(theta, Moment(np.zeros(len(theta)), states, np.zeros((len(theta), 3))))
 
     def as_read(self, theta: Array, moment: Moment) -> Array:
-        """(n, 3) angles as the encoders read them."""
+        """(n, 3) angles as read by the encoders."""
         if self.effect.reading is None:
             return theta
         joints = theta[:, 1:].copy()
@@ -67,11 +66,11 @@ class ForeignPlant:
         return np.column_stack([theta[:, 0], read[:, 0], read[:, 1] + self._relative * read[:, 0]])
 
     def reveal(self) -> dict[str, dict[str, object]]:
-        """The truth but for the out-of-library effect."""
+        """The truth apart from the out-of-library effect."""
         return self._rods.reveal()
 
     def counted(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(n, 3) what the counters say instead of these counts."""
+        """(n, 3) readings of the counters in place of these counts."""
         return counts if self.effect.counter is None else self.effect.counter(counts, self.values)
 
 
@@ -86,10 +85,10 @@ class ForeignSwing:
         """Earliest tick that can still be read."""
 
     def theta(self, first: int, count: int) -> Array:
-        """(count, 3) angles as read at the ticks `first`, `first` + 1, ... since the release, rad.
+        """(count, 3) readings at the ticks `first`, `first` + 1, ... since the release, rad.
 
         Raises:
-            ValueError: `first` lies before what was read last; a swing is read forwards.
+            ValueError: `first` lies before the last read tick; a swing is read forwards.
         """
         states = self.states(first, count)
         t = np.arange(first, first + count) / self._rate_hz

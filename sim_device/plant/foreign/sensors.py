@@ -1,4 +1,4 @@
-"""Encoder errors: of the library's families in another form, and of kinds it does not hold."""
+"""Encoder errors: families of the library in another form, and kinds that the library lacks."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,19 +22,19 @@ def _with_joint(number: int, joints: Array, error: Array) -> Array:
 
 
 def arc_eccentricity_joint1(joints: Array, moment: Moment, values: Values) -> Array:
-    """An error with a kink once a turn: A (2 |sin((q - q0) / 2)| - 4 / pi)."""
+    """An error with a kink once per turn: A (2 |sin((q - q0) / 2)| - 4 / pi)."""
     arc = 2 * np.abs(np.sin((joints[:, 0] - values["start_rad"]) / 2)) - 4 / np.pi
     return _with_joint(1, joints, values["error_rad"] * arc)
 
 
 def triangle_eccentricity_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """An error that rises and falls in straight lines, once a turn: A (2 / pi) asin(sin(q - q0))."""
+    """An error that increases and decreases linearly, once per turn: A (2 / pi) asin(sin(q - q0))."""
     triangle = 2 / np.pi * np.arcsin(np.sin(joints[:, 1] - values["start_rad"]))
     return _with_joint(2, joints, values["error_rad"] * triangle)
 
 
 def shrinking_latency_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """A delay that falls with speed, as of a tracking filter: error = -T w / (1 + |w| / v)."""
+    """A delay that decreases with speed, as of a tracking filter: error = -T w / (1 + |w| / v)."""
     omega = moment.states[:, 3] - moment.states[:, 2]
     return _with_joint(2, joints, -values["delay_ms"] * 1e-3 * omega / (1 + np.abs(omega) / values["speed_rad_per_s"]))
 
@@ -56,18 +56,18 @@ def peaked_eccentricity_joint2(joints: Array, moment: Moment, values: Values) ->
     """A magnet nearest at one place: error = A (exp(K (cos(q - q0) - 1)) less its mean over a turn, exp(-K) I0(K))."""
     narrowness = values["narrowness"]
     peak = np.exp(narrowness * (np.cos(joints[:, 1] - values["place_rad"]) - 1))
-    from scipy.special import i0e  # slow to import, and few plants are foreign
+    from scipy.special import i0e  # slow to import, and few plants need it
 
     return _with_joint(2, joints, values["error_rad"] * (peak - i0e(narrowness)))
 
 
 def folded_scale_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """A scale that is longer on one side than on the other: error = A max(q, 0)."""
+    """A scale that is larger on one side than on the other: error = A max(q, 0)."""
     return _with_joint(2, joints, values["error_per_rad"] * np.maximum(joints[:, 1], 0.0))
 
 
 def emi_bursts(joints: Array, moment: Moment, values: Values) -> Array:
-    """Pulses into encoder 2 while the inner rod passes one place; all of one sign, of random size."""
+    """Pulses in encoder 2 while the inner rod passes one position; all of one sign, of random size."""
     near = np.exp(BURST_NARROWNESS * (np.cos(joints[:, 0] - values["place_rad"]) - 1))
     return _with_joint(2, joints, values["error_rad"] * near * np.abs(moment.noise[:, 2]))
 
@@ -80,24 +80,24 @@ def interpolation_error(joints: Array, moment: Moment, values: Values) -> Array:
 
 
 def drifting_reference(joints: Array, moment: Moment, values: Values) -> Array:
-    """The reference voltage of encoder 1 swings slowly; the error is a share of the angle within the turn."""
+    """The reference voltage of encoder 1 oscillates slowly; the error is a fraction of the angle within the turn."""
     within_turn = np.mod(joints[:, 0] + np.pi, 2 * np.pi) - np.pi
     return _with_joint(1, joints, values["share"] * np.sin(2 * np.pi * moment.t / values["period_s"]) * within_turn)
 
 
 def magnetic_crosstalk(joints: Array, moment: Moment, values: Values) -> Array:
-    """The magnet of encoder 1 is felt by encoder 2: A sin(q1 + phi)."""
+    """The magnet of encoder 1 disturbs encoder 2: A sin(q1 + phi)."""
     return _with_joint(2, joints, values["error_rad"] * np.sin(joints[:, 0] + values["phase_rad"]))
 
 
 def mains_hum(joints: Array, moment: Moment, values: Values) -> Array:
-    """The mains in both encoders: A sin(2 pi 50 t + phi)."""
+    """Mains interference in both encoders: A sin(2 pi 50 t + phi)."""
     hum = values["error_rad"] * np.sin(2 * np.pi * MAINS_HZ * moment.t + values["phase_rad"])
     return joints + hum[:, None]
 
 
 def counting_too_fast(body: Body, values: Values) -> EquationOfMotion:
-    """Encoder 2 loses a share of its counts above a speed; the memory is the angle lost so far, rad."""
+    """Encoder 2 loses a fraction of its counts above a speed; the additional state is the lost angle, rad."""
     share, limit = values["share"], values["limit_rad_per_s"]
     rods = undisturbed(body)
 
@@ -110,12 +110,12 @@ def counting_too_fast(body: Body, values: Values) -> EquationOfMotion:
 
 
 def overspeed_loss(joints: Array, moment: Moment, values: Values) -> Array:
-    """Adds the angle lost while counting too fast."""
+    """Adds the change of the angle by lost counts."""
     return _with_joint(2, joints, moment.states[:, 4])
 
 
 def stuck_bit(counts: NDArray[np.int64], values: Values) -> NDArray[np.int64]:
-    """One bit of encoder 2 always reads 0: the one whose weight is nearest to that asked for."""
+    """One bit of encoder 2 always reads 0: the one whose weight is nearest to the requested one."""
     if values["weight_counts"] == 0.0:
         return counts
     bit = max(0, round(np.log2(values["weight_counts"])))

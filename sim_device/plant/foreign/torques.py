@@ -1,4 +1,4 @@
-"""Air drag, springs and detents, in forms that are not the library's."""
+"""Air drag, springs and detents, in forms other than those of the library."""
 
 import math
 
