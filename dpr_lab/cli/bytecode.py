@@ -1,7 +1,7 @@
-"""Bytecode of installed libraries that lie there as source alone: kept in the cache, as compiled kernels are.
+"""Bytecode of installed libraries without bytecode files: stored in the cache, like compiled kernels.
 
-Some installers write no bytecode, and containers often forbid it (PYTHONDONTWRITEBYTECODE). Without it each start
-compiles a thousand modules, which takes longer than to run them.
+Some installers write no bytecode, and containers often forbid it (PYTHONDONTWRITEBYTECODE). Without bytecode, each
+start compiles a thousand modules, which takes longer than running them.
 """
 
 import importlib.util
@@ -11,13 +11,13 @@ from contextlib import suppress
 from pathlib import Path
 
 LARGEST = "numba"
-"""The library whose bytecode stands for that of all: most of the time goes to it."""
+"""The library whose bytecode represents that of all: it takes most of the time."""
 
 
 def keep_bytecode() -> None:
-    """Read and write bytecode in this user's cache folder, where the installation has none and may write none.
+    """Read and write bytecode in this user's cache folder if the installation has none and permits none.
 
-    Nothing changes where PYTHONPYCACHEPREFIX names a folder, or where no folder of this user's can be written.
+    Nothing changes if PYTHONPYCACHEPREFIX names a folder, or if no folder of this user can be written.
     """
     if sys.pycache_prefix is not None or _has_bytecode():
         return
@@ -33,7 +33,7 @@ def keep_bytecode() -> None:
 
 
 def _has_bytecode() -> bool:
-    """Whether the libraries' bytecode lies next to their source, or will after this start."""
+    """Whether the bytecode of the libraries exists next to their source, or will exist after this start."""
     library = importlib.util.find_spec(LARGEST)
     if library is None or library.origin is None:
         return True

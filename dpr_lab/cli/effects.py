@@ -1,4 +1,4 @@
-"""`dpr-lab effects`: what `diagnose` can name, effects of plugins included."""
+"""`dpr-lab effects`: the effects that `diagnose` can name, including those of plugins."""
 
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -77,7 +77,7 @@ def _package(name: str) -> str:
 
 
 def _described(effect: "Effect") -> dict[str, Any]:
-    """What there is to know about an effect."""
+    """Properties of an effect."""
     from dpr_lab.effects.limits import limit_words
 
     parameters = [

@@ -73,7 +73,7 @@ def export(
     """
     json_mode(as_json)
     if into is not None and ensemble is not None:
-        raise typer.BadParameter("--into writes one file; leave --ensemble out")
+        raise typer.BadParameter("--into writes one file: remove the option --ensemble")
     if ensemble is not None:
         _ensemble(model, rig, ensemble, seed, names_in(to or "mjcf") or (), tuple(check or ()), out, as_json)
         return

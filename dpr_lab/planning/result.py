@@ -16,58 +16,61 @@ class _Record(BaseModel):
 
 
 class PairBits(_Record):
-    """What a release is expected to tell about two causes."""
+    """Expected information of a release about two causes."""
 
     causes: tuple[str, str]
-    """The likelier one first."""
+    """The two causes, the more probable one first."""
     bits: Number
-    """Expected fall of the entropy between them, with this release and those before it."""
+    """Expected reduction of the entropy between them, by this release and those before it."""
 
 
 class PlannedRelease(_Record):
     """One release to record."""
 
     number: int
-    """Place in the sequence, from 1 on."""
+    """Number in the sequence, from 1."""
     text: str
-    """What to do, in words."""
+    """Instruction, in words."""
     theta1_rad: Number
-    """Absolute angle of the inner rod when it is let go at rest, 0 = upright."""
+    """Absolute angle of the inner rod at the release, at rest, 0 = upright."""
     theta2_rad: Number
-    """Absolute angle of the outer rod."""
+    """Absolute angle of the outer rod at the release."""
     duration_s: Number
-    """How long to record, s."""
+    """Duration of the recording, s."""
     rate_hz: int
-    """Samples a second."""
+    """Samples per second."""
     mounted: Literal["both", "inner", "outer"]
-    """Which rods hang on the rig."""
+    """Mounted rods."""
     elbow: Literal["free", "clamped"]
-    """Whether joint 2 can turn."""
+    """Whether joint 2 is free."""
     added_mass: AddedMass | None
-    """A known mass to be clamped on; None without one."""
+    """A known mass to clamp on; None without one."""
     arm: Literal["held", "free"]
-    """What the arm does."""
+    """Mode of the arm."""
     signal: Literal["", "multisine", "chirp"]
     """Input signal of the joint drives; empty for a free swing."""
     pose: str | None = None
-    """Name of the start pose in the rig file that was written; None where no folder was given."""
+    """Name of the start pose in the written rig file; None without an output folder."""
     input: str | None
-    """File of the input signal, for the device to replay; None for a free swing, and where no folder was given."""
+    """File of the input signal, for the device to replay; None for a free swing, or without an output folder."""
     minutes: Number
-    """What it costs after the release before it."""
+    """Time that it takes after the previous release."""
     horizon_s: Number
-    """Until when the swing is the one planned, given how exactly a hand places the rods, s."""
+    """Duration for which the swing is predictable, given the placing error of a hand, s."""
     pairs: list[PairBits]
-    """Expected bits about each open pair of causes, with this release and those before it."""
+    """Expected bits about each open pair of causes, by this release and those before it."""
     library_bits: Number
-    """Mean expected bits about an effect of the library against another, 0 to 1, likewise."""
+    """Mean expected bits about an effect of the library against another, 0 to 1, by this release and those before
+    it.
+    """
     ratio_std: dict[str, Number]
-    """Expected standard deviation of each ratio, likewise."""
+    """Expected standard deviation of each ratio, by this release and those before it."""
     decided: Number | None
-    """Probability that the causes are decided after it; None before any recording."""
+    """Probability that the causes are distinguished after it; None before any recording."""
     simulated: Number | None = None
-    """Ratio of the simulated to the linearised squared distance of the two likeliest causes; None where none is
-    open."""
+    """Ratio of the simulated to the linearised squared distance of the two most probable causes; None without an
+    open pair.
+    """
     _torques: Torques | None = PrivateAttr(default=None)
 
     @property
@@ -92,61 +95,64 @@ class Detectable(_Record):
     unit: str
     """SI."""
     before: Number | None
-    """With the recordings so far; None where no size shows."""
+    """Size with the recordings so far; None if it is undetectable at any size."""
     after: Number | None
-    """With the planned releases too; None where no size shows."""
+    """Size with the planned releases too; None if it is undetectable at any size."""
     typical: Number
-    """Size met on a laboratory rig."""
+    """Typical size on a laboratory rig."""
 
 
 class Inseparable(_Record):
-    """Two causes that no release on this rig separates."""
+    """Two causes that no release on this rig distinguishes."""
 
     causes: tuple[str, str]
-    """The likelier one first."""
+    """The two causes, the more probable one first."""
     check: str
-    """The bench check that does, in words."""
+    """The bench check that distinguishes them, in words."""
 
 
 class LimitForecast(_Record):
     """Whether the planned releases decide a limit that the rig must keep."""
 
     quantity: str
-    """As `dpr-lab accept` names it."""
+    """Name of the limit, as in `dpr-lab accept`."""
     unit: str
     """SI."""
     reach: Number | None
-    """Distance from the limit within which a value stays undecided after the plan; None where no size shows."""
+    """Distance from the limit within which a value remains undecided after the plan; None if it is undetectable at
+    any size.
+    """
     decides: bool
     """Whether a quantity at half its limit, or in the middle of its range, would then pass."""
 
 
 class Plan(Shown, _Record):
-    """What to record next, what it is expected to show, and whether that is needed."""
+    """The next recordings, their expected information, and whether they are necessary."""
 
     state: Literal["first", "record", "enough", "bench check"]
-    """`first` before any recording, `record`, `enough` if the causes are decided, or `bench check` if no release
-    separates those that are left."""
+    """`first` before any recording, `record`, `enough` if the causes are distinguished, or `bench check` if no
+    release distinguishes the remaining ones.
+    """
     sentence: str
-    """The same in words."""
+    """The recommendation in words."""
     releases: list[PlannedRelease]
-    """In the order in which to record them, the one that is worth most per minute first."""
+    """Releases in the order of recording, the one with the most information per minute first."""
     minutes: Number
-    """Of all of them."""
+    """Duration of all releases."""
     forecast: list[Number]
-    """Probability that the causes are decided after 1, 2, ... of these releases; empty before any recording."""
+    """Probability that the causes are distinguished after 1, 2, ... of these releases; empty before any recording."""
     ratio_std: dict[str, Number]
     """Standard deviation of each ratio with the recordings so far; before any, by the rig file's bounds."""
     detectable: list[Detectable]
-    """What the releases would show of each effect."""
+    """Minimum detectable sizes after the releases, for each effect."""
     inseparable: list[Inseparable]
-    """Causes that only a bench check separates."""
+    """Causes that only a bench check distinguishes."""
     limits: list[LimitForecast]
     """Limits of the limits file that the rig must keep."""
     assumptions: list[str]
-    """What was taken for granted, in words."""
+    """Assumptions, in words."""
     seconds: Number
-    """Time it took, s."""
+    """Computing time, s."""
 
     def _heading(self) -> str:
         return self.sentence
@@ -156,5 +162,5 @@ class Plan(Shown, _Record):
         return [("release", "what to record", "minutes", "library, bits"), *rows] if rows else []
 
     def to_json(self) -> dict[str, Any]:
-        """A plain object."""
+        """The plan as a plain object."""
         return self.model_dump()

@@ -13,17 +13,17 @@ _origins: dict[tuple[str, str], Plugin] = {}
 
 
 def skipped() -> tuple[str, ...]:
-    """What was skipped so far, and why: a sentence for each plugin."""
+    """One sentence for each skipped plugin, with the reason."""
     return tuple(f"plugin {plugin} is skipped: {reason}" for plugin, reason in _skipped.items())
 
 
 def reason_skipped(plugin: Plugin) -> str:
-    """Why a plugin was skipped; empty: it was not, or its table was not used so far."""
+    """Reason why a plugin was skipped; empty if it was not, or if its table was not used so far."""
     return _skipped.get(plugin, "")
 
 
 def origin(group: str, row: str) -> Plugin | None:
-    """The plugin that added a row to a table; None: the row is dpr-lab's own, or does not exist."""
+    """The plugin that added a row to a table; None for a row of dpr-lab, or a missing one."""
     return _origins.get((group, row))
 
 
@@ -49,7 +49,7 @@ def plugin_rows(
             continue
         try:
             named = {name_of(plugin.name, row): row for row in _load(plugin, kind)}
-        except Exception as error:  # a plugin raises whatever it likes
+        except Exception as error:  # a plugin may raise any exception
             _skipped[plugin] = _reason(plugin, error)
             continue
         reasons = [f"{name!r} exists already" for name in named if name in taken or name in added]
@@ -66,7 +66,7 @@ def _load(plugin: Plugin, kind: type[Row]) -> tuple[Row, ...]:
     """The rows of a plugin.
 
     Raises:
-        TypeError: it is none of that kind.
+        TypeError: an object of another kind.
     """
     with without_current_folder():
         value = plugin.entry.load()

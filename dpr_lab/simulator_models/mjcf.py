@@ -22,7 +22,7 @@ NUMBERS = frozenset(
 """Attributes with numbers, in any element."""
 
 IGNORED = {"asset", "visual", "statistic", "sensor", "keyframe", "size", "custom", "extension", "camera", "light"}
-"""Elements without influence on the motion of rods, or with names of other files."""
+"""Elements that do not influence the motion of rods, or that contain names of other files."""
 
 REFUSED = {"composite", "flexcomp", "replicate", "attach"}
 """Elements from which MuJoCo generates bodies."""

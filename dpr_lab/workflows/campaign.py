@@ -72,8 +72,8 @@ def _saved(tried: "Tried", campaign: "Campaign", out: Path) -> tuple[dict[str, A
         counted |= {"strategies": sequential_summary(read_strategies(out))}
     figures = save_trial_figures(counted, out)
     setting = (
-        f"Hidden in turn: {', '.join(campaign.kinds)}; size {campaign.level}; drawn around rig “{campaign.rig}” and"
-        f" plant “{campaign.plant}”, seeds from {campaign.seed} on."
+        f"Hidden effects by turns: {', '.join(campaign.kinds)}; size {campaign.level}; drawn around rig"
+        f" “{campaign.rig}” and plant “{campaign.plant}”, seeds from {campaign.seed} on."
     )
     failures = [f"trial {failure.number}: {failure.error}" for failure in tried.failures]
     page = write_trials_report(counted, setting, failures, out, figures)

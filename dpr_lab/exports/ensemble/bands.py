@@ -22,16 +22,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class BandSettings:
-    """Which readings are compared."""
+    """Settings of the comparison."""
 
     level: float = 0.9
     """Share of the readings that a band should cover."""
     start_s: float = 0.5
-    """What the start states are fitted to, from the first reading."""
+    """Time to which the initial states are fitted, from the first reading."""
     length_s: float = 10.0
-    """Longest comparison."""
+    """Maximum duration of the comparison."""
     rate_hz: float = 200.0
-    """Rate of the readings that are compared."""
+    """Rate of the compared readings."""
 
 
 BANDS = BandSettings()
@@ -43,7 +43,7 @@ class PredictiveBand:
 
     run: str
     horizon_s: float
-    """Until which readings are compared, s since the release."""
+    """End of the comparison, s since the release."""
     t: Array
     """(n,) s since the release."""
     measured: Array
@@ -61,7 +61,7 @@ class PredictiveBand:
 
     @property
     def width_rad(self) -> float:
-        """Mean width."""
+        """Mean width of the band."""
         return float((self.high - self.low).mean()) if self.low.size else float("nan")
 
 
@@ -75,8 +75,8 @@ def predictive_band(
         members: the ensemble
         run: the recording
         rig: its rig
-        seed: of start states and noise
-        settings: which readings are compared
+        seed: seed of initial states and noise
+        settings: settings of the comparison
 
     Raises:
         RunError: the model cannot follow the readings.
@@ -96,7 +96,7 @@ def predictive_band(
 
 
 def _swing(followed: Followed, first: float, t: Array, rng: np.random.Generator) -> Array:
-    """(n, 2) readings at t of one model, from a drawn start state, with noise, rad."""
+    """(n, 2) readings at t of one model, from a drawn initial state, with noise, rad."""
     covariance = followed.bare.initial_covariances[0] * max(1.0, followed.bare.chi2_per_dof)
     start = rng.multivariate_normal(followed.estimate.initial[0], covariance, method="eigh")
     laid_out = followed.bare.problem.segments

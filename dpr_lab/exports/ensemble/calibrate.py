@@ -1,7 +1,7 @@
-"""Width of an ensemble by recordings: a model that is not complete errs by more than the noise explains.
+"""Calibration of the width of an ensemble by recordings: the error of an incomplete model exceeds the noise.
 
 The standard deviations of the posterior are multiplied by the smallest factor with which the predictive bands cover the
-readings of calibration runs as often as they should.
+readings of calibration runs as often as required.
 """
 
 from collections.abc import Sequence
@@ -17,14 +17,16 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class CalibrationSettings:
-    """How the factor is found."""
+    """Settings of the search for the factor."""
 
     factors: tuple[float, ...] = (2.0, 4.0, 8.0, 16.0)
-    """Of the standard deviations, in the order in which they are tried if 1 is too small."""
+    """Factors on the standard deviations, in the order in which they are tried if 1 is too small."""
     halvings: int = 2
-    """Of the interval between the last factor that is too small and the first that is not, in its logarithm."""
+    """Steps of bisection between the last factor that is too small and the first that is not, on a logarithmic
+    scale.
+    """
     members: int = 20
-    """Models in each trial."""
+    """Number of models in each trial."""
 
 
 CALIBRATED = CalibrationSettings()
@@ -32,10 +34,10 @@ CALIBRATED = CalibrationSettings()
 
 @dataclass(frozen=True, slots=True)
 class EnsembleWidth:
-    """Result of a calibration: the factor, and what the bands cover with it."""
+    """Result of a calibration: the factor, and the coverage of the bands with it."""
 
     factor: float
-    """Of the standard deviations."""
+    """Factor on the standard deviations."""
     covered: float
     """Share of the readings of the calibration runs that the bands cover."""
 

@@ -144,7 +144,7 @@ def into_description(
             editor.set_joint(edit, file.joint(edit, joint), f"joint {joint}", words)
             changes += edit.changes
             edit = file.begun(edit.text())
-    reason = f"{path}: the changed file, read again, does not have the numbers that were written: change it by hand"
+    reason = f"{path}: the changed file does not contain the written numbers when it is read again: change it by hand"
     refuse_overridden(file.chain(file.model(edit)), targets, made.rods[0].length, editor.words, reason)
     return PatchedModel(edit.text(), tuple(changes), left_out(model, expressed, name))
 

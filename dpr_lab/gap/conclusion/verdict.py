@@ -106,7 +106,7 @@ def sentence(
     least: Detectable,
     described: Description,
 ) -> str:
-    """The first sentences of a result; arguments as of `verdict`, and the test of the description."""
+    """The verdict in sentences; arguments as of `verdict`, and the test of the description."""
     if kind == "inconclusive":
         return _inconclusive(least)
     if described.withholds:

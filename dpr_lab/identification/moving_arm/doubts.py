@@ -96,7 +96,7 @@ def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
     gain, expected = float(fit.p[SWING_PARAMETERS.index("gain")]), nominal_gain(rig) / unknowns.scale_value
     if gain < 0:
         return [
-            f"the {motor.input} acts against its sign: import the table with --scale input=-1, or turn the arm"
+            f"the {motor.input} has the wrong sign: import the table with --scale input=-1, or turn the arm"
             " (--scale theta0=-1)"
         ]
     factor = gain / expected if expected else 1.0

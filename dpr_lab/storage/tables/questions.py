@@ -48,7 +48,7 @@ class QuestionSettings:
     arm_rad: float = 0.05
     """Motion of a clamped arm above which a warning is given; a brake and a column yield by less."""
     other_unit: float = 30.0
-    """The same factor above which the unit of time must be wrong."""
+    """Value of the factor in `time_scale` above which the unit of time must be wrong."""
     energy_rows: int = 200_000
     """Maximum number of rows for the energy test; a wrong interpretation is wrong from the start."""
     pose: tuple[float, float] = (3.0, 10.0)

@@ -245,7 +245,11 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         if not isinstance(run, int):
             return
         if self.job is None:
-            self.say(self.worded("Stored result: {compare.start} simulates the runs again, for free runs from here"))
+            self.say(
+                self.worded(
+                    "This is a stored result: {compare.start} simulates the runs again; then free runs can start here"
+                )
+            )
             return
         start = FreeRunStart(run, event.slider.value)
         if start in self._free_runs:

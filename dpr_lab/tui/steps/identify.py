@@ -186,7 +186,7 @@ bench's folder.
         self.say("stopping after this generation; the local fit starts from its best individual")
 
     def show_model(self, model: "Model", news: str = "") -> None:
-        """Draw a model: summary after any news, convergence, values and what determined each."""
+        """Draw a model: messages, summary, convergence, and each value with its source."""
         from dpr_lab.report import tables
 
         self.model = model

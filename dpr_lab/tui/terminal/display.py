@@ -84,7 +84,7 @@ class Display:
         return from_environment(os.environ) or getattr(driver, "multiplexer", "")
 
     async def seen(self, patience_s: float) -> float:
-        """As `Sight.seen`."""
+        """See `Sight.seen`."""
         driver = self._driver()
         if driver is None or driver.is_headless:
             raise SafetyStop(f"this screen is not drawn on a terminal, so nobody can see the countdown: {WHY_UNSEEN}")
