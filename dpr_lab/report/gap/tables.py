@@ -415,7 +415,7 @@ def finding_rows(diagnosis: Diagnosis, most: int = 3) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for (*columns, evidence), instants in times.items():
         if len(instants) > most:
-            rows.append((*columns, instants[0], f"{evidence.rstrip('.')}; {len(instants)} times, first here"))
+            rows.append((*columns, instants[0], f"{evidence.rstrip('.')}; {len(instants)} times; this is the first"))
         else:
             rows += [(*columns, instant, evidence) for instant in instants]
     return rows
