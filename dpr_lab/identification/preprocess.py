@@ -22,13 +22,19 @@ class PreprocessedRun:
     """(n, 4) smoothed theta1, theta2, omega1, omega2 at each sample, rad and rad/s."""
 
 
-def preprocess(run: Run, rig: Rig) -> PreprocessedRun:
+def preprocess(run: Run, rig: Rig, every: int = 1) -> PreprocessedRun:
     """Measure a run's noise and estimate its velocities (Kalman filter and RTS smoother).
+
+    Args:
+        run: the recording
+        rig: the rig that it was recorded on
+        every: decimation of the samples to keep; the noise is that of all samples
 
     Raises:
         RunError: too few samples, no motion, or an arm that was free or driven.
     """
     refuse_moving_arms([run])
     refuse_without_motion(run, rig)
-    noise = noise_floor(run, rig)
-    return PreprocessedRun(run.swing, noise, smooth(run.swing, noise).states)
+    noise, swing = noise_floor(run, rig), run.swing
+    kept = swing if every == 1 else swing.only(np.arange(len(swing.t)) % every == 0)
+    return PreprocessedRun(kept, noise, smooth(kept, noise).states)

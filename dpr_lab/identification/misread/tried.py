@@ -1,7 +1,7 @@
 """Fits of other interpretations of recordings, and how much better each explains them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -215,16 +215,13 @@ def _preprocessed(
     runs: Sequence[Run], rig: Rig, *, thinned: bool = False, longer: float = 1.0
 ) -> list[PreprocessedRun]:
     seconds = longer * (SETTINGS.tried_s if thinned else SETTINGS.looked_at_s)
-    prepared = [preprocess(_beginning(run, seconds), rig) for run in runs]
-    return [_thinned(run) for run in prepared] if thinned else prepared
+    return [preprocess(_beginning(run, seconds), rig, _decimation(run) if thinned else 1) for run in runs]
 
 
 def _beginning(run: Run, seconds: float) -> Run:
     return run.between(-np.inf, np.max(run.t[:1], initial=0.0) + seconds)
 
 
-def _thinned(prepared: PreprocessedRun) -> PreprocessedRun:
-    """Decimated samples; noise and states are those of all samples, and known torques are not decimated."""
-    every = max(1, round(prepared.run.rate_hz / SETTINGS.rate_hz)) if prepared.run.torques is None else 1
-    keep = np.arange(len(prepared.run.t)) % every == 0
-    return replace(prepared, run=prepared.run.only(keep), states=prepared.states[keep])
+def _decimation(run: Run) -> int:
+    """Samples per kept sample; known torques are not decimated."""
+    return max(1, round(run.rate_hz / SETTINGS.rate_hz)) if run.torques is None else 1
