@@ -26,9 +26,6 @@ from dpr_lab.gap.which.fitted_sets import EFFORT, FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
-RICH = 4
-"""Amplitudes from which an effect may stand for several others."""
-
 REPLACEMENTS = 2
 """Number of candidates that are fitted in place of each effect."""
 
@@ -139,13 +136,18 @@ def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
             yield Proposal(sets.with_one(simpler, score))
 
 
-def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+def _several_for_one(sets: FittedSets, current: Hypothesis, many: int = 4) -> Iterator[Proposal]:
     """An effect of many parameters replaced by others that together have fewer.
 
     A curve of many parameters follows on a small arc what a tilt, friction and drag do together, and is met first.
+
+    Args:
+        sets: the fitted sets
+        current: the present one
+        many: number of amplitudes from which an effect may stand for several others
     """
     for name in sets.unexpected(current):
-        if len(sets.library[name].amplitudes) < RICH:
+        if len(sets.library[name].amplitudes) < many:
             continue
         model = sets.without(current, name)
         while True:
