@@ -15,6 +15,7 @@ from dpr_lab.rig_tables import (
     ArmMode,
     ArmTable,
     Encoders,
+    InnerMode,
     Joints,
     LinkSettings,
     MotorTable,
@@ -71,6 +72,20 @@ def refuse_impossible_arm(rig: "Rig", mode: ArmMode) -> None:
         raise ValueError(f"a {mode} arm is supported with both rods, or with the inner rod alone")
     if mode == "driven" and rig.motor is None:
         raise ValueError("a driven arm needs [motor] with its input in the rig file")
+
+
+def refuse_impossible_inner(rig: "Rig", inner: InnerMode, arm: ArmMode) -> None:
+    """Make sure that the inner rod of a rig can be in a mode.
+
+    Raises:
+        ValueError: nothing hangs on it, or an arm that moves by itself carries it.
+    """
+    if inner == "free":
+        return
+    if rig.rods.mounting != "both":
+        raise ValueError("an inner rod that is prescribed needs the outer rod, free to swing on it")
+    if arm in ("free", "driven"):
+        raise ValueError(f"joint 1 is prescribed, so the arm has to be clamped or prescribed as well, not {arm}")
 
 
 class Rig(Shown, RigTable):
@@ -148,6 +163,7 @@ class Rig(Shown, RigTable):
     @model_validator(mode="after")
     def _arm_can_move(self) -> "Rig":
         refuse_impossible_arm(self, self.arm.mode)
+        refuse_impossible_inner(self, self.joints.inner, self.arm.mode)
         return self
 
     @property

@@ -153,8 +153,16 @@ class Rods(RigTable):
         return "clamped" if self.elbow == "clamped" else self.mounted
 
 
+InnerMode = Literal["free", "prescribed"]
+"""What the inner rod does: it swings, or it moves as its encoder says, by a strong geared motor or a hand."""
+
+
 class Joints(RigTable):
     """Components on the joints during a swing."""
+
+    inner: InnerMode = "free"
+    """`prescribed`: joint 1 moves as its encoder says, and no torque of it need be known; the outer rod alone is
+    identified. A run keeps it; `import table --inner` overrides it for one recording."""
 
     geared: tuple[Literal[1, 2], ...] = ()
     """Joints with a geared motor, driven or not: a diagnosis then expects the inertia of its rotor and its friction."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.rig_tables import AddedMass, ArmMode, Mounting
-from dpr_lab.setup import ArmMotion, Setup, Torques
+from dpr_lab.setup import ArmMotion, Setup, Torques, inner_torques
 from dpr_lab.shown import Shown
 
 LOSS_CAUSES = ("device_overrun", "crc", "framing", "contradicted", "tick_gap")
@@ -62,6 +62,8 @@ class Run(Shown):
     """Motion of the arm if it is prescribed; None if it was clamped, free or driven."""
     arm_mode: ArmMode = "clamped"
     """Mode of the arm."""
+    inner: ArmMotion | None = None
+    """How the inner rod moved, where joint 1 is prescribed; None where it swung."""
     arm_input: NDArray[np.float64] | None = None
     """(n,) input of a driven arm in the unit of the rig's `[motor]` input, each held until the next sample."""
     complete: bool = True
@@ -121,7 +123,9 @@ class Run(Shown):
         drives = None
         if self.torques is not None:
             drives = Torques(self.t + self.input_delay_s, self.torques, self.torque_kind)
-        return Setup(self.mounting, self.added_mass, round(self.elbow, 1), drives, self.arm)
+        if self.inner is not None:
+            drives = inner_torques(self.inner)
+        return Setup(self.mounting, self.added_mass, round(self.elbow, 1), drives, self.arm, self.inner)
 
     @property
     def rest(self) -> NDArray[np.float64]:
@@ -149,6 +153,8 @@ class Run(Shown):
         digest = hashlib.sha256()
         if self.arm_mode not in ("free", "driven"):
             unread += ("arm_mode", "arm_input")
+        if self.inner is None:
+            unread += ("inner",)
         for each in fields(self):
             if each.name not in unread:
                 digest.update(f"{each.name}=".encode())
@@ -178,6 +184,11 @@ def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
     return (runs,) if isinstance(runs, Run) else tuple(runs)
 
 
+def moves(runs: Iterable[Run]) -> bool:
+    """Whether the arm of a run was free or driven."""
+    return any(run.arm_mode in ("free", "driven") for run in runs)
+
+
 def refuse_moving_arms(runs: Iterable[Run]) -> None:
     """Check that the arm of no run is free or driven.
 
@@ -187,7 +198,7 @@ def refuse_moving_arms(runs: Iterable[Run]) -> None:
     for run in runs:
         if run.arm_mode in ("free", "driven"):
             raise RunError(
-                f"{run.file or run.name}: its arm was {run.arm_mode}. Only `identify`, `compare` and"
+                f"{run.file or run.name}: its arm was {run.arm_mode}. Only `identify`, `compare`, `diagnose` and"
                 " `identifiability` support such a run; import the table with --arm prescribed to use the arm's"
                 " encoder instead"
             )

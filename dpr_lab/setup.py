@@ -21,6 +21,15 @@ class Torques:
     """(n, 2) torque of joint 1 on the inner rod, and of joint 2 on the outer one, N m."""
     kind: str = ""
     """`measured` or `commanded`, if known."""
+    on_arm: NDArray[np.float64] | None = None
+    """(n,) torque on an arm that is driven, N m; None where none is known."""
+    scaled: bool = True
+    """Whether they are known in N m, so that they show the scale of all torques; else only their course is."""
+
+    @property
+    def arm_knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(n + 2,) instants and (n + 2,) impulse on the arm until each, N m s; none without a torque on it."""
+        return _arm_knots(self)
 
     @property
     def knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -47,6 +56,15 @@ def _knots(torques: Torques) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     held = np.stack([joints[:, 0] - joints[:, 1], joints[:, 1]], axis=1)
     whole = np.cumsum(held * np.diff(onward)[:, None], axis=0)
     return onward, np.concatenate([np.zeros((1, 2)), whole])
+
+
+@lru_cache(maxsize=32)
+def _arm_knots(torques: Torques) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    if torques.on_arm is None:
+        return np.zeros(0), np.zeros(0)
+    onward = np.concatenate([torques.t[:1] - 1.0, torques.t, torques.t[-1:] + 1e6])
+    held = np.concatenate([torques.on_arm[:1], torques.on_arm])
+    return onward, np.append(0.0, np.cumsum(held * np.diff(onward)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,6 +98,23 @@ def _since_before(at: NDArray[np.float64], first: NDArray[np.bool_] | None) -> N
 
 
 @dataclass(frozen=True, slots=True)
+class PrescribedJoint:
+    """How a joint is represented that moves as its encoder says."""
+
+    inertia: float = 1e6
+    """Of the inner rod, kg m^2: nothing that hangs on it then moves it."""
+
+
+PRESCRIBED = PrescribedJoint()
+
+
+def inner_torques(motion: ArmMotion) -> Torques:
+    """Torque of joint 1 that moves an inner rod of the inertia of `PRESCRIBED` so: its acceleration from row to row."""
+    alpha = np.append(np.diff(motion.omega) / np.diff(motion.t), 0.0)
+    return Torques(motion.t, np.column_stack([PRESCRIBED.inertia * alpha, np.zeros(len(alpha))]), scaled=False)
+
+
+@dataclass(frozen=True, slots=True)
 class Setup:
     """Mounting of a run and its known inputs."""
 
@@ -95,6 +130,10 @@ class Setup:
     """Torques that drove the joints; None for a free swing."""
     arm: ArmMotion | None = None
     """Motion of the arm if it is prescribed; None if it was clamped, free or driven."""
+    inner: ArmMotion | None = None
+    """How the inner rod moved, where joint 1 is prescribed; its torque is then that of `inner_torques`."""
+    arm_moves: bool = False
+    """Whether the arm moved by itself or by a drive, so that its angle is a reading and part of the state."""
 
     @property
     def alone(self) -> bool:
@@ -104,7 +143,7 @@ class Setup:
     @property
     def weighs(self) -> bool:
         """Whether a known mass or torque makes the scale of all torques identifiable."""
-        return self.added is not None or self.torques is not None
+        return self.added is not None or (self.torques is not None and self.torques.scaled)
 
     @property
     def free(self) -> bool:
@@ -119,7 +158,7 @@ class Setup:
     @property
     def starts(self) -> int:
         """Number of initial-state variables: two angles and two speeds, or one angle and one speed."""
-        return {"both": 4, "clamped": 3}.get(self.mounting, 2)
+        return {"both": 4, "clamped": 3}.get(self.mounting, 2) + 2 * self.arm_moves
 
 
 BOTH = Setup()

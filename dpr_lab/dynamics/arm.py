@@ -69,6 +69,16 @@ def levers(sin1: float, cos1: float, sin2: float, cos2: float, a: float, b: floa
     return (a * sin1 + d * sin2) * cos1, (b * sin2 + d * sin1) * cos2
 
 
+@inlined
+def push_on_arm(
+    motion: Motion, base: BaseParameters, arm: ArmModel, torque0: float, alphas: tuple[float, float]
+) -> float:
+    """Torque, N m, that friction has to withstand at an arm at rest while the rods accelerate so, rad/s^2."""
+    pull = base.e1 * (motion.sin1 * motion.omega1 * motion.omega1 - motion.cos1 * alphas[0])
+    pull += base.e2 * (motion.sin2 * motion.omega2 * motion.omega2 - motion.cos2 * alphas[1])
+    return torque0 - arm.stiffness * motion.theta0 + arm.reach * pull
+
+
 class ReducedRods(NamedTuple):
     """Equations of both rods after elimination of the arm, and the resulting acceleration of the arm.
 

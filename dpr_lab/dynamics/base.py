@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.rig import PARAMETERS
 from dpr_lab.rig_tables import AddedMass
-from dpr_lab.setup import Setup
+from dpr_lab.setup import PRESCRIBED, Setup
 
 BASE = ("a", "b", "d", "e1", "c1", "c2")
 """Order of base parameters: kg m^2, kg m^2, kg m^2, N m, N m s, N m s."""
@@ -98,6 +98,13 @@ def added_base(added: AddedMass | None, L1: float, g: float) -> NDArray[np.float
     return np.array([m * L1**2, m * r**2, m * L1 * r, m * L1 * g, 0.0, 0.0])
 
 
+def added_to_run(setup: Setup, L1: float, g: float) -> NDArray[np.float64]:
+    """(6,) what a run adds to the base parameters: a known mass, and the inertia of an inner rod that is prescribed."""
+    added = added_base(setup.added, L1, g)
+    added[0] += PRESCRIBED.inertia if setup.inner is not None else 0.0
+    return added
+
+
 def whole_parameters(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
     """(..., 7) base parameters of a whole rig from (..., 9) parameters, SI."""
     on_elbow = np.asarray(Z, dtype=np.float64)[..., PARAMETERS.index("m2")] * L1**2
@@ -118,7 +125,7 @@ def base_of_run(whole: ArrayLike, setup: Setup, L1: float, g: float) -> NDArray[
     """
     whole = np.asarray(whole, dtype=np.float64)
     if not setup.alone:
-        return whole[..., : len(BASE)] + added_base(setup.added, L1, g)
+        return whole[..., : len(BASE)] + added_to_run(setup, L1, g)
     if whole.shape[-1] < len(WHOLE):
         raise ValueError("a single rod requires the base parameters of the whole rig, with p")
     outer = setup.added is not None and setup.added.rod == "outer"

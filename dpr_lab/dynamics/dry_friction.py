@@ -11,8 +11,9 @@ A is positive definite, so u' is the unique minimum of u' A u' / 2 - tau u' + su
 import math
 from typing import NamedTuple
 
-from dpr_lab.dynamics.arm import ReducedRods
+from dpr_lab.dynamics.arm import CLAMPED, FREE, ReducedRods, push_on_arm, reduced_rods
 from dpr_lab.dynamics.equation import solved
+from dpr_lab.effects.quantities import ArmModel, BaseParameters, Motion, Terms
 from dpr_lab.kernels import subroutine
 
 
@@ -34,6 +35,8 @@ class EventSettings(NamedTuple):
 
 
 EVENTS = EventSettings()
+
+Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 @subroutine
@@ -83,6 +86,8 @@ def slides(
         forward: limits of friction against sliding in the direction 1, N m
         backward: the same for the direction -1
     """
+    if directions[0] != 0.0 and directions[1] != 0.0:
+        return directions
     push1, push2 = pushes(rods, directions[0], directions[1])
     give1, give2 = _beyond(push1, forward[0], backward[0]), _beyond(push2, forward[1], backward[1])
     if directions[0] != 0.0:
@@ -106,6 +111,61 @@ def slides(
             if side1 * (outer * left1 - across * left2) > 0.0 and side2 * (whole * left2 - across * left1) > 0.0:
                 return side1, side2
     return give1, give2
+
+
+@subroutine
+def _rubbed(terms: Terms, before: tuple[float, float], after: tuple[float, float], limits: Limits) -> Terms:
+    """The terms with the friction of rods' joints that have just started to slide."""
+    _, forward, backward = limits
+    torque1, torque2 = terms.torque1, terms.torque2
+    if before[0] == 0.0 and after[0] != 0.0:
+        torque1 -= forward[0] if after[0] > 0.0 else -backward[0]
+    if before[1] == 0.0 and after[1] != 0.0:
+        friction = forward[1] if after[1] > 0.0 else -backward[1]
+        torque1, torque2 = torque1 + friction, torque2 - friction
+    return Terms(terms.a, terms.b, terms.coupling, torque1, torque2)
+
+
+@subroutine
+def slides_with_arm(
+    motion: Motion,
+    base: BaseParameters,
+    terms: Terms,
+    arm: ArmModel,
+    torque0: float,
+    directions: tuple[float, float],
+    limits: Limits,
+) -> tuple[float, float, float]:
+    """Directions in which an arm at rest and both joints of the rods go on, in the order arm, joint 1, joint 2.
+
+    Whether the arm is held, or slides either way, the rods' joints follow from `slides`, without it or with it; of the
+    three cases the one counts that is consistent, of which there is one.
+
+    Args:
+        motion: with the arm at rest
+        base: base parameters
+        terms: of all effects but the friction of joints at rest
+        arm: the arm
+        torque0: all torques on it but friction at rest, N m
+        directions: of the rods' joints, as for `slides`
+        limits: of the arm forward and backward; of both joints forward; of both backward, N m
+    """
+    limits0, forward, backward = limits
+    still = slides(reduced_rods(motion, base, terms, arm, CLAMPED, 0.0), directions, forward, backward)
+    rods = reduced_rods(motion, base, _rubbed(terms, directions, still, limits), arm, CLAMPED, 0.0)
+    _, alpha1, alpha2 = held(rods, still[0], still[1])
+    push = push_on_arm(motion, base, arm, torque0, (alpha1, alpha2))
+    side = _beyond(push, limits0[0], limits0[1])
+    if side == 0.0:
+        return 0.0, still[0], still[1]
+    for direction in (side, -side):
+        driven = torque0 - (limits0[0] if direction > 0.0 else -limits0[1])
+        moving = slides(reduced_rods(motion, base, terms, arm, FREE, driven), directions, forward, backward)
+        rods = reduced_rods(motion, base, _rubbed(terms, directions, moving, limits), arm, FREE, driven)
+        alpha0, _, _ = held(rods, moving[0], moving[1])
+        if direction * alpha0 > 0.0:
+            return direction, moving[0], moving[1]
+    return side, still[0], still[1]
 
 
 @subroutine

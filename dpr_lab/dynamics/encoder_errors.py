@@ -5,7 +5,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.dynamics.step import RigModel
-from dpr_lab.effects.effect_kernels import active_effects, encoder_errors, held_angle, reading_shifts
+from dpr_lab.effects.effect_kernels import (
+    active_effects,
+    arm_encoder_error,
+    encoder_errors,
+    held_angle,
+    reading_shifts,
+)
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.kernels import njit
 
@@ -36,16 +42,16 @@ def apply_encoder_errors(angles: NDArray[np.float64], t: NDArray[np.float64], ru
 def with_encoder_errors(
     angles: NDArray[np.float64], params: ArrayLike, constants: RigConstants, segments: Segments
 ) -> NDArray[np.float64]:
-    """(n, N, 2) readings of the same angles with many effects, without integration.
+    """(n, N, axes) readings of the same angles under many effects, without integration.
 
     Args:
-        angles: (N, 2) joint 1 absolute, joint 2 as read by its encoder, rad
-        params: (n, SIZE) effects; only encoder errors are used
+        angles: (N, axes) joint 1 absolute, joint 2 as its encoder has it, and perhaps the arm, rad
+        params: (n, SIZE) effects, of which those of encoders count
         constants: the rig
         segments: instants of the readings
     """
     rows = np.array(params, dtype=np.float64, order="C")
-    read = np.empty((len(rows), len(segments.t), 2))
+    read = np.empty((len(rows), len(segments.t), angles.shape[1]))
     angles, active = np.array(angles, order="C"), active_effects(rows)
     _fill_errors(angles, segments.t, segments.offsets, segments.run, constants, rows, active, read)
     return read
@@ -68,6 +74,9 @@ def _fill_errors(
                 angle1, angle2 = angles[k, 0], angles[k, 1]
                 error1, error2 = encoder_errors(angle1, angle2, t[k], run[s], constants, params[c], active[c])
                 read[c, k, 0], read[c, k, 1] = angle1 + error1, angle2 + error2
+                if angles.shape[1] > 2:
+                    angle0 = angles[k, 2]
+                    read[c, k, 2] = angle0 + arm_encoder_error(angle0, t[k], run[s], constants, params[c], active[c])
 
 
 @njit

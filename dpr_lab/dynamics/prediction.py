@@ -65,12 +65,13 @@ def predict_batch(
         no run has a single rod
         params: (n, SIZE) effects, SI; or (n, runs, SIZE) if they differ between runs
         constants: the rig, `dpr_lab.dynamics.rig_constants.rig_constants`
-        segments: instants of the readings, in device time, and Runge-Kutta step of each segment
-        initial: (n, S, 4) theta1, theta2, omega1, omega2 at the start of each segment (`segment_start`), rad and rad/s
-        internal: (S, k) or (n, S, k) internal states of effects (`INTERNAL`) at the start of each segment, unless nan;
-        None: all are taken from the previous segment. A derivative with respect to the initial states alone requires
-        fixed values: `internal_states` at the point of linearisation.
-        arm: whether to return the angle of the arm
+        segments: when the encoders are read, in device time, and the Runge-Kutta step of each
+        initial: (n, S, 4) theta1, theta2, omega1, omega2 where each segment starts (`segment_start`), rad and rad/s;
+            (n, S, 6) with theta0, omega0 of an arm that is free or driven
+        internal: (S, k) or (n, S, k) internal states of effects (`INTERNAL`) at each segment's start, where they are
+            not nan; none: all taken over from segment to segment. A derivative by the initial states alone needs them
+            held still, `internal_states` of the point of expansion.
+        arm: whether the arm's angle is wanted
 
     Returns:
         (n, N, 2) theta1 and the angle of joint 2 as read by its encoder (relative or absolute), rad; with `arm` (n, N,
@@ -116,7 +117,9 @@ def _predicted(
     whole = _shaped(bases, (n, min(bases.shape[-1], len(WHOLE))), "bases")
     bases_of = {setup: base_of_run(whole, setup, constants.L1, constants.g) for setup in set(segments.setups)}
     by_run = np.stack([bases_of[setup] for setup in segments.setups], axis=1)
-    initial = segments.turning_as_one(_shaped(initial, (n, count, 4), "initial"))
+    states = segments.turning_as_one(_shaped(initial, (n, count, 6 if initial.shape[-1] == 6 else 4), "initial"))
+    initial = np.full((n, count, 6), np.nan)
+    initial[..., : states.shape[-1]] = states
     candidates = Candidates(by_run, params, initial, held)
     active = active_effects(params)
     chained = required_by(active).internal & np.logical_or.reduce(np.isnan(held), axis=(1, 2))[:, None]

@@ -17,7 +17,7 @@ def rig_constants(rig: Rig) -> RigConstants:
     """
     best = dict(zip(PARAMETERS, rig.nominal.tolist(), strict=True))
     frame, encoders = rig.rig, rig.encoders
-    _, counts1, counts2 = encoders.counts_per_rev
+    counts0, counts1, counts2 = encoders.counts_per_rev
     return RigConstants(
         L0=frame.L0,
         L1=frame.L1,
@@ -29,6 +29,7 @@ def rig_constants(rig: Rig) -> RigConstants:
         counts_per_rev1=float(counts1 * encoders.direction[1]),
         counts_per_rev2=float(counts2 * encoders.direction[2]),
         relative2=float(encoders.joint2 == "relative"),
+        counts_per_rev0=float(counts0 * encoders.direction[0]),
     )
 
 

@@ -35,6 +35,16 @@ class Segments:
         return len(self.run)
 
     @property
+    def arm_moves(self) -> bool:
+        """Whether the arm of any run moves by itself or by a drive."""
+        return any(setup.arm_moves for setup in self.setups)
+
+    @property
+    def states(self) -> int:
+        """Numbers of a row of initial states: 4, or 6 with theta0, omega0 of an arm that moves."""
+        return 6 if self.arm_moves else 4
+
+    @property
     def starts(self) -> NDArray[np.int64]:
         """(S,) number of initial values of each segment."""
         return np.array([setup.starts for setup in self.setups], dtype=np.int64)[self.run]

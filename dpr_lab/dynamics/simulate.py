@@ -9,7 +9,7 @@ from dpr_lab.dynamics.arm import CLAMPED, FREE, MODES, ArmParameters, mounted, w
 from dpr_lab.dynamics.rig_constants import UNKNOWN
 from dpr_lab.dynamics.schedule import MAX_STEP, steps_between
 from dpr_lab.dynamics.step import RigModel, RigState, model_with, stepped
-from dpr_lab.effects import EFFECTS, SIZE
+from dpr_lab.effects import EFFECTS, SIZE, named_params
 from dpr_lab.effects.effect_kernels import AT_RELEASE, STEPPED
 from dpr_lab.effects.quantities import HELD_ARM, RigConstants
 from dpr_lab.kernels import njit, subroutine
@@ -112,7 +112,8 @@ def rig_model(
     L0, L1, g = frame
     base, held = mounted(values, frame, arm)
     model = model_with(base, constants._replace(L0=L0, L1=L1, g=g), held, _effects(effects))
-    if not model.required.arm:
+    held = any(EFFECTS[name].stage == "arm" for name in named_params(model.params))
+    if not held:
         return model, MODES.index(arm.mode)
     if arm.mode != "clamped":
         (effect,) = (name for name, effect in EFFECTS.items() if effect.stage == "arm")

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.arm import ReducedRods, reduced_rods
+from dpr_lab.dynamics.arm import CLAMPED, FREE, ReducedRods, push_on_arm, reduced_rods
 from dpr_lab.dynamics.dry_friction import (
     EVENTS,
     correction,
@@ -14,19 +14,24 @@ from dpr_lab.dynamics.dry_friction import (
     held,
     pushes,
     slides,
+    slides_with_arm,
     stops_at,
     yields_at,
 )
 from dpr_lab.effects.effect_kernels import (
     active_effects,
+    arm_drives,
     arm_model,
+    arm_torques,
+    dry_limit0,
     dry_limits,
     effect_torques,
+    free_arm_model,
     internal_after,
     load_torques,
     required_by,
 )
-from dpr_lab.effects.quantities import NOTHING, ArmModel, BaseParameters, Motion, RigConstants, plus
+from dpr_lab.effects.quantities import NOTHING, ArmModel, BaseParameters, Motion, RigConstants, Terms, plus
 from dpr_lab.effects.stages import Requirements
 from dpr_lab.kernels import subroutine
 
@@ -62,7 +67,8 @@ def model_with(base: BaseParameters, constants: RigConstants, arm: ArmModel, par
     """The rig with the effects of a vector; `arm` is used unless an effect replaces it."""
     active = active_effects(params)
     required = Requirements(*map(bool, required_by(active)))
-    arm = arm_model(constants, arm, params, active) if required.arm else arm
+    if required.arm:
+        arm = free_arm_model(constants, arm_model(constants, arm, params, active), params, active)
     return RigModel(base, constants, arm, params, active, required)
 
 
@@ -81,7 +87,17 @@ def motion_of(
     sin1, cos1, sin2, cos2 = math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2)
     return Motion(
         t, theta0, theta1, theta2, omega0, omega1, omega2, sin1, cos1, sin2, cos2,
-        displacements[0], displacements[1], forces[0], forces[1], directions[0], directions[1],
+        displacements[0], displacements[1], forces[0], forces[1], directions[0], directions[1], 0.0, 0.0,
+    )  # fmt: skip
+
+
+@subroutine
+def with_arm(motion: Motion, displacement0: float, direction0: float) -> Motion:
+    """A motion with what its arm has turned since the start of the step, rad, and the direction in which it slides."""
+    return Motion(
+        motion.t, motion.theta0, motion.theta1, motion.theta2, motion.omega0, motion.omega1, motion.omega2,
+        motion.sin1, motion.cos1, motion.sin2, motion.cos2, motion.displacement1, motion.displacement2, motion.force1,
+        motion.force2, motion.direction1, motion.direction2, displacement0, direction0,
     )  # fmt: skip
 
 
@@ -91,7 +107,7 @@ def under_load(motion: Motion, force1: float, force2: float) -> Motion:
     return Motion(
         motion.t, motion.theta0, motion.theta1, motion.theta2, motion.omega0, motion.omega1, motion.omega2,
         motion.sin1, motion.cos1, motion.sin2, motion.cos2, motion.displacement1, motion.displacement2, force1, force2,
-        motion.direction1, motion.direction2,
+        motion.direction1, motion.direction2, motion.displacement0, motion.direction0,
     )  # fmt: skip
 
 
@@ -130,8 +146,18 @@ def accelerations_at(
 ) -> tuple[float, float, float]:
     """(alpha0, alpha1, alpha2), rad/s^2, of a state after displacements since its internal states, rad."""
     directions = directions_at(t, x, model, mode, drive)
-    _, rods = _stage(t, x, (displacement1, displacement2), model, mode, drive, directions)
+    rods = _stage(t, x, (displacement1, displacement2), model, mode, drive, directions).rods
     return held(rods, directions[0], directions[1])
+
+
+class SteppedStage(NamedTuple):
+    """The motion of a stage, what acts, and what its accelerations follow from."""
+
+    motion: Motion
+    rods: ReducedRods
+    terms: Terms
+    torque0: float
+    """All torques on an arm that is free, N m."""
 
 
 @subroutine
@@ -142,55 +168,81 @@ def _stage(
     model: RigModel,
     mode: int,
     drive: float,
-    directions: tuple[float, float],
-) -> tuple[Motion, ReducedRods]:
-    """Motion and reduced equations, with the joints sliding in these directions or at rest."""
+    directions: tuple[float, float, float],
+) -> SteppedStage:
+    """The stage, while joint 1, joint 2 and the arm slide in these directions or rest."""
     motion = motion_of(
         t,
         (x.theta0, x.theta1, x.theta2),
         (x.omega0, x.omega1, x.omega2),
         displacements,
         (0.0, 0.0),
-        directions,
+        (directions[0], directions[1]),
     )
-    base, constants, terms = model.base, model.constants, NOTHING
+    motion = with_arm(motion, 0.0, directions[2])
+    base, constants, terms, torque0 = model.base, model.constants, NOTHING, drive
     if model.required.torque:
         terms = effect_torques(motion, base, constants, x.internal, model.params, model.active)
-    rods = reduced_rods(motion, base, terms, model.arm, mode, drive)
+    if mode == FREE:
+        if model.required.torque0:
+            torque0 = arm_torques(motion, torque0, model.params, model.active)
+        if model.required.drive0:
+            torque0 = arm_drives(motion, drive, torque0, model.params, model.active)
+    mode = CLAMPED if directions[2] == 0.0 else mode
+    rods = reduced_rods(motion, base, terms, model.arm, mode, torque0)
     if model.required.load:
         alphas = held(rods, directions[0], directions[1])
         motion = under_load(motion, *joint_forces(motion, alphas, base, constants))
         terms = plus(terms, load_torques(motion, base, constants, x.internal, model.params, model.active))
-        rods = reduced_rods(motion, base, terms, model.arm, mode, drive)
-    return motion, rods
+        rods = reduced_rods(motion, base, terms, model.arm, mode, torque0)
+    return SteppedStage(motion, rods, terms, torque0)
 
 
 @subroutine
-def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: float) -> tuple[float, float]:
-    """Directions in which the joints continue: 1 or -1, or 0 if Coulomb friction holds them at rest."""
-    directions = _directions(x, model)
-    if directions[0] != 0.0 and directions[1] != 0.0:
+def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: float) -> tuple[float, float, float]:
+    """Directions in which joint 1, joint 2 and the arm go on: 1 or -1, and 0 for those that dry friction holds."""
+    directions = _directions(x, model, mode)
+    if directions[0] != 0.0 and directions[1] != 0.0 and directions[2] != 0.0:
         return directions
-    motion, rods = _stage(t, x, (0.0, 0.0), model, mode, drive, directions)
+    stage = _stage(t, x, (0.0, 0.0), model, mode, drive, directions)
+    motion, rods = stage.motion, stage.rods
     forward = dry_limits(motion, 1.0, 1.0, model.params, model.active)
     backward = dry_limits(motion, -1.0, -1.0, model.params, model.active)
-    return slides(rods, directions, forward, backward)
+    own = directions[0], directions[1]
+    if directions[2] == 0.0:
+        limits0 = (
+            dry_limit0(motion, 1.0, model.params, model.active),
+            dry_limit0(motion, -1.0, model.params, model.active),
+        )
+        first, one, two = slides_with_arm(
+            motion, model.base, stage.terms, model.arm, stage.torque0, own, (limits0, forward, backward)
+        )
+        return one, two, first
+    one, two = slides(rods, own, forward, backward)
+    return one, two, directions[2]
 
 
 @subroutine
-def _directions(x: RigState, model: RigModel) -> tuple[float, float]:
+def _directions(x: RigState, model: RigModel, mode: int) -> tuple[float, float, float]:
     """Signs of the joint speeds; nan for a joint without Coulomb friction."""
     first = direction_of(x.omega1) if model.required.dry1 else math.nan
-    return first, direction_of(x.omega2 - x.omega1) if model.required.dry2 else math.nan
+    second = direction_of(x.omega2 - x.omega1) if model.required.dry2 else math.nan
+    return first, second, direction_of(x.omega0) if model.required.dry0 and mode == FREE else math.nan
 
 
 @subroutine
-def _spare(motion: Motion, rods: ReducedRods, model: RigModel, directions: tuple[float, float]) -> tuple[float, float]:
+def _spare(stage: SteppedStage, model: RigModel, directions: tuple[float, float, float]) -> tuple[float, float, float]:
     """Margins (limit minus torque) of the joints at rest, N m; inf for the others."""
+    motion, rods = stage.motion, stage.rods
     push1, push2 = pushes(rods, directions[0], directions[1])
     limit1, limit2 = dry_limits(motion, push1, push2, model.params, model.active)
     spare1 = limit1 - abs(push1) if directions[0] == 0.0 else math.inf
-    return spare1, limit2 - abs(push2) if directions[1] == 0.0 else math.inf
+    spare2 = limit2 - abs(push2) if directions[1] == 0.0 else math.inf
+    if directions[2] != 0.0:
+        return spare1, spare2, math.inf
+    _, alpha1, alpha2 = held(rods, directions[0], directions[1])
+    push0 = push_on_arm(motion, model.base, model.arm, stage.torque0, (alpha1, alpha2))
+    return spare1, spare2, dry_limit0(motion, push0, model.params, model.active) - abs(push0)
 
 
 class TriedStep(NamedTuple):
@@ -198,19 +250,19 @@ class TriedStep(NamedTuple):
 
     end: RigState
     alphas: tuple[float, float, float]
-    first: tuple[float, float]
-    last: tuple[float, float]
+    first: tuple[float, float, float]
+    last: tuple[float, float, float]
 
 
 @subroutine
 def _runge_kutta(
-    t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float, directions: tuple[float, float]
+    t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float, directions: tuple[float, float, float]
 ) -> TriedStep:
     """One classical Runge-Kutta step of h; accelerations and margins at its end are those of the last stage."""
-    resting = directions[0] == 0.0 or directions[1] == 0.0
-    motion, rods = _stage(t, x, (0.0, 0.0), model, mode, drive, directions)
-    first = _spare(motion, rods, model, directions) if resting else (math.inf, math.inf)
-    k0, k1, k2 = held(rods, directions[0], directions[1])
+    resting = directions[0] == 0.0 or directions[1] == 0.0 or directions[2] == 0.0
+    reached = _stage(t, x, (0.0, 0.0), model, mode, drive, directions)
+    first = _spare(reached, model, directions) if resting else (math.inf, math.inf, math.inf)
+    k0, k1, k2 = held(reached.rods, directions[0], directions[1])
     p0, p1, p2 = x.omega0, x.omega1, x.omega2
     turn0, turn1, turn2, sum0, sum1, sum2 = p0, p1, p2, k0, k1, k2
     for stage in range(3):
@@ -221,11 +273,11 @@ def _runge_kutta(
             x.omega0 + ahead * k0, x.omega1 + ahead * k1, x.omega2 + ahead * k2, x.internal,
         )  # fmt: skip
         p0, p1, p2 = state.omega0, state.omega1, state.omega2
-        motion, rods = _stage(t + ahead, state, displacements, model, mode, drive, directions)
-        k0, k1, k2 = held(rods, directions[0], directions[1])
+        reached = _stage(t + ahead, state, displacements, model, mode, drive, directions)
+        k0, k1, k2 = held(reached.rods, directions[0], directions[1])
         turn0, turn1, turn2 = turn0 + weight * p0, turn1 + weight * p1, turn2 + weight * p2
         sum0, sum1, sum2 = sum0 + weight * k0, sum1 + weight * k1, sum2 + weight * k2
-    last = _spare(motion, rods, model, directions) if resting else (math.inf, math.inf)
+    last = _spare(reached, model, directions) if resting else (math.inf, math.inf, math.inf)
     sixth = h / 6.0
     internal = internal_after(x.internal, sixth * turn1, sixth * (turn2 - turn1), model.params, model.active)
     end = RigState(
@@ -237,12 +289,12 @@ def _runge_kutta(
 
 @subroutine
 def _stopped(
-    x: RigState, joint: int, directions: tuple[float, float], later: float, alphas: tuple[float, float, float]
+    x: RigState, joint: int, directions: tuple[float, float, float], later: float, alphas: tuple[float, float, float]
 ) -> RigState:
     """State after a correction of the instant, with a joint set to rest."""
     theta0 = x.theta0 + later * x.omega0
     theta1, theta2 = x.theta1 + later * x.omega1, x.theta2 + later * x.omega2
-    omega0 = x.omega0 + later * alphas[0]
+    omega0 = 0.0 if joint == 3 else x.omega0 + later * alphas[0]
     omega1, omega2 = x.omega1 + later * alphas[1], x.omega2 + later * alphas[2]
     omega1 = 0.0 if joint == 1 else omega1
     omega2 = omega1 if joint == 2 or directions[1] == 0.0 else omega2
@@ -251,7 +303,7 @@ def _stopped(
 
 @subroutine
 def _first_event(
-    x: RigState, tried: TriedStep, h: float, directions: tuple[float, float], released: bool
+    x: RigState, tried: TriedStep, h: float, directions: tuple[float, float, float], released: bool
 ) -> tuple[float, int]:
     """Share of a step at which the first joint changes its direction, 1 if none does; and the joint that stops."""
     share, joint = 1.0, 0
@@ -263,7 +315,11 @@ def _first_event(
     if directions[1] != 0.0 and after < 0.0:
         stops = stops_at(before, after, directions[1] * h * (alphas[2] - alphas[1]))
         share, joint = (stops, 2) if stops < share else (share, joint)
-    for k in range(2):
+    before, after = directions[2] * x.omega0, directions[2] * y.omega0
+    if directions[2] != 0.0 and after < 0.0:
+        stops = stops_at(before, after, directions[2] * h * alphas[0])
+        share, joint = (stops, 3) if stops < share else (share, joint)
+    for k in range(3):
         if released and tried.last[k] < 0.0:
             yields = yields_at(tried.first[k], tried.last[k], h)
             share, joint = (yields, 0) if yields < share else (share, joint)
@@ -288,11 +344,12 @@ def advanced(
     Returns:
         the state, the elapsed time (s), and whether it equals h
     """
-    directions = math.nan, math.nan
-    if model.required.dry1 or model.required.dry2:
-        directions = directions_at(t, x, model, mode, drive) if events < EVENTS.most else _directions(x, model)
+    directions = math.nan, math.nan, math.nan
+    dry = model.required.dry1 or model.required.dry2 or model.required.dry0
+    if dry:
+        directions = directions_at(t, x, model, mode, drive) if events < EVENTS.most else _directions(x, model, mode)
     tried = _runge_kutta(t, x, h, model, mode, drive, directions)
-    if not (model.required.dry1 or model.required.dry2):
+    if not dry:
         return tried.end, h, True
     share, joint = _first_event(x, tried, h, directions, events < EVENTS.most)
     if not share < 1.0:
@@ -305,6 +362,7 @@ def advanced(
         return tried.end, part, False
     y, alphas = tried.end, tried.alphas
     speed, gain = (y.omega1, alphas[1]) if joint == 1 else (y.omega2 - y.omega1, alphas[2] - alphas[1])
+    speed, gain = (y.omega0, alphas[0]) if joint == 3 else (speed, gain)
     later = min(correction(speed, gain, part), h - part)
     return _stopped(y, joint, directions, later, alphas), part + later, False
 

@@ -9,7 +9,8 @@ from dpr_lab.dynamics.arm import with_gravity
 from dpr_lab.dynamics.dry_friction import direction_of
 from dpr_lab.dynamics.lanes.effects import add_drives, add_torques
 from dpr_lab.dynamics.lanes.workspace import LANES, WORKSPACE, At
-from dpr_lab.effects.effect_kernels import EFFECT_OF, active_effects, arm_model
+from dpr_lab.dynamics.step import motion_of, with_arm
+from dpr_lab.effects.effect_kernels import EFFECT_OF, active_effects, arm_drives, arm_model, arm_torques
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import HELD_ARM, BaseParameters, RigConstants
 from dpr_lab.effects.stages import StageName
@@ -175,11 +176,50 @@ def _c(values: Array) -> Array:
     return np.array(values, dtype=np.float64, order="C")
 
 
+def arm_effects_along(
+    t: Array,
+    run: NDArray[np.int64],
+    theta: Array,
+    omega: Array,
+    alpha: Array,
+    drive: Array,
+    base: Array,
+    constants: RigConstants,
+    params: Array,
+) -> Array:
+    """Torques of the effects at a free or driven arm; arguments as of `effect_torques_along`, with theta0 third.
+
+    Returns:
+        (n, 3, k) generalised torques on theta1, theta2, theta0, N m
+    """
+    params, torques = _c(params), np.zeros((len(t), 3, len(params)))
+    _arm_effects(_c(t), _c(theta), _c(omega), _c(drive), params, active_effects(params), torques)
+    return torques
+
+
+@njit
+def _arm_effects(
+    t: Array, theta: Array, omega: Array, drive: Array, params: Array, active: NDArray[np.bool_], torques: Array
+) -> None:
+    for i in range(len(t)):
+        thetas, omegas = (theta[i, 2], theta[i, 0], theta[i, 1]), (omega[i, 2], omega[i, 0], omega[i, 1])
+        motion = motion_of(t[i], thetas, omegas, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+        motion = with_arm(motion, 0.0, direction_of(omega[i, 2]))
+        for c in range(len(params)):
+            own = arm_torques(motion, 0.0, params[c], active[c])
+            torques[i, 2, c] = arm_drives(motion, drive[i, 2], own, params[c], active[c])
+
+
 TrajectoryTorques = Callable[[Array, NDArray[np.int64], Array, Array, Array, Array, Array, RigConstants, Array], Array]
 
 TRAJECTORY_TORQUES: Mapping[StageName, TrajectoryTorques] = {
     "torque": effect_torques_along,
     "drive": effect_torques_along,
     "arm": arm_torques_along,
+    "torque0": arm_effects_along,
+    "drive0": arm_effects_along,
 }
 """Stage of an effect -> function of its torques along a trajectory, for the supported stages."""
+
+OF_ARM: tuple[StageName, ...] = ("torque0", "drive0")
+"""Stages whose torques need the motion of the arm as well."""

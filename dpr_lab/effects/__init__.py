@@ -16,27 +16,32 @@ from dpr_lab.effects.base_tilt import BASE_TILT
 from dpr_lab.effects.base_vibration import BASE_VIBRATION
 from dpr_lab.effects.clock_rate import CLOCK_RATE
 from dpr_lab.effects.com_offset import COM_OFFSET_LINK1, COM_OFFSET_LINK2
-from dpr_lab.effects.coulomb import COULOMB
-from dpr_lab.effects.detent import DETENT_JOINT1, DETENT_JOINT2
+from dpr_lab.effects.coulomb import COULOMB, COULOMB_JOINT0
+from dpr_lab.effects.dead_zone import DEAD_ZONE_JOINT0
+from dpr_lab.effects.detent import DETENT_JOINT0, DETENT_JOINT1, DETENT_JOINT2
+from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.effect import Effect, Recorded, Shape
-from dpr_lab.effects.encoder_eccentricity import ENCODER_ECCENTRICITY
-from dpr_lab.effects.encoder_offset import ENCODER_OFFSET_JOINT1, ENCODER_OFFSET_JOINT2
-from dpr_lab.effects.encoder_scale import ENCODER_SCALE
+from dpr_lab.effects.encoder_eccentricity import ENCODER_ECCENTRICITY, ENCODER_ECCENTRICITY_JOINT0
+from dpr_lab.effects.encoder_offset import ENCODER_OFFSET_JOINT0, ENCODER_OFFSET_JOINT1, ENCODER_OFFSET_JOINT2
+from dpr_lab.effects.encoder_scale import ENCODER_SCALE, ENCODER_SCALE_JOINT0
 from dpr_lab.effects.fold import slices
-from dpr_lab.effects.friction_curve import FRICTION_CURVE
+from dpr_lab.effects.free_arm import FREE_ARM
+from dpr_lab.effects.friction_curve import FRICTION_CURVE, FRICTION_CURVE_JOINT0
 from dpr_lab.effects.friction_drift import FRICTION_DRIFT
+from dpr_lab.effects.hard_stop import HARD_STOP_JOINT0
 from dpr_lab.effects.hysteresis import HYSTERESIS
 from dpr_lab.effects.input_delay import INPUT_DELAY
-from dpr_lab.effects.latency import LATENCY_JOINT2
+from dpr_lab.effects.latency import LATENCY_JOINT0, LATENCY_JOINT2
 from dpr_lab.effects.load_friction import LOAD_FRICTION
 from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.effects.refusal import refusal
 from dpr_lab.effects.rotor_inertia import ROTOR_INERTIA_JOINT1, ROTOR_INERTIA_JOINT2
-from dpr_lab.effects.spring import SPRING
-from dpr_lab.effects.stribeck import STRIBECK
-from dpr_lab.effects.torque_offset import TORQUE_OFFSET
-from dpr_lab.effects.torque_ripple import TORQUE_RIPPLE
-from dpr_lab.effects.torque_scale import TORQUE_SCALE
+from dpr_lab.effects.saturation import SATURATION_JOINT0
+from dpr_lab.effects.spring import SPRING, SPRING_JOINT0
+from dpr_lab.effects.stribeck import STRIBECK, STRIBECK_JOINT0
+from dpr_lab.effects.torque_offset import TORQUE_OFFSET, TORQUE_OFFSET_JOINT0
+from dpr_lab.effects.torque_ripple import TORQUE_RIPPLE, TORQUE_RIPPLE_JOINT0
+from dpr_lab.effects.torque_scale import TORQUE_SCALE, TORQUE_SCALE_JOINT0
 from dpr_lab.effects.viscous_ground import VISCOUS_GROUND
 from dpr_lab.effects.wrong_length import WRONG_LENGTH
 from dpr_lab.errors import unknown_name
@@ -77,12 +82,32 @@ EFFECTS: dict[str, Effect] = {
         *TORQUE_OFFSET,
         *TORQUE_RIPPLE,
         INPUT_DELAY,
+        FREE_ARM,
+        DRIVE_GAIN,
+        COULOMB_JOINT0,
+        STRIBECK_JOINT0,
+        FRICTION_CURVE_JOINT0,
+        SPRING_JOINT0,
+        HARD_STOP_JOINT0,
+        DETENT_JOINT0,
+        ENCODER_OFFSET_JOINT0,
+        ENCODER_SCALE_JOINT0,
+        ENCODER_ECCENTRICITY_JOINT0,
+        LATENCY_JOINT0,
+        TORQUE_SCALE_JOINT0,
+        TORQUE_OFFSET_JOINT0,
+        TORQUE_RIPPLE_JOINT0,
+        DEAD_ZONE_JOINT0,
+        SATURATION_JOINT0,
     )
 }
 EFFECTS |= plugin_rows("effects", Effect, EFFECTS, lambda _, effect: effect.name, refusal)
 
-OF_FREE_SWINGS = {name: effect for name, effect in EFFECTS.items() if not effect.driven}
-"""Effects that free swings can show."""
+OF_FREE_SWINGS = {name: effect for name, effect in EFFECTS.items() if not (effect.driven or effect.of_arm)}
+"""The effects that free swings with a clamped arm can show."""
+
+OF_ARM = {name: effect for name, effect in EFFECTS.items() if effect.of_arm and effect not in (FREE_ARM, DRIVE_GAIN)}
+"""The effects at a free or driven arm that a rig may have; the arm itself and its drive's gain are no effects."""
 
 SLICES = slices(EFFECTS.values())
 """Name of an effect -> slice of its parameters in the flat vector."""

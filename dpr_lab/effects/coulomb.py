@@ -1,6 +1,6 @@
 """Coulomb friction in a rod joint."""
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
 
@@ -31,5 +31,14 @@ COULOMB = pair(
     source=(
         "Armstrong-Helouvry, Dupont & Canudas de Wit (1994), A survey of models, analysis tools and compensation"
         " methods for the control of machines with friction, Automatica 30(7), 1083-1138."
+    ),
+)
+
+COULOMB_JOINT0 = at_arm(
+    COULOMB[0],
+    twins=("dead_zone_joint0",),
+    bench_check=(
+        "Take the rods off and turn the arm slowly by a spring scale at its tip, the motor's wires apart: force times"
+        " length, the same in both directions, is the Coulomb friction torque."
     ),
 )

@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, Words, pair, shape
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, Words, at_arm, pair, shape
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
@@ -59,3 +59,11 @@ DETENT_JOINT1 = replace(
 
 At order one its sine is gravity and its cosine is a centroid offset of the inner rod, so the scan starts at order two.
 """
+
+DETENT_JOINT0 = at_arm(
+    DETENT_JOINT2,
+    bench_check=(
+        "Turn the arm slowly by hand with the motor's wires apart: cogging is felt at evenly spaced angles of the"
+        " motor's shaft, which are closer together behind a gear."
+    ),
+)

@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple
 
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.effects.stages import StageName
@@ -16,6 +16,17 @@ Params = Mapping[str, float]
 Shape = tuple[tuple[int, float], ...]
 """Shape parameters as (index in the flat vector, value)."""
 
+
+class JointIndex(NamedTuple):
+    """Indices among `Effect.joints` and the axes of a recording."""
+
+    inner: int = 0
+    outer: int = 1
+    arm: int = -1
+    """Joint 0, which is read last."""
+
+
+ARM = JointIndex().arm
 
 LEVERS = ("friction_radius_m", "offset_m")
 """Lengths that convert a force, known from the masses in the rig file, to a torque: they scale like torques."""
@@ -218,7 +229,7 @@ class Effect:
     """Check on the rig that confirms it, or distinguishes it from its twins."""
     source: str
     joints: tuple[int, ...] = (0, 1)
-    """Joints (0, 1) on whose angle and speed it may depend; both if it belongs to none."""
+    """The joints (0, 1, `ARM`) whose angle and speed it may depend on; both of the rods where it belongs to none."""
     internal: tuple[InternalState, ...] = ()
     dissipative: bool = False
     """Whether it can only dissipate energy of the rods (presliding returns at most the stored energy)."""
@@ -274,7 +285,12 @@ class Effect:
     @property
     def driven(self) -> bool:
         """Whether it belongs to a drive and does not affect free swings."""
-        return self.stage in ("drive", "input")
+        return self.stage in ("drive", "drive0", "input")
+
+    @property
+    def of_arm(self) -> bool:
+        """Whether it acts at a free or driven arm alone."""
+        return self.stage in ("free_arm", "torque0", "drive0", "timing0", "encoder0")
 
     @property
     def shapes(self) -> tuple[EffectParameter, ...]:
@@ -319,3 +335,45 @@ def pair(
         )
         for j in (1, 2)
     ]
+
+
+ARM_STAGES: dict[StageName, StageName] = {
+    "torque": "torque0",
+    "drive": "drive0",
+    "encoder": "encoder0",
+    "timing": "timing0",
+}
+"""Stage of an effect at a rod's joint -> that of the same effect at the arm."""
+
+
+def at_arm(effect: Effect, *, bench_check: str, equation: str = "", **fields: Any) -> Effect:
+    """The same effect at joint 0, the arm of a rig that is free or driven.
+
+    Args:
+        effect: at joint 1 or 2
+        bench_check: what to do at the arm
+        equation: where it is not the one of the other joint with another number
+        fields: other fields of `Effect` that differ
+    """
+    (joint,) = effect.joints
+
+    def renamed(text: str) -> str:
+        for word in ("_joint", "joint ", "encoder ", "q"):
+            text = text.replace(f"{word}{joint + 1}", f"{word}0")
+        return text
+
+    return replace(
+        effect,
+        **{
+            "name": renamed(effect.name),
+            "words": renamed(effect.words),
+            "equation": equation or renamed(effect.equation),
+            "joints": (ARM,),
+            "stage": ARM_STAGES[effect.stage],
+            "twins": tuple(map(renamed, effect.twins)),
+            "nested": tuple(map(renamed, effect.nested)),
+            "bench_check": bench_check,
+            "exported": None,
+            **fields,
+        },
+    )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dpr_lab.effects import EFFECTS, SLICES, param_index
 from dpr_lab.effects.effect import Effect, InternalState
 from dpr_lab.effects.fold import arguments, call, compiled
-from dpr_lab.effects.quantities import Terms, encoder1, encoder2, joint1, joint2, yielding
+from dpr_lab.effects.quantities import Terms, encoder0, encoder1, encoder2, joint0, joint1, joint2, yielding
 from dpr_lab.effects.stages import PER_JOINT, STAGES, Requirements
 
 _ALL = list(EFFECTS.values())
@@ -55,7 +55,7 @@ class Contribution(NamedTuple):
     kernel: Callable[..., float]
     effect: Effect
     joint: int
-    """Joint, 1 or 2."""
+    """0, 1 or 2."""
     state: int = 0
     """Index in `STEPPED` of the internal state that it updates, in the stage `transition`."""
 
@@ -80,7 +80,12 @@ def contributions(stage: str) -> list[Contribution]:
             for i, (effect, state) in enumerate(stepped_states())
             if state.after is not None
         ]
-    effects = [effect for effect in _ALL if (effect.dry if stage == "dry" else effect.stage == stage)]
+    dry = {"dry": False, "dry0": True}
+    effects = [
+        effect
+        for effect in _ALL
+        if (effect.dry and effect.of_arm == dry[stage] if stage in dry else effect.stage == stage)
+    ]
     return [
         Contribution(effect.name, effect.kernel, effect, joint + 1)
         for effect in effects
@@ -96,7 +101,7 @@ class _ScalarNotation(dict[str, str]):
         return f"{array}[{index}]" if array in ("params", "internal", "old_internal") else name
 
 
-_NOTATION = _ScalarNotation(joint1="joint1(motion)", joint2="joint2(motion)")
+_NOTATION = _ScalarNotation(joint0="joint0(motion)", joint1="joint1(motion)", joint2="joint2(motion)")
 
 
 def scalar_stage(stage: str) -> Any:
@@ -113,8 +118,9 @@ def scalar_stage(stage: str) -> Any:
         lines.append(f"    {contribution.guard()}")
         lines += [f"        {statement}" for statement in contribution.statements(stage, _NOTATION)]
     returned = row.returns.format_map(_NOTATION) or f"({', '.join(results)},)"
-    names = {"Terms": Terms, "joint1": joint1, "joint2": joint2, "encoder1": encoder1, "encoder2": encoder2}
-    names |= {"yielding": yielding, "copysign": math.copysign} | {c.name: c.kernel for c in calls}
+    known = (joint0, joint1, joint2, encoder0, encoder1, encoder2, yielding)
+    names = {"Terms": Terms, "copysign": math.copysign} | {function.__name__: function for function in known}
+    names |= {c.name: c.kernel for c in calls}
     return compiled([f"def {stage}_stage({row.arguments}, params, active):", *lines, f"    return {returned}"], names)
 
 
@@ -138,6 +144,24 @@ dry_limits = scalar_stage("dry")
 
 arm_model = scalar_stage("arm")
 """(constants, arm, params, active) -> ArmModel: inertia, friction and stiffness of the arm; `arm` without effects."""
+
+free_arm_model = scalar_stage("free_arm")
+"""The same of an arm that is free or driven."""
+
+arm_torques = scalar_stage("torque0")
+"""(motion, torque0, params, active) -> torque on the arm, N m; `torque0` without effects."""
+
+arm_drives = scalar_stage("drive0")
+"""(motion, known0, torque0, params, active) -> the same with what a drive gives beyond its known torque."""
+
+dry_limit0 = scalar_stage("dry0")
+"""(motion, push0, params, active) -> torque, N m, up to which dry friction holds an arm that is pushed so."""
+
+arm_delay = scalar_stage("timing0")
+"""(late0, params, active) -> s by which the arm is read earlier than joint 1; `late0` without effects."""
+
+arm_encoder_error = scalar_stage("encoder0")
+"""(angle0, t, run, constants, params, active) -> rad added to the reading of the arm's encoder."""
 
 reading_shifts = scalar_stage("timing")
 """(t, params, active) -> shifts of the reading instants of joints 1 and 2, s."""
@@ -164,6 +188,8 @@ _REQUIRED_BY: dict[str, Callable[[Effect], bool]] = {
     "prescribed": lambda effect: False,
     "stepped": lambda effect: any(state.after for state in effect.internal),
     "internal": lambda effect: bool(effect.internal),
+    "arm": lambda effect: effect.stage in ("arm", "free_arm"),
+    "dry0": lambda effect: effect.dry and effect.of_arm,
     "dry1": lambda effect: effect.dry and 0 in effect.joints,
     "dry2": lambda effect: effect.dry and 1 in effect.joints,
 }

@@ -1,6 +1,6 @@
 """Encoder eccentricity: a disc or magnet that is not centred or is tilted, with an error that repeats every turn."""
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import EncoderReading
 from dpr_lab.kernels import inlined
@@ -68,4 +68,9 @@ ENCODER_ECCENTRICITY = pair(
         "Eccentricity gives one cycle per turn and an oval track two: Synapticon Circulo encoder manual; 0.1 mm at a"
         " radius of 15 mm is 7 mrad."
     ),
+)
+
+ENCODER_ECCENTRICITY_JOINT0 = at_arm(
+    ENCODER_ECCENTRICITY[0],
+    bench_check="Turn the disc or magnet of encoder 0 by 90 degrees on its shaft and repeat: the error turns too.",
 )

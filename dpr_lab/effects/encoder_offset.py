@@ -1,6 +1,6 @@
 """Encoder offset: the zero of an encoder differs from the angle that the rig file states."""
 
-from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, Params
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, Params, at_arm
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.kernels import inlined
 
@@ -62,4 +62,14 @@ ENCODER_OFFSET_JOINT2 = Effect(
         " not change, a centroid offset changes its side."
     ),
     source=_SOURCE,
+)
+
+ENCODER_OFFSET_JOINT0 = at_arm(
+    ENCODER_OFFSET_JOINT1,
+    twins=("encoder_eccentricity_joint0", "spring_joint0"),
+    remedy=lambda params, rig, joint: (
+        f"subtract {1e3 * params['offset_rad']:.3g} mrad from the readings of the arm's encoder; it matters only where"
+        " a cable or a stop acts on the arm"
+    ),
+    bench_check="Turn the arm to its mark and read encoder 0: what it reads is the zero error.",
 )

@@ -1,6 +1,6 @@
 """Encoder scale error: wrong counts per turn, from a belt, a gear or a wrong number in the rig file."""
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, at_arm, pair
 from dpr_lab.effects.quantities import EncoderReading, RigConstants
 from dpr_lab.kernels import inlined
 
@@ -19,7 +19,7 @@ def stretched(encoder: EncoderReading, excess: float) -> float:
 
 def remedy(params: Params, rig: RigConstants, joint: int) -> str:
     """Correction of the counts per turn."""
-    configured = abs(rig.counts_per_rev2 if joint else rig.counts_per_rev1)
+    configured = abs((rig.counts_per_rev1, rig.counts_per_rev2, rig.counts_per_rev0)[joint])
     correct = configured * (1.0 + params["excess"])
     words = f"set counts_per_rev of joint {joint + 1} in the rig file to {correct:.0f} (now {configured:.0f})"
     usual = usual_counts(correct)
@@ -50,4 +50,10 @@ ENCODER_SCALE = pair(
     ),
     bench_check="Turn rod {j} by hand through ten whole turns to the same mark: the counts give the scale.",
     source="Definition of counts per turn, `dpr_lab.rig_tables.Encoders`; counters are zero where the rods hang.",
+)
+
+ENCODER_SCALE_JOINT0 = at_arm(
+    ENCODER_SCALE[0],
+    equation="encoder 0 reads (1 + x) q0, q0 the angle of the arm",
+    bench_check="Turn the arm by hand through whole turns to the same mark, as far as its cable allows.",
 )

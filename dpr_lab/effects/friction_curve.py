@@ -3,7 +3,7 @@
 At rest it may differ between the two directions, as for a skewed seal or a preloaded bearing.
 """
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
 
@@ -67,4 +67,9 @@ FRICTION_CURVE = pair(
         "Isotonic (monotone) regression, Robertson, Wright & Dykstra (1988), Order Restricted Statistical Inference;"
         " the application to a bearing is our own."
     ),
+)
+
+FRICTION_CURVE_JOINT0 = at_arm(
+    FRICTION_CURVE[0],
+    bench_check="Drive the arm at constant speeds with the rods off: the torque at each speed is the curve.",
 )

@@ -1,6 +1,6 @@
 """Latency of joint 2 relative to joint 1."""
 
-from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, at_arm
 from dpr_lab.kernels import inlined
 
 
@@ -29,4 +29,22 @@ LATENCY_JOINT2 = Effect(
         " counters on one edge."
     ),
     source="Polled buses read one encoder after the other; a common delay of both is not visible in a free swing.",
+)
+
+
+@inlined
+def later(delay_s: float) -> float:
+    """How much earlier than joint 1 the arm had the angle that is read, s."""
+    return delay_s
+
+
+LATENCY_JOINT0 = at_arm(
+    LATENCY_JOINT2,
+    kernel=later,
+    equation="encoder 0 reads q0(t - x), encoder 1 reads q1(t)",
+    remedy=lambda params, rig, joint: (
+        f"latch all encoders on one edge, or take {1e3 * params['delay_s']:.3g} ms off the time stamps of encoder 0"
+    ),
+    quantities=(BenchQuantity("delay of encoder 0 after encoder 1", "x", ("delay_s",)),),
+    bench_check="Swap the cables of encoders 0 and 1 at the board and repeat: a delay of the board changes sides.",
 )

@@ -6,12 +6,13 @@ of a limit is the standard deviation of a normal prior of the size.
 """
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.effects import EFFECTS, SIZE, param_index
-from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.effects.effect import ARM, Effect, EffectParameter
 from dpr_lab.effects.quantities import BaseParameters, RigConstants
 from dpr_lab.effects.rig_scales import LIMITS, RigScales, scales
 
@@ -23,8 +24,8 @@ def limit_words(parameter: EffectParameter) -> str:
     return LIMITS[parameter.limit or parameter.unit][0]
 
 
-def _limit(effect: Effect, parameter: EffectParameter, at_joint: tuple[RigScales, RigScales]) -> float:
-    rig = at_joint[1 if effect.joints == (1,) else 0]
+def _limit(effect: Effect, parameter: EffectParameter, at_joint: Mapping[int, RigScales]) -> float:
+    rig = at_joint[effect.joints[0] if len(effect.joints) == 1 else 0]
     return parameter.most if math.isfinite(parameter.most) else LIMITS[parameter.limit or parameter.unit][1](rig)
 
 
@@ -35,7 +36,7 @@ def amplitude_limits(base: BaseParameters, constants: RigConstants) -> NDArray[n
         base: base parameters of the whole rig from the rig file, SI
         constants: lengths, gravity and encoders
     """
-    at_joint, limits = (scales(base, constants, 0), scales(base, constants, 1)), np.full(SIZE, np.inf)
+    at_joint, limits = {joint: scales(base, constants, joint) for joint in (0, 1, ARM)}, np.full(SIZE, np.inf)
     for effect in EFFECTS.values():
         for parameter in effect.amplitudes:
             limits[param_index(effect.name, parameter.name)] = _limit(effect, parameter, at_joint)

@@ -1,6 +1,6 @@
-"""Effects in a run in which joint 2 cannot turn, or without drives.
+"""Effects in a run where joint 2 cannot turn, the arm cannot move, or nothing drives the joints.
 
-Joint 2 is then held by unlimited Coulomb friction, and drives are off.
+Joint 2 is then held by dry friction without a limit, a clamped arm has no effects, and drives are off.
 """
 
 from collections.abc import Sequence
@@ -30,22 +30,35 @@ _OF_DRIVES = [
     for parameter in effect.amplitudes
 ]
 
+_OF_ARM = [
+    param_index(effect.name, parameter.name)
+    for effect in EFFECTS.values()
+    if effect.of_arm
+    for parameter in effect.amplitudes
+]
+
 
 def differ(params: NDArray[np.float64], setups: Sequence[Setup]) -> bool:
     """Whether the effects (..., SIZE) of any run differ from those on the whole rig."""
-    return any(setup.held or _undriven(params, setup) for setup in setups)
+    return any(setup.held or _undriven(params, setup) or _still(params, setup) for setup in setups)
 
 
 def _undriven(params: NDArray[np.float64], setup: Setup) -> bool:
     return setup.torques is None and bool(params[..., _OF_DRIVES].any())
 
 
+def _still(params: NDArray[np.float64], setup: Setup) -> bool:
+    return not setup.arm_moves and bool(params[..., _OF_ARM].any())
+
+
 def effects_of_run(params: NDArray[np.float64], setup: Setup) -> NDArray[np.float64]:
     """(..., SIZE) effects for the mounting of a run, from those on the whole rig."""
-    undriven = _undriven(params, setup)
-    if not (setup.held or undriven):
+    undriven, still = _undriven(params, setup), _still(params, setup)
+    if not (setup.held or undriven or still):
         return params
     params = params.copy()
+    if still:
+        params[..., _OF_ARM] = 0.0
     if undriven:
         params[..., _OF_DRIVES] = 0.0
     if not setup.held:

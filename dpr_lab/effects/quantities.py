@@ -26,6 +26,8 @@ class RigConstants(NamedTuple):
     counts_per_rev2: float
     relative2: float
     """1 if the encoder of joint 2 reads theta2 - theta1, 0 if it reads theta2."""
+    counts_per_rev0: float
+    """Of the arm."""
 
 
 class BaseParameters(NamedTuple):
@@ -65,6 +67,9 @@ class Motion(NamedTuple):
     friction.
     """
     direction2: float
+    displacement0: float
+    """How far the arm has turned since the start of the step, rad."""
+    direction0: float
 
 
 class Joint(NamedTuple):
@@ -82,7 +87,7 @@ class EncoderReading(NamedTuple):
     """One encoder reading before its errors."""
 
     number: int
-    """Joint, 1 or 2."""
+    """0, 1 or 2, as its joint."""
     angle: float
     """Reading without errors, rad."""
     hanging: float
@@ -121,6 +126,12 @@ HELD_ARM = ArmModel(math.inf, 0.0, 0.0, 0.0)
 
 
 @inlined
+def joint0(motion: Motion) -> Joint:
+    """The arm's joint in a motion of the rig; its force is not computed."""
+    return Joint(motion.t, motion.theta0, motion.omega0, motion.displacement0, 0.0, motion.direction0)
+
+
+@inlined
 def joint1(motion: Motion) -> Joint:
     """Joint 1 in a motion of the rig."""
     angle = motion.theta1 - math.pi
@@ -138,6 +149,12 @@ def joint2(motion: Motion) -> Joint:
 def yielding(joint: Joint, push: float) -> Joint:
     """Joint at rest that starts to slide in the direction of a torque."""
     return Joint(joint.t, joint.angle, 0.0, joint.displacement, joint.force, math.copysign(1.0, push))
+
+
+@inlined
+def encoder0(angle: float, t: float, run: int, constants: RigConstants) -> EncoderReading:
+    """The encoder of the arm."""
+    return EncoderReading(0, angle, 0.0, constants.counts_per_rev0, t, run)
 
 
 @inlined

@@ -25,12 +25,12 @@ class RigScales(NamedTuple):
 
 
 def scales(base: BaseParameters, constants: RigConstants, joint: int) -> RigScales:
-    """The scales of a rig at joint 0 or 1."""
-    inertia = base.b if joint else base.a + base.b + 2.0 * base.d
+    """The scales of a rig at joint 0 or 1 of the rods, or at the arm (-1): ten times those of joint 1."""
+    inertia = base.b if joint == 1 else base.a + base.b + 2.0 * base.d
     return RigScales(
-        gravity=base.e2 if joint else base.e1 + base.e2,
+        gravity=base.e2 if joint == 1 else (base.e1 + base.e2) * (10.0 if joint < 0 else 1.0),
         inertia=inertia,
-        length=constants.L2 if joint else constants.L1,
+        length=constants.L2 if joint == 1 else constants.L1,
         mass=(base.e1 + base.e2) / (constants.g * constants.L1),
         g=constants.g,
         counts_per_rev=max(abs(constants.counts_per_rev1), abs(constants.counts_per_rev2)),

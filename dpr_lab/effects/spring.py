@@ -2,7 +2,7 @@
 
 import math
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, Words, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, Words, at_arm, pair
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
 
@@ -66,4 +66,14 @@ SPRING = pair(
     ),
     bench_check="Remove the cable of joint {j} (or add a second one) and repeat: its torque vanishes (or doubles).",
     source="Elastic restoring torque with Duffing's cubic term, e.g. Nayfeh & Mook (1979), Nonlinear Oscillations.",
+)
+
+SPRING_JOINT0 = at_arm(
+    SPRING[0],
+    twins=("encoder_scale_joint0", "encoder_offset_joint0", "hard_stop_joint0"),
+    equation="tau = C - k q - k3 q^3 with q the angle of the arm, turns included; at rest where that is zero",
+    bench_check=(
+        "Turn the arm by hand to several angles and let it go with the motor off: a cable pulls it back."
+        " Take the cable off, or lead it in along the axis, and repeat."
+    ),
 )

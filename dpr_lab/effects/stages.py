@@ -10,23 +10,33 @@ an argument or a local variable, the lane version a row of the workspace.
     load        the same, joint forces known       the same: load-dependent friction
     drive       joint, torque                      N m added to the known torque of its joint
     dry         joint                              torque of Coulomb friction of a joint that starts to slide, N m
-    arm         constants                          ArmModel: inertia, friction and stiffness of the arm
-    timing      t                                  shift of the reading instant of each of `joints`, s
-    encoder     encoder                            error of the reading of the encoder of each of `joints`, rad
-    play        angle, held                        angle held by the encoder of joint 2, rad
+    arm         constants                          ArmModel: inertia, friction and stiffness of an arm that is held
+    free_arm    constants                          the same of an arm that is free or driven
+    torque0     joint                              torque on a free or driven arm, N m
+    drive0      joint, torque                      N m added to the known torque on the arm
+    dry0        joint                              torque of dry friction of an arm that just begins to slide, N m
+    timing      t                                  s added to the instant at which each of `joints` is read
+    timing0                                        s by which the arm is read earlier than joint 1
+    encoder     encoder                            rad added to the reading of the encoder of each of `joints`
+    encoder0    encoder                            the same of the arm's encoder
+    play        angle, held                        angle that the encoder of joint 2 holds, rad
     input                                          delay of the known torques, s
     transition  state, displacement                internal state after a displacement of the joint
 
-The quantities are those of `dpr_lab.effects.quantities`. Further arguments of a kernel are the internal states and
-parameters of its effect, each by its name. It is called only if the effect is active. `dry` repeats kernels of other
-stages, `transition` calls those of internal states; the others are values of `Effect.stage`.
+The quantities are those of `dpr_lab.effects.quantities`. After them a kernel takes internal states and parameters of
+its effect, each by its name. It is called only while one of the effect's amplitudes is not zero. `dry` and `dry0`
+repeat kernels of other stages, `transition` calls those of internal states; the others are values of `Effect.stage`.
+Stages of the arm have rows of their own, so that a rig whose arm is clamped does not compute them.
 """
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
-StageName = Literal["torque", "load", "arm", "timing", "encoder", "play", "drive", "input"]
+StageName = Literal[
+    "torque", "load", "arm", "free_arm", "torque0", "timing", "timing0", "encoder", "encoder0", "play", "drive",
+    "drive0", "input",
+]  # fmt: skip
 """Stage at which the kernel of an effect is called."""
 
 Combine = Callable[[int, Collection[str]], tuple[str, ...]]
@@ -84,6 +94,18 @@ _TERMS = Stage(
     returns="Terms({term_a}, {term_b}, {term_coupling}, {torque1}, {torque2})",
 )
 
+
+def _held_arm() -> Stage:
+    """The arm's inertia, friction and stiffness, which an effect replaces."""
+    return Stage(
+        arguments="constants, arm",
+        quantities={"constants": "{constants}"},
+        results={"arm": "{arm}"},
+        combine=_each("{arm} = x"),
+        returns="{arm}",
+    )
+
+
 STAGES: dict[str, Stage] = {
     "torque": _TERMS,
     "load": _TERMS,
@@ -100,12 +122,28 @@ STAGES: dict[str, Stage] = {
         combine=_each("{limit#} -= copysign(1.0, {push#}) * x"),
         returns="max({limit1}, 0.0), max({limit2}, 0.0)",
     ),
-    "arm": Stage(
-        arguments="constants, arm",
-        quantities={"constants": "{constants}"},
-        results={"arm": "{arm}"},
-        combine=_each("{arm} = x"),
-        returns="{arm}",
+    "arm": _held_arm(),
+    "free_arm": _held_arm(),
+    "torque0": Stage(
+        arguments="motion, torque0",
+        quantities={"joint": "{joint0}"},
+        results={"torque0": "{torque0}"},
+        combine=_each("{torque0} += x"),
+        returns="{torque0}",
+    ),
+    "drive0": Stage(
+        arguments="motion, known0, torque0",
+        quantities={"joint": "{joint0}", "torque": "{known0}"},
+        results={"torque0": "{torque0}"},
+        combine=_each("{torque0} += x"),
+        returns="{torque0}",
+    ),
+    "dry0": Stage(
+        arguments="motion, push0",
+        quantities={"joint": "yielding({joint0}, {push0})"},
+        results={"limit0": "0.0"},
+        combine=_each("{limit0} -= copysign(1.0, {push0}) * x"),
+        returns="max({limit0}, 0.0)",
     ),
     "timing": Stage(
         arguments="t",
@@ -118,6 +156,20 @@ STAGES: dict[str, Stage] = {
         quantities={"encoder": "encoder#({angle#}, {t}, {run}, {constants})"},
         results={"error1": "0.0", "error2": "0.0"},
         combine=_each("{error#} += x"),
+    ),
+    "timing0": Stage(
+        arguments="late0",
+        quantities={},
+        results={"late0": "{late0}"},
+        combine=_each("{late0} += x"),
+        returns="{late0}",
+    ),
+    "encoder0": Stage(
+        arguments="angle0, t, run, constants",
+        quantities={"encoder": "encoder0({angle0}, {t}, {run}, {constants})"},
+        results={"error0": "0.0"},
+        combine=_each("{error0} += x"),
+        returns="{error0}",
     ),
     "play": Stage(
         arguments="angle2, hold",
@@ -158,10 +210,13 @@ class Requirements(NamedTuple):
     """Whether joint forces are needed."""
     arm: Any
     """Whether the arm moves freely."""
+    torque0: Any
     timing: Any
     encoder: Any
+    encoder0: Any
     play: Any
     drive: Any
+    drive0: Any
     prescribed: Any
     """Whether the arm has a prescribed motion; set by the setup of a run, not by an effect."""
     stepped: Any
@@ -171,3 +226,5 @@ class Requirements(NamedTuple):
     dry1: Any
     """Whether Coulomb friction can hold joint 1 at rest."""
     dry2: Any
+    dry0: Any
+    """Dry friction can hold the arm at rest."""

@@ -1,6 +1,6 @@
 """Stribeck friction: larger near standstill than in motion."""
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair, shape
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair, shape
 from dpr_lab.effects.elementary import exp
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
@@ -41,4 +41,12 @@ STRIBECK = pair(
         " torque while it slides, is the extra friction at rest."
     ),
     source="Armstrong-Helouvry, Dupont & Canudas de Wit (1994), Automatica 30(7), 1083-1138 (Gaussian form).",
+)
+
+STRIBECK_JOINT0 = at_arm(
+    STRIBECK[0],
+    bench_check=(
+        "Pull the arm's tip with a spring scale: the torque at which it breaks loose, minus the torque while it slides,"
+        " is the extra friction at rest."
+    ),
 )

@@ -1,6 +1,6 @@
 """Torque offset: the known torque is not zero if the drive exerts none."""
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
 from dpr_lab.kernels import inlined
 
 
@@ -24,4 +24,14 @@ TORQUE_OFFSET = pair(
         " offset. An offset that remains with the drive off is due to a cable or a tilt."
     ),
     source="Khalil & Dombre (2002), Modeling, Identification and Control of Robots, ch. 12: offsets of motor currents.",
+)
+
+TORQUE_OFFSET_JOINT0 = at_arm(
+    TORQUE_OFFSET[0],
+    nested=(),
+    equation="tau + C acts on the arm where its torque, current or voltage is known, while the drive is on",
+    bench_check=(
+        "Command zero and measure the motor's current or voltage: what is left is the offset. A torque that stays with"
+        " the motor's wires apart is a cable."
+    ),
 )

@@ -1,6 +1,6 @@
 """Torque ripple: the torque constant of a drive changes with the angle of its rotor."""
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair, shape
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair, shape
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
@@ -36,5 +36,14 @@ TORQUE_RIPPLE = pair(
     source=(
         "Jahns & Soong (1996), Pulsating torque minimization techniques for permanent magnet AC motor drives, IEEE"
         " Trans. Ind. Electron. 43(2): torque that does not increase with the current is cogging (detent)."
+    ),
+)
+
+TORQUE_RIPPLE_JOINT0 = at_arm(
+    TORQUE_RIPPLE[0],
+    equation="tau (1 + A cos(N q) + B sin(N q)) acts on the arm where its input is known, q its angle",
+    bench_check=(
+        "Turn the arm slowly under a constant command against a spring scale: ripple comes and goes with the angle and"
+        " grows with the command; cogging stays without any."
     ),
 )

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
 from dpr_lab.kernels import inlined
 
 
@@ -35,3 +35,13 @@ _JOINT1, _JOINT2 = pair(
 
 TORQUE_SCALE = [replace(_JOINT1, twins=(_JOINT2.name,)), replace(_JOINT2, twins=(_JOINT1.name,))]
 """Effect for both joints together is the common scale of the rig: only the ratio of the two is identifiable."""
+
+TORQUE_SCALE_JOINT0 = at_arm(
+    _JOINT1,
+    twins=(),
+    equation="(1 + x) tau acts on the arm where its torque, current or voltage is known",
+    bench_check=(
+        "Hold the arm's tip against a spring scale and command a steady input: force times length over the input is"
+        " the gain. With a voltage drive measure the winding's resistance too: the gain is kt gear / R."
+    ),
+)

@@ -19,6 +19,13 @@ def prescribed_arm(t: NDArray[np.float64], theta0: NDArray[np.float64], rig: Rig
     return arm_motion(t, theta0, name)
 
 
+def prescribed_inner(t: NDArray[np.float64], theta1: NDArray[np.float64], name: str) -> ArmMotion:
+    """Motion of the inner rod of a run whose joint 1 is prescribed; arguments and errors as of `arm_motion`."""
+    if not np.ptp(theta1) > 0.0:
+        raise RunError(f"{name}: joint 1 is prescribed, but stands still: an outer rod alone is --rods outer")
+    return arm_motion(t, theta1, name)
+
+
 def arm_motion(t: NDArray[np.float64], theta0: NDArray[np.float64], name: str) -> ArmMotion:
     """Motion of the arm, from readings (n,) of its encoder at the instants t (n,).
 
@@ -31,7 +38,7 @@ def arm_motion(t: NDArray[np.float64], theta0: NDArray[np.float64], name: str) -
     from scipy.interpolate import make_smoothing_spline
 
     if len(t) < FEWEST or not np.isfinite(theta0).all():
-        raise RunError(f"{name}: a prescribed arm needs readings of theta0 in every row: name its column, t and theta0")
+        raise RunError(f"{name}: a prescribed joint needs its angle in every row: name its column, and that of t")
     spacing = float(np.median(np.diff(t)))
     spline = make_smoothing_spline(
         (t - t[0]) / spacing, theta0

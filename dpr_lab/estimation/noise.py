@@ -88,6 +88,14 @@ def noise_floor(run: Run, rig: Rig) -> NoiseFloor:
     return NoiseFloor(std_joint, source if (std > floor).any() else "quantisation", joints)
 
 
+def arm_noise(run: Run, rig: Rig) -> float:
+    """Standard deviation of a reading of the arm's encoder, rad: at rest if it was recorded, else by differences."""
+    rest, count = run.rest[:, 0], abs(rig.radians_per_count[0]) / math.sqrt(12)
+    quiet = len(rest) >= SETTINGS.rest_samples
+    std = float(np.std(rest) if quiet else difference_std(run.swing.t, run.swing.theta[:, :1])[0])
+    return max(std, count) if run.counts is not None or std < SETTINGS.rounding_rad else std
+
+
 def difference_std(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Standard deviation of white noise on a smooth signal at uneven instants, robust to jumps.
 

@@ -41,6 +41,9 @@ class DifferenceSteps:
     """Relative increment of a ratio."""
     amplitude: float = 1e-3
     """Increment of an amplitude, relative to its typical size."""
+    dry_arm: float = 0.1
+    """The same of dry friction of an arm: where its sign changes a step is divided, which moves the swing by more than
+    a thousandth of a friction does."""
     shape: float = 1e-5
     """The same for a shape parameter: a frequency error of 1e-3 gives a phase error after ten seconds."""
     least_ratio: float = 1e-2
@@ -179,11 +182,15 @@ def whole_of(ratios: Array) -> Array:
 def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tuple[int, ...]:
     """Indices of the unknowns that runs determine; the others keep their values.
 
-    Swings of both rods determine the five ratios; swings of the inner rod alone also determine p/b. Without any swing
-    of both rods, e1/b and c1/b represent e and c divided by the inertia of the moving parts, d/b the gravity of the
-    outer rod if it is not aligned, and a/b a second mounting.
+    Both rods free show the five ratios, and the inner one alone also p/b. Where joint 1 is prescribed the outer rod
+    shows d/b and c2/b. Without any swing of both, e1/b and c1/b stand for e and c over the inertia of what swings, d/b
+    for the outer rod's gravity where it hangs aside, and a/b for a second mounting.
     """
-    setups = list(setups)
+    every = list(setups)
+    setups = [setup for setup in every if setup.inner is None]
+    if not setups:
+        outer = {RATIOS.index("d/b"), RATIOS.index("c2/b")}
+        return tuple(sorted(outer | ({SCALE} if scale_visible else set())))
     seen = {setup.mounting for setup in setups}
     elbows = {setup.elbow for setup in setups if setup.mounting == "clamped"}
     aside = "outer" in seen or len(elbows) > 1 or any(abs(math.sin(elbow)) > STRAIGHT for elbow in elbows)
@@ -240,7 +247,8 @@ def effect_parameters(
         amplitude = parameter.role == "amplitude"
         if amplitude:
             upper = np.inf if limits is None else float(limits[index])
-            step, lower = steps.amplitude, 0.0 if parameter.sign == "positive" else -upper
+            step = steps.dry_arm if effect.dry and effect.of_arm else steps.amplitude
+            lower = 0.0 if parameter.sign == "positive" else -upper
         elif refined and parameter.continuous:
             step, lower, upper = steps.shape, steps.least_shape * parameter.scan[0], np.inf
         else:

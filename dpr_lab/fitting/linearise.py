@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.fitting.estimate import Estimate, FreeParameter
 from dpr_lab.fitting.problem import Problem
+from dpr_lab.setup import Setup
 
 Array = NDArray[np.float64]
 
@@ -33,6 +34,12 @@ UNREAD_STARTS = np.array([0.0, 1.0, 1.0, 1.0])
 A joint that rests from before the first sample on carries no information on its earlier speed: without the prior, angle
 and speed would be indistinguishable. The same holds for the angle of an outer rod that is not mounted.
 """
+
+
+def slow_starts(setup: Setup, states: int = 4) -> Array:
+    """(states,) inverse prior standard deviations of the step of an initial state; a clamped arm's is held."""
+    rods = UNREAD_STARTS if setup.alone else UNKNOWN_STARTS
+    return rods if states == len(rods) else np.append(rods, [0.0 if setup.arm_moves else 1.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,13 +124,14 @@ def linearise(
     J = problem.whitened(problem.slopes(estimate, free) if slopes is None else slopes)
     lost = np.logical_not(np.isfinite(J).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
     residual[lost], J[lost] = np.inf, 0.0
-    alone = np.array([setup.alone for setup in problem.segments.setups])[problem.segments.run]
-    slow = np.where(alone[:, None, None], np.diag(UNREAD_STARTS), np.diag(UNKNOWN_STARTS))
-    Q, R = np.linalg.qr(np.concatenate([J[:, :, -4:], slow], axis=1))
-    Q = np.ascontiguousarray(Q[:, :-4])
+    states = problem.segments.states
+    each = [np.diag(slow_starts(setup, states)) for setup in problem.segments.setups]
+    slow = np.array(each)[problem.segments.run]
+    Q, R = np.linalg.qr(np.concatenate([J[:, :, -states:], slow], axis=1))
+    Q = np.ascontiguousarray(Q[:, :-states])
     blind = np.abs(np.diagonal(R, axis1=1, axis2=2)).min(axis=1) < BLIND
-    R[lost | blind] = np.eye(4) / BLIND  # without information on its initial state, this state does not change
-    of_free = J[:, :, :-4]
+    R[lost | blind] = np.eye(states) / BLIND  # nothing says where its initial state lies: it stays
+    of_free = J[:, :, :-states]
     onto = Q.transpose(0, 2, 1) @ of_free
     along = Q @ onto
     linear = Linearisation(residual, residual, np.subtract(of_free, along, out=along), onto, Q, R)

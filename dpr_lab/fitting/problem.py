@@ -44,7 +44,8 @@ class OutputModel(Protocol):
 class Problem:
     """Segments of all runs.
 
-    Whitened values are padded to one length: row 2 k + j of a segment is its sample k of joint j + 1.
+    Whitened values are padded to one length: row 2 k + j of a segment is its sample k of joint j + 1. Where the arm of
+    any run moves, it is a third axis, and its angle and speed are numbers five and six of an initial state.
     """
 
     segments: Segments
@@ -76,6 +77,11 @@ class Problem:
     def read(self) -> NDArray[np.bool_]:
         """(samples, 2) mask of the used readings."""
         return self.weight > 0.0
+
+    @property
+    def axes(self) -> int:
+        """Number of encoders: 2, or 3 with that of an arm that moves."""
+        return self.measured.shape[1]
 
     @property
     def limits(self) -> Array | None:
@@ -117,14 +123,14 @@ class Problem:
         """Sum of the logarithms of the variances of the innovations relative to those of the readings."""
         if (noise := self.disturbance) is None:
             return 0.0
-        nothing = padded(np.zeros((len(self.t), 2, 1)), self.weight, self.segments.offsets)
+        nothing = padded(np.zeros((len(self.t), self.axes, 1)), self.weight, self.segments.offsets)
         return innovations(nothing, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
 
     def by_sample(self, whitened: Array) -> Array:
         """(samples, 2) from (segments, m)."""
         owner = self.owner
         row = np.arange(len(owner)) - self.segments.offsets[owner]
-        return whitened.reshape(len(whitened), -1, 2)[owner, row]
+        return whitened.reshape(len(whitened), -1, self.axes)[owner, row]
 
     def with_zeros(self, estimate: Estimate) -> Estimate:
         """An estimate with encoder zeros for each run of these segments if they are free: its own, or zero."""
@@ -141,7 +147,11 @@ class Problem:
     def predict(self, estimate: Estimate) -> Array:
         """(samples, 2) predicted readings, rad."""
         read = self.model.predict(self.segments, estimate)
-        return read + estimate.zeros[self.segments.run[self.owner]] if len(estimate.zeros) else read
+        if not len(estimate.zeros):
+            return read
+        zeros = np.zeros((len(estimate.zeros), self.axes))
+        zeros[:, :2] = estimate.zeros
+        return read + zeros[self.segments.run[self.owner]]
 
     def slopes(self, estimate: Estimate, free: Sequence[FreeParameter]) -> Array:
         """(samples, 2, free + 4) derivatives of the predicted readings, the last four for the initial state."""
@@ -149,8 +159,9 @@ class Problem:
         of_model = self.model.slopes(self.segments, estimate, [p for p in free if p.block != "zeros"])
         if not zeros:
             return of_model
-        slopes, run = np.zeros((*of_model.shape[:2], len(free) + 4)), self.segments.run[self.owner]
-        slopes[:, :, np.delete(np.arange(len(free) + 4), zeros)] = of_model
+        states = self.segments.states
+        slopes, run = np.zeros((*of_model.shape[:2], len(free) + states)), self.segments.run[self.owner]
+        slopes[:, :, np.delete(np.arange(len(free) + states), zeros)] = of_model
         for i in zeros:
             of_run, joint = divmod(free[i].place - ZEROS_BEGIN, 2)
             slopes[run == of_run, joint, i] = 1.0

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.arm import levers
 from dpr_lab.dynamics.base import RATIOS, base_of_run
 from dpr_lab.dynamics.equation import coupled
+from dpr_lab.dynamics.moving_arm.followed import FOLLOW, FollowedSwing, followed_with_arm
 from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.dynamics.rig_constants import constants_of_run
-from dpr_lab.dynamics.segments import segments
-from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
+from dpr_lab.dynamics.segments import Segments, segments
+from dpr_lab.dynamics.trajectory import OF_ARM, TRAJECTORY_TORQUES
 from dpr_lab.effects.mounted import effects_of_run
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.effects.stages import StageName
@@ -36,16 +37,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class TrajectorySettings:
-    """Grid of a trajectory, and limits for invalid trajectories."""
+    """Grid of a trajectory."""
 
     grid_s: float = 2.5e-3
     """Spacing of the grid, s; the trapezoidal rule then has an error of 1e-3."""
     coarse_s: float = 5e-3
     """The same for comparisons of torques, or for values printed with two digits."""
-    wildest: float = 1e6
-    """Angle and speed that no swing reaches, rad and rad/s."""
-    singular: float = 1e-9
-    """Determinant of the sensitivity below which torques and initial states are indistinguishable."""
 
 
 TRAJECTORY = TrajectorySettings()
@@ -60,21 +57,21 @@ class Trajectory:
     run: NDArray[np.int64]
     """(n,) index of the segment."""
     theta: Array
-    """(n, 2) angles, rad."""
+    """(n, axes) theta1, theta2 and theta0 of an arm that moves, rad"""
     omega: Array
-    """(n, 2) speeds, rad/s."""
+    """(n, axes) rad/s"""
     alpha: Array
-    """(n, 2) accelerations, rad/s^2."""
+    """(n, axes) rad/s^2"""
     drive: Array
-    """(n, 2) known torques on theta1, theta2, N m."""
+    """(n, axes) known torques on them, N m"""
     bases: Array
     """(runs, 6) base parameters of the mounted parts, SI."""
     setups: tuple[Setup, ...]
     """Mounting of each run."""
     into: Array
-    """(n, 4, 2) Phi^-1 [0; M^-1]: from generalised torques to the coordinates of the initial state."""
+    """(n, states, axes) Phi^-1 [0; M^-1]: from generalised torques to the measure of the initial state."""
     out: Array
-    """(samples, 2, 4) from these coordinates to the encoder readings at the samples."""
+    """(samples, axes, states) from there to the encoder readings at the samples."""
     at: Array
     """(samples,) position of each sample on the grid, in grid points."""
     edges: NDArray[np.int64]
@@ -85,12 +82,13 @@ class Trajectory:
     def answer(self, problem: Problem, torque: Array) -> Array:
         """(segments, m, k) whitened change of the encoder readings due to generalised torques, (n, 2, k), N m."""
         torque, many = np.ascontiguousarray(torque), torque.shape[2]
-        changes = np.empty((len(self.first) - 1, int(np.diff(self.first).max()), 2, many))
+        changes = np.empty((len(self.first) - 1, int(np.diff(self.first).max()), problem.axes, many))
         grid, rows = (
             (self.t, self.into, self.out, self.at, self.edges, self.first),
             changes.reshape(len(changes), -1, many),
         )
-        _answer(*grid, problem.weight, torque, np.empty((2, 4, many)), rows)
+        follow_torques = _answer_with_arm if problem.segments.arm_moves else _answer
+        follow_torques(*grid, problem.weight, torque, np.empty((2, self.into.shape[1], many)), rows)
         return problem.decorrelated(changes)
 
     def torques(self, stage: StageName, constants: RigConstants, params: Array) -> Array:
@@ -98,7 +96,7 @@ class Trajectory:
         kinds = {setup: self.of_setup(setup) for setup in self.setups}
         if len(kinds) == 1:
             return self._torques(stage, constants, params, self.setups[0], slice(None))
-        torques = np.empty((len(self.t), 2, len(params)))
+        torques = np.empty((len(self.t), self.theta.shape[1], len(params)))
         for setup, mine in kinds.items():
             torques[mine] = self._torques(stage, constants, params, setup, mine)
         return torques
@@ -110,19 +108,28 @@ class Trajectory:
     def _torques(
         self, stage: StageName, constants: RigConstants, params: Array, setup: Setup, mine: NDArray[np.bool_] | slice
     ) -> Array:
-        swing = (self.t[mine], self.run[mine], self.theta[mine], self.omega[mine], self.alpha[mine], self.drive[mine])
+        if stage in OF_ARM and self.theta.shape[1] == 2:
+            return np.zeros((*self.theta[mine].shape, len(params)))  # a clamped arm
+        axes = self.theta.shape[1] if stage in OF_ARM else 2
+        theta, omega, alpha, drive = (
+            values[mine][:, :axes] for values in (self.theta, self.omega, self.alpha, self.drive)
+        )
+        swing = self.t[mine], self.run[mine], theta, omega, alpha, drive
         base, hanging = self.bases[self.setups.index(setup)], constants_of_run(constants, setup)
-        return TRAJECTORY_TORQUES[stage](*swing, base, hanging, effects_of_run(params, setup))
+        own = TRAJECTORY_TORQUES[stage](*swing, base, hanging, effects_of_run(params, setup))
+        missing = self.theta.shape[1] - own.shape[1]
+        return np.pad(own, ((0, 0), (0, missing), (0, 0))) if missing else own
 
     @property
     def joint_angle(self) -> Array:
         """(n, 2) angle of joint 1 and of joint 2, 0 = hanging straight, rad."""
-        return np.stack([self.theta[:, 0] - np.pi, self.theta[:, 1] - self.theta[:, 0]], axis=1)
+        joints = [self.theta[:, 0] - np.pi, self.theta[:, 1] - self.theta[:, 0], *self.theta[:, 2:].T]
+        return np.stack(joints, axis=1)
 
     @property
     def joint_speed(self) -> Array:
         """(n, 2) speed of joint 1 and of joint 2, rad/s."""
-        return np.stack([self.omega[:, 0], self.omega[:, 1] - self.omega[:, 0]], axis=1)
+        return np.stack([self.omega[:, 0], self.omega[:, 1] - self.omega[:, 0], *self.omega[:, 2:].T], axis=1)
 
 
 def trajectory(
@@ -145,16 +152,10 @@ def trajectory(
     setups = problem.segments.setups
     grid = segments(instants, problem.segments.run, setups, step=TRAJECTORY.grid_s)
     bases = np.array([base_of_run(estimate.whole, setup, rig.L1, rig.g) for setup in setups])
-    states, slopes = follow(estimate.ratios, grid, estimate.initial, rig, of=4)
-    phi = slopes[:, :, len(RATIOS) :]
-    lost = ~(np.isfinite(phi).all(axis=(1, 2)) & (np.abs(states) < TRAJECTORY.wildest).all(axis=1))
-    phi[lost], states[lost] = np.eye(4), 0.0
-    lost |= np.abs(np.linalg.det(phi)) < TRAJECTORY.singular
-    owner = np.repeat(np.arange(len(grid)), np.diff(grid.offsets))
-    own, pushes = bases[grid.run][owner], grid.pushes
-    drive = pushes[:, :2] + (_prescribed_torques(own, rig, states, pushes[:, 2:]) if pushes[:, 2:].any() else 0.0)
-    inverse, alpha = _accelerations(own, grid.held[owner], rig.L1, rig.g, states, drive)
-    phi[lost], inverse[lost] = np.eye(4), 0.0  # a swing that cannot be simulated has no response
+    if grid.arm_moves:
+        swing = followed_with_arm(bases, rig, grid, estimate.params, estimate.initial)
+    else:
+        swing = _followed(bases, rig, grid, estimate)
     edges = grid.offsets
     place = np.concatenate(
         [
@@ -164,16 +165,18 @@ def trajectory(
     )
     lower = np.minimum(place.astype(np.int64), edges[problem.owner + 1] - 2)
     share = (place - lower)[:, None, None]
-    out = (1 - share) * phi[lower, :2] + share * phi[lower + 1, :2]
+    phi, angles, speeds = swing.phi, swing.angles, swing.speeds
+    out = (1 - share) * phi[lower][:, angles] + share * phi[lower + 1][:, angles]
     out[:, 1] -= problem.model.constants.relative2 * out[:, 0]
-    torque_only = np.concatenate([np.zeros_like(inverse), inverse], axis=1)
+    torque_only = np.zeros((len(phi), len(phi[0]), len(speeds)))
+    torque_only[:, speeds] = swing.inverse
     return Trajectory(
         t=grid.t,
         run=np.repeat(grid.run, np.diff(edges)),
-        theta=states[:, :2],
-        omega=states[:, 2:],
-        alpha=alpha,
-        drive=pushes[:, :2],
+        theta=swing.states[:, angles],
+        omega=swing.states[:, speeds],
+        alpha=swing.alpha,
+        drive=swing.drive,
         bases=bases,
         setups=setups,
         into=np.asarray(np.linalg.solve(phi, torque_only), dtype=np.float64),
@@ -182,6 +185,21 @@ def trajectory(
         edges=edges,
         first=samples,
     )
+
+
+def _followed(bases: Array, rig: RigConstants, grid: Segments, estimate: Estimate) -> FollowedSwing:
+    """The swings of two rods on an arm that is clamped or moves as prescribed."""
+    states, slopes = follow(estimate.ratios, grid, estimate.initial, rig, of=4)
+    phi = slopes[:, :, len(RATIOS) :]
+    lost = ~(np.isfinite(phi).all(axis=(1, 2)) & (np.abs(states) < FOLLOW.wildest).all(axis=1))
+    phi[lost], states[lost] = np.eye(4), 0.0
+    lost |= np.abs(np.linalg.det(phi)) < FOLLOW.singular
+    owner = np.repeat(np.arange(len(grid)), np.diff(grid.offsets))
+    own, pushes = bases[grid.run][owner], grid.pushes
+    drive = pushes[:, :2] + (_prescribed_torques(own, rig, states, pushes[:, 2:]) if pushes[:, 2:].any() else 0.0)
+    inverse, alpha = _accelerations(own, grid.held[owner], rig.L1, rig.g, states, drive)
+    phi[lost], inverse[lost] = np.eye(4), 0.0  # a swing that cannot be followed has no response
+    return FollowedSwing(states, phi, inverse, alpha, pushes[:, :2], [0, 1], [2, 3])
 
 
 def _grid(first: float, last: float, spacing: float) -> Array:
@@ -260,5 +278,48 @@ def _answer(
                         ) + (v0 * total[0, k] + v1 * total[1, k] + v2 * total[2, k] + v3 * total[3, k])
                 n += 1
         for row in range(2 * (first[s + 1] - first[s]), answer.shape[1]):
+            for k in range(many):
+                answer[s, row, k] = 0.0
+
+
+@njit(allocates=False)
+def _answer_with_arm(
+    t: Array,
+    into: Array,
+    out: Array,
+    at: Array,
+    edges: NDArray[np.int64],
+    first: NDArray[np.int64],
+    weight: Array,
+    torque: Array,
+    sums: Array,
+    answer: Array,
+) -> None:
+    """The same with any number of states and axes; `sums` is (2, states, k)."""
+    states, axes, many, before, total = into.shape[1], into.shape[2], torque.shape[2], sums[0], sums[1]
+    for s in range(len(first) - 1):
+        n = first[s]
+        total[:] = 0.0
+        for i in range(edges[s] + 1, edges[s + 1]):
+            half = 0.5 * (t[i] - t[i - 1])
+            for j in range(states):
+                for k in range(many):
+                    before[j, k] = total[j, k]
+                for axis in range(axes):
+                    a, b = half * into[i - 1, j, axis], half * into[i, j, axis]
+                    for k in range(many):
+                        total[j, k] += a * torque[i - 1, axis, k] + b * torque[i, axis, k]
+            while n < first[s + 1] and (at[n] < i or i == edges[s + 1] - 1):
+                share = at[n] - (i - 1)
+                for axis in range(axes):
+                    u, v = weight[n, axis] * (1.0 - share), weight[n, axis] * share
+                    row = axes * (n - first[s]) + axis
+                    for k in range(many):
+                        answer[s, row, k] = 0.0
+                    for j in range(states):
+                        for k in range(many):
+                            answer[s, row, k] += out[n, axis, j] * (u * before[j, k] + v * total[j, k])
+                n += 1
+        for row in range(axes * (first[s + 1] - first[s]), answer.shape[1]):
             for k in range(many):
                 answer[s, row, k] = 0.0

@@ -79,7 +79,7 @@ def by_start(slopes: Array, setup: Setup) -> Array:
 
 def ratios_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
     """(5,) ratios of a run, and their (5, 7) derivative with respect to the unknown ratios, b and p/b, (7,)."""
-    if setup.added is None and not setup.alone:
+    if setup.added is None and setup.inner is None and not setup.alone:
         return unknown[: len(RATIOS)], np.eye(len(RATIOS), len(WHOLE))
     base = base_of_run(whole_of(unknown), setup, L1, g)
     return ratios(base), ratio_slopes(base) @ _whole_slopes(unknown, setup, L1, g)

@@ -22,7 +22,7 @@ from dpr_lab.fitting.estimate import EFFECTS_BEGIN, ZEROS_BEGIN, Estimate, FreeP
 
 Array = NDArray[np.float64]
 
-INITIAL_STEPS = np.array([1e-6, 1e-6, 1e-5, 1e-5])
+INITIAL_STEPS = np.array([1e-6, 1e-6, 1e-5, 1e-5, 1e-6, 1e-5])
 """Increments of an initial state, rad and rad/s: a thousandth of a count."""
 
 COARSER = 2.0
@@ -31,7 +31,7 @@ COARSER = 2.0
 ENCODER_AMPLITUDES = [
     param_index(effect.name, parameter.name)
     for effect in EFFECTS.values()
-    if effect.stage == "encoder"
+    if effect.stage in ("encoder", "encoder0")
     for parameter in effect.amplitudes
 ]
 """Indices of the amplitudes of encoder errors."""
@@ -54,7 +54,12 @@ class RodsWithEffects:
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
         """(samples, 2) encoder readings, rad."""
         return predict(
-            estimate.whole, estimate.params, self.constants, resolved(segments, estimate.params), estimate.initial
+            estimate.whole,
+            estimate.params,
+            self.constants,
+            resolved(segments, estimate.params),
+            estimate.initial,
+            arm=segments.arm_moves,
         )
 
     def slopes(self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter]) -> Array:
@@ -62,8 +67,10 @@ class RodsWithEffects:
         coarse = resolved(segments, estimate.params)
         coarse = replace(coarse, step=COARSER * coarse.step)
         ratios, params, initial = _varied(estimate, free)
+        states, axes = segments.states, 3 if segments.arm_moves else 2
         of_encoders = np.array(
-            [p.block == "effects" and EFFECTS[p.effect].stage == "encoder" for p in free] + [False] * 4
+            [p.block == "effects" and EFFECTS[p.effect].stage in ("encoder", "encoder0") for p in free]
+            + [False] * states
         )
         moving, still = np.flatnonzero(~of_encoders), np.flatnonzero(of_encoders)
         rollouts = np.append(moving, len(ratios) - 1)  # the last row is the estimate itself
@@ -71,12 +78,13 @@ class RodsWithEffects:
         quiet[-1, ENCODER_AMPLITUDES] = 0.0
         handed = internal_states(estimate.whole, estimate.params, self.constants, coarse, estimate.initial)
         internal = np.full((len(rollouts), *handed.shape), np.nan)
-        internal[len(moving) - 4 : len(moving)] = handed
-        swings = predict_batch(whole_of(ratios[rollouts]), quiet, self.constants, coarse, initial[rollouts], internal)
-        angles = np.empty((len(ratios), len(segments.t), 2))
+        internal[len(moving) - states : len(moving)] = handed
+        whole, starts = whole_of(ratios[rollouts]), initial[rollouts]
+        swings = predict_batch(whole, quiet, self.constants, coarse, starts, internal, arm=segments.arm_moves)
+        angles = np.empty((len(ratios), len(segments.t), axes))
         angles[moving] = swings[:-1]
         angles[[*still, -1]] = with_encoder_errors(swings[-1], params[[*still, -1]], self.constants, coarse)
-        steps = np.array([*(parameter.step for parameter in free), *INITIAL_STEPS])
+        steps = np.array([*(parameter.step for parameter in free), *INITIAL_STEPS[:states]])
         slopes = angles[:-1]
         slopes -= angles[-1]
         slopes /= steps[:, None, None]
@@ -91,17 +99,18 @@ def resolved(segments: Segments, params: Array) -> Segments:
 
 
 def _varied(estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array, Array]:
-    """(n, 7) ratios, (n, SIZE) parameters and (n, segments, 4) initial states, n = free + 4 + 1.
+    """(n, 7) ratios, (n, SIZE) parameters and (n, segments, states) initial states, n = free + states + 1.
 
     There is one row for each free parameter and each component of the initial states, with its increment; the last row
     is the estimate.
     """
-    rows = len(free) + 5
+    states = estimate.initial.shape[1]
+    rows = len(free) + states + 1
     vectors, initial = np.tile(estimate.vector, (rows, 1)), np.tile(estimate.initial, (rows, 1, 1))
     for i, parameter in enumerate(free):
         for place, value in parameter.overrides:
             vectors[i, place] = value
         vectors[i, parameter.place] += parameter.step
-    for j in range(4):
+    for j in range(states):
         initial[len(free) + j, :, j] += INITIAL_STEPS[j]
     return vectors[:, :EFFECTS_BEGIN], vectors[:, EFFECTS_BEGIN:ZEROS_BEGIN], initial

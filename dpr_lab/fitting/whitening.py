@@ -34,8 +34,8 @@ class Disturbance:
 
 
 def padded(values: Array, weight: Array, offsets: NDArray[np.int64]) -> Array:
-    """(segments, longest, 2, k) from (samples, 2, k) and weights (samples, 2); short segments end in zeros."""
-    blocks = np.zeros((len(offsets) - 1, int(np.diff(offsets).max()), 2, values.shape[2]))
+    """(segments, longest, axes, k) from (samples, axes, k) and weights (samples, axes); short ones end in zeros."""
+    blocks = np.zeros((len(offsets) - 1, int(np.diff(offsets).max()), weight.shape[1], values.shape[2]))
     _weigh(values, weight, offsets, blocks)
     return blocks
 
@@ -44,7 +44,7 @@ def padded(values: Array, weight: Array, offsets: NDArray[np.int64]) -> Array:
 def _weigh(values: Array, weight: Array, offsets: NDArray[np.int64], blocks: Array) -> None:
     for s in range(len(offsets) - 1):
         for n in range(offsets[s], offsets[s + 1]):
-            for j in range(2):
+            for j in range(weight.shape[1]):
                 for k in range(values.shape[2]):
                     blocks[s, n - offsets[s], j, k] = values[n, j, k] * weight[n, j]
 

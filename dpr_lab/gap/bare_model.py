@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS, whole_parameters
-from dpr_lab.effects import effect_params
 from dpr_lab.errors import RunError
 from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.disturbance import disturbance, likeliest_noise, most_noise
@@ -61,8 +60,8 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
     if steady is not recordings:
         recordings, short, first = _fitted_in_short_segments(steady, start)
     found = first.estimate.ratios
-    driven = any(setup.torques for setup in short.segments.setups)
-    b = float(found[SCALE]) if driven else scale(found, recordings.rig).value
+    kept = recordings.arm_moves or any(setup.torques for setup in short.segments.setups)
+    b = float(found[SCALE]) if kept else scale(found, recordings.rig).value
     recordings = recordings.without(short, lone_readings(short, first.estimate))
     at = first.estimate.changed(ratios=with_scale(found, b))
     recordings = replace(recordings, ratios=None if recordings.exact_torques else at.ratios)
@@ -75,7 +74,7 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
 
 def _fitted_in_short_segments(recordings: Recordings, start: Array) -> tuple[Recordings, Problem, Fit]:
     short, initial = recordings.cut(LENGTHS.first)
-    at = Estimate.of(start, effect_params({}), initial)
+    at = Estimate.of(start, recordings.start_params, initial)
     free = free_parameters(at, (), short)
     rough = fit(short, at, free)
     _all_followed(recordings, short, rough)

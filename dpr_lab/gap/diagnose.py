@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.effect import Effect
 from dpr_lab.effects.families import expected_of
+from dpr_lab.effects.free_arm import FREE_ARM
+from dpr_lab.effects.torque_scale import TORQUE_SCALE_JOINT0
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.motion import refuse_without_motion
 from dpr_lab.fitting.problem import Problem
@@ -26,6 +29,7 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import far_from_noise
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.disturbances import without_disturbances
+from dpr_lab.gap.screen.input import refuse_wrong_input
 from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
@@ -123,6 +127,7 @@ def diagnose(
     request.begin("screen")
     runs, held_out, cut = in_pieces(runs, held_out)
     recordings, unseen = (Recordings(tuple(record(run, rig) for run in some), rig) for some in (runs, held_out))
+    refuse_wrong_input(recordings, nominal_ratios(rig) if start is None else start)
     request.begin("bare model")
     fitted = _fitted(request, recordings, unseen)
     request.begin("where")
@@ -191,13 +196,23 @@ def _selected(request: Request, fitted: Fitted) -> Selection:
 def applicable(library: Mapping[str, Effect], problem: Problem) -> dict[str, Effect]:
     """The effects of a library that can act in these recordings and are not always fitted."""
     setups = problem.segments.setups
-    driven, arm_known = any(setup.torques for setup in setups), any(setup.arm for setup in setups)
+    driven = {
+        "rods": any(setup.torques and setup.torques.joints.any() and setup.inner is None for setup in setups),
+        "arm": any(setup.torques and setup.torques.on_arm is not None for setup in setups),
+    }
+    of_stage = {"drive": driven["rods"], "drive0": driven["arm"], "input": any(driven.values())}
+    moves = problem.segments.arm_moves
+    arm_known = moves or any(setup.arm for setup in setups)
+    known = DRIVE_GAIN.name not in problem.always and not any(s.torques and s.torques.scaled for s in setups)
+    fixed = {FREE_ARM.name, DRIVE_GAIN.name, *([] if known else [TORQUE_SCALE_JOINT0.name])}
     return {
         name: effect
         for name, effect in library.items()
         if name not in problem.always
-        and (driven or not effect.driven)
-        and not (arm_known and effect.stage == "arm")  # the motion of the arm is prescribed
+        and name not in fixed
+        and of_stage.get(effect.stage, True)
+        and (moves or not effect.of_arm)
+        and not (arm_known and effect.stage == "arm")  # the arm's motion is prescribed, or computed
     }
 
 

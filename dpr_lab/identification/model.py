@@ -231,6 +231,11 @@ class Model(Shown, _Record):
         runs = f"{len(self.runs)} run{'s' * (len(self.runs) != 1)}"
         return f"Model of rig {self.rig.name} from {runs}, {search}: {rms}{doubts}"
 
+    @property
+    def _determined(self) -> "dict[str, EstimatedValue]":
+        """The ratios that the recordings determine; the others are the rig file's."""
+        return {name: ratio for name, ratio in self.ratios.items() if ratio.fixed_by == "data"}
+
     def _rows(self) -> list[Row]:
         rows = [
             (
@@ -239,7 +244,7 @@ class Model(Shown, _Record):
                 "" if estimate.std is None else f"{estimate.std:.2g}",
                 FIXED_BY[estimate.fixed_by],
             )
-            for name, estimate in {**self.ratios, **self.parameters}.items()
+            for name, estimate in {**self._determined, **self.parameters}.items()
         ]
         return [("", "value", "std", "determined by"), *rows]
 

@@ -98,7 +98,7 @@ def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: An
 
 
 def ratio_rows(model: "Model") -> list[list[str]]:
-    """One row per ratio, in the columns `RATIO_COLUMNS`."""
+    """One row per ratio that the recordings determine, in the columns `RATIO_COLUMNS`."""
     return [
         [
             name,
@@ -107,7 +107,14 @@ def ratio_rows(model: "Model") -> list[list[str]]:
             RATIO_UNITS.get(name, ""),
         ]
         for name, ratio in model.ratios.items()
+        if ratio.fixed_by == "data"
     ]
+
+
+def _undetermined(model: "Model") -> str:
+    """Which ratios the recordings do not determine, in a sentence; nothing where they determine all."""
+    names = [name for name, ratio in model.ratios.items() if ratio.fixed_by != "data"]
+    return f" Not determined by these recordings: {', '.join(names)}." if names else ""
 
 
 def ratio_note(model: "Model") -> str:
@@ -119,11 +126,11 @@ def ratio_note(model: "Model") -> str:
         if ratio.fixed_by == "data" and (bound := model.cramer_rao_std[name]) > 0
     ]
     if not inflation or max(inflation) < NOISE_LIKE.inflated:
-        return RATIO_NOTE
+        return RATIO_NOTE + _undetermined(model)
     return (
         f"{RATIO_NOTE} The standard deviations include misfit inflation, because the residuals are correlated in time:"
         f" they are up to {three(max(inflation))} times the Cramér-Rao values that `identifiability` prints for"
-        " independent residuals."
+        f" independent residuals.{_undetermined(model)}"
     )
 
 

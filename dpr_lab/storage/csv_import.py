@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dpr_lab.configs import sha256_of
-from dpr_lab.estimation.arm_motion import prescribed_arm
+from dpr_lab.estimation.arm_motion import prescribed_arm, prescribed_inner
 from dpr_lab.progress import ImportProgress, OnImport, unwatched
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_mounted
@@ -93,6 +93,7 @@ def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
             "torque_kind": next(iter(swing.torques), ""),
             "input_delay_s": repr(swing.options.input_delay_s),
             "arm": options.arm or rig.arm.mode,
+            "inner": options.inner or rig.joints.inner,
             "options": json.dumps(asdict(options) | {name: dict(getattr(options, name)) for name in as_dicts}),
         },
     )
@@ -123,6 +124,7 @@ def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
         input_delay_s=options.input_delay_s,
         arm=_arm(path, rig, swing) if options.arm == "prescribed" else None,
         arm_mode=options.arm or rig.arm.mode,
+        inner=prescribed_inner(t, swing.theta[:, 1], str(path)) if options.inner == "prescribed" else None,
         arm_input=arm_input,
         pose=options.pose,
         rig_name=rig.name,

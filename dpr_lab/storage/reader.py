@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.arm_motion import prescribed_arm
+from dpr_lab.estimation.arm_motion import prescribed_arm, prescribed_inner
 from dpr_lab.estimation.held_rods import free_part_of
 from dpr_lab.rig import Rig
-from dpr_lab.rig_tables import ArmMode
+from dpr_lab.rig_tables import ArmMode, InnerMode
 from dpr_lab.run import Run, as_mounted
 from dpr_lab.storage.metadata import RunMetadata, numbers
 from dpr_lab.storage.samples import STRANGE, Samples, json_object
@@ -74,6 +74,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         input_delay_s=_delay(stored),
         arm=prescribed_arm(t, theta[:, 0], own, str(path)) if mode == "prescribed" else None,
         arm_mode=mode,
+        inner=prescribed_inner(t, theta[:, 1], str(path)) if _inner_mode(stored) == "prescribed" else None,
         arm_input=arm_input,
         pose=stored.metadata.pose,
         rig_name=own.name,
@@ -121,11 +122,12 @@ def released(run: Run) -> Run:
     release, last = float(run.t[part.start]), float(run.t[part.stop - 1])
     cut = run.between(float(run.t[part.rest]), np.nextafter(last, np.inf))
     arm = None if run.arm is None else replace(run.arm, t=run.arm.t - release)
+    inner = None if run.inner is None else replace(run.inner, t=run.inner.t - release)
     note = f"the rods are held until {release:.4g} s" if part.start else ""
     note += f"{' and ' if note else ''}{'after' if note else 'the rods are held after'} {last:.4g} s" * (
         part.stop < len(run.t)
     )
-    return replace(cut, t=cut.t - release, arm=arm, notes=(*run.notes, f"{note}: excluded from the swing"))
+    return replace(cut, t=cut.t - release, arm=arm, inner=inner, notes=(*run.notes, f"{note}: left out of the swing"))
 
 
 def _torques(samples: Samples) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
@@ -144,6 +146,16 @@ def _arm_mode(stored: Scan) -> ArmMode:
         if mode == stated:
             return mode
     raise RunError(f"{stored.path}: its arm is {stated!r}, which this version of dpr-lab does not know: update dpr-lab")
+
+
+def _inner_mode(stored: Scan) -> str:
+    """What the inner rod did: as the run says, or its rig does."""
+    stated = str(stored.metadata.extra.get("inner", stored.metadata.rig.joints.inner))
+    if stated not in get_args(InnerMode):
+        raise RunError(
+            f"{stored.path}: its inner rod is {stated!r}, which this version of dpr-lab does not know: update dpr-lab"
+        )
+    return stated
 
 
 def _delay(stored: Scan) -> float:

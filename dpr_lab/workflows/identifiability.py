@@ -46,9 +46,8 @@ def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore)
     """
     from dpr_lab.identification.identify import identifiability_of
     from dpr_lab.identification.moving_arm.identifiability import identifiability_of_arm
-    from dpr_lab.identification.moving_arm.identify import moves
     from dpr_lab.rig import load_rig
-    from dpr_lab.run import torque_kinds
+    from dpr_lab.run import moves, torque_kinds
 
     rig = load_rig(request.rig)
     runs = read_runs(request.runs, rig, on_event, torque=request.torque, moving=True)

@@ -81,7 +81,8 @@ def identify_any_arm(
     Raises:
         ConfigError, RunError, IdentificationError: as for `identify`.
     """
-    from dpr_lab.identification.moving_arm.identify import identify_moving_arm, moves
+    from dpr_lab.identification.moving_arm.identify import identify_moving_arm
+    from dpr_lab.run import moves
 
     rig, runs = _read(request, on_event, moving=True)
     # One rod with a clamped arm shows ratios to its own inertia only, as a rotary pendulum's rig file expects them.

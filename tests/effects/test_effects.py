@@ -31,12 +31,15 @@ detent_joint2 rotor_inertia_joint1 rotor_inertia_joint2 backlash_joint2 base_til
 wrong_length_L1 arm_compliance base_vibration encoder_offset_joint1 encoder_offset_joint2 encoder_scale_joint1
 encoder_scale_joint2 encoder_eccentricity_joint1 encoder_eccentricity_joint2 latency_joint2 clock_rate missed_counts
 torque_scale_joint1 torque_scale_joint2 torque_offset_joint1 torque_offset_joint2 torque_ripple_joint1
-torque_ripple_joint2 input_delay
+torque_ripple_joint2 input_delay free_arm drive_gain coulomb_joint0 stribeck_joint0 friction_curve_joint0
+spring_joint0 hard_stop_joint0 detent_joint0 encoder_offset_joint0 encoder_scale_joint0 encoder_eccentricity_joint0
+latency_joint0 torque_scale_joint0 torque_offset_joint0 torque_ripple_joint0 dead_zone_joint0 saturation_joint0
 """.split()
 
 
 def some(keep):
-    chosen = {name: effect for name, effect in EFFECTS.items() if keep(effect)}
+    """Effects of the rods; those of an arm that moves are in `test_arm_effects`."""
+    chosen = {name: effect for name, effect in EFFECTS.items() if keep(effect) and not effect.of_arm}
     return pytest.mark.parametrize("effect", chosen.values(), ids=chosen)
 
 
@@ -44,6 +47,7 @@ def either_sign(effect):
     return all(parameter.sign == "any" for parameter in effect.amplitudes)
 
 
+each_effect_of_rods = some(lambda effect: True)
 each_effect = pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 RUNS, SAMPLES = 3, 60
 
@@ -81,14 +85,14 @@ def test_off_exactly_whatever_the_shape(effect, record):
         assert np.array_equal(read(params, record), read(np.zeros(SIZE), record))
 
 
-@each_effect
+@each_effect_of_rods
 def test_acts_at_typical_size_and_stays_finite(effect, record):
     change = read(typical(effect), record) - read(np.zeros(SIZE), record)
     assert np.isfinite(change).all()
     assert 1e-5 < np.abs(change).max() < 2.0
 
 
-@each_effect
+@each_effect_of_rods
 def test_each_amplitude_acts_alone(effect, record):
     off = read(np.zeros(SIZE), record)
     for parameter in effect.amplitudes:

@@ -33,6 +33,12 @@ class Drive(NamedTuple):
     """(A,) speeds of the arm, rad/s."""
     arm_first: NDArray[np.int64]
     """(runs + 1,) beginnings of the runs in these arrays."""
+    torque0_t: NDArray[np.float64]
+    """(B,) instants between which the impulse on a driven arm is linear, s."""
+    torque0: NDArray[np.float64]
+    """(B,) impulse up to each, N m s."""
+    torque0_first: NDArray[np.int64]
+    """(runs + 1,) where the runs begin among those."""
 
 
 def drive_of(setups: Sequence[Setup]) -> Drive:
@@ -42,6 +48,7 @@ def drive_of(setups: Sequence[Setup]) -> Drive:
     first = np.cumsum([0, *(len(t) for t, _ in knots)])
     empty = np.zeros(0)
     arms = [(empty, empty) if setup.arm is None else (setup.arm.t, setup.arm.omega) for setup in setups]
+    driven = [(empty, empty) if setup.torques is None else setup.torques.arm_knots for setup in setups]
     return Drive(
         np.concatenate([t for t, _ in knots]),
         np.concatenate([impulse for _, impulse in knots]),
@@ -49,6 +56,9 @@ def drive_of(setups: Sequence[Setup]) -> Drive:
         np.concatenate([t for t, _ in arms]),
         np.concatenate([omega for _, omega in arms]),
         np.cumsum([0, *(len(t) for t, _ in arms)]),
+        np.concatenate([t for t, _ in driven]),
+        np.concatenate([impulse for _, impulse in driven]),
+        np.cumsum([0, *(len(t) for t, _ in driven)]),
     )
 
 
@@ -80,6 +90,34 @@ def set_torques(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64], kn
         duration = stop - start
         w[At.drive1 + k] = (_impulse(drive, j, stop, 0) - _impulse(drive, i, start, 0)) / duration
         w[At.drive2 + k] = (_impulse(drive, j, stop, 1) - _impulse(drive, i, start, 1)) / duration
+
+
+@subroutine
+def set_arm_torque(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64], knot: NDArray[np.int64]) -> None:
+    """Mean known torque on the arm over the next step of each lane, as in `set_torques`."""
+    for k in range(LANES):
+        first, last = int(drive.torque0_first[run[k]]), int(drive.torque0_first[run[k] + 1]) - 2
+        if last < first:
+            continue
+        start = w[At.t + k]
+        stop = w[At.until + k] if w[At.until + k] > start else start + w[At.step + k]
+        start, stop = start - w[At.late + k], stop - w[At.late + k]
+        i = int(knot[k])
+        if i < first or i > last or drive.torque0_t[i] > start:
+            i = first
+        while i < last and drive.torque0_t[i + 1] <= start:
+            i += 1
+        knot[k], j = i, i
+        while j < last and drive.torque0_t[j + 1] <= stop:
+            j += 1
+        w[At.drive0 + k] = (_arm_impulse(drive, j, stop) - _arm_impulse(drive, i, start)) / (stop - start)
+
+
+@subroutine
+def _arm_impulse(drive: Drive, i: int, t: float) -> float:
+    """Impulse on the arm up to the time t after the instant i, N m s."""
+    share = (t - drive.torque0_t[i]) / (drive.torque0_t[i + 1] - drive.torque0_t[i])
+    return drive.torque0[i] + max(share, 0.0) * (drive.torque0[i + 1] - drive.torque0[i])
 
 
 @subroutine

@@ -11,11 +11,11 @@ The scheme applies to each lane separately, because each has its own time. The l
     |---------- 3 ----------|                  step of length `ahead`; `_end_cut`: the joint that stops is set to rest
                             |----- 4 -----|    rest of the step, with new directions: 1 again, up to `EVENTS.most`
 
-1. A joint stops where its speed changes sign in the trial step (`stops_at`), and starts to slide where the required
-friction torque exceeds its limit (`yields_at`). The earlier event of both joints is used. 2. Encoders are read within
-the step just taken. A step that was taken back has length 0, so that nothing is read in it. 3. `cut` is 1 where a joint
-starts to slide at te, 2 or 3 where joint 1 or 2 stops. A stop is moved to the instant at
-   which the speed is zero, by at most `EVENTS.farthest` of the step.
+1. A joint stops where its speed changes sign in the trial step (`stops_at`), and starts to slide where the torque
+   that it has to withstand exceeds its limit (`yields_at`). The first event of both joints counts.
+2. Encoders are read within the step just taken. A step that was taken back has length 0, so that nothing is read in it.
+3. `cut` is 1 where a joint starts to slide at te, 2, 3 or 4 where joint 1, joint 2 or the arm stops. A stop is moved to
+   the instant at which the speed is zero, by at most `EVENTS.farthest` of the step.
 4. `begin_dry` takes directions from the speeds: 0 is a joint at rest. `find_spare` compares its push with its limit at
    the first stage; `let_go` gives it a direction where the limit is exceeded.
 
@@ -28,9 +28,19 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.arm import CLAMPED, FREE, reduced_rods
-from dpr_lab.dynamics.dry_friction import EVENTS, correction, direction_of, held, pushes, slides, stops_at, yields_at
-from dpr_lab.dynamics.lanes.effects import add_dry_limits
+from dpr_lab.dynamics.arm import CLAMPED, FREE, push_on_arm, reduced_rods
+from dpr_lab.dynamics.dry_friction import (
+    EVENTS,
+    correction,
+    direction_of,
+    held,
+    pushes,
+    slides,
+    slides_with_arm,
+    stops_at,
+    yields_at,
+)
+from dpr_lab.dynamics.lanes.effects import add_dry_limit0, add_dry_limits
 from dpr_lab.dynamics.lanes.workspace import LANES, At, arm_at, base_at, motion_at, terms_at, waits
 from dpr_lab.effects.effect_kernels import STEPPED
 from dpr_lab.effects.quantities import RigConstants
@@ -55,6 +65,9 @@ def begin_dry(w: NDArray[np.float64], required: Requirements) -> bool:
     for k in range(LANES if required.dry2 else 0):
         w[At.direction2 + k] = direction_of(w[At.omega2 + k] - w[At.omega1 + k])
         count += w[At.direction2 + k] == 0.0
+    for k in range(LANES if required.dry0 else 0):
+        w[At.direction0 + k] = direction_of(w[At.omega0 + k])
+        count += w[At.direction0 + k] == 0.0
     return count > 0
 
 
@@ -62,11 +75,36 @@ def begin_dry(w: NDArray[np.float64], required: Requirements) -> bool:
 def accelerate_held(w: NDArray[np.float64], rig: RigConstants, arm: bool) -> None:
     """Accelerations of a stage with the joints of direction 0 held, and the torques required to hold them."""
     for k in range(LANES):
-        mode = CLAMPED if not arm or waits(w, k) else FREE
-        rods = reduced_rods(motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), mode, 0.0)
+        mode = _mode(w, k, arm)
+        torque0 = w[At.torque0 + k] if arm else 0.0
+        rods = reduced_rods(motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), mode, torque0)
         direction1, direction2 = w[At.direction1 + k], w[At.direction2 + k]
         w[At.alpha0 + k], w[At.alpha1 + k], w[At.alpha2 + k] = held(rods, direction1, direction2)
         w[At.push1 + k], w[At.push2 + k] = pushes(rods, direction1, direction2)
+        if arm:
+            alphas = w[At.alpha1 + k], w[At.alpha2 + k]
+            w[At.push0 + k] = push_on_arm(motion_at(w, k), base_at(w, k), arm_at(w, k, rig), torque0, alphas)
+
+
+@subroutine
+def _mode(w: NDArray[np.float64], k: int, arm: bool) -> int:
+    """How the arm of lane k moves: not at all before the release, or where dry friction holds it."""
+    return CLAMPED if not arm or waits(w, k) or w[At.direction0 + k] == 0.0 else FREE
+
+
+@subroutine
+def find_spare0(w: NDArray[np.float64], active: NDArray[np.bool_], spare0: int) -> bool:
+    """Fill a row with limit less push of arms at rest, N m; return whether one is negative."""
+    for k in range(LANES):
+        w[At.limit0 + k] = 0.0
+    add_dry_limit0(w, active)
+    count = 0
+    for k in range(LANES):
+        rest = w[At.direction0 + k] == 0.0
+        left = max(w[At.limit0 + k], 0.0) - abs(w[At.push0 + k]) if rest else math.inf
+        w[spare0 + k] = left
+        count += left < 0.0
+    return count > 0
 
 
 @subroutine
@@ -86,24 +124,35 @@ def find_spare(w: NDArray[np.float64], active: NDArray[np.bool_], spare1: int, s
 
 
 @subroutine
-def let_go(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], arm: bool) -> None:
+def let_go(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], required: Requirements) -> None:
     """Set the directions of joints at rest whose limits are exceeded at the start of a step."""
+    arm = required.arm
     for side in (1.0, -1.0):
         for k in range(LANES):
             w[At.forward1 + k], w[At.forward2 + k] = max(w[At.limit1 + k], 0.0), max(w[At.limit2 + k], 0.0)
             w[At.push1 + k], w[At.push2 + k], w[At.limit1 + k], w[At.limit2 + k] = side, side, 0.0, 0.0
         add_dry_limits(w, active)
+        if required.dry0:
+            for k in range(LANES):
+                w[At.forward0 + k] = max(w[At.limit0 + k], 0.0)
+                w[At.push0 + k], w[At.limit0 + k] = side, 0.0
+            add_dry_limit0(w, active)
     for k in range(LANES):
-        exceeded = w[At.first1 + k] < 0.0 or w[At.first2 + k] < 0.0
+        exceeded = w[At.first1 + k] < 0.0 or w[At.first2 + k] < 0.0 or (required.dry0 and w[At.first0 + k] < 0.0)
         if exceeded and w[At.events + k] < EVENTS.most:
-            mode = CLAMPED if not arm or waits(w, k) else FREE
-            rods = reduced_rods(motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), mode, 0.0)
-            w[At.direction1 + k], w[At.direction2 + k] = slides(
-                rods,
-                (w[At.direction1 + k], w[At.direction2 + k]),
-                (w[At.forward1 + k], w[At.forward2 + k]),
-                (max(w[At.limit1 + k], 0.0), max(w[At.limit2 + k], 0.0)),
-            )
+            directions = w[At.direction1 + k], w[At.direction2 + k]
+            forward = w[At.forward1 + k], w[At.forward2 + k]
+            backward = max(w[At.limit1 + k], 0.0), max(w[At.limit2 + k], 0.0)
+            motion, base, terms, model = motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig)
+            torque0 = w[At.torque0 + k] if arm else 0.0
+            if required.dry0 and w[At.direction0 + k] == 0.0 and not waits(w, k):
+                limits0 = w[At.forward0 + k], max(w[At.limit0 + k], 0.0)
+                w[At.direction0 + k], w[At.direction1 + k], w[At.direction2 + k] = slides_with_arm(
+                    motion, base, terms, model, torque0, directions, (limits0, forward, backward)
+                )
+            else:
+                rods = reduced_rods(motion, base, terms, model, _mode(w, k, arm), torque0)
+                w[At.direction1 + k], w[At.direction2 + k] = slides(rods, directions, forward, backward)
 
 
 @subroutine
@@ -114,6 +163,9 @@ def settle(w: NDArray[np.float64], required: Requirements, resting: bool) -> Non
         omega1, omega2 = w[At.omega1 + k], w[At.omega2 + k]
         turns = (w[At.direction1 + k] * omega1 < 0.0) | (w[At.direction2 + k] * (omega2 - omega1) < 0.0)
         yields = resting & ((w[At.last1 + k] < 0.0) | (w[At.last2 + k] < 0.0))
+        if required.dry0:
+            turns |= w[At.direction0 + k] * w[At.omega0 + k] < 0.0
+            yields |= resting & (w[At.last0 + k] < 0.0)
         cut = w[At.cut + k] > 0.0
         count += turns | yields | cut
         w[At.t + k] = w[At.t + k] if cut else w[At.until + k]
@@ -131,8 +183,12 @@ def _end_cut(w: NDArray[np.float64], k: int) -> None:
     joint = int(w[At.cut + k]) - 1
     if joint > 0:
         alpha1, alpha2 = w[At.alpha1 + k], w[At.alpha2 + k]
-        speed = w[At.omega1 + k] if joint == 1 else w[At.omega2 + k] - w[At.omega1 + k]
-        later = correction(speed, alpha1 if joint == 1 else alpha2 - alpha1, w[At.h + k])
+        speed, gain = w[At.omega1 + k], alpha1
+        if joint == 2:
+            speed, gain = w[At.omega2 + k] - w[At.omega1 + k], alpha2 - alpha1
+        if joint == 3:
+            speed, gain = w[At.omega0 + k], w[At.alpha0 + k]
+        later = correction(speed, gain, w[At.h + k])
         later = min(later, w[At.until + k] - w[At.t + k])
         w[At.t + k] += later
         w[At.h + k] += later
@@ -148,6 +204,8 @@ def _stop(w: NDArray[np.float64], k: int, joint: int, later: float) -> None:
     w[At.omega0 + k] += later * w[At.alpha0 + k]
     w[At.omega1 + k] += later * w[At.alpha1 + k]
     w[At.omega2 + k] += later * w[At.alpha2 + k]
+    if joint == 3:
+        w[At.omega0 + k] = 0.0
     if joint == 1:
         w[At.omega1 + k] = 0.0
     if joint == 2 or w[At.direction2 + k] == 0.0:
@@ -167,6 +225,15 @@ def _look_for_event(w: NDArray[np.float64], k: int, required: Requirements, rest
     if direction2 != 0.0 and after < 0.0:
         stops = stops_at(before, after, direction2 * h * (w[At.alpha2 + k] - w[At.alpha1 + k]))
         share, joint = (stops, 2) if stops < share else (share, joint)
+    if required.dry0:
+        direction0 = w[At.direction0 + k]
+        before, after = direction0 * w[At.old_omega0 + k], direction0 * w[At.omega0 + k]
+        if direction0 != 0.0 and after < 0.0:
+            stops = stops_at(before, after, direction0 * h * w[At.alpha0 + k])
+            share, joint = (stops, 3) if stops < share else (share, joint)
+        if resting and w[At.events + k] < EVENTS.most and w[At.last0 + k] < 0.0:
+            yields = yields_at(w[At.first0 + k], w[At.last0 + k], h)
+            share, joint = (yields, 0) if yields < share else (share, joint)
     if resting and w[At.events + k] < EVENTS.most:
         for first, last in ((w[At.first1 + k], w[At.last1 + k]), (w[At.first2 + k], w[At.last2 + k])):
             if last < 0.0:

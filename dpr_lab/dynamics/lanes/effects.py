@@ -9,7 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.lanes.workspace import LANES, At, base_at, constants_at, joint1_at, joint2_at, motion_at
+from dpr_lab.dynamics.lanes.workspace import (
+    LANES,
+    At,
+    base_at,
+    constants_at,
+    joint0_at,
+    joint1_at,
+    joint2_at,
+    motion_at,
+)
 from dpr_lab.effects.effect_kernels import STEPPED, contributions
 from dpr_lab.effects.fold import compiled
 from dpr_lab.effects.quantities import yielding
@@ -29,14 +38,18 @@ _NOTATION = _LaneNotation(
     motion="motion_at(w, k)",
     base="base_at(w, k)",
     constants="constants_at(w, k, constants)",
+    joint0="joint0_at(w, k)",
     joint1="joint1_at(w, k)",
     joint2="joint2_at(w, k)",
     known1=f"(w[{At.drive1:d} + k] + w[{At.drive2:d} + k])",
     known2=f"w[{At.drive2:d} + k]",
+    known0=f"w[{At.drive0:d} + k]",
 )
 
 _NAMES: dict[str, Any] = {"yielding": yielding, "copysign": math.copysign}
-_NAMES |= {function.__name__: function for function in (base_at, constants_at, joint1_at, joint2_at, motion_at)}
+_NAMES |= {
+    function.__name__: function for function in (base_at, constants_at, joint0_at, joint1_at, joint2_at, motion_at)
+}
 
 
 def lane_stage(stage: str) -> Any:
@@ -61,6 +74,15 @@ add_drives = lane_stage("drive")
 
 add_dry_limits = lane_stage("dry")
 """(w, active): add the limits of Coulomb friction of joints under given torques to the limits."""
+
+add_arm_torques = lane_stage("torque0")
+"""(w, active): add to the row `torque0` what acts on the arm."""
+
+add_arm_drives = lane_stage("drive0")
+"""(w, active): add to the row `torque0` what the arm's drive gives beyond its known torque."""
+
+add_dry_limit0 = lane_stage("dry0")
+"""(w, active): add to the limit of the arm the torques up to which dry friction holds it."""
 
 hold_angle = lane_stage("play")
 """(w, active): replace the angle of joint 2 by the angle held by its encoder."""

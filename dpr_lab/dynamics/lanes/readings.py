@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.lanes.driving import Drive, prescribe_arm, set_torques
+from dpr_lab.dynamics.lanes.driving import Drive, prescribe_arm, set_arm_torque, set_torques
 from dpr_lab.dynamics.lanes.effects import displaced
 from dpr_lab.dynamics.lanes.samples import (
     LaneSamples,
@@ -25,8 +25,11 @@ from dpr_lab.effects.effect_kernels import (
     AT_RELEASE,
     LAG,
     STEPPED,
+    arm_delay,
+    arm_encoder_error,
     arm_model,
     encoder_errors,
+    free_arm_model,
     input_delay,
     internal_sliding,
     reading_shifts,
@@ -66,7 +69,7 @@ class Buffers(NamedTuple):
     run: NDArray[np.int64]
     """(LANES,) current segment."""
     knot: NDArray[np.int64]
-    """(LANES,) last used interval of the known torques."""
+    """(2, LANES) intervals in which the known torques of the rods' joints and of the arm were looked up last."""
     samples: LaneSamples
 
 
@@ -83,7 +86,8 @@ def allocate(segments: SegmentArrays, angles: NDArray[np.float64]) -> Buffers:
         next2=indices(),
         size=indices(),
     )
-    return Buffers(np.zeros(WORKSPACE), np.zeros((LANES, len(AT_RELEASE))), indices(), indices(), samples)
+    knots = np.zeros((2, LANES), dtype=np.int64)
+    return Buffers(np.zeros(WORKSPACE), np.zeros((LANES, len(AT_RELEASE))), indices(), knots, samples)
 
 
 class Candidates(NamedTuple):
@@ -94,7 +98,7 @@ class Candidates(NamedTuple):
     params: NDArray[np.float64]
     """(n, runs or 1, SIZE) effects."""
     initial: NDArray[np.float64]
-    """(n, S, 4) initial states."""
+    """(n, S, 6) theta1, theta2, omega1, omega2, theta0, omega0; the last two nan where they are internal states."""
     internal: NDArray[np.float64]
     """(n, S, internal) internal states; nan if they are taken from the previous segment."""
 
@@ -143,7 +147,7 @@ def predict_tracks(
         for k in range(LANES):
             track = min(first + k, last - 1)
             rounds = max(rounds, tracks.last[track] - tracks.first[track])
-            run[k], buffers.knot[k] = segments.run[tracks.first[track]], 0
+            run[k], buffers.knot[0, k], buffers.knot[1, k] = segments.run[tracks.first[track]], 0, 0
             _load(w, k, int(tracks.candidate[track]), int(run[k]), block)
         for turn in range(rounds):
             for k in range(LANES):
@@ -154,7 +158,7 @@ def predict_tracks(
                         _reset_internal(segments, s, candidates.initial[c, s], after[k])
                     _begin(w, k, c, s, block, samples, after[k], initial_internal[c, s])
             _read(block, advance, buffers)
-            if block.required.encoder:
+            if block.required.encoder or block.required.encoder0:
                 for k in range(last - first):
                     c, s = int(tracks.candidate[first + k]), int(tracks.first[first + k]) + turn
                     if s < tracks.last[first + k]:
@@ -171,13 +175,16 @@ def _load(w: NDArray[np.float64], k: int, c: int, r: int, block: LaneBlock) -> N
     w[At.e1 + k], w[At.c1 + k], w[At.c2 + k] = base[c, r, 3], base[c, r, 4], base[c, r, 5]
     w[At.e2 + k] = w[At.d + k] * rig.g / rig.L1
     w[At.step + k], w[At.drive1 + k], w[At.drive2 + k] = block.segments.step[0], 0.0, 0.0
-    w[At.direction1 + k], w[At.direction2 + k] = np.nan, np.nan
+    w[At.direction0 + k], w[At.direction1 + k], w[At.direction2 + k] = np.nan, np.nan, np.nan
+    w[At.drive0 + k], w[At.torque0 + k], w[At.displacement0 + k] = 0.0, 0.0, 0.0
     w[At.prescribed + k], w[At.squared + k] = 0.0, 0.0
     params = block.candidates.params[c, _params_row(r, block)]
     for i in range(len(params)):
         w[At.params + i * LANES + k] = params[i]
     arm = arm_model(constants_at(w, k, rig), HELD_ARM, params, block.active)
+    arm = free_arm_model(constants_at(w, k, rig), arm, params, block.active)
     w[At.late + k] = input_delay(0.0, params, block.active)
+    w[At.late0 + k] = arm_delay(0.0, params, block.active)
     w[At.inertia + k], w[At.friction + k], w[At.stiffness + k] = arm.inertia, arm.friction, arm.stiffness
 
 
@@ -271,9 +278,16 @@ def _set_state(
 ) -> None:
     """Set angles, speeds and internal states of lane k at the instant `t`, with no step or event pending."""
     w[At.until + k], w[At.ahead + k], w[At.cut + k] = w[At.t + k], 0.0, 0.0
-    w[At.theta1 + k], w[At.theta2 + k], w[At.omega1 + k], w[At.omega2 + k] = initial
-    w[At.theta0 + k], w[At.omega0 + k] = internal[ARM], internal[ARM + 1]
-    w[At.old_theta0 + k], w[At.old_omega0 + k] = internal[ARM], internal[ARM + 1]
+    w[At.theta1 + k], w[At.theta2 + k], w[At.omega1 + k], w[At.omega2 + k] = (
+        initial[0],
+        initial[1],
+        initial[2],
+        initial[3],
+    )
+    apart = not np.isnan(initial[4])
+    w[At.theta0 + k] = initial[4] if apart else internal[ARM]
+    w[At.omega0 + k] = initial[5] if apart else internal[ARM + 1]
+    w[At.old_theta0 + k], w[At.old_omega0 + k] = w[At.theta0 + k], w[At.omega0 + k]
     for row in (At.stage_omega0, At.stage_omega1, At.stage_omega2, At.alpha0, At.alpha1, At.alpha2):
         w[row + k] = 0.0
     w[At.hold + k] = initial[1] - relative2 * initial[0] + internal[LAG]
@@ -301,7 +315,9 @@ def _read(block: LaneBlock, advance: Any, buffers: Buffers) -> None:
     held = _any_held(w)
     while _any_due(w):
         if len(drive.t) > 0:
-            set_torques(w, drive, run, knot)
+            set_torques(w, drive, run, knot[0])
+        if len(drive.torque0_t) > 0:
+            set_arm_torque(w, drive, run, knot[1])
         if len(drive.arm_t) > 0:
             prescribe_arm(w, drive, run)
         advance(w, block.rig, block.active, required, held)
@@ -368,3 +384,5 @@ def _add_errors(c: int, s: int, block: LaneBlock, angles: NDArray[np.float64]) -
         angle1, angle2 = angles[c, i, 0], angles[c, i, 1]
         error1, error2 = encoder_errors(angle1, angle2, t[i], run, rig, params, block.active)
         angles[c, i, 0], angles[c, i, 1] = angle1 + error1, angle2 + error2
+        if angles.shape[2] > 2:
+            angles[c, i, 2] += arm_encoder_error(angles[c, i, 2], t[i], run, rig, params, block.active)

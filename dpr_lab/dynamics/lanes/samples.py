@@ -55,6 +55,13 @@ def angle0(w: NDArray[np.float64], k: int, u: float) -> float:
 
 
 @subroutine
+def read_arm(w: NDArray[np.float64], k: int) -> float:
+    """theta0 of lane k at the share of its step, or earlier where its encoder is late: the same cubic carries on."""
+    late = w[At.late0 + k]
+    return angle0(w, k, w[At.share + k] - (late / w[At.h + k] if late != 0.0 else 0.0))
+
+
+@subroutine
 def shares(w: NDArray[np.float64], due: int, until: float) -> bool:
     """Share of the step of the next reading of each lane; whether any lane reads before the share `until`."""
     count = 0
@@ -85,7 +92,7 @@ def read_both(w: NDArray[np.float64], relative2: float, arm: bool, samples: Lane
                 i = samples.first[k] + j * samples.columns
                 samples.out[i], samples.out[i + 1] = w[At.angle1 + k], w[At.angle2 + k]
                 if arm and samples.columns > 2:
-                    samples.out[i + 2] = angle0(w, k, w[At.share + k])
+                    samples.out[i + 2] = read_arm(w, k)
                 samples.next1[k] = _after_reading(w, At.due1, k, samples.t1, j, samples.size[k])
 
 
@@ -101,7 +108,7 @@ def read_joint1(w: NDArray[np.float64], arm: bool, samples: LaneSamples) -> None
                 i = samples.first[k] + j * samples.columns
                 samples.out[i] = w[At.angle1 + k]
                 if arm and samples.columns > 2:
-                    samples.out[i + 2] = angle0(w, k, w[At.share + k])
+                    samples.out[i + 2] = read_arm(w, k)
                 samples.next1[k] = _after_reading(w, At.due1, k, samples.t1, j, samples.size[k])
 
 

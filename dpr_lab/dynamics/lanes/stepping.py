@@ -22,8 +22,15 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.arm import CLAMPED, FREE, arm_accelerations
 from dpr_lab.dynamics.lanes.driving import add_prescribed
-from dpr_lab.dynamics.lanes.dry_friction import accelerate_held, begin_dry, find_spare, let_go, settle
-from dpr_lab.dynamics.lanes.effects import add_drives, add_load_friction, add_torques, displaced
+from dpr_lab.dynamics.lanes.dry_friction import accelerate_held, begin_dry, find_spare, find_spare0, let_go, settle
+from dpr_lab.dynamics.lanes.effects import (
+    add_arm_drives,
+    add_arm_torques,
+    add_drives,
+    add_load_friction,
+    add_torques,
+    displaced,
+)
 from dpr_lab.dynamics.lanes.workspace import LANES, At, arm_at, base_at, constants_at, motion_at, terms_at, waits
 from dpr_lab.dynamics.rig_constants import UNKNOWN
 from dpr_lab.dynamics.step import joint_forces
@@ -55,7 +62,7 @@ def _advance(
         required: quantities that these effects require
         held: whether any lane may be before the release, with its arm held
     """
-    dry = required.dry1 or required.dry2
+    dry = required.dry1 or required.dry2 or required.dry0
     _begin(w)
     if required.arm:
         _begin_arm(w)
@@ -67,12 +74,20 @@ def _advance(
         if required.arm:
             _place_arm(w, ahead)
         _accelerate(w, rig, active, required, held, resting)
-        if resting and stage == 0 and find_spare(w, active, At.first1, At.first2):
-            let_go(w, rig, active, required.arm)
-            _accelerate(w, rig, active, required, held, resting)
-            find_spare(w, active, At.first1, At.first2)
+        if resting and stage == 0:
+            exceeded = find_spare(w, active, At.first1, At.first2)
+            if required.dry0:
+                exceeded |= find_spare0(w, active, At.first0)
+            if exceeded:
+                let_go(w, rig, active, required)
+                _accelerate(w, rig, active, required, held, resting)
+                find_spare(w, active, At.first1, At.first2)
+                if required.dry0:
+                    find_spare0(w, active, At.first0)
         if resting and stage == 3:
             find_spare(w, active, At.last1, At.last2)
+            if required.dry0:
+                find_spare0(w, active, At.last0)
         _accumulate(w, weight, stage > 0)
         if required.arm:
             _accumulate_arm(w, weight, stage > 0)
@@ -122,7 +137,8 @@ def _place(w: NDArray[np.float64], share: float) -> None:
 def _place_arm(w: NDArray[np.float64], share: float) -> None:
     for k in range(LANES):
         ahead = share * w[At.h + k]
-        w[At.stage_theta0 + k] = w[At.theta0 + k] + ahead * w[At.stage_omega0 + k]
+        w[At.displacement0 + k] = ahead * w[At.stage_omega0 + k]
+        w[At.stage_theta0 + k] = w[At.theta0 + k] + w[At.displacement0 + k]
         w[At.stage_omega0 + k] = w[At.omega0 + k] + ahead * w[At.alpha0 + k]
 
 
@@ -148,11 +164,24 @@ def _accelerate(
         add_drives(w, active)
     if required.prescribed:
         add_prescribed(w, rig)
+    if required.arm:
+        _add_arm(w, active, required)
     _accelerate_all(w, rig, required.arm, held, resting)
     if required.load:
         _find_forces(w, rig)
         add_load_friction(w, rig, active)
         _accelerate_all(w, rig, required.arm, held, resting)
+
+
+@subroutine
+def _add_arm(w: NDArray[np.float64], active: NDArray[np.bool_], required: Requirements) -> None:
+    """All torques on the arm."""
+    for k in range(LANES):
+        w[At.torque0 + k] = w[At.drive0 + k]
+    if required.torque0:
+        add_arm_torques(w, active)
+    if required.drive0:
+        add_arm_drives(w, active)
 
 
 @subroutine
@@ -175,13 +204,13 @@ def _accelerate_all(w: NDArray[np.float64], rig: RigConstants, arm: bool, held: 
     elif not held:
         for k in range(LANES):
             w[At.alpha0 + k], w[At.alpha1 + k], w[At.alpha2 + k] = arm_accelerations(
-                motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), FREE, 0.0
+                motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), FREE, w[At.torque0 + k]
             )
     else:
         for k in range(LANES):
             mode = CLAMPED if waits(w, k) else FREE
             w[At.alpha0 + k], w[At.alpha1 + k], w[At.alpha2 + k] = arm_accelerations(
-                motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), mode, 0.0
+                motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), mode, w[At.torque0 + k]
             )
 
 

@@ -123,6 +123,18 @@ class At(IntEnum):
     # arm with prescribed motion: mean acceleration and mean squared speed over the step
     prescribed = auto()
     squared = auto()
+    # a free or driven arm: the known torque on it over the step, and all torques on it; how much earlier it is read;
+    # what it has turned since the start of the step, and for it what stands above of joints that slide or rest
+    drive0 = auto()
+    torque0 = auto()
+    late0 = auto()
+    displacement0 = auto()
+    direction0 = auto()
+    push0 = auto()
+    limit0 = auto()
+    forward0 = auto()
+    first0 = auto()
+    last0 = auto()
     # readings: next samples of joints 1 and 2, their share of the step, angles there, angle held by backlash
     due1 = auto()
     due2 = auto()
@@ -154,7 +166,7 @@ def constants_at(w: NDArray[np.float64], k: int, rig: RigConstants) -> RigConsta
     """Constants of lane k: those of the rig with the mounted parts."""
     return RigConstants(
         rig.L0, w[At.L1 + k], w[At.L2 + k], rig.g, w[At.m1 + k], w[At.m2 + k], w[At.mb + k],
-        rig.counts_per_rev1, rig.counts_per_rev2, rig.relative2,
+        rig.counts_per_rev1, rig.counts_per_rev2, rig.relative2, rig.counts_per_rev0,
     )  # fmt: skip
 
 
@@ -173,7 +185,16 @@ def motion_at(w: NDArray[np.float64], k: int) -> Motion:
         w[At.stage_omega0 + k], w[At.stage_omega1 + k], w[At.stage_omega2 + k],
         w[At.sin1 + k], w[At.cos1 + k], w[At.sin2 + k], w[At.cos2 + k],
         w[At.displacement1 + k], w[At.displacement2 + k], w[At.force1 + k], w[At.force2 + k],
-        w[At.direction1 + k], w[At.direction2 + k],
+        w[At.direction1 + k], w[At.direction2 + k], w[At.displacement0 + k], w[At.direction0 + k],
+    )  # fmt: skip
+
+
+@inlined
+def joint0_at(w: NDArray[np.float64], k: int) -> Joint:
+    """The arm's joint of lane k, as `joint0` of its motion: what that does not read is not loaded."""
+    return Joint(
+        w[At.stage_t + k], w[At.stage_theta0 + k], w[At.stage_omega0 + k], w[At.displacement0 + k], 0.0,
+        w[At.direction0 + k],
     )  # fmt: skip
 
 

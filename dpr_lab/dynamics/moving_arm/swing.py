@@ -79,7 +79,7 @@ def _rates(
     theta0, theta1, theta2, omega0, omega1, omega2 = x
     motion = Motion(
         0.0, theta0, theta1, theta2, omega0, omega1, omega2, np.sin(theta1), np.cos(theta1), np.sin(theta2),
-        np.cos(theta2), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+        np.cos(theta2), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     )  # fmt: skip
     drive = push
     if mode == FREE and f0 != 0.0:

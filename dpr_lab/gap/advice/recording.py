@@ -30,7 +30,9 @@ def form(check: AdvisedCheck) -> str:
 
 def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
     """For each other cause, the release on which it differs most from the named effect."""
-    steps = []
+    steps: list[NextStep] = []
+    if not question.expected:
+        return steps
     about, probability = question.about, dict(zip(question.causes, question.probabilities, strict=True))
     for other in (name for name in question.causes if name != about):
         # of two forms in a class, the wider one may have a size that the narrower one cannot have

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS, named_params
+from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.effect import Effect, Params
+from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.disturbance import most_noise
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, UNKNOWN_RATIOS
@@ -39,7 +41,7 @@ from dpr_lab.gap.result.diagnosis import (
 )
 from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.screen.sensor_faults import AXES
+from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
 from dpr_lab.gap.where.locate import Place, where_sentence
@@ -143,6 +145,7 @@ def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
         checks=_checks(found, [item.name for item in named]),
         ratios=_ratios(found),
         ratio_covariance=_ratio_covariance(found).tolist(),
+        determined=_determined(found),
         p_over_b=float(at.ratios[ON_ELBOW]) if any(setup.alone for setup in found.problem.segments.setups) else None,
         chi2_per_dof=residuals.chi2 / residuals.dof,
         exact_torques=found.recordings.exact_torques,
@@ -181,6 +184,30 @@ def _ratios(found: Findings) -> dict[str, Interval]:
         name: Interval(value=value, interval90=(max(value - reach, floor), value + reach))
         for name, value, reach, floor in zip(RATIOS, values, reaches, floors, strict=True)
     }
+
+
+def _determined(found: Findings) -> dict[str, Interval]:
+    """Ratios that the recordings determine, of what hung on the rig: to b, or to a of the inner rod alone.
+
+    A ratio of two fitted values moves with both; an unknown that is absolute here is divided by the assumed inertia.
+    """
+    setups, at = found.problem.segments.setups, found.selection.chosen.fit
+    unknown, reach = at.estimate.ratios, found.intervals
+    alone = all(setup.mounting == "inner" for setup in setups)
+    inertia = float(unknown[RATIOS.index("a/b")] - unknown[ON_ELBOW]) if alone else 1.0
+    scale, letter = float(unknown[SCALE]) * inertia, "a" if alone else "b"
+    ratios = {}
+    for parameter in at.free:
+        value = parameter.read(at.estimate)
+        if parameter.block == "ratios" and parameter.place < len(RATIOS):
+            name, per = f"{parameter.name.partition('/')[0]}/{letter}", inertia
+        elif parameter.effect == FREE_ARM.name:
+            name, per = ("A" if parameter.name.startswith("inertia") else "c0") + f"/{letter}", scale
+        else:
+            continue
+        error = reach[parameter.effect, parameter.name]
+        ratios[name] = Interval(value=value / per, interval90=((value - error) / per, (value + error) / per))
+    return ratios
 
 
 def _remainder(findings: Findings, kind: Verdict) -> str:
@@ -303,7 +330,7 @@ def _rival(name: str, members: Sequence[str], probability: float, cosine: float,
 def _sensor_findings(found: Findings) -> list[SensorFinding]:
     """Sensor faults, without the steps that a fitted effect explains."""
     values = named_params(found.selection.chosen.fit.estimate.params)
-    hidden = [0.0, 0.0]
+    hidden = [0.0, 0.0, 0.0]
     for name, effect in EFFECTS.items():
         if effect.hides_step is not None and name in values:
             for joint in effect.joints:
@@ -312,7 +339,7 @@ def _sensor_findings(found: Findings) -> list[SensorFinding]:
         SensorFinding(name=f.name, run=f.run, axis=f.axis, at_s=f.at_s, evidence=f.evidence)
         for item in found.recordings.records
         for f in item.screened.findings
-        if f.step is None or f.axis not in AXES or abs(f.step) > hidden[AXES.index(f.axis)]
+        if f.step is None or f.axis not in ALL_AXES or abs(f.step) > hidden[ALL_AXES.index(f.axis)]
     ]
 
 
@@ -324,7 +351,9 @@ def _assumptions(found: Findings) -> list[str]:
         "Encoder noise is white apart from the faults of the sensor screening; readings were averaged over 5 ms.",
         "The initial states of all segments are free; the first 30 ms after each release are excluded.",
     ]
-    if all(item.arm_moves is False for item in records):
+    if found.recordings.arm_moves:
+        made.append(_arm(found))
+    elif all(item.arm_moves is False for item in records):
         made.append("According to encoder 0 the arm stood still, so a compliant arm was not considered.")
     elif any(item.arm_moves is None for item in records):
         made.append("The arm's angle was not recorded.")
@@ -382,7 +411,7 @@ def _length(found: Findings) -> str:
     rig, at = found.recordings.rig, found.selection.chosen.fit.estimate
     if rig.rig.L1_std is None:
         return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."
-    (name,) = found.problem.always
+    name = next(name for name in found.problem.always if EFFECTS[name].corrects == "L1_std")
     (added,) = named_params(at.params).get(name, {"": 0.0}).values()
     reach = max(found.intervals[key] for key in found.intervals if key[0] == name)
     text = (
@@ -408,9 +437,24 @@ def _unseen(least: Mapping[str, Mapping[str, float | None]], absorbed: Mapping[s
     ]
 
 
+def _arm(found: Findings) -> str:
+    """What is taken for granted of an arm that moves."""
+    rig, setups = found.recordings.rig, found.problem.segments.setups
+    text = "The arm's angle is read, and its inertia and viscous friction are fitted"
+    if not any(setup.torques and setup.torques.on_arm is not None for setup in setups):
+        return f"{text}; no torque acts on it but friction, springs and the rods."
+    kind = rig.motor.input if rig.motor else "torque"
+    if DRIVE_GAIN.name in found.problem.always:
+        return f"{text}; so is the torque over the {kind}: the rig file does not measure the motor's constants."
+    known = "the motor's constants of the rig file" if kind != "torque" else "that it is a torque in N m"
+    if any(setup.torques and setup.torques.scaled for setup in setups):
+        return f"{text}; the {kind} is known by {known}, which fixes the scale of all torques."
+    return f"{text}; the {kind} is known by {known}, and the rods by their measured values, so that an error shows."
+
+
 def _scale(found: Findings) -> str:
     """Source of the scale of all torques."""
-    if drives := [setup.torques for setup in found.problem.segments.setups if setup.torques]:
+    if drives := [setup.torques for setup in found.problem.segments.setups if setup.torques and setup.torques.scaled]:
         kinds = " and ".join(sorted({item.kind for item in drives} - {""}))
         return f"The known torques{f', as {kinds},' if kinds else ''} fix the scale of all torques."
     if any(setup.added for setup in found.problem.segments.setups):

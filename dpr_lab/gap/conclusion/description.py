@@ -12,7 +12,7 @@ from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.tried import Description, SecondLook, second_look
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run
+from dpr_lab.run import Run, moves
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +47,8 @@ def description(runs: Sequence[Run], rig: Rig, selection: Selection, carried: Tr
     """
     if hint := _coarse_torques(runs, selection):
         return Description(hint, True)
+    if moves(runs):
+        return Description()  # other readings of an arm that moves are tried before (`misread.arm`)
     open_ = not at_noise_floor(selection.chosen) or carried.withdrawn or carried.oversized
     if not (far_from_noise(selection.base) and open_):
         return Description()

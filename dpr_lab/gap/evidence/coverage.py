@@ -53,7 +53,7 @@ Spent = tuple[str, Array, Array, Array]
 
 
 def _spent(item: Record, to_rods: Callable[[Array], Array]) -> Spent:
-    theta = to_rods(item.joints)
+    theta = to_rods(item.joints[:, :2])
     near = np.diff(item.t) <= THINNING.gap_s
     step = np.diff(item.t)[near]
     speed = (np.diff(theta, axis=0) / np.diff(item.t)[:, None])[near]

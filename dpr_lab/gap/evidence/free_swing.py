@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.effects.quantities import RigConstants
-from dpr_lab.fitting.linearise import UNKNOWN_STARTS, UNREAD_STARTS
+from dpr_lab.fitting.linearise import slow_starts
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.transfer.free_run import FREE_RUN, FreeRuns
+from dpr_lab.setup import Setup
 
 Array = NDArray[np.float64]
 
@@ -39,7 +40,9 @@ class FreeSwing:
     by_values: Array
     """(n, 2, free) Jacobian for the fitted values."""
     by_start: Array
-    """(n, 2, 4) Jacobian for the initial state."""
+    """(n, 2, 4) along the start state; (n, 3, 6) with an arm that moves."""
+    setup: Setup
+    """What hung on the rig, and what its arm did."""
 
     @property
     def head(self) -> NDArray[np.bool_]:
@@ -54,8 +57,8 @@ class FreeSwing:
     @property
     def _normal(self) -> tuple[Array, Array]:
         """(4, 4) normal matrix of the initial state, and (rows, 4) its weighted Jacobian."""
-        A = (self.weight[:, :, None] * self.by_start)[self.head].reshape(-1, 4)
-        slow = np.diag(UNREAD_STARTS if self.item.run.setup.alone else UNKNOWN_STARTS)
+        A = (self.weight[:, :, None] * self.by_start)[self.head].reshape(-1, self.by_start.shape[2])
+        slow = np.diag(slow_starts(self.setup, A.shape[1]))
         return A.T @ A + slow.T @ slow, A
 
     def settled(self, change: Array) -> Array:
@@ -96,19 +99,17 @@ class FreeSwings:
 def free_swings(runs: FreeRuns, at: Hypothesis) -> FreeSwings:
     """Sensitivity of the free runs of a model to all uncertain quantities."""
     free, problem = at.fit.free, runs.problem
-    slopes = np.zeros((len(problem.t), 2, len(free) + 4))  # the zeros of these runs count as known
+    states = problem.segments.states
+    slopes = np.zeros((len(problem.t), problem.axes, len(free) + states))  # zeros of these very runs count as known
     moves = [i for i, parameter in enumerate(free) if parameter.block != "zeros"]
-    slopes[:, :, [*moves, *range(len(free), len(free) + 4)]] = problem.slopes(runs.begun, [free[i] for i in moves])
+    slopes[:, :, [*moves, *range(len(free), len(free) + states)]] = problem.slopes(runs.begun, [free[i] for i in moves])
     slopes, t = np.nan_to_num(slopes), problem.t
-    parts = (t, problem.measured, problem.weight, runs.predicted, slopes[:, :, :-4], slopes[:, :, -4:])
-    each = ((t[own.start], [values[own] for values in parts]) for own in runs.rows)
-    return FreeSwings(
-        runs,
-        tuple(
-            FreeSwing(item, since - first, *of_run)
-            for item, (first, (since, *of_run)) in zip(runs.items, each, strict=True)
-        ),
-    )
+    parts = (t, problem.measured, problem.weight, runs.predicted, slopes[:, :, :-states], slopes[:, :, -states:])
+    each = []
+    for recording, setup, own in zip(runs.items, problem.segments.setups, runs.rows, strict=True):
+        since, measured, weight, predicted, by_values, by_start = (values[own] for values in parts)
+        each.append(FreeSwing(recording, since - since[0], measured, weight, predicted, by_values, by_start, setup))
+    return FreeSwings(runs, tuple(each))
 
 
 def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:

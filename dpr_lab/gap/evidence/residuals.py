@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import ResidualLook, Whiteness
-from dpr_lab.gap.screen.sensor_faults import AXES
+from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ def residual_look(problem: Problem, models: Mapping[str, Hypothesis], settings: 
     """
     chances = (np.arange(settings.quantiles) + 0.5) / settings.quantiles
     joints: dict[str, dict[str, Whiteness]] = {}
-    for j, axis in enumerate(AXES):
+    for j, axis in enumerate(ALL_AXES[: problem.axes]):
         if problem.read[:, j].any():
             joints[axis] = {name: _look(problem, at, j, chances, settings) for name, at in models.items()}
     owner = problem.owner

@@ -113,7 +113,7 @@ def _areas(pair: Pairs, compared: NDArray[np.bool_]) -> dict[str, float]:
     after = pair["after"]
     noise = np.random.default_rng(0).standard_normal(after.measured.shape) / np.where(compared, after.weight, 1.0)
     areas: dict[str, list[float]] = {"before": [], "after": [], "noise": []}
-    for j in range(2):
+    for j in range(after.measured.shape[1]):
         own = compared[:, j]
         if own.any():
             for name, swing in pair.items():
@@ -138,9 +138,9 @@ def _curves(recordings: Recordings, pair: Pairs, run: RunBudget) -> Curves:
         settled_s=FREE_RUN.settle_s,
         until_s=run.until_s,
         t_s=_told(after.t[some]),
-        measured_rad=_told(joints.to_rods(after.measured[some])),
-        before_rad=_told(joints.to_rods(pair["before"].predicted[some])),
-        after_rad=_told(joints.to_rods(after.predicted[some])),
+        measured_rad=_told(joints.to_rods(after.measured[some, :2])),
+        before_rad=_told(joints.to_rods(pair["before"].predicted[some, :2])),
+        after_rad=_told(joints.to_rods(after.predicted[some, :2])),
     )
 
 

@@ -96,10 +96,11 @@ def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along
         params = np.array([_unit(effect, p.name, shape) for shape in chosen for p in amplitudes])
         columns = along.answer(problem, along.torques(effect.stage, problem.model.constants, params))
         products = rows @ columns
-        initial = products[:, -4:].copy()
+        states = problem.segments.states
+        initial = products[:, -states:].copy()
         products -= onto_initial @ initial  # equivalent to projecting the columns, without one more pass over them
-        across = products[:, :-4].sum(axis=0).reshape(-1, len(chosen), many)
-        own = _within(columns, columns, many) - _within(initial, initial + products[:, -4:], many)
+        across = products[:, :-states].sum(axis=0).reshape(-1, len(chosen), many)
+        own = _within(columns, columns, many) - _within(initial, initial + products[:, -states:], many)
         gains.append(fitted.gains_given(across[:-1], own, across[-1], positive))
     return np.concatenate(gains)
 

@@ -49,7 +49,11 @@ def _step_gains(problem: Problem, fit: Fit) -> list[tuple[float, int, int, float
     firsts, lengths = segments.offsets[:-1], np.diff(segments.offsets)
     every = padded(np.ones((*problem.weight.shape, 1)), problem.weight, segments.offsets)[..., 0]
     for joint in range(2):
-        weight, e, Q = every[:, :, joint], fit.linear.e[:, joint::2], fit.linear.Q[:, joint::2]
+        weight, e, Q = (
+            every[:, :, joint],
+            fit.linear.e[:, joint :: problem.axes],
+            fit.linear.Q[:, joint :: problem.axes],
+        )
         inner, onto = _from_end(e * weight), _from_end(Q * weight[:, :, None])
         norm = _from_end(weight**2) - np.sum(onto**2, axis=2)
         seen = norm > (BLIND * weight.sum(axis=1) ** 2 / lengths)[:, None]

@@ -388,6 +388,9 @@ class Diagnosis(Shown, _Record):
     """a/b, d/b (1), e1/b (1/s^2), c1/b, c2/b (1/s) of the corrected model."""
     ratio_covariance: list[list[Number]]
     """(5, 5) covariance of the ratios, in their order."""
+    determined: dict[str, Interval] = {}
+    """Ratios that the recordings determine, to b or, of the inner rod alone, to its a; A/b and c0/b of an arm that
+    moves. Those of `ratios` that are not among them are the rig file's. Empty in a file of an older version."""
     chi2_per_dof: Number
     """Of the corrected model, over segments of 0.5 s."""
     exact_torques: bool = False

@@ -8,7 +8,7 @@ by half its acceleration times the variance of the block's instants, which is su
 If rods are so fast, or encoders so fine, that the remaining bias is significant, the blocks are shorter.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -18,9 +18,11 @@ from dpr_lab.dynamics.segments import STEP
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.noise import rest_correlation
 from dpr_lab.fitting.cut import MIN_SAMPLES, cut
-from dpr_lab.gap.screen.sensor_faults import AXES, Finding, Screened, screen
+from dpr_lab.gap.screen.sensor_faults import ALL_AXES, Finding, Screened, screen, with_arm
+from dpr_lab.identification.moving_arm.setup import setup_of
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+from dpr_lab.setup import Setup
 
 Array = NDArray[np.float64]
 
@@ -78,6 +80,8 @@ class Record:
     """Autocorrelation of the errors of neighbouring readings at rest, caused by a filter or a tracker."""
     step: float
     """Maximum step of an integrator for these rods, s."""
+    setup: Setup
+    """What hung on the rig, what drove it, and what its arm did."""
     kicks: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     """Breaks at which something kicked the rods, so that no free run goes on there, s."""
 
@@ -85,7 +89,7 @@ class Record:
         """The record without the readings of some axes at some instants t (n,), each with a finding."""
         evidence = "an outlier from the swing that fits all other readings"
         findings = [
-            Finding("outlier", self.run.name, AXES[axis], float(t[i]), evidence)
+            Finding("outlier", self.run.name, ALL_AXES[axis], float(t[i]), evidence)
             for i, axis in np.argwhere(off).tolist()
         ]
         kept = self.only(~np.isin(self.t, t[off.any(axis=1)]))
@@ -105,6 +109,9 @@ def record(run: Run, rig: Rig, settings: ThinningSettings = THINNING) -> Record:
     if (run.t >= settings.after_release_s).sum() < MIN_SAMPLES:
         raise RunError(f"{run.name}: fewer than {MIN_SAMPLES} samples after the release: nothing to diagnose")
     seen = screen(run, rig)
+    setup = setup_of(seen.run, rig)
+    if setup.arm_moves:
+        seen = with_arm(seen, rig)
     run = seen.run
     fastest = _fastest(seen, settings.fastest)
     rate_hz = _block_rate(seen, fastest, run.rate_hz, settings)
@@ -120,7 +127,8 @@ def record(run: Run, rig: Rig, settings: ThinningSettings = THINNING) -> Record:
     step = min(STEP, settings.turn / max(fastest, 1e-3))
     thinned = max(1, round(run.rate_hz / (rate_hz or run.rate_hz)))
     correlation = float(rest_correlation(run, rig, thinned).mean())
-    return Record(run, seen, t, joints, sigma, breaks, _arm_moves(run, settings.arm_moves), correlation, step)
+    moves = True if setup.arm_moves else _arm_moves(run, settings.arm_moves)
+    return Record(run, seen, t, joints, sigma, breaks, moves, correlation, step, setup)
 
 
 def _fastest(seen: Screened, quantile: float) -> float:

@@ -10,6 +10,8 @@ from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects.drive_gain import DRIVE_GAIN
+from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.cut import cut
 from dpr_lab.fitting.disturbance import disturbance
@@ -18,6 +20,7 @@ from dpr_lab.fitting.prior import Prior, prior_of
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.gap.screen.record import Record
+from dpr_lab.identification.moving_arm.setup import arm_start, drive_gain
 from dpr_lab.rig import MASSES, Rig
 
 Array = NDArray[np.float64]
@@ -88,10 +91,40 @@ class Recordings:
     @property
     def working_length(self) -> float:
         """Length of the segments at which effects are distinguished, s."""
-        if not all(item.run.setup.held and item.run.setup.arm is None for item in self.records):
+        if not all(item.run.setup.held and item.run.setup.arm is None for item in self.records) or self.arm_moves:
             return LENGTHS.working
         shortest = min((float(np.ptp(item.t)) for item in self.records), default=0.0)
         return float(np.clip(shortest / LENGTHS.steady_parts, LENGTHS.working, LENGTHS.steady))
+
+    @property
+    def arm_moves(self) -> bool:
+        """Whether the arm of any run was free or driven."""
+        return any(record.setup.arm_moves for record in self.records)
+
+    @property
+    def driven_arm(self) -> bool:
+        """Whether a known input drove the arm of any run."""
+        return any(record.setup.torques and record.setup.torques.on_arm is not None for record in self.records)
+
+    @property
+    def always(self) -> tuple[str, ...]:
+        """Effects that every fit frees: what the rig file is unsure of, and the arm with its drive."""
+        unsure = [name for name, effect in EFFECTS.items() if effect.corrects in self.rig.unsure]
+        arm = [FREE_ARM.name] if self.arm_moves else []
+        gain = [DRIVE_GAIN.name] if self.driven_arm and not drive_gain(self.rig).known else []
+        return (*unsure, *arm, *gain)
+
+    @property
+    def start_params(self) -> Array:
+        """(SIZE,) parameters of effects to start from: none, but an arm that moves."""
+        inertia, viscous = arm_start(self.rig)
+        arm = {FREE_ARM.name: {"inertia_kgm2": inertia, "viscous_Nms": viscous}}
+        return effect_params(arm if self.arm_moves else {})
+
+    def _widened(self, values: Array) -> Array:
+        """(n, axes) readings or weights, with nothing of an arm that is clamped where that of another run moves."""
+        missing = (3 if self.arm_moves else 2) - values.shape[1]
+        return np.pad(values, ((0, 0), (0, missing))) if missing else values
 
     def cut(self, length: float) -> tuple[Problem, Array]:
         """Segments of approximately one length, s, and (segments, 4) initial states estimated from the readings."""
@@ -102,24 +135,25 @@ class Recordings:
             segments=segments(
                 [records[i].t[s] for i, s in stretches],
                 [i for i, _ in stretches],
-                [item.run.setup for item in records],
+                [item.setup for item in records],
                 [records[i].step for i, _ in stretches],
             ),
-            measured=np.concatenate([records[i].joints[s] for i, s in stretches]),
-            weight=np.concatenate([1 / records[i].sigma[s] for i, s in stretches]),
+            measured=np.concatenate([self._widened(records[i].joints[s]) for i, s in stretches]),
+            weight=np.concatenate([self._widened(1 / records[i].sigma[s]) for i, s in stretches]),
             model=RodsWithEffects(self.constants),
             masses_weighed=self.masses_weighed,
-            always=tuple(name for name, effect in EFFECTS.items() if effect.corrects in self.rig.unsure),
+            always=self.always,
             rezeroed=self.rig.encoders.rezeroed,
             prior=self.prior,
             noise_correlation=float(np.mean([item.noise_correlation for item in records])),
         )
         relative2 = self.rig.encoders.joint2 == "relative"
+        rough = _with_arm if self.arm_moves else _initial_states
         initial = np.concatenate(
-            [_initial_states(item, own, relative2) for item, own in zip(records, cuts, strict=True)]
+            [rough(recording, own, relative2) for recording, own in zip(records, cuts, strict=True)]
         )
         if self.ratios is not None:
-            at = Estimate.of(self.ratios, effect_params({}), initial)
+            at = Estimate.of(self.ratios, self.start_params, initial)
             problem = replace(problem, disturbance=disturbance(problem, at, most_Nm=self.torque_noise_Nm))
         return problem, initial
 
@@ -139,14 +173,15 @@ class Recordings:
 
 
 def _initial_states(item: Record, stretches: Sequence[slice], relative2: bool, guess: InitialGuess = GUESS) -> Array:
-    """(segments, 4) initial states of the segments, by cubics through the readings; at rest after a release.
+    """(stretches, states) states where segments start, by cubics through the readings; at rest if released.
 
     Returns:
         theta1, theta2, omega1, omega2, rad and rad/s
     """
     begins = np.array([segment_start(float(item.t[s.start])) for s in stretches])
     near = [_near(item, s.start, at, guess) for s, at in zip(stretches, begins, strict=True)]
-    found = np.empty((len(stretches), 4))
+    axes = item.joints.shape[1]
+    found = np.empty((len(stretches), 2 * axes))
     sizes = np.array([len(window) for window in near])
     for size in np.unique(sizes):
         alike = np.flatnonzero(sizes == size)
@@ -156,11 +191,24 @@ def _initial_states(item: Record, stretches: Sequence[slice], relative2: bool, g
         powers = (since / reach[:, None])[:, :, None] ** np.arange(4)
         across = powers.transpose(0, 2, 1)
         cubic = np.linalg.solve(across @ powers, across @ item.joints[windows])
-        found[alike, :2], found[alike, 2:] = cubic[:, 0], cubic[:, 1] / reach[:, None]
+        angles, speeds = cubic[:, 0], cubic[:, 1] / reach[:, None]
+        found[alike, :2], found[alike, 2:4] = angles[:, :2], speeds[:, :2]
+        if axes > 2:
+            found[alike, 4], found[alike, 5] = angles[:, 2], speeds[:, 2]
     found[:, [1, 3]] += float(relative2) * found[:, [0, 2]]
     if len(item.run.rest):
-        found[begins == 0.0] = np.append(item.run.rest[:, 1:].mean(axis=0), [0.0, 0.0])
+        arm = [item.run.rest[:, 0].mean(), 0.0] if axes > 2 else []
+        found[begins == 0.0] = [*item.run.rest[:, 1:].mean(axis=0), 0.0, 0.0, *arm]
     return found
+
+
+def _with_arm(item: Record, stretches: Sequence[slice], relative2: bool) -> Array:
+    """(stretches, 6) the same with the arm, at its mean angle where it is clamped."""
+    states = _initial_states(item, stretches, relative2)
+    if item.setup.arm_moves:
+        return states
+    held = float(np.mean(item.run.swing.theta[:, 0]))
+    return np.column_stack([states, np.full(len(states), held), np.zeros(len(states))])
 
 
 def _near(item: Record, start: int, at: float, guess: InitialGuess) -> NDArray[np.int64]:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.effects.missed_counts import MISSED_COUNTS
-from dpr_lab.estimation.noise import noise_floor, rest_correlation
+from dpr_lab.estimation.noise import arm_noise, noise_floor, rest_correlation
 from dpr_lab.gap.screen.differences import noise_by_speed, stride_ratio
 from dpr_lab.gap.screen.implausible import repeated, too_fast
 from dpr_lab.gap.screen.instants import even_instants, periodic_delay
@@ -32,6 +32,9 @@ Array = NDArray[np.float64]
 
 AXES = ("joint1", "joint2")
 """Encoders of the rods, as named in findings and results."""
+
+ALL_AXES = (*AXES, "joint0")
+"""The same with that of an arm that moves, in the order in which a problem has them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +160,32 @@ def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
         run, t, joints, keep, tuple(sorted(breaks)), noise, jitter, count, dithered, on_grid, tuple(findings)
     )
     return _without_joint2(found) if run.setup.alone else found
+
+
+def with_arm(seen: Screened, rig: Rig) -> Screened:
+    """A screened run with the arm's encoder as a third axis."""
+    swing = seen.run.swing
+    theta0, noise = swing.theta[:, 0], arm_noise(seen.run, rig)
+    count = 0.0
+    if seen.run.counts is not None:
+        steps = int(np.gcd.reduce(np.diff(seen.run.counts[:, 0])))
+        count = max(steps, 1) * abs(float(rig.radians_per_count[0]))
+    noise = max(noise, count / 12**0.5)
+    keep = np.ones(len(theta0), dtype=np.bool_)
+    faults = local_faults(seen.t, theta0, keep, (noise, seen.jitter_s), 1.0 / seen.run.rate_hz)
+    keep[faults.outliers] = False
+    evidence = "one reading off the polynomial through its neighbours"
+    outliers = [Finding("outlier", seen.run.name, ALL_AXES[2], at, evidence) for at in seen.t[faults.outliers].tolist()]
+    return replace(
+        seen,
+        joints=np.column_stack([seen.joints, theta0]),
+        keep=np.column_stack([seen.keep, keep]),
+        noise=np.append(seen.noise, noise),
+        count=np.append(seen.count, count),
+        dithered=np.append(seen.dithered, True),
+        on_grid=np.append(seen.on_grid, False),
+        findings=(*seen.findings, *outliers),
+    )
 
 
 def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:

@@ -63,10 +63,10 @@ class FreeRuns:
         """
         error, t = self.problem.measured - self.predicted, self.problem.t
         unseen = [error[own][t[own] - t[own.start] >= FREE_RUN.settle_s] for own in self.rows]
-        read = [1 if item.run.setup.alone else 2 for item in self.items]
+        axes = [np.flatnonzero(self.problem.read[own].any(axis=0)) for own in self.rows]
         rms = {
-            item.run.name: float(np.sqrt(np.mean(of_run[:, :n] ** 2))) if len(of_run) else np.nan
-            for item, of_run, n in zip(self.items, unseen, read, strict=True)
+            item.run.name: float(np.sqrt(np.mean(of_run[:, read] ** 2))) if len(of_run) else np.nan
+            for item, of_run, read in zip(self.items, unseen, axes, strict=True)
         }
         return {name: value for name, value in rms.items() if np.isfinite(value)}
 

@@ -8,7 +8,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.result.diagnosis import ClosedShare, Gap
 from dpr_lab.gap.result.gap_budget import GapBudget
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.screen.sensor_faults import AXES
+from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.transfer.free_run import FreeRuns
 from dpr_lab.gap.transfer.gap_size import by_horizon, floor_rad, gap_rad, gap_torque
 from dpr_lab.gap.transfer.transfer import Transfer
@@ -63,6 +63,6 @@ def gap(
             for size in (float(np.linalg.norm(list(gap_rad(problem, model).values()))),)
         ],
         budget=budget,
-        remainder_Nm=dict(zip(AXES, remainder.torque_Nm, strict=True)) if remainder else {},
-        remainder_rad=dict(zip(AXES, remainder.reading_rad, strict=True)) if remainder else {},
+        remainder_Nm=dict(zip(ALL_AXES, remainder.torque_Nm, strict=False)) if remainder else {},
+        remainder_rad=dict(zip(ALL_AXES, remainder.reading_rad, strict=False)) if remainder else {},
     )

@@ -14,7 +14,7 @@ from dpr_lab.fitting.response import TRAJECTORY, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics, bounded_residual, residual_statistics
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.screen.sensor_faults import AXES
+from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 
 Array = NDArray[np.float64]
 
@@ -48,23 +48,26 @@ def gap_torque(problem: Problem, at: Hypothesis) -> dict[str, float]:
     noise alone would cause is subtracted.
     """
     along, linear = trajectory(problem, at.fit.estimate, spacing=TRAJECTORY.coarse_s), at.fit.linear
-    columns = linear.projected(along.answer(problem, _hats(along.edges)))
+    columns = linear.projected(along.answer(problem, _hats(along.edges, problem.axes)))
     spaces = [ColumnSpace.of(A, e) for A, e in zip(columns, linear.e, strict=True)]
     values = np.array([space.solution() for space in spaces])
     variance = np.array([np.diag(space.covariance()) for space in spaces]) * at.residuals.level
     weight = 1 / (variance + np.median(variance, axis=0))
     above = np.sum(weight * (values**2 - variance), axis=0) / np.sum(weight, axis=0)
-    return _by_axis(np.sqrt(np.maximum(above.reshape(2, TORQUE_HATS).mean(axis=1), 0.0)))
+    return _by_axis(np.sqrt(np.maximum(above.reshape(problem.axes, TORQUE_HATS).mean(axis=1), 0.0)))
 
 
-def _hats(edges: NDArray[np.int64]) -> Array:
-    """(n, 2, 2 TORQUE_HATS) generalised torques of joints 1 and 2, identical in all segments."""
-    torque = np.zeros((edges[-1], 2, 2 * TORQUE_HATS))
+def _hats(edges: NDArray[np.int64], axes: int) -> Array:
+    """(n, axes, axes TORQUE_HATS) generalised torques of each joint, in every segment alike."""
+    torque = np.zeros((edges[-1], axes, axes * TORQUE_HATS))
     for first, last in pairwise(edges):
         share = np.linspace(0, TORQUE_HATS - 1, last - first)
         hats = np.maximum(0.0, 1 - np.abs(share[:, None] - np.arange(TORQUE_HATS)))
-        torque[first:last, 0, :TORQUE_HATS] = torque[first:last, 1, TORQUE_HATS:] = hats
-        torque[first:last, 0, TORQUE_HATS:] = -hats
+        for joint in range(axes):
+            own = slice(joint * TORQUE_HATS, (joint + 1) * TORQUE_HATS)
+            torque[first:last, joint, own] = hats
+            if joint == 1:  # its reaction acts on the inner rod
+                torque[first:last, 0, own] = -hats
     return torque
 
 
@@ -90,10 +93,10 @@ def _left(problem: Problem, initial: Array, working: Problem, at: Hypothesis) ->
 
 
 def _mean(values: Array, problem: Problem) -> Array:
-    """(2,) mean over the valid readings of each axis, (samples, 2); zero for an axis without any."""
+    """(axes,) mean over the readings of each axis that count, (samples, 2); zero of an axis without any."""
     counts = np.count_nonzero(problem.read, axis=0)
     return np.asarray(values.sum(axis=0) / np.maximum(counts, 1))
 
 
 def _by_axis(values: Array) -> dict[str, float]:
-    return dict(zip(AXES, values.tolist(), strict=True))
+    return dict(zip(ALL_AXES, values.tolist(), strict=False))

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.rig_constants import constants_of_run
+from dpr_lab.effects.effect import ARM
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.response import Trajectory
 
@@ -55,9 +56,10 @@ def load_hats(force: Array) -> tuple[Array, Array]:
 
 def joint_force(problem: Problem, along: Trajectory, joint: int) -> Array:
     """(n,) force that a joint carries, N, from masses times accelerations of equation (1)."""
-    sin, cos = np.sin(along.theta), np.cos(along.theta)
-    across = cos * along.alpha - sin * along.omega**2
-    up = -sin * along.alpha - cos * along.omega**2
+    theta, omega, alpha = along.theta[:, :2], along.omega[:, :2], along.alpha[:, :2]
+    sin, cos = np.sin(theta), np.cos(theta)
+    across = cos * alpha - sin * omega**2
+    up = -sin * alpha - cos * omega**2
     found = np.empty(len(along.t))
     for setup, base in zip(along.setups, along.bases, strict=True):
         mine, rig = along.of_setup(setup), constants_of_run(problem.model.constants, setup)
@@ -74,8 +76,8 @@ def joint_force(problem: Problem, along: Trajectory, joint: int) -> Array:
 
 def encoder_angle(problem: Problem, joint: int) -> Array:
     """(samples,) encoder reading of a joint, measured from hanging, rad."""
-    relative = joint == 1 and problem.model.constants.relative2 == 1.0
-    return problem.measured[:, joint] - (0.0 if relative else math.pi)
+    turned = joint in (2, ARM) or (joint == 1 and problem.model.constants.relative2 == 1.0)
+    return problem.measured[:, joint] - (0.0 if turned else math.pi)
 
 
 def encoder_speed(along: Trajectory, joint: int) -> Array:
@@ -85,5 +87,7 @@ def encoder_speed(along: Trajectory, joint: int) -> Array:
 
 def under_torque(problem: Problem, along: Trajectory, joint: int, torque: Array) -> Array:
     """(segments, m, k) whitened change of the readings under torques (n, k) of a joint, N m."""
-    pair = np.stack([torque, np.zeros_like(torque)] if joint == 0 else [-torque, torque], axis=1)
-    return along.answer(problem, pair)
+    nothing = np.zeros_like(torque)
+    on = {0: [torque, nothing], 1: [-torque, torque]}.get(joint, [nothing, nothing])
+    each = [*on, torque if joint in (2, ARM) else nothing][: problem.axes]
+    return along.answer(problem, np.stack(each, axis=1))

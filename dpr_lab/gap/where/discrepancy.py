@@ -55,18 +55,18 @@ class Discrepancy:
 
     columns: Array
     """(segments, m, q) whitened change of the readings by one standard deviation of the prior, for each function."""
-    torque_Nm: tuple[float, float]
-    """Posterior mean torque of joints 1 and 2, rms over the recordings."""
-    reading_rad: tuple[float, float]
-    """Posterior mean reading error of encoders 1 and 2 by angle, rms."""
-    slow: tuple[float, float]
+    torque_Nm: tuple[float, ...]
+    """Posterior mean torque of joint 1, 2 and perhaps 0, rms over the recordings."""
+    reading_rad: tuple[float, ...]
+    """Posterior mean reading error of their encoders by angle, rms."""
+    slow: tuple[float, ...]
     """Ratio of the mean squared torque of each joint in the slower half of the readings to that in the faster half."""
 
     @property
     def sentence(self) -> str:
         """Size and location of the discrepancy, by the joint of the larger torque."""
         joint = int(np.argmax(self.torque_Nm))
-        where = f"{1e3 * self.torque_Nm[joint]:.2g} mN m rms in joint {joint + 1}"
+        where = f"{1e3 * self.torque_Nm[joint]:.2g} mN m rms in joint {(1, 2, 0)[joint]}"
         if self.slow[joint] > RULES.mostly:
             where += ", mostly at low speed"
         elif self.slow[joint] < 1 / RULES.mostly:
@@ -97,7 +97,7 @@ def _hats(problem: Problem, at: Fit, along: Trajectory) -> Iterator[_Hats]:
         for torque in torques:
             yield _Hats(joint, True, torque, under_torque(problem, along, joint, torque))
         errors = angle_hats(encoder_angle(problem, joint))[0]
-        readings = np.zeros((len(errors), 2, errors.shape[1]))
+        readings = np.zeros((len(errors), problem.axes, errors.shape[1]))
         readings[:, joint] = errors
         yield _Hats(joint, False, errors, problem.whitened(readings))
 
@@ -148,11 +148,11 @@ def discrepancy(problem: Problem, at: Hypothesis) -> Discrepancy | None:
         return None
     m = vectors @ ((vectors.T @ gradient) / (eigen + ridge))
     variance = (whole - float(np.sum(along_each / (eigen + ridge)))) / at.residuals.dof
-    return _discrepancy(groups, M * np.sqrt(max(variance, 1.0) / ridge), m, along)
+    return _discrepancy(groups, M * np.sqrt(max(variance, 1.0) / ridge), m, along, problem.axes)
 
 
-def _discrepancy(groups: list[_Hats], columns: Array, m: Array, along: Trajectory) -> Discrepancy:
-    torque, reading, slow, first = [0.0, 0.0], [0.0, 0.0], [1.0, 1.0], 0
+def _discrepancy(groups: list[_Hats], columns: Array, m: Array, along: Trajectory, axes: int) -> Discrepancy:
+    torque, reading, slow, first = [0.0] * axes, [0.0] * axes, [1.0] * axes, 0
     sums: dict[tuple[int, bool], Array] = {}
     for hats in groups:
         last = first + hats.values.shape[1]
@@ -170,4 +170,4 @@ def _discrepancy(groups: list[_Hats], columns: Array, m: Array, along: Trajector
                 slow[joint] = float(np.mean(values[slower] ** 2)) / fast
         else:
             reading[joint] = rms
-    return Discrepancy(columns, (torque[0], torque[1]), (reading[0], reading[1]), (slow[0], slow[1]))
+    return Discrepancy(columns, tuple(torque), tuple(reading), tuple(slow))

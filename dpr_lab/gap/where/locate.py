@@ -6,7 +6,7 @@ on the readings, so no torque is ever computed from differentiated angles. The s
 explains is the largest share of the gap that this location can cause.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +42,7 @@ class Place:
     """Residual map of one location over one coordinate."""
 
     site: str
-    """joint1, joint2, encoder1 or encoder2."""
+    """joint1, joint2, encoder1 or encoder2; joint0 or encoder0 of an arm that moves."""
     coordinate: str
     """angle, speed, time or load."""
     share: float
@@ -62,8 +62,14 @@ def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
     if base.residuals.z < WORTH_SAYING:
         return ()
     along = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
-    places = [_place(problem, base, along, joint, name, make) for joint in (0, 1) for name, make in MAPS.items()]
+    places = [_place(problem, base, along, joint, name, make) for joint, name, make in _maps(problem)]
     return tuple(sorted(places, key=lambda place: -place.share))
+
+
+def _maps(problem: Problem) -> Iterator[tuple[int, str, "Map"]]:
+    """Every map of every joint; the load of an arm's joint is not known."""
+    for joint in range(problem.axes):
+        yield from ((joint, name, make) for name, make in MAPS.items() if joint < 2 or make is not _friction_by_load)
 
 
 def where_sentence(places: tuple[Place, ...]) -> str:
@@ -119,7 +125,7 @@ def _error_by_speed(problem: Problem, along: Trajectory, joint: int) -> _Columns
 
 
 def _read(problem: Problem, hats: Array, joint: int) -> Array:
-    readings = np.zeros((len(hats), 2, hats.shape[1]))
+    readings = np.zeros((len(hats), problem.axes, hats.shape[1]))
     readings[:, joint] = hats
     return problem.whitened(readings)
 
@@ -145,7 +151,7 @@ def _place(problem: Problem, base: Hypothesis, along: Trajectory, joint: int, na
     values, std = space.solution(), np.sqrt(np.diag(space.covariance()) * base.residuals.inflation)
     share = float(np.clip((space.gain() - len(space)) / base.residuals.excess, 0.0, 1.0))
     kind, coordinate = name.split(" by ")
-    site = f"{'encoder' if kind == 'error' else 'joint'}{joint + 1}"
+    site = f"{'encoder' if kind == 'error' else 'joint'}{(1, 2, 0)[joint]}"
     sentence = _sentence(site, kind, coordinate, share, columns.knots, values, std)
     return Place(site, coordinate, share, columns.knots, values, std, columns.unit, sentence)
 

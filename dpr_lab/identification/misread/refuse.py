@@ -15,7 +15,7 @@ from dpr_lab.fitting.estimate import SCALE, unknown_ratios
 from dpr_lab.identification.misread.tried import SETTINGS, better_readings, fitted, impossible, residual, second_look
 from dpr_lab.identification.ratio_fit import RatioFit
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run
+from dpr_lab.run import Run, moves
 
 Array = NDArray[np.float64]
 
@@ -27,6 +27,8 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
         IdentificationError: they cannot; the message names the probable cause, which was tested.
         RunError: a run without enough samples or motion in any interpretation.
     """
+    if moves(runs):
+        return  # `dpr_lab.gap.screen.input` asks for the signs and units of arm and input
     ratio_fit, refused = _as_read(runs, rig)
     possible = ratio_fit is not None and not impossible(ratio_fit.ratios, rig)
     if ratio_fit is not None and possible and residual(ratio_fit) < SETTINGS.suspicious:
@@ -85,7 +87,8 @@ def refuse_negative_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> None
         f" file: {nominal:.3g})"
     )
     wrong = wrong if min(ratios[:3]) > 0 else impossible(unknown[: len(ratios)], rig)
-    hint = second_look(runs, rig).sentence or "Check the signs and units of angles and torques, and the unit of time."
+    hint = "" if moves(runs) else second_look(runs, rig).sentence
+    hint = hint or "Check the signs and units of angles and torques, and the unit of time."
     raise IdentificationError(f"{wrong}. {hint}")
 
 

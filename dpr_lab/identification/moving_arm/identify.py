@@ -36,11 +36,6 @@ class ArmWarnings:
 ARM_WARNINGS = ArmWarnings()
 
 
-def moves(runs: Sequence[Run]) -> bool:
-    """Whether the arm of a run was free or driven."""
-    return any(run.arm_mode in ("free", "driven") for run in runs)
-
-
 def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
     """Identify rods, arm and drive from runs with a clamped, free or driven arm.
 

@@ -13,8 +13,7 @@ from dpr_lab.dynamics.schedule import MAX_STEP
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import refuse_still_arm
 from dpr_lab.estimation.motion import refuse_without_motion
-from dpr_lab.estimation.noise import SETTINGS as NOISE
-from dpr_lab.estimation.noise import difference_std, noise_floor
+from dpr_lab.estimation.noise import arm_noise, noise_floor
 from dpr_lab.fitting.cut import partition
 from dpr_lab.identification.moving_arm.unknowns import Unknowns, mode_number, unknowns_of
 from dpr_lab.rig import Rig
@@ -156,11 +155,7 @@ def _recording(run: Run, rig: Rig) -> ArmRecording:
         refuse_still_arm(run.swing.theta[:, 0], run.arm_mode, name)
     swing, std = run.swing, np.full(3, np.nan)
     std[1:] = noise_floor(run, rig).std_joint
-    count = abs(rig.radians_per_count[0]) / np.sqrt(12)
-    rest = run.rest[:, 0]
-    quiet = len(rest) >= NOISE.rest_samples
-    std[0] = float(np.std(rest) if quiet else difference_std(swing.t, swing.theta[:, :1])[0])
-    std[0] = max(std[0], count) if run.counts is not None or std[0] < NOISE.rounding_rad else std[0]
+    std[0] = arm_noise(run, rig)
     drive = np.zeros(len(swing.t))
     if run.arm_input is not None:
         held = Torques(run.t + run.input_delay_s, np.stack([run.arm_input, np.zeros(len(run.t))], axis=1))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.rig import Rig, refuse_impossible_arm
+from dpr_lab.rig import Rig, refuse_impossible_arm, refuse_impossible_inner
 from dpr_lab.rig_tables import MotorTable
 from dpr_lab.storage.tables.options import ImportOptions
 
@@ -33,16 +33,17 @@ def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[s
     Raises:
         RunError: the mode is not possible for this rig, or its column is missing.
     """
-    mode = options.arm or rig.arm.mode
+    mode, inner = options.arm or rig.arm.mode, options.inner or rig.joints.inner
     try:
         refuse_impossible_arm(rig, mode)
+        refuse_impossible_inner(rig, inner, mode)
     except ValueError as error:
         raise RunError(f"{path}: {error}") from error
     if mode in ("free", "driven") and "theta0" not in angles:
         raise RunError(f"{path}: a {mode} arm needs its angle: name its column, for example --columns theta0=q0")
     if "input" in {*options.columns, *options.scale} and mode != "driven":
         raise RunError(f"{path}: an input column requires a driven arm, but this arm is {mode}: add --arm driven")
-    return replace(options, arm=mode)
+    return replace(options, arm=mode, inner=inner)
 
 
 def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path: object) -> tuple[str, float]:

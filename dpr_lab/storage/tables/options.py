@@ -110,6 +110,11 @@ class ImportOptions:
         Typed("Mode of the arm: clamped, free, prescribed by its encoder, or driven; default: as in the rig file."),
     ] = None
     """Mode of the arm; None: as in the rig file."""
+    inner: Annotated[
+        Literal["free", "prescribed"] | None,
+        Typed("The inner rod swung, or moved as its encoder says; else as the rig says."),
+    ] = None
+    """What the inner rod did; None: as the rig file says."""
     keep_rest: Annotated[bool, Typed("Keep all rows, also those in which the rods seem to be held.")] = False
     """Whether all rows are used, also those in which the rods seem to be held."""
     recorded_at: Annotated[

@@ -1,0 +1,29 @@
+"""Dead zone of a drive: small commands move nothing."""
+
+from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
+from dpr_lab.kernels import inlined
+
+
+@inlined
+def swallowed(torque: float, width_Nm: float) -> float:
+    """Torque in addition to the known one, N m: minus the known one within the zone, minus or plus its width beyond."""
+    return -min(max(torque, -width_Nm), width_Nm)
+
+
+DEAD_ZONE_JOINT0 = Effect(
+    name="dead_zone_joint0",
+    words="dead zone of the drive, joint 0",
+    equation="tau - clip(tau, -x, x) acts on the arm where its input is known",
+    parameters=(EffectParameter("width_Nm", "N m", 1e-3, "positive"),),
+    site="drive",
+    stage="drive0",
+    kernel=swallowed,
+    joints=(ARM,),
+    twins=("coulomb_joint0",),
+    quantities=(BenchQuantity("half width of the dead zone", "x", ("width_Nm",), definition="as a torque on the arm"),),
+    bench_check=(
+        "Measure the motor's current while the command rises slowly from zero: the command at which a current begins is"
+        " the half width of the zone. Friction lets the current flow and holds the arm."
+    ),
+    source="Tao & Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor Nonlinearities, ch. 2.",
+)

@@ -1,0 +1,28 @@
+"""Gain of a drive whose constants are not known: part of every model of its recordings, and no fault."""
+
+from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
+from dpr_lab.kernels import inlined
+
+
+@inlined
+def regained(torque: float, excess: float) -> float:
+    """Torque in addition to the assumed one, N m."""
+    return excess * torque
+
+
+DRIVE_GAIN = Effect(
+    name="drive_gain",
+    words="gain of the arm's drive",
+    equation="(1 + x) tau acts on the arm, tau being the input times an assumed gain",
+    parameters=(EffectParameter("excess", "1", 0.05, most=1e6),),
+    site="drive",
+    stage="drive0",
+    kernel=regained,
+    joints=(ARM,),
+    quantities=(BenchQuantity("gain of the drive over the assumed one, minus 1", "x", ("excess",)),),
+    bench_check=(
+        "Hold the arm's tip against a spring scale and command a steady input: force times length over the input is"
+        " the gain."
+    ),
+    source="Ljung (1999), System Identification, ch. 4: the static gain of a model structure.",
+)

@@ -1,0 +1,31 @@
+"""Saturation of a drive that the log does not show: the command is larger than what the drive can give."""
+
+from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter, shape
+from dpr_lab.kernels import inlined
+
+
+@inlined
+def clipped(torque: float, share: float, limit_Nm: float) -> float:
+    """Torque in addition to the known one, N m: a share of what exceeds the limit is missing."""
+    return share * (min(max(torque, -limit_Nm), limit_Nm) - torque)
+
+
+SATURATION_JOINT0 = Effect(
+    name="saturation_joint0",
+    words="saturation of the drive that is not logged, joint 0",
+    equation="tau + x (clip(tau, -T, T) - tau) acts on the arm where its input is known; x = 1: saturated at T",
+    parameters=(
+        EffectParameter("share", "1", 0.1, "positive", most=1.0, plausible=1.0),
+        shape("limit_Nm", "N m", 0.01, tuple(1e-4 * 1.6**k for k in range(20)), draw=(0.005, 0.05), continuous=True),
+    ),
+    site="drive",
+    stage="drive0",
+    kernel=clipped,
+    joints=(ARM,),
+    quantities=(BenchQuantity("share of the excess torque that is missing", "x", ("share",)),),
+    bench_check=(
+        "Measure the motor's current, or its voltage, at the largest command: it stays below the command. Log what the"
+        " drive gives instead of what it was asked for."
+    ),
+    source="Tao & Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor Nonlinearities, ch. 2.",
+)

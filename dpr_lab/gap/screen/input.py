@@ -1,0 +1,113 @@
+"""Sign and unit of the input of a driven arm, and the sign of its angle: tried and named, as wrong zeros are."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects import param_index
+from dpr_lab.effects.drive_gain import DRIVE_GAIN
+from dpr_lab.errors import IdentificationError, RunError
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.gauss_newton import Fit, fit
+from dpr_lab.gap.hypothesis.hypothesis import free_parameters
+from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.identification.moving_arm.setup import drive_gain
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class InputRules:
+    """From where on another sign or unit is the likely cause."""
+
+    still: float = 6.0
+    """Range of the arm's angle, in standard deviations of a reading, below which it stands still."""
+    suspicious: float = 20.0
+    """Reduced chi-square from which the other sign of the arm's angle is tried."""
+    better: float = 4.0
+    """Factor by which chi-square must fall with it."""
+    off: float = 0.5
+    """Distance of the logarithm (base 10) of the gain from that of a unit's factor, at most."""
+
+
+RULES = InputRules()
+
+UNITS = {
+    "torque": {-3.0: "mN m", -2.0: "N cm", 3.0: "kN m"},
+    "current": {-3.0: "mA", 3.0: "kA"},
+    "voltage": {-3.0: "mV", 3.0: "kV"},
+}
+"""Kind of input -> logarithm of the fitted gain over the rig file's -> unit that the column seems to hold."""
+
+
+def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
+    """Make sure that arm and input of the recordings have the sign and unit that they are said to have.
+
+    Args:
+        recordings: the runs
+        start: (7,) ratios, b and p/b to start from
+
+    Raises:
+        RunError: an arm that is said to move stands still.
+        IdentificationError: another sign or unit explains the recordings; it is named.
+    """
+    if not recordings.arm_moves:
+        return
+    _refuse_still(recordings)
+    as_read = _fitted(recordings, start)
+    gain = 1.0 + as_read.estimate.params[param_index(DRIVE_GAIN.name, DRIVE_GAIN.amplitudes[0].name)]
+    if as_read.chi2 > RULES.suspicious * as_read.linear.residual.size or gain < 0.0:
+        if RULES.better * _fitted(_mirrored(recordings), start).chi2 < as_read.chi2:
+            raise IdentificationError(
+                "theta0 turns the other way: with its sign reversed the recordings fit. Import the table with"
+                " --scale theta0=-1, or reverse the direction of encoder 0 in [encoders]"
+            )
+    motor = recordings.rig.motor
+    if motor is None or not recordings.driven_arm:
+        return
+    if gain < 0.0:
+        raise IdentificationError(
+            f"the {motor.input} acts against its sign: the fitted gain is negative. Import the table with the other"
+            " sign of the input column"
+        )
+    for unit in _units(gain, motor.input) if drive_gain(recordings.rig).known else ():
+        raise IdentificationError(
+            f"the {motor.input} acts {gain:.3g} times as strongly as the rig file says: its column seems to be in"
+            f" {unit}. Convert it, or mend the constants of [motor]"
+        )
+
+
+def _units(gain: float, kind: str) -> Iterator[str]:
+    for exponent, unit in UNITS.get(kind, {}).items():
+        if abs(np.log10(gain) - exponent) < RULES.off:
+            yield unit
+
+
+def _refuse_still(recordings: Recordings) -> None:
+    for recording in recordings.records:
+        run, turn = recording.run, float(np.ptp(recording.joints[:, -1]))
+        if recording.setup.arm_moves and turn < RULES.still * float(np.median(recording.sigma[:, -1])):
+            raise RunError(
+                f"{run.file or run.name}: its arm is {run.arm_mode}, but encoder 0 stands still (range {turn:.2g} rad):"
+                " if the arm was held, import with --arm clamped, else check the column of theta0"
+            )
+
+
+def _fitted(recordings: Recordings, start: Array) -> Fit:
+    """The bare model with a free gain, in short segments."""
+    problem, initial = recordings.cut(LENGTHS.first)
+    if recordings.driven_arm:
+        problem = replace(problem, always=tuple({*problem.always, DRIVE_GAIN.name}))
+    at = Estimate.of(start, recordings.start_params, initial)
+    return fit(problem, at, free_parameters(at, (), problem))
+
+
+def _mirrored(recordings: Recordings) -> Recordings:
+    turned = np.array([1.0, 1.0, -1.0])
+    each = [
+        replace(recording, joints=recording.joints * turned[: recording.joints.shape[1]])
+        for recording in recordings.records
+    ]
+    return recordings.only(each)

@@ -1,0 +1,72 @@
+"""What drives the arm of a run, as the effects of a diagnosis have it: a torque on the arm, of known scale or not."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dpr_lab.errors import RunError
+from dpr_lab.estimation.arm_motion import prescribed_arm
+from dpr_lab.identification.moving_arm.unknowns import best, nominal_gain, rod_inertias
+from dpr_lab.rig import MASSES, PARAMETERS, Rig
+from dpr_lab.run import Run
+from dpr_lab.setup import Setup, Torques
+
+
+@dataclass(frozen=True, slots=True)
+class DriveGain:
+    """Torque on the arm over the input."""
+
+    value: float
+    """N m over the unit of the input; arbitrary where the rig file says nothing."""
+    known: bool
+    """Whether it rests on measured constants, or on none: an input that is a torque."""
+
+
+def drive_gain(rig: Rig) -> DriveGain:
+    """The gain of the drive by the rig file."""
+    motor, value = rig.motor, nominal_gain(rig)
+    if motor is None or value == 0.0:
+        return DriveGain(float(rod_inertias(rig.nominal, rig)[1]), False)
+    constants = {"current": [motor.kt], "voltage": [motor.kt, motor.R]}.get(motor.input, [])
+    return DriveGain(value, all(one is not None and one.measured is not None for one in constants))
+
+
+def rods_measured(rig: Rig) -> bool:
+    """Whether all parameters that make up the inertia of the rods were measured."""
+    names = ("l1", "m1", "J1") if rig.rods.mounted != "both" else ("l2", "m2", "J2")
+    return all(rig.parameters[name].measured is not None for name in names)
+
+
+def arm_start(rig: Rig) -> tuple[float, float]:
+    """Total inertia, kg m^2, and viscous friction, N m s/rad, of the arm to start from."""
+    masses = MASSES if rig.rods.mounted == "both" else ("m1",)
+    carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
+    total = best(rig.arm.A, 2.0 * carried)
+    return total, best(rig.arm.c0, total)
+
+
+def setup_of(run: Run, rig: Rig) -> Setup:
+    """Mounting and known inputs of a run, with what its arm does.
+
+    An arm that is driven by an acceleration is taken to move as its encoder says: its torque is not known.
+
+    Raises:
+        RunError: a driven arm without its input in the rig file.
+    """
+    if run.arm_mode == "free":
+        return replace(run.setup, arm_moves=True)
+    if run.arm_mode != "driven":
+        return run.setup
+    name = str(run.file or run.name)
+    if rig.motor is None or run.arm_input is None:
+        raise RunError(f"{name}: its arm is driven: the rig file needs [motor] with the input")
+    if rig.motor.input == "acceleration":
+        return replace(run.setup, arm=prescribed_arm(run.t, run.theta[:, 0], rig, name))
+    gain = drive_gain(rig)
+    torques = Torques(
+        run.t + run.input_delay_s,
+        np.zeros((len(run.t), 2)),
+        on_arm=gain.value * run.arm_input,
+        scaled=gain.known and not rods_measured(rig),
+    )
+    return replace(run.setup, torques=torques, arm_moves=True)

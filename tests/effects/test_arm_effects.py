@@ -1,0 +1,139 @@
+"""What every effect at a free or driven arm keeps to, and what the lanes make of an arm."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from dpr_lab.dynamics.arm import FREE
+from dpr_lab.dynamics.base import whole_parameters
+from dpr_lab.dynamics.moving_arm.swing import arm_segments, swing_segments
+from dpr_lab.dynamics.prediction import predict
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.effects import EFFECTS, OF_ARM, effect_params, param_index
+from dpr_lab.effects.mounted import effects_of_run
+from dpr_lab.rig import load_rig
+from dpr_lab.setup import Setup, Torques
+
+RIG = load_rig("paper")
+CONSTANTS = rig_constants(RIG)
+BASE = whole_parameters(RIG.nominal, CONSTANTS.L1, CONSTANTS.g)
+INERTIA, VISCOUS = 0.15, 0.02
+T = 0.02 + 5e-3 * np.arange(160)
+LOGGED = 2e-3 * np.arange(600)
+PUSH = 2.0 * np.sin(6.0 * LOGGED) + 1.0 * np.sign(np.sin(17.0 * LOGGED))
+START = np.array([[2.0, 1.0, 0.3, -0.5, 0.1, 0.4]])
+SHAPES = {"hard_stop_joint0": {"range_rad": 0.2}, "saturation_joint0": {"limit_Nm": 1.0}}
+
+
+def driven(torque=PUSH):
+    torques = Torques(LOGGED, np.zeros((len(LOGGED), 2)), on_arm=torque)
+    return segments([T], setups=[Setup(torques=torques, arm_moves=True)], step=1e-3)
+
+
+def read(effects, laid_out=None, start=START):
+    arm = {"free_arm": {"inertia_kgm2": INERTIA, "viscous_Nms": VISCOUS}}
+    return predict(BASE, effect_params(arm | effects), CONSTANTS, laid_out or driven(), start, arm=True)
+
+
+def typical(effect, factor=1.0):
+    return {effect.name: {p.name: 10 * factor * p.typical for p in effect.amplitudes} | SHAPES.get(effect.name, {})}
+
+
+each_effect = pytest.mark.parametrize("effect", OF_ARM.values(), ids=OF_ARM)
+
+
+def test_the_lanes_move_an_arm_as_the_equation_of_the_whole_rig_does():
+    p = [*BASE[:6], INERTIA, VISCOUS, 0.0, 0.0, 1.0, CONSTANTS.L0]
+    before = 1e-3 * np.arange(round(1e3 * T[-1]) + 1)
+    mean = np.diff(np.interp(before, *driven().setups[0].torques.arm_knots)) / np.diff(before)
+    whole = swing_segments(
+        p,
+        (CONSTANTS.L1, CONSTANTS.g),
+        arm_segments([before], [FREE], [np.append(mean, 0.0)], 1e-3),
+        START[:, [4, 0, 1, 5, 2, 3]],
+    )[20::5]
+    found = read({})
+    np.testing.assert_allclose(found[:, 0], whole[:, 1], atol=1e-8)
+    np.testing.assert_allclose(found[:, 2], whole[:, 0], atol=1e-8)
+
+
+@each_effect
+def test_acts_and_stays_finite(effect):
+    change = read(typical(effect)) - read({})
+    assert np.isfinite(change).all()
+    assert 1e-6 < np.abs(change).max() < 3.0
+
+
+@each_effect
+def test_off_exactly_whatever_the_shape(effect):
+    shapes = {effect.name: {p.name: 3.0 * p.default for p in effect.shapes}}
+    np.testing.assert_array_equal(read(shapes), read({}))
+
+
+@each_effect
+def test_a_clamped_arm_has_none_and_a_free_one_no_drive(effect):
+    params = effect_params(typical(effect))
+    on = [param_index(effect.name, parameter.name) for parameter in effect.amplitudes]
+    assert params[on].all()
+    assert not effects_of_run(params, Setup())[on].any()
+    free = segments([T], setups=[Setup(arm_moves=True)], step=1e-3)
+    if effect.driven:
+        np.testing.assert_array_equal(read(typical(effect), free), read({}, free))
+
+
+def dry_rates(friction):
+    """An independent arm: sympy's equation of one rod on it, with friction that is smooth within a thousandth."""
+    import sympy as sp
+
+    t0, t1, w0, w1 = sp.symbols("t0 t1 w0 w1")
+    a, A, r, e1, c0, c1 = sp.symbols("a A r e1 c0 c1")
+    kinetic = A * w0**2 / 2 + a * (w1**2 + sp.sin(t1) ** 2 * w0**2) / 2 + r * e1 * sp.cos(t1) * w0 * w1
+    potential = e1 * sp.cos(t1)
+    q, v = sp.Matrix([t0, t1]), sp.Matrix([w0, w1])
+    momenta = sp.Matrix([kinetic.diff(w) for w in v])
+    M = momenta.jacobian(v)
+    rest = sp.Matrix([(kinetic - potential).diff(x) for x in q]) - momenta.jacobian(q) * v
+    rest -= sp.Matrix([c0 * w0, c1 * w1])
+    own = base_of_one_rod()
+    values = {a: own[0], e1: own[1], c1: own[2], A: INERTIA, c0: VISCOUS, r: CONSTANTS.L0 / CONSTANTS.g}
+    solved = sp.lambdify((t0, t1, w0, w1), [M.subs(values), rest.subs(values)])
+
+    def rates(t, x):
+        mass, force = solved(*x)
+        i = min(int(t / 2e-3 + 1e-9), len(PUSH) - 1)
+        force = np.add(np.ravel(force), [PUSH[i] - friction * np.tanh(x[2] / 1e-4), 0.0]).astype(float)
+        return [*x[2:], *np.linalg.solve(np.array(mass, dtype=float), force)]
+
+    return rates
+
+
+def base_of_one_rod():
+    a, _, _, e1, c1, _, p = BASE
+    return a - p, e1 - p * CONSTANTS.g / CONSTANTS.L1, c1
+
+
+@pytest.mark.slow
+def test_dry_friction_holds_the_arm_and_lets_it_go_as_an_independent_engine_does():
+    friction = 2.4
+    torques = Torques(LOGGED, np.zeros((len(LOGGED), 2)), on_arm=PUSH)
+    setup = Setup("inner", torques=torques, arm_moves=True)
+    start = np.array([[2.0, 2.0, 0.3, 0.3, 0.1, 0.4]])
+    found = read({"coulomb_joint0": {"torque_Nm": friction}}, segments([T], setups=[setup], step=1e-3), start)
+    rates, x, angles, now = dry_rates(friction), [0.1, 2.0, 0.4, 0.3], [], 0.0
+    for until in T:
+        steps = np.arange(now, until - 1e-9, 2e-3)
+        for begin in steps:
+            done = solve_ivp(rates, (begin, min(begin + 2e-3, until)), x, method="LSODA", rtol=1e-8, atol=1e-10)
+            x = done.y[:, -1]
+        angles.append(x[:2])
+        now = until
+    expected = np.array(angles)
+    assert np.mean(np.abs(np.diff(expected[:, 0])) < 2e-6) > 0.02  # it rests at times
+    np.testing.assert_allclose(found[:, 2], expected[:, 0], atol=3e-4)
+    np.testing.assert_allclose(found[:, 0], expected[:, 1], atol=3e-4)
+
+
+def test_names_of_the_arm_end_with_its_joint():
+    assert all(name.endswith("_joint0") for name in OF_ARM)
+    assert all(EFFECTS[name].joints == (-1,) for name in OF_ARM)

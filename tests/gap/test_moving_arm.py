@@ -1,0 +1,122 @@
+"""Diagnoses of rigs with a free or driven arm, simulated by MuJoCo, and of an inner rod that is prescribed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
+from dpr_lab.errors import IdentificationError, RunError
+from dpr_lab.estimation.arm_motion import arm_motion
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.identification.identify import polish
+from dpr_lab.identification.preprocess import preprocess
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.run import Run
+from tests.arm_engine import drawn_plant, recorded, rig_of
+
+LARGEST = 0.12
+
+
+def case(fault, mode, both=False, seconds=4.0, seed=3):
+    rng = np.random.default_rng(seed)
+    plant = drawn_plant(rng, both, fault, 1.0, LARGEST)
+    rig = rig_of(plant, mode)
+    return plant, rig, recorded(plant, rig, mode, rng, seconds, LARGEST)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("fault", "mode"),
+    [
+        ("coulomb_joint0", "driven"),
+        ("spring_joint0", "free"),
+        ("torque_scale_joint0", "driven"),
+        ("input_delay", "driven"),
+    ],
+)
+def test_a_fault_of_the_arm_or_its_drive_is_named_with_its_size(fault, mode):
+    plant, rig, runs = case(fault, mode)
+    done = diagnose(runs, rig)
+    assert done.verdict == "named"
+    assert fault in done.effects[0].members
+    sizes = done.effects[0].parameters
+    for name, truth in plant.size.items():
+        if name in sizes:
+            assert sizes[name].value == pytest.approx(truth, rel=0.1)
+    inertia = plant.rods["J1"] + plant.rods["m1"] * plant.rods["l1"] ** 2
+    assert set(done.determined) == {"e1/a", "c1/a", "A/a", "c0/a"}
+    assert done.determined["A/a"].value == pytest.approx(plant.A / inertia, rel=0.03)
+
+
+@pytest.mark.slow
+def test_signs_and_units_of_the_input_and_an_arm_that_stands_still_are_named():
+    _, rig, runs = case("", "driven", seconds=2.0)
+    with pytest.raises(IdentificationError, match="acts against its sign"):
+        diagnose([replace(run, arm_input=-run.arm_input) for run in runs], rig)
+    with pytest.raises(IdentificationError, match="seems to be in mN m"):
+        diagnose([replace(run, arm_input=1e3 * run.arm_input) for run in runs], rig)
+    with pytest.raises(IdentificationError, match="theta0 turns the other way"):
+        diagnose([replace(run, theta=run.theta * [-1.0, 1.0, 1.0]) for run in runs], rig)
+    with pytest.raises(RunError, match="stands still"):
+        diagnose([replace(run, theta=run.theta * [0.0, 1.0, 1.0]) for run in runs], rig)
+
+
+def prescribed(seconds=6.0, noise=2e-4, friction=0.0):
+    """An outer rod on an inner one that a motor moves, by scipy."""
+    rig = load_rig("paper")
+    a, b, d, e1, c1, c2 = base_parameters(rig.nominal, rig.L1, rig.g)
+    t = np.arange(0.0, seconds, 2e-3)
+
+    def inner(t):
+        return np.pi + 0.5 * np.sin(3 * t) + 0.3 * np.sin(7.1 * t), 1.5 * np.cos(3 * t) + 2.13 * np.cos(7.1 * t)
+
+    def rates(t, x):
+        theta1, omega1 = inner(t)
+        alpha1 = -4.5 * np.sin(3 * t) - 2.13 * 7.1 * np.sin(7.1 * t)
+        theta2, omega2 = x
+        between = theta1 - theta2
+        push = d * np.sin(between) * omega1**2 - d * np.cos(between) * alpha1 + d * rig.g / rig.L1 * np.sin(theta2)
+        push -= c2 * (omega2 - omega1) + friction * np.tanh((omega2 - omega1) / 1e-3)
+        return [omega2, push / b]
+
+    swing = solve_ivp(rates, (0, seconds), [2.5, 0.0], t_eval=t, rtol=1e-9, atol=1e-10).y[0]
+    rng = np.random.default_rng(4)
+    joints = np.column_stack([inner(t)[0], swing - inner(t)[0]]) + rng.normal(0, noise, (len(t), 2))
+    theta = np.column_stack([np.zeros(len(t)), joints[:, 0], joints.sum(axis=1)])
+    run = Run(
+        name="moved", t=t, theta=theta, counts=None, pose=None, rig_name=rig.name, rig_sha256="", rate_hz=500.0,
+        inner=arm_motion(t, theta[:, 1], "moved"), keep_rest=True,
+    )  # fmt: skip
+    return rig, run, ratios([a, b, d, e1, c1, c2])
+
+
+@pytest.mark.slow
+def test_an_inner_rod_that_is_prescribed_shows_the_outer_one():
+    rig, run, truth = prescribed()
+    fit = polish(rig.nominal * 1.08, [preprocess(run, rig)], rig)
+    assert [RATIOS[i] for i in fit.visible] == ["d/b", "c2/b"]
+    for i in fit.visible:
+        assert fit.ratios[i] == pytest.approx(truth[i], rel=0.02)
+    assert fit.chi2_per_dof < 2.0
+
+
+@pytest.mark.slow
+def test_dry_friction_of_the_outer_rod_is_named_while_the_inner_one_is_prescribed():
+    friction = 0.004
+    rig, run, _ = prescribed(friction=friction)
+    done = diagnose(run, rig)
+    assert "coulomb_joint2" in done.effects[0].members
+    assert done.effects[0].parameters["torque_Nm"].value == pytest.approx(friction, rel=0.1)
+    assert set(done.determined) == {"d/b", "c2/b"}
+
+
+def test_modes_that_cannot_be_together_are_refused():
+    table = load_rig("paper").model_dump(exclude_none=True)
+    table["rods"], table["joints"] = {"mounted": "inner"}, {"inner": "prescribed"}
+    with pytest.raises(ValueError, match="needs the outer rod"):
+        Rig.model_validate(table)
+    table["rods"], table["arm"] = {}, {"mode": "free"}
+    with pytest.raises(ValueError, match="has to be clamped or prescribed"):
+        Rig.model_validate(table)
