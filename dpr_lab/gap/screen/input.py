@@ -96,12 +96,21 @@ def _refuse_still(recordings: Recordings) -> None:
 
 
 def _fitted(recordings: Recordings, start: Array) -> Fit:
-    """The bare model with a free gain, in short segments."""
+    """The bare model with a free gain, in short segments, from the unit of the input that comes nearest."""
     problem, initial = recordings.cut(LENGTHS.first)
-    if recordings.driven_arm:
-        problem = replace(problem, always=tuple({*problem.always, DRIVE_GAIN.name}))
     at = Estimate.of(start, recordings.start_params, initial)
+    if recordings.driven_arm and recordings.rig.motor:
+        problem = replace(problem, always=tuple({*problem.always, DRIVE_GAIN.name}))
+        exponents = (0.0, *UNITS.get(recordings.rig.motor.input, ()))
+        tried = [at.changed(params=_with_gain(at.params, 10.0**exponent)) for exponent in exponents]
+        at = min(tried, key=problem.chi2)
     return fit(problem, at, free_parameters(at, (), problem))
+
+
+def _with_gain(params: Array, gain: float) -> Array:
+    changed = params.copy()
+    changed[param_index(DRIVE_GAIN.name, DRIVE_GAIN.amplitudes[0].name)] = gain - 1.0
+    return changed
 
 
 def _mirrored(recordings: Recordings) -> Recordings:
