@@ -8,7 +8,7 @@ by half its acceleration times the variance of the block's instants, which is su
 If rods are so fast, or encoders so fine, that the remaining bias is significant, the blocks are shorter.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
