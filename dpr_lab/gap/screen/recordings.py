@@ -36,7 +36,7 @@ class SegmentLengths:
     """Length at which effects are distinguished: four to seven times as sensitive as the first, and Gauss-Newton still
     converges."""
     steady: float = 2.0
-    """The same of rods that turn as one, which no chaos limits: what builds up over swings, as friction and a zero
+    """The same of a rod alone, which no chaos limits: what builds up over swings, as friction and a zero
     error do, stands out against what does not repeat;"""
     steady_parts: int = 5
     """but at least so many segments of each recording, which show its scatter."""
@@ -91,7 +91,7 @@ class Recordings:
     @property
     def working_length(self) -> float:
         """Length of the segments at which effects are distinguished, s."""
-        if not all(item.run.setup.held and item.run.setup.arm is None for item in self.records) or self.arm_moves:
+        if not all(item.run.setup.alone and item.run.setup.arm is None for item in self.records) or self.arm_moves:
             return LENGTHS.working
         shortest = min((float(np.ptp(item.t)) for item in self.records), default=0.0)
         return float(np.clip(shortest / LENGTHS.steady_parts, LENGTHS.working, LENGTHS.steady))
