@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from dpr_lab import kernel_cache
+from dpr_lab.effects import EFFECTS
 
 ROOT = Path(__file__).parents[1]
 TEMPLATE = ROOT / "docs" / "examples" / "plugin"
@@ -62,7 +63,7 @@ def test_broken_plugins_are_named_and_skipped(announce: Announce) -> None:
     announce("right", LAW, effects="a = right:MAGNETS")
     done = run(COMMAND.format(["effects", "list", "--json"]), site)
     names = {effect["name"]: effect["package"] for effect in json.loads(done.stdout)}
-    assert len(names) == 46
+    assert len(names) == len(EFFECTS) + 2
     assert names["magnet_joint2"] == "right 1.0"
     reasons = {line.split(" of ")[1].split(" ")[0]: line for line in done.stderr.splitlines()}
     assert "no licence" in reasons["raises"]
@@ -77,10 +78,10 @@ def test_broken_plugins_are_named_and_skipped(announce: Announce) -> None:
 def test_no_plugins_turns_them_off(announce: Announce) -> None:
     site = announce("right", LAW, effects="a = right:MAGNETS")
     count = "from dpr_lab.effects import EFFECTS; print(len(EFFECTS))"
-    assert run(count, site).stdout == "46\n"
-    assert run(count, site, DPR_LAB_NO_PLUGINS="1").stdout == "44\n"
+    assert run(count, site).stdout == f"{len(EFFECTS) + 2}\n"
+    assert run(count, site, DPR_LAB_NO_PLUGINS="1").stdout == f"{len(EFFECTS)}\n"
     listed = run(COMMAND.format(["--no-plugins", "effects", "list", "--json"]), site)
-    assert len(json.loads(listed.stdout)) == 44
+    assert len(json.loads(listed.stdout)) == len(EFFECTS)
 
 
 @pytest.mark.parametrize("installed", [False, True])

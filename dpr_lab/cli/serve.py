@@ -20,6 +20,7 @@ def serve(
     """
     if not stdio:
         raise typer.BadParameter("give --stdio: requests come from stdin; there is no network port")
+    from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.service import RpcCode, Service
 
     answers = _only_answers()
@@ -32,16 +33,17 @@ def serve(
 
     service = Service(send)
     done = False
-    try:
-        for line in _lines(sys.stdin.buffer):
-            if line is None:
-                error = {"code": int(RpcCode.PARSE_ERROR), "message": "the line is longer than 1 MB"}
-                send({"jsonrpc": "2.0", "id": None, "error": error})
-            elif line.strip():
-                service.receive(line)
-        done = True
-    finally:
-        service.close(cancel=not done)
+    with Listener():  # states on stderr that kernels are compiled
+        try:
+            for line in _lines(sys.stdin.buffer):
+                if line is None:
+                    error = {"code": int(RpcCode.PARSE_ERROR), "message": "the line is longer than 1 MB"}
+                    send({"jsonrpc": "2.0", "id": None, "error": error})
+                elif line.strip():
+                    service.receive(line)
+            done = True
+        finally:
+            service.close(cancel=not done)
 
 
 def _only_answers() -> BinaryIO:

@@ -18,7 +18,7 @@ BASE, MODEL = mounted(Z, FRAME, ARM)
 
 def motion(q, w):
     waves = np.sin(q[1]), np.cos(q[1]), np.sin(q[2]), np.cos(q[2])
-    return Motion(0.0, *q, *w, *waves, *np.zeros(6))
+    return Motion(0.0, *q, *w, *waves, *np.zeros(8))
 
 
 def moved(q, w, mode, drive, tau1=0.0, tau2=0.0):

@@ -153,7 +153,7 @@ def test_joint_forces_are_mass_times_acceleration_less_weight(states):
         theta1, theta2, omega1, omega2 = state
         alpha = accelerations(state, {})
         waves = np.sin(theta1), np.cos(theta1), np.sin(theta2), np.cos(theta2)
-        motion = Motion._make([0.0, 0.0, theta1, theta2, 0.0, omega1, omega2, *waves, *np.zeros(6)])
+        motion = Motion._make([0.0, 0.0, theta1, theta2, 0.0, omega1, omega2, *waves, *np.zeros(8)])
 
         def moved(length, theta, omega, turn):
             return length * np.array(

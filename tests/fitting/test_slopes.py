@@ -22,7 +22,7 @@ def test_slopes_by_initial_states_are_those_of_wider_differences_with_the_intern
     known = at.base, at.params, problem.model.constants, problem.segments
     internal = internal_states(*known, at.initial)
     slopes = problem.model.slopes(problem.segments, at, ())
-    for column, step in enumerate(300 * INITIAL_STEPS):
+    for column, step in enumerate(300 * INITIAL_STEPS[: at.initial.shape[1]]):
         ahead, behind = at.initial.copy(), at.initial.copy()
         ahead[:, column] += step
         behind[:, column] -= step

@@ -157,7 +157,7 @@ def test_weighing_three_parts_leaves_one_direction_which_a_centroid_or_a_known_m
     for name in ("balance l1", "balance l2", "add mass to rod 1", "add mass to rod 2"):
         assert set(advice[name].frees) == {"l1", "l2", "c1", "c2", "J1", "J2"}
     assert advice["swing rod 2 alone"].gain_bits == pytest.approx(0, abs=1e-6)
-    assert "nothing" in advice["swing rod 2 alone"].sentence
+    assert "adds no information" in advice["swing rod 2 alone"].sentence
     assert len(weighed.sequence) == 1
 
 

@@ -31,7 +31,7 @@ def test_a_damaged_file_is_a_fresh_start_with_a_notice(tmp_path: Path, text: str
     workspace, notices = load(tmp_path)
     assert workspace == Workspace()
     assert "bench.json" in notices[0]
-    assert "starts fresh" in notices[0]
+    assert "starts with an empty workspace" in notices[0]
     assert "validation error" not in notices[0]
 
 

@@ -462,7 +462,7 @@ def test_the_limit_that_failed_is_named(paper) -> None:
     # "moving (limit 0.02 rad/s), 0.014 rad/s": the limit that was shown had been kept.
     shaking = RestReading((0.0, 3.1, 0.1), (0.0, 0.0), 0.05, 0.014, 0.01, False, "")
     drifting = replace(shaking, speed=0.03, spread=0.0)
-    assert "shaking 0.01 rad (limit 0.0" in str(rest_text(shaking, paper, UNITS["radians"]))
+    assert "vibration 0.01 rad (limit 0.0" in str(rest_text(shaking, paper, UNITS["radians"]))
     assert "rad/s" not in str(rest_text(shaking, paper, UNITS["radians"]))
     assert "drift 0.0300 rad/s (limit 0.0200 rad/s)" in str(rest_text(drifting, paper, UNITS["radians"]))
     assert "shaking" not in str(rest_text(drifting, paper, UNITS["radians"]))

@@ -65,8 +65,8 @@ def test_options_are_read_as_the_command_reads_them() -> None:
     [
         ("backwards", "no such option: backwards"),
         ("--unit kg", "--unit: invalid choice: 'kg'"),
-        ("--columns a", "columns takes name=column pairs, .* not 'a'"),
-        ("--scale x", "scale takes a number or theta1=-1,theta2=0.5, not 'x'"),
+        ("--columns a", "columns must be name=column pairs, .* not 'a'"),
+        ("--scale x", "scale must be a number or theta1=-1,theta2=0.5, not 'x'"),
         ("--rate-hz 0", "rate_hz must be above 0 and finite, not 0"),
         ("--columns 't", "a quotation mark is missing"),
     ],
