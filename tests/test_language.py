@@ -21,8 +21,6 @@ VAGUE = {"found", "item", "told", "said", "it", "begun", "beside"}
 
 WITH_VAGUE_NAMES = {
     "dpr_lab/gap": 134,
-    "dpr_lab/tui": 22,
-    "dpr_lab/workflows": 12,
 }
 """Package -> uses that are still there at most; a package that is not named has none. Lower these, never raise them."""
 

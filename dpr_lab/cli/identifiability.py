@@ -38,14 +38,14 @@ def identifiability(
         result = judge(IdentifiabilityRequest(rig, tuple(runs or ()), torque), listener)
     if as_json:
         request = {"rig": result.rig, "runs": [str(path) for path in runs or []], "torques": list(result.torques)}
-        emit(result.found.to_json() | request)
+        emit(result.identifiability.to_json() | request)
     else:
         if result.torques:
             _print(f"Runs driven by their {' and '.join(result.torques)} torques.")
-        if isinstance(result.found, ArmIdentifiability):
-            show_arm(result.found)
+        if isinstance(result.identifiability, ArmIdentifiability):
+            show_arm(result.identifiability)
         else:
-            show(result.found)
+            show(result.identifiability)
 
 
 def show_arm(analysis: "ArmIdentifiability") -> None:

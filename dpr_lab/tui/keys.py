@@ -51,7 +51,7 @@ class KeyNames:
 
     def fill(self, text: str) -> str:
         """Replace action names in braces by their keys; other braces are kept."""
-        return MENTION.sub(lambda found: self.of(found[1]) if found[1] in self.keys else found[0], text)
+        return MENTION.sub(lambda mention: self.of(mention[1]) if mention[1] in self.keys else mention[0], text)
 
 
 def keys_file() -> Path:

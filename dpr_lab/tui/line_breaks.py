@@ -58,8 +58,8 @@ class Hanging(Visual):
 
 def _hung(line: Content, width: int) -> list[Content]:
     """One line, wrapped to several if needed."""
-    found = _BEFORE.match(line.plain)
-    indent = found.end() if found is not None else 0
+    marker = _BEFORE.match(line.plain)
+    indent = marker.end() if marker is not None else 0
     if line.cell_length <= width or width - indent < NARROWEST:
         return [line]
     first, *more = line[indent:].wrap(width - indent)

@@ -60,8 +60,8 @@ class KnownPlant:
     def comparison(self) -> dict[str, tuple[float, float, float, float]]:
         """Each ratio: estimate, standard deviation, true value, and error in standard deviations."""
         return {
-            name: (found.value, found.std, self.ratios[name], (found.value - self.ratios[name]) / found.std)
-            for name, found in self.model.ratios.items()
+            name: (interval.value, interval.std, self.ratios[name], (interval.value - self.ratios[name]) / interval.std)
+            for name, interval in self.model.ratios.items()
         }
 
 
@@ -111,11 +111,11 @@ def _known_plant(request: DemoRequest, begin: "Callable[[int], None]", on_event:
     begin(1)
     recorded = capture(CaptureRequest(RIG, out / "runs", CaptureOptions(), url=url), lambda: True, on_event)
     begin(2)
-    found = identify(IdentifyRequest(recorded.files, RIG, out / "model.json", seed=seed), on_event)
+    identified = identify(IdentifyRequest(recorded.files, RIG, out / "model.json", seed=seed), on_event)
     begin(3)
-    compared = compare(CompareRequest(recorded.files, found.file, out), on_event)
+    compared = compare(CompareRequest(recorded.files, identified.file, out), on_event)
     truth = ask("--plant", PLANT, "--seed", str(seed), "--reveal")["ratios"]
-    return KnownPlant(recorded.files, found.model, found.file, compared.saved["report"], truth)
+    return KnownPlant(recorded.files, identified.model, identified.file, compared.saved["report"], truth)
 
 
 def _hidden_effect(request: DemoRequest, begin: "Callable[[int], None]", on_event: OnEvent) -> HiddenEffect:
@@ -128,11 +128,13 @@ def _hidden_effect(request: DemoRequest, begin: "Callable[[int], None]", on_even
     trial = draw(TrialRequest(PlantRequest(Kind.SINGLE, seed=request.seed), folder), on_event)
     begin(5)
     seed = request.seed or request.default_seed
-    found = identify(IdentifyRequest(trial.runs, str(folder / RIG_FILE), folder / "model.json", seed=seed), on_event)
+    identified = identify(
+        IdentifyRequest(trial.runs, str(folder / RIG_FILE), folder / "model.json", seed=seed), on_event
+    )
     begin(6)
-    diagnosed = diagnose_trial(DiagnoseTrialRequest(folder, found.file), on_event)
+    diagnosed = diagnose_trial(DiagnoseTrialRequest(folder, identified.file), on_event)
     begin(7)
-    return HiddenEffect(trial, found.model, diagnosed.diagnosis, diagnosed.files["report"], open_trial(trial))
+    return HiddenEffect(trial, identified.model, diagnosed.diagnosis, diagnosed.files["report"], open_trial(trial))
 
 
 def _unused(out: Path) -> Path:

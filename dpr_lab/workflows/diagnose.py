@@ -91,7 +91,7 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
     refuse_misread(runs, rig)
     stages = len(STAGES) + bool(request.out)
     library = chosen_library(request.library, request.without)
-    found = diagnose_runs(
+    diagnosis = diagnose_runs(
         runs,
         rig,
         held_out=held_out,
@@ -101,13 +101,13 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
         seed=request.seed,
         on_progress=lambda event: on_event(_of_all(event, stages)),
     )
-    result = _kept(DiagnoseResult(found, {}), request.out)  # saved before the steps that can still fail
+    result = _kept(DiagnoseResult(diagnosis, {}), request.out)  # saved before the steps that can still fail
     if request.trust:
         from dpr_lab.trials.own_rig import trust
 
         began = time.perf_counter()
         tried = trust(
-            found,
+            diagnosis,
             runs,
             rig,
             request.trust,
@@ -117,14 +117,14 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
             processes=request.processes or os.cpu_count() or 1,
             on_trial=lambda done: on_event(TrustTrialDone(done, request.trust, time.perf_counter() - began)),
         )
-        found = found.model_copy(update={"trust": tried})
-        result = _kept(DiagnoseResult(found, {}), request.out)
+        diagnosis = diagnosis.model_copy(update={"trust": tried})
+        result = _kept(DiagnoseResult(diagnosis, {}), request.out)
     if request.out:
         from dpr_lab.report.saving import save_diagnosis
 
         on_event(StageBegan(stages, stages, "report"))
-        files = save_diagnosis(found, runs, rig, request.out, lambda sentence: on_event(Warned(sentence)))
-        result = _kept(DiagnoseResult(found, files), request.out)
+        files = save_diagnosis(diagnosis, runs, rig, request.out, lambda sentence: on_event(Warned(sentence)))
+        result = _kept(DiagnoseResult(diagnosis, files), request.out)
     return result
 
 

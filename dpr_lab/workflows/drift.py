@@ -109,12 +109,12 @@ def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResul
     groups = grouped([_recorded(file) for file in request.runs], request.by)
     on_event(StageBegan(1, len(STAGES), STAGES[0]))
     ordered = [runs[i] for i in groups.order]
-    found = estimate_each_arm(ordered, rig) if moving else estimate_each(ordered, rig, effects, start)
+    estimates = estimate_each_arm(ordered, rig) if moving else estimate_each(ordered, rig, effects, start)
     on_event(StageBegan(2, len(STAGES), STAGES[1]))
-    drift = changes(found, groups.group, groups.names)
+    drift = changes(estimates, groups.group, groups.names)
     kinds = torque_kinds(runs)
-    files = save_drift(drift, found, groups.group, rig.name, request.out, kinds) if request.out else {}
-    return DriftResult(drift, found, groups.group, files, kinds)
+    files = save_drift(drift, estimates, groups.group, rig.name, request.out, kinds) if request.out else {}
+    return DriftResult(drift, estimates, groups.group, files, kinds)
 
 
 def _recorded(file: Path) -> "Occasion":
@@ -140,5 +140,5 @@ def _effects(file: Path) -> "Mapping[str, Mapping[str, float]]":
     from dpr_lab.effects import EFFECTS
     from dpr_lab.gap.result.diagnosis import load_diagnosis
 
-    found = load_diagnosis(file).model_effects
-    return {name: values for name, values in found.items() if not EFFECTS[name].event}
+    effects = load_diagnosis(file).model_effects
+    return {name: values for name, values in effects.items() if not EFFECTS[name].event}

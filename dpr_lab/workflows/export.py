@@ -104,7 +104,7 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
             tried = result.tried.get(name)
             check = check_of(tried, result.bare_rad) if tried and result.bare_rad is not None else None
             files[name] = write_export(FORMATS[name], models[name], rig, request.out, lost[name], check)
-    instead = {name: moving(found) for name, found in models.items() if found is not model}
+    instead = {name: moving(own_model) for name, own_model in models.items() if own_model is not model}
     with_reasons = {name: reasons for name, reasons in lost.items() if reasons}
     return replace(
         result,

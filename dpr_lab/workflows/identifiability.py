@@ -30,7 +30,7 @@ class IdentifiabilityResult:
 
     rig: str
     """Name of the rig."""
-    found: "Identifiability | ArmIdentifiability"
+    identifiability: "Identifiability | ArmIdentifiability"
     torques: tuple[str, ...] = ()
     """Kinds of the known torques that drove the runs."""
 
@@ -53,5 +53,5 @@ def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore)
     runs = read_runs(request.runs, rig, on_event, torque=request.torque, moving=True)
     if moves(runs) or (not runs and rig.arm.mode in ("free", "driven")):
         return IdentifiabilityResult(rig.name, identifiability_of_arm(runs, rig))
-    found = identifiability_of(runs, rig, lambda sentence: on_event(Warned(sentence)))
-    return IdentifiabilityResult(rig.name, found, torque_kinds(runs))
+    answer = identifiability_of(runs, rig, lambda sentence: on_event(Warned(sentence)))
+    return IdentifiabilityResult(rig.name, answer, torque_kinds(runs))

@@ -169,10 +169,10 @@ class Service:
         if set(params) != {"id"} or not _is_id(params["id"]):
             raise RpcError(RpcCode.INVALID_PARAMS, 'cancel takes the id of a job: {"id": 1}')
         with self._changed:
-            found = [job for job in self._all() if job.id == params["id"]]
-            for job in found:
+            jobs = [job for job in self._all() if job.id == params["id"]]
+            for job in jobs:
                 job.cancelled = True
-        return bool(found)
+        return bool(jobs)
 
     def _work(self) -> None:
         while True:

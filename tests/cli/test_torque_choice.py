@@ -11,6 +11,7 @@ from dpr_lab.dynamics.segments import segments
 from dpr_lab.effects import effect_params
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
 from dpr_lab.fitting.rods import RodsAlone
+from dpr_lab.identification.identifiability import Identifiability
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Setup, Torques
 from dpr_lab.storage.csv_import import import_csv
@@ -43,7 +44,8 @@ def driven(paper: Rig, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def test_the_scale_is_that_of_the_torques_which_are_taken(driven: list[Path], paper: Rig, cli) -> None:
     scale = [identifiability(IdentifiabilityRequest("paper", tuple(driven), kind)) for kind in (None, "commanded")]
     assert [found.torques for found in scale] == [("measured",), ("commanded",)]
-    measured, commanded = (found.found.unknowns["b"] for found in scale)
+    answers = [result.identifiability for result in scale if isinstance(result.identifiability, Identifiability)]
+    measured, commanded = (answer.unknowns["b"] for answer in answers)
     assert commanded == pytest.approx(2 * measured, rel=0.01)
     told = cli("identifiability", *driven, "--rig", "paper", "--torque", "commanded", "--json")
     assert told.json["torques"] == ["commanded"]

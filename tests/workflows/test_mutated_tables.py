@@ -88,7 +88,7 @@ def analysed(table: MutatedTable, paper: Rig, clean: Path, tmp_path: Path) -> di
     if answer(lambda: identify(IdentifyRequest((run,), "paper", model, settings=settings))):
         assert finite(json.loads(model.read_text()))
     if known := answer(lambda: identifiability(IdentifiabilityRequest("paper", (run,)))):
-        as_json(known.found.to_json())
+        as_json(known.identifiability.to_json())
     if compared := answer(lambda: compare(CompareRequest((run,), clean / "model.json", tmp_path / "compared"))):
         as_json(compared.saved)
     if drifted := answer(lambda: watch_drift(DriftRequest((clean / "clean.mcap", run), "paper", "label"))):

@@ -29,9 +29,9 @@ class KeptComparison:
             DprError: they cannot be written.
         """
         arrays: dict[str, Any] = {
-            f"{number}.{field.name}": np.array("" if (value := getattr(item, field.name)) is None else value)
-            for number, item in enumerate(comparisons)
-            for field in fields(item)
+            f"{number}.{field.name}": np.array("" if (value := getattr(comparison, field.name)) is None else value)
+            for number, comparison in enumerate(comparisons)
+            for field in fields(comparison)
         }
 
         def write(fresh: Path) -> None:

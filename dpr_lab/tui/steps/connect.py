@@ -182,20 +182,20 @@ of its clock relative to this computer. This closes the latch and leaves it clos
 
     @work(thread=True, exclusive=True)
     def _look(self) -> None:
-        found = discover()
-        self.app.call_from_thread(self._list, found)
+        links = discover()
+        self.app.call_from_thread(self._list, links)
 
-    def _list(self, found: Links) -> None:
+    def _list(self, offered: Links) -> None:
         links = self.query_one(OptionList)
         links.clear_options()
-        for url, what in self._offers(found).items():
+        for url, what in self._offers(offered).items():
             links.add_option(Option(Content(f"{url:<34} {what}"), id=url))
-        if not found.serial:
+        if not offered.serial:
             hint = self.worded("no serial port found: connect the device and press {connect.look}")
             links.add_option(Option(Content(hint), disabled=True))
         links.highlighted = 0
 
-    def _offers(self, found: Links) -> dict[str, str]:
+    def _offers(self, links: Links) -> dict[str, str]:
         """URL -> description; the one used last comes first."""
         offers = {}
         if self.workspace.link:
@@ -204,8 +204,8 @@ of its clock relative to this computer. This closes the latch and leaves it clos
             own = load_rig(self.workspace.rig).link.url
             if not own.startswith("sim:"):  # default of a rig file without a link
                 offers.setdefault(own, "link of the rig file")
-        offers |= {f"serial://{port.device}?baud=921600": _described(port) for port in found.serial}
-        offers |= {f"can://socketcan/{name}?bitrate=1000000": "CAN interface" for name in found.can_interfaces}
+        offers |= {f"serial://{port.device}?baud=921600": _described(port) for port in links.serial}
+        offers |= {f"can://socketcan/{name}?bitrate=1000000": "CAN interface" for name in links.can_interfaces}
         return offers | {SIMULATED: "simulated rig, no hardware needed"}
 
     def _draw(self) -> None:

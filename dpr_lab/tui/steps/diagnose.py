@@ -196,8 +196,8 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         """End without a diagnosis; the previous one is still shown, with its sentence."""
         from dpr_lab.report.gap.tables import sentence
 
-        found = self._found
-        before = f"; the previous one is shown. {sentence(found)}" if found is not None else ""
+        previous = self._found
+        before = f"; the previous one is shown. {sentence(previous)}" if previous is not None else ""
         self.say(f"Ended without a {'new ' if before else ''}diagnosis: {why}{before}")
 
     def report(self) -> Path | None:
@@ -217,37 +217,37 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         if self._found is not None and self._found.where and isinstance(picker.value, int):
             picker.value = (picker.value + 1) % len(self._found.where)
 
-    def show(self, found: "Diagnosis") -> None:
+    def show(self, diagnosis: "Diagnosis") -> None:
         """Draw a diagnosis: the verdict, and the details in tabs."""
         from dpr_lab.report.words import in_words
 
-        self._found = found
+        self._found = diagnosis
         picker = self.query_one("#place", Select)
         picker.set_options(
             [
                 (Content(f"{in_words(p.site)} by {p.coordinate}: {p.share:.0%} of the excess"), i)
-                for i, p in enumerate(found.where)
+                for i, p in enumerate(diagnosis.where)
             ]
         )
-        picker.display = self.query_one("#place-map", Chart).display = bool(found.where)
-        if found.where:
+        picker.display = self.query_one("#place-map", Chart).display = bool(diagnosis.where)
+        if diagnosis.where:
             picker.value = 0
         else:
-            self.query_one("#place-text", Static).update(in_words(found.where_sentence))
-        self._draw(found)
+            self.query_one("#place-text", Static).update(in_words(diagnosis.where_sentence))
+        self._draw(diagnosis)
 
-    def _draw(self, found: "Diagnosis") -> None:
+    def _draw(self, diagnosis: "Diagnosis") -> None:
         """All tabs, in the current unit of angles."""
         from dpr_lab.report.gap.tables import sentence
 
         self._unit = unit = self.workspace.unit
         if self.job is None:
-            self.say(sentence(found) + self._doubt(found))
+            self.say(sentence(diagnosis) + self._doubt(diagnosis))
         for name, drawn in (("which", _which), ("far", _far), ("next", _next)):
-            self.query_one(f"#{name}-text", Static).update(drawn(found, unit))
+            self.query_one(f"#{name}-text", Static).update(drawn(diagnosis, unit))
         number = self.query_one("#place", Select).value
-        if isinstance(number, int) and number < len(found.where):
-            self._draw_place(found.where[number])
+        if isinstance(number, int) and number < len(diagnosis.where):
+            self._draw_place(diagnosis.where[number])
 
     @property
     def _record(self) -> Path:
@@ -262,11 +262,11 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
     def _show_held_out(self) -> None:
         self.query_one("#held-out", Static).update(named_runs(self.workspace.held_out) or "none")
 
-    def _doubt(self, found: "Diagnosis") -> str:
+    def _doubt(self, diagnosis: "Diagnosis") -> str:
         """Note that the diagnosis belongs to other runs than the selected ones."""
         from dpr_lab.gap.screen.pieces import whole
 
-        closed = found.gap.closed_held_out
+        closed = diagnosis.gap.closed_held_out
         selected = {run.stem for run in (*self.workspace.runs, *self.workspace.held_out)}
         same = {whole(name) for name in (*closed.per_run, *closed.held_out)} == selected
         return "" if same or not selected else " This diagnosis is of other runs than those selected now."
@@ -303,20 +303,20 @@ def _progress(number: int, of: int) -> str:
     return f"{'■' * (number - 1)}▣{'□' * (of - number)} step {number} of {of}"
 
 
-def _which(found: "Diagnosis", unit: AngleUnit) -> Group:
+def _which(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
     """Named effects with their probabilities and twins, their alternatives, sensor faults."""
     from dpr_lab.report.gap import tables as gap_tables
 
-    others = {name: p for name, p in found.probabilities.items() if name in ("no_gap", "unexplained")}
-    shown: list[RenderableType] = [_effect(row) for row in gap_tables.effect_rows(found, unit)] or [
+    others = {name: p for name, p in diagnosis.probabilities.items() if name in ("no_gap", "unexplained")}
+    shown: list[RenderableType] = [_effect(row) for row in gap_tables.effect_rows(diagnosis, unit)] or [
         "No effect is named.\n"
     ]
     shown.append("  ".join(f"{name.replace('_', ' ')}: {p:.0%}" for name, p in others.items()))
-    if rows := gap_tables.standing_rows(found):
+    if rows := gap_tables.standing_rows(diagnosis):
         shown += ["", table("Alternatives", gap_tables.STANDING_COLUMNS, rows)]
         shown.append(Text(gap_tables.STANDING_NOTE, "dim"))
-    if found.sensor_findings:
-        rows = gap_tables.finding_rows(found)
+    if diagnosis.sensor_findings:
+        rows = gap_tables.finding_rows(diagnosis)
         shown += ["", table("Sensor faults", gap_tables.FINDING_COLUMNS, rows)]
     return Group(*shown)
 
@@ -333,19 +333,19 @@ def _effect(row: Sequence[str]) -> Group:
     return Group(Text(name, "bold").append(figures, "not bold"), *indented, "")
 
 
-def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
+def _far(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
     """Gap as effects are added, and its reduction on held-out data."""
     from dpr_lab.report.digits import three
     from dpr_lab.report.gap import tables as gap_tables
     from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences
 
     words = gap_tables.run_words
-    gap, closed, per_rad = found.gap, found.gap.closed_held_out, unit.small_per_rad
+    gap, closed, per_rad = diagnosis.gap, diagnosis.gap.closed_held_out, unit.small_per_rad
     floor = per_rad * gap_tables.per_reading(gap.floor_rad)
     steps = [
         (name, max((per_rad * left) ** 2 - floor**2, 0.0) ** 0.5, None, f"{gap}, {explained}")
         for (name, left), (_, gap, explained) in zip(
-            gap_tables.steps(found), gap_tables.step_rows(found, unit), strict=True
+            gap_tables.steps(diagnosis), gap_tables.step_rows(diagnosis, unit), strict=True
         )
     ]
     shares = [
@@ -361,12 +361,12 @@ def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
     ]
     if not gap.waterfall:
         closing = [
-            f"\n{'There is no gap' if found.verdict == 'no_gap' else 'No effect is named'}, so there"
+            f"\n{'There is no gap' if diagnosis.verdict == 'no_gap' else 'No effect is named'}, so there"
             f" is no gap reduction"
         ]
-    if parts := repeatability_parts(found):
+    if parts := repeatability_parts(diagnosis):
         closing += [
-            f"\nShares of the mean squared residual. {' '.join(repeatability_sentences(found))}",
+            f"\nShares of the mean squared residual. {' '.join(repeatability_sentences(diagnosis))}",
             Bars([(label, share, None, f"{share:.1%}") for label, share in parts], top=1.0),
         ]
     return Group(
@@ -376,22 +376,24 @@ def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
         Bars(steps),
         *closing,
         "",
-        table("Free runs from the release", unit.heads(gap_tables.CLOSED_COLUMNS), gap_tables.closed_rows(found, unit)),
+        table(
+            "Free runs from the release", unit.heads(gap_tables.CLOSED_COLUMNS), gap_tables.closed_rows(diagnosis, unit)
+        ),
     )
 
 
-def _next(found: "Diagnosis", unit: AngleUnit) -> Group:
+def _next(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
     """Recommendations, minimum detectable effects and assumptions."""
     from dpr_lab.report.gap import tables as gap_tables
     from dpr_lab.report.words import in_words
 
     return Group(
-        sentences("Recommended actions", [in_words(text) for text in found.remedies]),
-        sentences("Next recordings and checks", gap_tables.next_steps(found), numbered=True),
+        sentences("Recommended actions", [in_words(text) for text in diagnosis.remedies]),
+        sentences("Next recordings and checks", gap_tables.next_steps(diagnosis), numbered=True),
         table(
             "Minimum detectable effects",
             gap_tables.DETECTABLE_COLUMNS,
-            gap_tables.detectable_rows(found, unit),
+            gap_tables.detectable_rows(diagnosis, unit),
         ),
-        sentences("Assumptions", [in_words(text) for text in found.assumptions]),
+        sentences("Assumptions", [in_words(text) for text in diagnosis.assumptions]),
     )

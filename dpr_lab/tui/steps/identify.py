@@ -222,10 +222,12 @@ bench's folder.
         return text
 
     def _draw_convergence(self) -> None:
-        shown = [item for item in self._history if item.best_cost > 0 and np.isfinite(item.best_cost)]
-        number = np.array([item.number for item in shown], dtype=np.float64)
-        cost = np.log10([item.best_cost for item in shown])
-        fitness = np.array([item.population_fitness for item in shown])
+        shown = [
+            generation for generation in self._history if generation.best_cost > 0 and np.isfinite(generation.best_cost)
+        ]
+        number = np.array([generation.number for generation in shown], dtype=np.float64)
+        cost = np.log10([generation.best_cost for generation in shown])
+        fitness = np.array([generation.population_fitness for generation in shown])
         self.query_one("#cost", Chart).show([Series("best", number, cost)], x_label="generation", y_label="log10 cost")
         self.query_one("#fitness", Chart).show(
             [Series("population", number, fitness, "secondary")],
@@ -261,14 +263,14 @@ def _seen(model: "Model") -> Group:
     """Identifiability of the parameters from the recordings, and recommended bench measurements."""
     from dpr_lab.identification.directions import described
 
-    found = model.identifiability
-    if found is None:
+    identifiability = model.identifiability
+    if identifiability is None:
         return Group("This model contains no identifiability analysis.")
-    free = [described(direction) for direction in found.null_space]
+    free = [described(direction) for direction in identifiability.null_space]
     return Group(
-        f"The recordings determine {found.rank} of 9 directions.\n",
+        f"The recordings determine {identifiability.rank} of 9 directions.\n",
         sentences("Parameter changes that neither recordings nor measured values can detect:", free),
-        sentences("Additional measurements on the bench, best first:", found.advice),
+        sentences("Additional measurements on the bench, best first:", identifiability.advice),
         "" if free else "All nine are determined; a further measurement only reduces their uncertainty.",
     )
 

@@ -131,11 +131,11 @@ class CellFrame:
     def _look(self, style: Style) -> Look:
         names = tuple(name for name in ATTRIBUTES if getattr(style, name))
         key = (style.color, style.bgcolor, names)
-        if (found := self._looks.get(key)) is None:
+        if (look := self._looks.get(key)) is None:
             if len(self._looks) >= SETTINGS.looks:
                 self._looks.clear()
-            found = self._looks[key] = Look(";".join(ATTRIBUTES[n] for n in names), *self._sgr(style))
-        return found
+            look = self._looks[key] = Look(";".join(ATTRIBUTES[n] for n in names), *self._sgr(style))
+        return look
 
     def _sgr(self, style: Style) -> tuple[str, str]:
         if self._colours is None:

@@ -242,9 +242,11 @@ The reason is shown below the list.
 
     def _find(self) -> None:
         """Runs of the folder, and selected ones from other folders."""
-        found = {path.resolve(): path for path in (*sorted(self._folder.rglob("*.mcap")), *self._others, *self._chosen)}
-        self._paths = list(found.values())
-        self._chosen = [found[path.resolve()] for path in self._chosen]
+        by_path = {
+            path.resolve(): path for path in (*sorted(self._folder.rglob("*.mcap")), *self._others, *self._chosen)
+        }
+        self._paths = list(by_path.values())
+        self._chosen = [by_path[path.resolve()] for path in self._chosen]
 
     def _survey(self) -> None:
         """List the files at once, and their metadata as they are read."""
@@ -304,23 +306,23 @@ The reason is shown below the list.
     @on(JobHeard)
     def _hear(self, message: JobHeard) -> None:
         match message.event:
-            case JobProgress(RunSurveyed() as found):
-                self._learn(found)
+            case JobProgress(RunSurveyed() as survey):
+                self._learn(survey)
             case JobFinished(str(text)):
                 self._say(text)
             case JobFailed() as failed:
                 raise failed.error
 
-    def _learn(self, found: RunSurveyed) -> None:
-        self._known[found.path] = found
+    def _learn(self, survey: RunSurveyed) -> None:
+        self._known[survey.path] = survey
         read = sum(path in self._known for path in self._paths)
         self._say(f"read {read} of {len(self._paths)}" if read < len(self._paths) else "")
-        if found.path in self._shown and str(found.path) in {key.value for key in self._table.rows}:
-            for column, cell in zip(COLUMNS[1:], _row(found.path, found), strict=True):
-                self._table.update_cell(str(found.path), column, Text(cell), update_width=True)
+        if survey.path in self._shown and str(survey.path) in {key.value for key in self._table.rows}:
+            for column, cell in zip(COLUMNS[1:], _row(survey.path, survey), strict=True):
+                self._table.update_cell(str(survey.path), column, Text(cell), update_width=True)
         else:
             self._list()
-        if found.path == self._here:
+        if survey.path == self._here:
             self._describe()
 
     def _say(self, text: str) -> None:
