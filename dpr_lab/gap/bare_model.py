@@ -59,11 +59,11 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
     steady = without_disturbances(recordings, first.estimate.ratios)
     if steady is not recordings:
         recordings, short, first = _fitted_in_short_segments(steady, start)
-    found = first.estimate.ratios
+    ratios = first.estimate.ratios
     kept = recordings.arm_moves or any(setup.torques for setup in short.segments.setups)
-    b = float(found[SCALE]) if kept else scale(found, recordings.rig).value
+    b = float(ratios[SCALE]) if kept else scale(ratios, recordings.rig).value
     recordings = recordings.without(short, lone_readings(short, first.estimate))
-    at = first.estimate.changed(ratios=with_scale(found, b))
+    at = first.estimate.changed(ratios=with_scale(ratios, b))
     recordings = replace(recordings, ratios=None if recordings.exact_torques else at.ratios)
     problem, bare = lengthened(recordings, short, at, recordings.working_length)
     if quieter := with_likeliest_noise(recordings, problem, bare):
@@ -104,8 +104,8 @@ def with_likeliest_noise(
     return replace(recordings, torque_noise_Nm=(float(noise[0]), float(noise[1])))
 
 
-def _all_followed(recordings: Recordings, problem: Problem, found: Fit) -> None:
-    lost = np.flatnonzero(~np.isfinite(found.linear.chi2_by_segment))
+def _all_followed(recordings: Recordings, problem: Problem, bare: Fit) -> None:
+    lost = np.flatnonzero(~np.isfinite(bare.linear.chi2_by_segment))
     if len(lost):
         run = recordings.records[problem.segments.run[lost[0]]].run.name
         at = problem.t[problem.segments.offsets[lost[0]]]
@@ -118,6 +118,6 @@ def _all_followed(recordings: Recordings, problem: Problem, found: Fit) -> None:
 def lengthened(recordings: Recordings, short: Problem, at: Estimate, length: float) -> tuple[Problem, Hypothesis]:
     """The bare model at another segment length, s, from the initial states of shorter segments."""
     longer, initial = recordings.cut(length)
-    begun = at.changed(initial=carried(short.segments, at.initial, longer.segments, initial))
-    found = fit(longer, begun, free_parameters(begun, (), longer), iterations=20)
-    return longer, hypothesis(longer, (), refit_lost(longer, found, initial))
+    start = at.changed(initial=carried(short.segments, at.initial, longer.segments, initial))
+    fitted = fit(longer, start, free_parameters(start, (), longer), iterations=20)
+    return longer, hypothesis(longer, (), refit_lost(longer, fitted, initial))

@@ -108,11 +108,11 @@ class Predictions:
         """Logarithm of the predictive density under each candidate, and under a cause outside the candidates."""
         from scipy.special import voigt_profile  # its import is slow
 
-        found = {name: prediction.log_density(value, std) for name, prediction in self.candidates.items()}
+        densities = {name: prediction.log_density(value, std) for name, prediction in self.candidates.items()}
         broad = float(np.log(voigt_profile(value / self.scale, std / self.scale, 1.0) / self.scale))
         little = self.background.log_density(value, std)
         h = SETTINGS.elsewhere
-        return found | {NONE_OF_THEM: float(np.logaddexp(np.log1p(-h) + little, np.log(h) + broad))}
+        return densities | {NONE_OF_THEM: float(np.logaddexp(np.log1p(-h) + little, np.log(h) + broad))}
 
     def nearest(self, value: float, std: float) -> float:
         """Distance between a measured value and the candidate that predicts it best, in standard deviations."""

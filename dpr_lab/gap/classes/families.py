@@ -41,10 +41,10 @@ def _share(problem: Problem, selection: Selection, parts: tuple[str, ...]) -> fl
     return float(np.clip(back / whole, 0.0, 1.0)) if whole > 0 else 0.0
 
 
-def families_sentence(found: list[NamedFamily]) -> str:
+def families_sentence(named: list[NamedFamily]) -> str:
     """Sentences for the headline; empty without a family."""
     return "".join(
-        f" Together {' and '.join(item.effects)} are the effects of a {item.words} [{item.name}]:"
-        f" {item.share:.0%} of the excess."
-        for item in found
+        f" Together {' and '.join(family.effects)} are the effects of a {family.words} [{family.name}]:"
+        f" {family.share:.0%} of the excess."
+        for family in named
     )

@@ -98,19 +98,21 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
     """
     without, chosen, test = selection.without[name], selection.chosen, selection.tests_without[name]
     own = test.shaped[name][0]
-    others = {item.effect.name: item for item in test.ranking if item is not own}
-    alike = [other for other, item in others.items() if _indistinguishable(selection, without, test, own, item)]
+    others = {score.effect.name: score for score in test.ranking if score is not own}
+    alike = [other for other, score in others.items() if _indistinguishable(selection, without, test, own, score)]
     alike += [other for other in _hidden(selection, own.effect) if other in others and other not in alike]
     sizes = {other: _plausibility(selection, without, others[other]) for other in alike}
     alike = sorted(alike, key=lambda other: -sizes[other])
     prior = np.array([plausibility(chosen.fit.estimate.params, name), *(sizes[other] for other in alike)])
-    found = [
-        Alternative(other, (other,), test.cosine(own, item), _cost(selection, without, item))
-        for other, item in others.items()
+    alternatives = [
+        Alternative(other, (other,), test.cosine(own, score), _cost(selection, without, score))
+        for other, score in others.items()
         if other not in alike and without.key | {other} not in selection.impossible
     ]
-    found = sorted(found, key=lambda item: item.cost)[:ALTERNATIVES]
-    worse = np.array([0.0, *(item.cost - chosen.cost for item in found), without.cost - chosen.cost])
+    alternatives = sorted(alternatives, key=lambda alternative: alternative.cost)[:ALTERNATIVES]
+    worse = np.array(
+        [0.0, *(alternative.cost - chosen.cost for alternative in alternatives), without.cost - chosen.cost]
+    )
     scaled = -worse / (2 * chosen.residuals.inflation * calibration.temperature)
     weights = np.exp(np.clip(scaled, -NEGLIGIBLE, NEGLIGIBLE))
     weights *= (1 - outside(selection, calibration)) / weights.sum()
@@ -118,23 +120,23 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
         name=name,
         members=(name, *alike),
         alternatives=tuple(
-            Alternative(item.name, item.members, item.cosine, item.cost, float(weight))
-            for item, weight in zip(found, weights[1:-1], strict=True)
+            Alternative(alternative.name, alternative.members, alternative.cosine, alternative.cost, float(weight))
+            for alternative, weight in zip(alternatives, weights[1:-1], strict=True)
         ),
         probability=float(weights[0]),
         odds=tuple((prior / prior.sum()).tolist()),
     )
 
 
-def _plausibility(selection: Selection, without: Hypothesis, item: Score) -> float:
+def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> float:
     """Prior of the size of another effect in place of a named one: as fitted, or by its linear score."""
-    fitted = selection.fitted.get(without.key | {item.effect.name})
+    fitted = selection.fitted.get(without.key | {score.effect.name})
     if fitted is not None:
-        return plausibility(fitted.fit.estimate.params, item.effect.name)
+        return plausibility(fitted.fit.estimate.params, score.effect.name)
     params = effect_params({})
-    for name, value in item.named_amplitudes.items():
-        params[param_index(item.effect.name, name)] = value
-    return plausibility(params, item.effect.name)
+    for name, value in score.named_amplitudes.items():
+        params[param_index(score.effect.name, name)] = value
+    return plausibility(params, score.effect.name)
 
 
 def _indistinguishable(selection: Selection, without: Hypothesis, test: ScoreTest, own: Score, other: Score) -> bool:
@@ -155,21 +157,21 @@ def _hidden(selection: Selection, own: Effect) -> tuple[str, ...]:
     size = max(abs(float(params[param_index(own.name, p.name)])) for p in own.amplitudes)
     least = detectable(selection.chosen, selection.final_test)
     return tuple(
-        item.effect.name
-        for item in selection.final_test.ranking
-        if own.name in item.effect.nested
-        and all(seen is None or seen > HIDDEN * size for seen in least[item.effect.name].values())
+        score.effect.name
+        for score in selection.final_test.ranking
+        if own.name in score.effect.nested
+        and all(seen is None or seen > HIDDEN * size for seen in least[score.effect.name].values())
     )
 
 
-def _cost(selection: Selection, without: Hypothesis, item: Score) -> float:
-    fitted = selection.fitted.get(without.key | {item.effect.name})
+def _cost(selection: Selection, without: Hypothesis, score: Score) -> float:
+    fitted = selection.fitted.get(without.key | {score.effect.name})
     if fitted is not None:
         return fitted.cost
-    price = PRICE * without.residuals.inflation * (len(item.columns) + len(item.effect.shapes))
+    price = PRICE * without.residuals.inflation * (len(score.columns) + len(score.effect.shapes))
     # a linear score is too optimistic; an effect that was not worth a fit can be nearly as good at best
     near = selection.chosen.cost + THRESHOLDS.chance * selection.chosen.residuals.inflation
-    return max(without.cost - item.gain + price, near)
+    return max(without.cost - score.gain + price, near)
 
 
 def outside(selection: Selection, calibration: Calibration = CALIBRATION) -> float:
@@ -192,9 +194,9 @@ def probabilities(selection: Selection, posteriors: tuple[EffectPosterior, ...],
     if kind in ("no_gap", "inconclusive") or not posteriors:
         nothing = {"no_gap": CALIBRATION.sure, "inconclusive": CALIBRATION.unseen}.get(kind, 1 - CALIBRATION.sure)
         return {"no_gap": nothing, "unexplained": 1 - nothing}
-    found = {"no_gap": 0.0, "unexplained": outside(selection)}
-    for item in posteriors:
-        found[item.name] = item.probability
-        for other in item.alternatives:
-            found[other.name] = max(found.get(other.name, 0.0), other.probability)
-    return found
+    by_name = {"no_gap": 0.0, "unexplained": outside(selection)}
+    for posterior in posteriors:
+        by_name[posterior.name] = posterior.probability
+        for other in posterior.alternatives:
+            by_name[other.name] = max(by_name.get(other.name, 0.0), other.probability)
+    return by_name

@@ -107,55 +107,59 @@ class Findings:
         return scale_of(assumed.model_copy(update={"value": b}), unknown, self.recordings.rig, visible)
 
 
-def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
+def conclude(findings: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
     """Build the diagnosis; `seconds` is its computing time."""
-    chosen, least = found.selection.chosen, detectable(found.selection.chosen, found.selection.final_test)
-    withheld = found.description.withholds
-    kind = verdict(found.selection, found.posteriors, found.transfer, least, withheld=withheld)
-    shown = found.posteriors if kind == "named" else listed_causes(found.posteriors)
-    named = [_named(found, item) for item in shown] if kind in ("named", "partly_explained") else []
-    whole = families(found.problem, found.selection, named)
+    chosen, least = findings.selection.chosen, detectable(findings.selection.chosen, findings.selection.final_test)
+    withheld = findings.description.withholds
+    kind = verdict(findings.selection, findings.posteriors, findings.transfer, least, withheld=withheld)
+    shown = findings.posteriors if kind == "named" else listed_causes(findings.posteriors)
+    named = [_named(findings, posterior) for posterior in shown] if kind in ("named", "partly_explained") else []
+    whole = families(findings.problem, findings.selection, named)
     at, residuals = chosen.fit.estimate, chosen.residuals
     return Diagnosis(
         verdict=kind,
-        sentence=sentence(kind, found.selection, found.posteriors, found.transfer, least, found.description)
+        sentence=sentence(kind, findings.selection, findings.posteriors, findings.transfer, least, findings.description)
         + families_sentence(whole)
-        + _remainder(found, kind),
-        hints=[found.description.hint] if found.description.hint else [],
-        basis=found.transfer.basis,
-        transfer=_transfer(found.transfer),
-        withdrawn=list(found.transfer.withdrawn),
-        gap=found.gap,
-        where=[_where(place) for place in found.places[:PLACES_SHOWN]],
-        where_sentence=where_sentence(found.places),
+        + _remainder(findings, kind),
+        hints=[findings.description.hint] if findings.description.hint else [],
+        basis=findings.transfer.basis,
+        transfer=_transfer(findings.transfer),
+        withdrawn=list(findings.transfer.withdrawn),
+        gap=findings.gap,
+        where=[_where(place) for place in findings.places[:PLACES_SHOWN]],
+        where_sentence=where_sentence(findings.places),
         effects=named,
         families=whole,
-        rivals=[] if withheld else _rivals(found.posteriors, closest=kind == "unexplained"),
-        probabilities=dict(probabilities(found.selection, () if withheld else found.posteriors, kind)),
+        rivals=[] if withheld else _rivals(findings.posteriors, closest=kind == "unexplained"),
+        probabilities=dict(probabilities(findings.selection, () if withheld else findings.posteriors, kind)),
         detectable={name: dict(sizes) for name, sizes in least.items()},
-        absorbed=found.absorbed,
-        sensor_findings=_sensor_findings(found),
+        absorbed=findings.absorbed,
+        sensor_findings=_sensor_findings(findings),
         remedies=remedies(
             named,
             named_params(at.params),
-            found.recordings.constants,
-            {*found.transfer.withdrawn, *found.transfer.oversized},
+            findings.recordings.constants,
+            {*findings.transfer.withdrawn, *findings.transfer.oversized},
         ),
-        advice=[step.text for step in found.advice],
-        checks=_checks(found, [item.name for item in named]),
-        ratios=_ratios(found),
-        ratio_covariance=_ratio_covariance(found).tolist(),
-        determined=_determined(found),
-        p_over_b=float(at.ratios[ON_ELBOW]) if any(setup.alone for setup in found.problem.segments.setups) else None,
+        advice=[step.text for step in findings.advice],
+        checks=_checks(findings, [effect.name for effect in named]),
+        ratios=_ratios(findings),
+        ratio_covariance=_ratio_covariance(findings).tolist(),
+        determined=_determined(findings),
+        p_over_b=float(at.ratios[ON_ELBOW]) if any(setup.alone for setup in findings.problem.segments.setups) else None,
         chi2_per_dof=residuals.chi2 / residuals.dof,
-        exact_torques=found.recordings.exact_torques,
-        segments=len(found.problem.segments),
+        exact_torques=findings.recordings.exact_torques,
+        segments=len(findings.problem.segments),
         scale_b=float(at.ratios[SCALE]),
-        scale=found.scale,
-        search=[_search_step(step) for step in found.selection.trace],
-        posterior=components(found.problem, found.selection, found.recordings.rig, found.remainder),
+        scale=findings.scale,
+        search=[_search_step(step) for step in findings.selection.trace],
+        posterior=components(findings.problem, findings.selection, findings.recordings.rig, findings.remainder),
         model_effects=named_params(at.params),
-        assumptions=[*([found.cut] if found.cut else []), *_assumptions(found), *_unseen(least, found.absorbed)],
+        assumptions=[
+            *([findings.cut] if findings.cut else []),
+            *_assumptions(findings),
+            *_unseen(least, findings.absorbed),
+        ],
         evidence=evidence,
         seconds=seconds,
     )
@@ -173,11 +177,11 @@ def _search_step(step: TracedTrial) -> SearchStep:
     )
 
 
-def _ratios(found: Findings) -> dict[str, Interval]:
+def _ratios(findings: Findings) -> dict[str, Interval]:
     """The ratios; those that depend on the bounds of the rig file are not negative."""
-    values = found.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
-    reaches = np.array([found.intervals.get(("", name), 0.0) for name in RATIOS])
-    unseen = by_unseen_ratios(found.problem, found.selection.chosen, found.recordings.rig)
+    values = findings.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
+    reaches = np.array([findings.intervals.get(("", name), 0.0) for name in RATIOS])
+    unseen = by_unseen_ratios(findings.problem, findings.selection.chosen, findings.recordings.rig)
     reaches = np.hypot(reaches, NORMAL_Q90 * np.sqrt(unseen)).tolist()
     floors = np.where(unseen > 0.0, 0.0, -np.inf).tolist()
     return {
@@ -186,13 +190,13 @@ def _ratios(found: Findings) -> dict[str, Interval]:
     }
 
 
-def _determined(found: Findings) -> dict[str, Interval]:
+def _determined(findings: Findings) -> dict[str, Interval]:
     """Ratios that the recordings determine, of what hung on the rig: to b, or to a of the inner rod alone.
 
     A ratio of two fitted values moves with both; an unknown that is absolute here is divided by the assumed inertia.
     """
-    setups, at = found.problem.segments.setups, found.selection.chosen.fit
-    unknown, reach = at.estimate.ratios, found.intervals
+    setups, at = findings.problem.segments.setups, findings.selection.chosen.fit
+    unknown, reach = at.estimate.ratios, findings.intervals
     alone = all(setup.mounting == "inner" for setup in setups)
     inertia = float(unknown[RATIOS.index("a/b")] - unknown[ON_ELBOW]) if alone else 1.0
     scale, letter = float(unknown[SCALE]) * inertia, "a" if alone else "b"
@@ -216,34 +220,34 @@ def _remainder(findings: Findings, kind: Verdict) -> str:
     return f" {findings.remainder.sentence}" if findings.remainder and described else ""
 
 
-def _ratio_covariance(found: Findings) -> NDArray[np.float64]:
+def _ratio_covariance(findings: Findings) -> NDArray[np.float64]:
     """(5, 5) covariance; zero for ratios that no run determines, which are those of the rig file."""
-    free = found.selection.chosen.fit.free
+    free = findings.selection.chosen.fit.free
     mine = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}
     whole = np.zeros((len(RATIOS), len(RATIOS)))
     seen = [i for i in range(len(RATIOS)) if i in mine]
     own = [mine[i] for i in seen]
-    whole[np.ix_(seen, seen)] = found.covariance[np.ix_(own, own)]
+    whole[np.ix_(seen, seen)] = findings.covariance[np.ix_(own, own)]
     return whole
 
 
-def _checks(found: Findings, named: Sequence[str]) -> list[AdvisedCheck]:
+def _checks(findings: Findings, named: Sequence[str]) -> list[AdvisedCheck]:
     """All checks of the advice, each once, with ids that are unique among diagnoses."""
-    at = found.selection.chosen.fit.estimate
+    at = findings.selection.chosen.fit.estimate
     own = hashlib.sha256(at.ratios.tobytes() + at.params.tobytes()).hexdigest()[:4]
-    each = {(check.kind, check.text, check.about): check for step in found.advice for check in step.checks}
+    each = {(check.kind, check.text, check.about): check for step in findings.advice for check in step.checks}
     each = {key: check for key, check in each.items() if check.about in named and check.expected_bits > 0}
-    ranked, assumed = sorted(each.values(), key=lambda check: -check.expected_bits), found.scale
+    ranked, assumed = sorted(each.values(), key=lambda check: -check.expected_bits), findings.scale
     return [
-        check.model_copy(update={"id": f"{k}-{own}", "expected": expected_size(found.selection, assumed, check)})
+        check.model_copy(update={"id": f"{k}-{own}", "expected": expected_size(findings.selection, assumed, check)})
         for k, check in enumerate(ranked, 1)
     ]
 
 
-def _transfer(found: Transfer) -> dict[str, dict[str, Interval]]:
+def _transfer(transfer: Transfer) -> dict[str, dict[str, Interval]]:
     return {
         effect: {run: Interval(value=share.estimate, interval90=share.interval90) for run, share in runs.items()}
-        for effect, runs in found.effects.items()
+        for effect, runs in transfer.effects.items()
     }
 
 
@@ -264,21 +268,23 @@ def _where(place: Place) -> Where:
     )
 
 
-def _named(found: Findings, item: EffectPosterior) -> NamedEffect:
-    selection = found.selection
-    less, left = selection.without[item.name].residuals.excess, max(selection.chosen.residuals.excess, 0.0)
+def _named(findings: Findings, posterior: EffectPosterior) -> NamedEffect:
+    selection = findings.selection
+    less, left = selection.without[posterior.name].residuals.excess, max(selection.chosen.residuals.excess, 0.0)
     whole = selection.base.residuals.excess
-    values = named_params(selection.chosen.fit.estimate.params).get(item.name, {})
-    errors = {name: found.intervals.get((item.name, name), 0.0) for name in values}
-    assumed = found.scale
+    values = named_params(selection.chosen.fit.estimate.params).get(posterior.name, {})
+    errors = {name: findings.intervals.get((posterior.name, name), 0.0) for name in values}
+    assumed = findings.scale
     return NamedEffect.model_validate(
         {
-            "name": item.name,
-            "class": list(item.members),
-            "odds": dict(zip(item.members, item.odds, strict=False)),
-            "probability": item.probability,
-            "parameters": {name: _size(assumed, item.name, name, value, errors[name]) for name, value in values.items()}
-            | _implied(EFFECTS[item.name], values, errors),
+            "name": posterior.name,
+            "class": list(posterior.members),
+            "odds": dict(zip(posterior.members, posterior.odds, strict=False)),
+            "probability": posterior.probability,
+            "parameters": {
+                name: _size(assumed, posterior.name, name, value, errors[name]) for name, value in values.items()
+            }
+            | _implied(EFFECTS[posterior.name], values, errors),
             "share": float(np.clip((less - left) / whole, 0.0, 1.0)) if whole > 0 else float(less > left),
         }
     )
@@ -288,14 +294,14 @@ def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
     """Quantities derived from an effect's parameters, whose errors are assumed to be independent."""
     if effect.implied is None:
         return {}
-    found, squares = effect.implied(values), dict.fromkeys(effect.implied(values), 0.0)
+    sizes, squares = effect.implied(values), dict.fromkeys(effect.implied(values), 0.0)
     for name, error in errors.items():
         moved = effect.implied({**values, name: values[name] + error})
-        for key in found:
-            squares[key] += (moved.get(key, np.inf) - found[key]) ** 2
+        for key in sizes:
+            squares[key] += (moved.get(key, np.inf) - sizes[key]) ** 2
     reaches = {key: float(np.sqrt(square)) for key, square in squares.items() if np.isfinite(square)}
-    ends = {key: (found[key] - reach, found[key] + reach) for key, reach in reaches.items()}
-    return {key: EffectSize(value=found[key], interval90=ends[key], interval90_with_scale=ends[key]) for key in ends}
+    ends = {key: (sizes[key] - reach, sizes[key] + reach) for key, reach in reaches.items()}
+    return {key: EffectSize(value=sizes[key], interval90=ends[key], interval90_with_scale=ends[key]) for key in ends}
 
 
 def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> EffectSize:
@@ -311,15 +317,17 @@ def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> E
 
 def _rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEffect]:
     """Alternatives of the named effects; without named effects, the closest effects first."""
-    found = [
-        _rival(other.name, other.members, other.probability, other.cosine, item.name)
-        for item in posteriors
-        for other in item.alternatives
+    rivals = [
+        _rival(other.name, other.members, other.probability, other.cosine, posterior.name)
+        for posterior in posteriors
+        for other in posterior.alternatives
     ]
-    found = sorted(found, key=lambda other: (-other.probability, -other.cosine))
+    rivals = sorted(rivals, key=lambda other: (-other.probability, -other.cosine))
     if closest:
-        found = [_rival(item.name, item.members, item.probability, 1.0, "") for item in posteriors] + found
-    return found
+        rivals = [
+            _rival(posterior.name, posterior.members, posterior.probability, 1.0, "") for posterior in posteriors
+        ] + rivals
+    return rivals
 
 
 def _rival(name: str, members: Sequence[str], probability: float, cosine: float, instead_of: str) -> RivalEffect:
@@ -327,9 +335,9 @@ def _rival(name: str, members: Sequence[str], probability: float, cosine: float,
     return RivalEffect.model_validate(fields | {"instead_of": instead_of})
 
 
-def _sensor_findings(found: Findings) -> list[SensorFinding]:
+def _sensor_findings(findings: Findings) -> list[SensorFinding]:
     """Sensor faults, without the steps that a fitted effect explains."""
-    values = named_params(found.selection.chosen.fit.estimate.params)
+    values = named_params(findings.selection.chosen.fit.estimate.params)
     hidden = [0.0, 0.0, 0.0]
     for name, effect in EFFECTS.items():
         if effect.hides_step is not None and name in values:
@@ -337,56 +345,56 @@ def _sensor_findings(found: Findings) -> list[SensorFinding]:
                 hidden[joint] = max(hidden[joint], effect.hides_step(values[name]))
     return [
         SensorFinding(name=f.name, run=f.run, axis=f.axis, at_s=f.at_s, evidence=f.evidence)
-        for item in found.recordings.records
-        for f in item.screened.findings
+        for record in findings.recordings.records
+        for f in record.screened.findings
         if f.step is None or f.axis not in ALL_AXES or abs(f.step) > hidden[ALL_AXES.index(f.axis)]
     ]
 
 
-def _assumptions(found: Findings) -> list[str]:
-    records = found.recordings.records
+def _assumptions(findings: Findings) -> list[str]:
+    records = findings.recordings.records
     made = [
-        _length(found),
-        _scale(found),
+        _length(findings),
+        _scale(findings),
         "Encoder noise is white apart from the faults of the sensor screening; readings were averaged over 5 ms.",
         "The initial states of all segments are free; the first 30 ms after each release are excluded.",
     ]
-    if found.recordings.arm_moves:
-        made.append(_arm(found))
-    elif all(item.arm_moves is False for item in records):
+    if findings.recordings.arm_moves:
+        made.append(_arm(findings))
+    elif all(record.arm_moves is False for record in records):
         made.append("According to encoder 0 the arm stood still, so a compliant arm was not considered.")
-    elif any(item.arm_moves is None for item in records):
+    elif any(record.arm_moves is None for record in records):
         made.append("The arm's angle was not recorded.")
-    if found.recordings.exact_torques:
+    if findings.recordings.exact_torques:
         made.append(
             "The measured torques were assumed to be exact: the remainder is far above the influence of their noise."
         )
-    return [*made, *_torque_noise(found), *_zeros(found), *_geared(found), *_misleading(found)]
+    return [*made, *_torque_noise(findings), *_zeros(findings), *_geared(findings), *_misleading(findings)]
 
 
-def _torque_noise(found: Findings) -> list[str]:
+def _torque_noise(findings: Findings) -> list[str]:
     """The noise of measured torques that the fits assume."""
-    if found.problem.disturbance is None or not (most := most_noise(found.problem)).any():
+    if findings.problem.disturbance is None or not (most := most_noise(findings.problem)).any():
         return []
-    one, two = np.minimum(most, found.recordings.torque_noise_Nm)
+    one, two = np.minimum(most, findings.recordings.torque_noise_Nm)
     text = f"Noise of the measured torques of joints 1 and 2, standard deviation: {one:.2g} and {two:.2g} N m"
     differences = "by differences of the recorded torques"
     likelier = f"; by maximum likelihood of the residuals, below {most[0]:.2g} and {most[1]:.2g} N m {differences}"
-    return [f"{text}{likelier if np.isfinite(found.recordings.torque_noise_Nm).all() else f', {differences}'}."]
+    return [f"{text}{likelier if np.isfinite(findings.recordings.torque_noise_Nm).all() else f', {differences}'}."]
 
 
-def _zeros(found: Findings) -> list[str]:
+def _zeros(findings: Findings) -> list[str]:
     """The fitted zeros of encoders that are set to zero before each recording."""
-    runs, zeros = found.recordings.records, 1e3 * found.selection.chosen.fit.estimate.zeros
-    each = [f"{item.run.name}: {own[0]:.3g} and {own[1]:.3g}" for item, own in zip(runs, zeros, strict=False)]
+    runs, zeros = findings.recordings.records, 1e3 * findings.selection.chosen.fit.estimate.zeros
+    each = [f"{record.run.name}: {own[0]:.3g} and {own[1]:.3g}" for record, own in zip(runs, zeros, strict=False)]
     text = "Encoders are zeroed before each recording; the zero errors of joints 1 and 2 were fitted, mrad"
     return [f"{text}: {'; '.join(each)}."] if each else []
 
 
-def _geared(found: Findings) -> list[str]:
+def _geared(findings: Findings) -> list[str]:
     """Effects that are in the model because the rig is known to have them."""
-    names = [name for name in found.selection.chosen.effects if name in found.selection.expected]
-    joints = listed([f"joint {joint}" for joint in found.recordings.rig.joints.geared])
+    names = [name for name in findings.selection.chosen.effects if name in findings.selection.expected]
+    joints = listed([f"joint {joint}" for joint in findings.recordings.rig.joints.geared])
     are = "is" if len(names) == 1 else "are"
     return (
         [f"The rig file has a geared motor on {joints}: {listed(names)} {are} in the model at any size."]
@@ -395,9 +403,9 @@ def _geared(found: Findings) -> list[str]:
     )
 
 
-def _misleading(found: Findings) -> list[str]:
+def _misleading(findings: Findings) -> list[str]:
     """Effects that are excluded because they worsen the prediction of held-out runs."""
-    names = found.selection.misleading
+    names = findings.selection.misleading
     was = "was" if len(names) == 1 else "were"
     text = (
         "excluded from the model, because the prediction of the held-out runs is better without. These runs"
@@ -406,14 +414,14 @@ def _misleading(found: Findings) -> list[str]:
     return [f"{listed(names)} {was} {text}"] if names else []
 
 
-def _length(found: Findings) -> str:
+def _length(findings: Findings) -> str:
     """The length L1: as measured, or fitted within its uncertainty."""
-    rig, at = found.recordings.rig, found.selection.chosen.fit.estimate
+    rig, at = findings.recordings.rig, findings.selection.chosen.fit.estimate
     if rig.rig.L1_std is None:
         return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."
-    name = next(name for name in found.problem.always if EFFECTS[name].corrects == "L1_std")
+    name = next(name for name in findings.problem.always if EFFECTS[name].corrects == "L1_std")
     (added,) = named_params(at.params).get(name, {"": 0.0}).values()
-    reach = max(found.intervals[key] for key in found.intervals if key[0] == name)
+    reach = max(findings.intervals[key] for key in findings.intervals if key[0] == name)
     text = (
         f"L1 is given as {rig.L1:g} m with a standard uncertainty of {rig.rig.L1_std:g} m and fitted:"
         f" {rig.L1 + added:.5g} m +- {reach:.2g} m (90 %), at g = {rig.g:g} m/s^2 and by the device's clock."
@@ -437,14 +445,14 @@ def _unseen(least: Mapping[str, Mapping[str, float | None]], absorbed: Mapping[s
     ]
 
 
-def _arm(found: Findings) -> str:
+def _arm(findings: Findings) -> str:
     """What is taken for granted of an arm that moves."""
-    rig, setups = found.recordings.rig, found.problem.segments.setups
+    rig, setups = findings.recordings.rig, findings.problem.segments.setups
     text = "The arm's angle is read, and its inertia and viscous friction are fitted"
     if not any(setup.torques and setup.torques.on_arm is not None for setup in setups):
         return f"{text}; no torque acts on it but friction, springs and the rods."
     kind = rig.motor.input if rig.motor else "torque"
-    if DRIVE_GAIN.name in found.problem.always:
+    if DRIVE_GAIN.name in findings.problem.always:
         return f"{text}; so is the torque over the {kind}: the rig file does not measure the motor's constants."
     known = "the motor's constants of the rig file" if kind != "torque" else "that it is a torque in N m"
     if any(setup.torques and setup.torques.scaled for setup in setups):
@@ -452,14 +460,16 @@ def _arm(found: Findings) -> str:
     return f"{text}; the {kind} is known by {known}, and the rods by their measured values, so that an error shows."
 
 
-def _scale(found: Findings) -> str:
+def _scale(findings: Findings) -> str:
     """Source of the scale of all torques."""
-    if drives := [setup.torques for setup in found.problem.segments.setups if setup.torques and setup.torques.scaled]:
-        kinds = " and ".join(sorted({item.kind for item in drives} - {""}))
+    if drives := [
+        setup.torques for setup in findings.problem.segments.setups if setup.torques and setup.torques.scaled
+    ]:
+        kinds = " and ".join(sorted({drive.kind for drive in drives} - {""}))
         return f"The known torques{f', as {kinds},' if kinds else ''} fix the scale of all torques."
-    if any(setup.added for setup in found.problem.segments.setups):
+    if any(setup.added for setup in findings.problem.segments.setups):
         return "The known added mass fixes the scale of all torques."
-    if ("", "b") in found.intervals:
+    if ("", "b") in findings.intervals:
         return "Friction that follows the load of weighed masses fixes the scale of all torques."
-    assumed = found.scale
+    assumed = findings.scale
     return assumed.sentence if assumed.known else f"{assumed.sentence} A release with a known added mass fixes b."

@@ -22,16 +22,18 @@ def remedies(
     """
     sentences: list[str] = []
     simulated: list[str] = []
-    for item in named:
-        remedy = EFFECTS[item.name].remedy
-        if item.name in doubtful:
+    for effect in named:
+        remedy = EFFECTS[effect.name].remedy
+        if effect.name in doubtful:
             continue
         if remedy is None:
-            simulated.append(item.name)
+            simulated.append(effect.name)
             continue
-        others = [name for name in item.members if name != item.name]
+        others = [name for name in effect.members if name != effect.name]
         unless = f" (first rule out {' and '.join(others)}: indistinguishable in these recordings)" if others else ""
-        sentences.append(f"For {item.name}: {remedy(sizes[item.name], rig, EFFECTS[item.name].joints[0])}{unless}.")
+        sentences.append(
+            f"For {effect.name}: {remedy(sizes[effect.name], rig, EFFECTS[effect.name].joints[0])}{unless}."
+        )
     if simulated:
         sentences.append(
             f"Give the simulator {listed(simulated)}: model.json in the folder of this diagnosis, and the models for"

@@ -72,7 +72,7 @@ def verdict(
 
 def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
     """Effects whose probability is not close to zero."""
-    return tuple(item for item in posteriors if item.probability >= RULES.listed)
+    return tuple(posterior for posterior in posteriors if posterior.probability >= RULES.listed)
 
 
 def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer) -> Verdict:
@@ -80,7 +80,7 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carrie
     if not chosen.effects:
         return "no_gap" if _small(chosen) else "unexplained"
     whole = share >= RULES.named_share or at_noise_floor(chosen)
-    sure = max(item.probability for item in posteriors) >= RULES.sure
+    sure = max(posterior.probability for posterior in posteriors) >= RULES.sure
     tested = carried.basis != "one release"
     transfers = not tested or (not carried.withdrawn and carried.closed.estimate >= RULES.closes)
     transfers = transfers and not carried.worse_free_run
@@ -93,9 +93,9 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carrie
     return "no_gap" if _small(selection.base) and only_expected else "unexplained"
 
 
-def _small(item: Hypothesis) -> bool:
+def _small(model: Hypothesis) -> bool:
     """Whether the remainder is noise, or too small to be called a gap."""
-    return at_noise_floor(item) or item.residuals.noise_ratio < RULES.gap_from
+    return at_noise_floor(model) or model.residuals.noise_ratio < RULES.gap_from
 
 
 def sentence(
@@ -209,5 +209,5 @@ def _doubt(cause: EffectPosterior) -> str:
     return "" if cause.probability >= RULES.rather else f" (probability only {cause.probability:.0%})"
 
 
-def _class(item: EffectPosterior) -> str:
-    return item.name if len(item.members) == 1 else f"({' or '.join(item.members)})"
+def _class(posterior: EffectPosterior) -> str:
+    return posterior.name if len(posterior.members) == 1 else f"({' or '.join(posterior.members)})"

@@ -89,11 +89,11 @@ def sources(problem: Problem, at: Hypothesis, rig: Rig) -> list[_Source]:
     halved = replace(problem, segments=replace(problem.segments, step=problem.segments.step / 2))
     finer = moved(fitted_anew(halved)[0], ASSUMED.richardson, lambda swings: swings.otherwise(finer=2.0))
     how = "halving the step of the Runge-Kutta method, the values refitted"
-    found = [_Source("integrator", "numerical", how, finer)]
+    listed = [_Source("integrator", "numerical", how, finer)]
     for name, how, constants in _inputs(problem.model.constants, rig, problem.always):
         step, left = fitted_anew(replace(problem, model=problem.model.with_constants(constants)))
         moves = moved(step, left, lambda swings, c=constants: swings.otherwise(c))
-        found.append(_Source(name, "input", how, moves, left))
+        listed.append(_Source(name, "input", how, moves, left))
     level, rho = at.residuals.level, at.residuals.noise_correlation
     noise = level * (1 + rho) / (1 - rho)
     spread = considered(at.fit, noise)
@@ -103,7 +103,7 @@ def sources(problem: Problem, at: Hypothesis, rig: Rig) -> list[_Source]:
         return [np.einsum("nij,jk,nik->ni", D, spread, D) for D in moves]
 
     return [
-        *found,
+        *listed,
         _Source("fitted values", "input", "noise of the readings to which ratios and effects are fitted", along),
         _Source(
             "initial state",
@@ -136,22 +136,24 @@ def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tu
             yield name, f"{1e3 * weighed:.2g} g, from the rig file", changed
 
 
-def mean_squares(found: Sequence[_Source], swings: "FreeSwings", compared: Sequence[NDArray[np.bool_]]) -> Array:
+def mean_squares(parts: Sequence[_Source], swings: "FreeSwings", compared: Sequence[NDArray[np.bool_]]) -> Array:
     """(sources, swings) mean variance of each source over the compared readings, (n, 2), rad^2."""
-    each = [[values[own] for values, own in zip(item.variance(swings), compared, strict=True)] for item in found]
+    each = [[values[own] for values, own in zip(source.variance(swings), compared, strict=True)] for source in parts]
     return np.array([[float(values.mean()) if len(values) else 0.0 for values in row] for row in each])
 
 
-def uncertainty_sources(found: Mapping[str, Sequence[_Source]], pooled: Mapping[str, Array]) -> list[UncertaintySource]:
+def uncertainty_sources(
+    by_model: Mapping[str, Sequence[_Source]], pooled: Mapping[str, Array]
+) -> list[UncertaintySource]:
     """Rows of the budget, from the sources and pooled mean squares (sources,) before and after."""
     return [
         UncertaintySource(
-            name=item.name,
-            kind=item.kind,
-            how=item.how,
-            left=item.left,
+            name=source.name,
+            kind=source.kind,
+            how=source.how,
+            left=source.left,
             before_rad=float(np.sqrt(pooled["before"][i])),
             after_rad=float(np.sqrt(pooled["after"][i])),
         )
-        for i, item in enumerate(found["after"])
+        for i, source in enumerate(by_model["after"])
     ]

@@ -31,33 +31,33 @@ MAP = MapSettings()
 def coverage(fitted: Recordings, held_out: Recordings, settings: MapSettings = MAP) -> dict[str, Occupancy]:
     """Seconds that each rod spent at each angle and speed, by rod; rods that never swung freely are omitted."""
     joints = fitted.rig.encoders.joint_angles
-    spent = [[_spent(item, joints.to_rods) for item in some.records] for some in (fitted, held_out)]
-    found: dict[str, Occupancy] = {}
+    spent = [[_spent(record, joints.to_rods) for record in some.records] for some in (fitted, held_out)]
+    occupancy: dict[str, Occupancy] = {}
     for rod in RODS:
         own = [list(_of(rod, some)) for some in spent]
         fastest = max((float(np.abs(speed).max(initial=0.0)) for some in own for _, speed, _ in some), default=0.0)
         if fastest > 0.0:
             edges = (np.linspace(0, 2 * np.pi, settings.angles + 1), fastest * np.linspace(-1, 1, settings.speeds + 1))
             maps = [_seconds(some, edges) for some in own]
-            found[rod] = Occupancy(
+            occupancy[rod] = Occupancy(
                 angle_edges_rad=edges[0].tolist(),
                 speed_edges_rad_per_s=edges[1].tolist(),
                 fitted_s=maps[0].tolist(),
                 held_out_s=maps[1].tolist(),
             )
-    return found
+    return occupancy
 
 
 Spent = tuple[str, Array, Array, Array]
 """Name of the rod; (n, 2) angles, rad, and speeds of the rods, rad/s; (n,) duration, s."""
 
 
-def _spent(item: Record, to_rods: Callable[[Array], Array]) -> Spent:
-    theta = to_rods(item.joints[:, :2])
-    near = np.diff(item.t) <= THINNING.gap_s
-    step = np.diff(item.t)[near]
-    speed = (np.diff(theta, axis=0) / np.diff(item.t)[:, None])[near]
-    return item.run.setup.mounting, (0.5 * (theta[1:] + theta[:-1]))[near], speed, step
+def _spent(record: Record, to_rods: Callable[[Array], Array]) -> Spent:
+    theta = to_rods(record.joints[:, :2])
+    near = np.diff(record.t) <= THINNING.gap_s
+    step = np.diff(record.t)[near]
+    speed = (np.diff(theta, axis=0) / np.diff(record.t)[:, None])[near]
+    return record.run.setup.mounting, (0.5 * (theta[1:] + theta[:-1]))[near], speed, step
 
 
 def _of(rod: str, spent: Sequence[Spent]) -> Iterator[tuple[Array, Array, Array]]:

@@ -57,16 +57,16 @@ def evidence(
 def _used(recordings: Recordings, *, held_out: bool) -> list[RecordingUsed]:
     return [
         RecordingUsed(
-            name=item.run.name,
-            file=item.run.file.name if item.run.file else "",
-            sha256=item.run.sha256,
-            recorded_utc=item.run.recorded_utc,
-            pose=item.run.pose or "",
-            mounting=item.run.mounting,
-            driven=item.run.torques is not None,
+            name=record.run.name,
+            file=record.run.file.name if record.run.file else "",
+            sha256=record.run.sha256,
+            recorded_utc=record.run.recorded_utc,
+            pose=record.run.pose or "",
+            mounting=record.run.mounting,
+            driven=record.run.torques is not None,
             held_out=held_out,
-            duration_s=float(item.t[-1] - item.t[0]),
-            readings=int(item.joints.size),
+            duration_s=float(record.t[-1] - record.t[0]),
+            readings=int(record.joints.size),
         )
-        for item in recordings.records
+        for record in recordings.records
     ]

@@ -23,18 +23,18 @@ def exclusions(at: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str,
         test: its score test
         least: minimum detectable sizes, see `detectable`
     """
-    found = []
-    for item in test.ranking:
-        name = item.effect.name
-        given = test.beside(item.columns)
-        for i, column in enumerate(item.columns):
+    excluded = []
+    for score in test.ranking:
+        name = score.effect.name
+        given = test.beside(score.columns)
+        for i, column in enumerate(score.columns):
             parameter = test.free[column]
             size = least.get(name, {}).get(parameter.name)
             if name in at.effects or not size:
                 continue
             estimate = float(given.gradient[i] / given.H[i, i] * given.scale[i])
             sigma = size / SIGMAS
-            found.append(
+            excluded.append(
                 Exclusion(
                     effect=name,
                     parameter=parameter.name,
@@ -43,4 +43,4 @@ def exclusions(at: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str,
                     confidence=float(NormalDist().cdf(SIGMAS - abs(estimate) / sigma)),
                 )
             )
-    return found
+    return excluded

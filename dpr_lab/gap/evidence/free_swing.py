@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 class FreeSwing:
     """A free run of one model along one recording."""
 
-    item: Record
+    record: Record
     t: Array
     """(n,) time since the first reading, s."""
     measured: Array
@@ -91,7 +91,7 @@ class FreeSwings:
         known = self.runs.problem
         finer_segments = replace(known.segments, step=known.segments.step / finer)
         model = known.model if constants is None else known.model.with_constants(constants)
-        changed = replace(known, segments=finer_segments, model=model).predict(self.runs.begun)
+        changed = replace(known, segments=finer_segments, model=model).predict(self.runs.start)
         change = np.nan_to_num(changed - self.runs.predicted)
         return [change[own] for own in self.runs.rows]
 
@@ -102,7 +102,7 @@ def free_swings(runs: FreeRuns, at: Hypothesis) -> FreeSwings:
     states = problem.segments.states
     slopes = np.zeros((len(problem.t), problem.axes, len(free) + states))  # zeros of these very runs count as known
     moves = [i for i, parameter in enumerate(free) if parameter.block != "zeros"]
-    slopes[:, :, [*moves, *range(len(free), len(free) + states)]] = problem.slopes(runs.begun, [free[i] for i in moves])
+    slopes[:, :, [*moves, *range(len(free), len(free) + states)]] = problem.slopes(runs.start, [free[i] for i in moves])
     slopes, t = np.nan_to_num(slopes), problem.t
     parts = (t, problem.measured, problem.weight, runs.predicted, slopes[:, :, :-states], slopes[:, :, -states:])
     each = []

@@ -69,9 +69,9 @@ def _look(problem: Problem, at: Hypothesis, joint: int, chances: Array, settings
 def _autocorrelation(r: Array, read: NDArray[np.bool_], owner: NDArray[np.int64], lags: int) -> Array:
     """(lags + 1,) autocorrelation of the residuals of one segment."""
     power = float(np.sum(r**2)) / max(int(read.sum()), 1)
-    found = [1.0]
+    correlations = [1.0]
     for lag in range(1, min(lags, len(r) - 1) + 1):
         both = (owner[lag:] == owner[:-lag]) & read[lag:] & read[:-lag]
         mean = float(np.sum((r[lag:] * r[:-lag])[both])) / max(int(both.sum()), 1)
-        found.append(mean / power if power > 0 else 0.0)
-    return np.array(found)
+        correlations.append(mean / power if power > 0 else 0.0)
+    return np.array(correlations)

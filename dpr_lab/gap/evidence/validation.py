@@ -64,14 +64,14 @@ def validation(
     ends = [horizon(pair["after"]) for pair in swings]
     until = [FREE_RUN.length_s if end is None else end for end in ends]
     compared = [_compared(pair, end) for pair, end in zip(swings, until, strict=True)]
-    found = {name: sources(problem, at, recordings.rig) for name, at in models.items()}
-    squares = {n: mean_squares(found[n], by_model[n], compared) for n in models}
+    parts = {name: sources(problem, at, recordings.rig) for name, at in models.items()}
+    squares = {n: mean_squares(parts[n], by_model[n], compared) for n in models}
     errors = {n: np.array([_error(pair[n], own) for pair, own in zip(swings, compared, strict=True)]) for n in models}
     counts = np.array([own.sum() for own in compared], dtype=np.float64)
     share = counts / max(counts.sum(), 1.0)
     runs = [
         RunBudget(
-            run=pair["after"].item.run.name,
+            run=pair["after"].record.run.name,
             held_out=i >= len(recordings.records),
             until_s=until[i],
             reaches_horizon=ends[i] is not None,
@@ -83,7 +83,7 @@ def validation(
         for i, pair in enumerate(swings)
     ]
     budget = Budget(
-        sources=uncertainty_sources(found, {n: squares[n] @ share for n in models}),
+        sources=uncertainty_sources(parts, {n: squares[n] @ share for n in models}),
         **_by_model("error", {n: errors[n] @ share for n in models}),
         **_by_model("u", {n: float(np.sum(squares[n] @ share)) for n in models}),
         runs=runs,

@@ -111,9 +111,9 @@ def predictive_loss(fit: Fit, fold: NDArray[np.int64], inflation: float) -> Arra
     chi2 = sum(one.chi2 for one in parts.each)
     every = chi2 - parts.gradient @ np.linalg.solve(parts.H, parts.gradient)
     _, volume = np.linalg.slogdet(parts.H)
-    found = []
+    losses = []
     for one in parts.each:
         H, gradient = parts.H - one.H, parts.gradient - one.gradient
         others = chi2 - one.chi2 - gradient @ np.linalg.solve(H, gradient)
-        found.append(every - others + inflation * (volume - np.linalg.slogdet(H)[1]))
-    return np.array(found)
+        losses.append(every - others + inflation * (volume - np.linalg.slogdet(H)[1]))
+    return np.array(losses)

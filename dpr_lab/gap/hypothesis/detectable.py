@@ -29,23 +29,23 @@ def detectable(at: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, flo
         test: its score test
     """
     spread = SIGMAS * at.residuals.inflation**0.5
-    found: dict[str, dict[str, float | None]] = {}
-    for item in test.ranking:
-        left = np.diag(test.beside(item.columns).H)
-        scales = test.space.scale[list(item.columns)]
+    least: dict[str, dict[str, float | None]] = {}
+    for score in test.ranking:
+        left = np.diag(test.beside(score.columns).H)
+        scales = test.space.scale[list(score.columns)]
         sizes = {
             test.free[column].name: _size(spread, scale, rest)
-            for column, scale, rest in zip(item.columns, scales, left, strict=True)
+            for column, scale, rest in zip(score.columns, scales, left, strict=True)
         }
-        found[item.effect.name] = {
-            p.name: None if p.name in item.absorbed else sizes[p.name] for p in item.effect.amplitudes
+        least[score.effect.name] = {
+            p.name: None if p.name in score.absorbed else sizes[p.name] for p in score.effect.amplitudes
         }
     held = test.space.chosen(list(test.held))
     left = held.scale**2 / np.diag(held.covariance())
     for name in at.effects:
         own = zip(at.fit.free, held.scale, left, strict=True)
-        found[name] = {p.name: _size(spread, s, rest) for p, s, rest in own if p.effect == name and p.amplitude}
-    return {name: found[name] for name in EFFECTS if name in found}
+        least[name] = {p.name: _size(spread, s, rest) for p, s, rest in own if p.effect == name and p.amplitude}
+    return {name: least[name] for name in EFFECTS if name in least}
 
 
 def _size(spread: float, scale: float, rest: float) -> float | None:

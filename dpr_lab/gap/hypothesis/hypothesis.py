@@ -55,10 +55,10 @@ class Hypothesis:
         return frozenset(self.effects)
 
 
-def hypothesis(problem: Problem, effects: Iterable[str], found: Fit) -> Hypothesis:
+def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothesis:
     """Compute residual statistics and cost of a fit."""
-    left = residual_statistics(problem, found)
-    return Hypothesis(tuple(effects), found, left, predictive_loss(found, folds(problem), left.inflation))
+    left = residual_statistics(problem, fitted)
+    return Hypothesis(tuple(effects), fitted, left, predictive_loss(fitted, folds(problem), left.inflation))
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
@@ -146,5 +146,5 @@ def refit_without(
         guess = without
     if not scale_visible(names, problem):
         guess = guess.changed(ratios=with_scale(guess.ratios, bare.fit.estimate.ratios[SCALE]))
-    found = fit(problem, guess, free_parameters(guess, names, problem), iterations=iterations)
-    return hypothesis(problem, names, found)
+    fitted = fit(problem, guess, free_parameters(guess, names, problem), iterations=iterations)
+    return hypothesis(problem, names, fitted)

@@ -108,10 +108,10 @@ def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along
 def _within(columns: Array, others: Array, many: int) -> Array:
     """(shapes, many, many) products of the columns (segments, rows, shapes * many) of each shape."""
     apart = [np.einsum("smk,smk->k", columns[:, :, : columns.shape[2] - i], others[:, :, i:]) for i in range(many)]
-    found = np.empty((columns.shape[2] // many, many, many))
+    blocks = np.empty((columns.shape[2] // many, many, many))
     for i, j in product(range(many), repeat=2):
-        found[:, i, j] = apart[abs(i - j)][min(i, j) :: many]
-    return found
+        blocks[:, i, j] = apart[abs(i - j)][min(i, j) :: many]
+    return blocks
 
 
 def _unit(effect: Effect, amplitude: str, shape: Shape) -> Array:

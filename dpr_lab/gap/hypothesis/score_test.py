@@ -85,32 +85,32 @@ class ScoreTest:
         return space.cosine(direction, slice(0, own), slice(own, None))
 
 
-def score_test(problem: Problem, found: Fit, library: Iterable[Effect], recorded: Recorded) -> ScoreTest:
+def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorded: Recorded) -> ScoreTest:
     """Test every effect.
 
     Args:
         problem: segments and noise
-        found: the fit to improve
+        fitted: the fit to improve
         library: the effects to test
         recorded: properties of the recordings from which shapes are proposed
     """
-    along = trajectory(problem, found.estimate, spacing=TRAJECTORY.coarse_s)
+    along = trajectory(problem, fitted.estimate, spacing=TRAJECTORY.coarse_s)
     candidates = [
         (effect, shape, effect_parameters(effect, overrides=shape, limits=problem.limits))
         for effect in library
-        for shape in shapes(effect, problem, found, along, recorded)
+        for shape in shapes(effect, problem, fitted, along, recorded)
     ]
-    free = (*found.free, *(parameter for _, _, own in candidates for parameter in own))
-    linear = linearise(problem, found.estimate, free)
-    test = ScoreTest(found, linear, free, ColumnSpace.of(*linear.flat))
+    free = (*fitted.free, *(parameter for _, _, own in candidates for parameter in own))
+    linear = linearise(problem, fitted.estimate, free)
+    test = ScoreTest(fitted, linear, free, ColumnSpace.of(*linear.flat))
     tested: dict[str, list[Score]] = {}
-    first = len(found.free)
+    first = len(fitted.free)
     for effect, shape, own in candidates:
         columns = tuple(range(first, first + len(own)))
         first += len(own)
         tested.setdefault(effect.name, []).append(_score(problem, test, effect, shape, columns))
-    shaped = {name: tuple(sorted(items, key=lambda item: -item.gain)) for name, items in tested.items()}
-    ranking = tuple(sorted((items[0] for items in shaped.values()), key=lambda item: (-item.gain, item.effect.name)))
+    shaped = {name: tuple(sorted(items, key=lambda score: -score.gain)) for name, items in tested.items()}
+    ranking = tuple(sorted((items[0] for items in shaped.values()), key=lambda score: (-score.gain, score.effect.name)))
     return replace(test, ranking=ranking, shaped=shaped)
 
 

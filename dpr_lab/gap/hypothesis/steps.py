@@ -25,18 +25,18 @@ BLIND = 1e-6
 
 def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
     """Properties of the recordings from which shapes are proposed."""
-    screened = [(axis, run, at) for run, item in enumerate(records) for at, axis in item.screened.breaks]
+    screened = [(axis, run, at) for run, record in enumerate(records) for at, axis in record.screened.breaks]
     return Recorded(
-        arm_moves=tuple(item.arm_moves for item in records),
-        steps=lambda: screened or [found[1:] for found in _possible(records, _step_gains(problem, fit))[:STEPS_KEPT]],
+        arm_moves=tuple(record.arm_moves for record in records),
+        steps=lambda: screened or [step[1:] for step in _possible(records, _step_gains(problem, fit))[:STEPS_KEPT]],
     )
 
 
 def _possible(
-    records: Sequence[Record], found: list[tuple[float, int, int, float]]
+    records: Sequence[Record], steps: list[tuple[float, int, int, float]]
 ) -> list[tuple[float, int, int, float]]:
     """Properties of those encoders whose readings are counts."""
-    return [item for item in found if records[item[2]].screened.on_grid[item[1]]]
+    return [step for step in steps if records[step[2]].screened.on_grid[step[1]]]
 
 
 def _step_gains(problem: Problem, fit: Fit) -> list[tuple[float, int, int, float]]:
@@ -45,7 +45,7 @@ def _step_gains(problem: Problem, fit: Fit) -> list[tuple[float, int, int, float
     A segment that lies entirely after the step contains a constant, which its initial state nearly absorbs; the
     nonlinear fit determines the exact offset.
     """
-    segments, found = problem.segments, []
+    segments, gains = problem.segments, []
     firsts, lengths = segments.offsets[:-1], np.diff(segments.offsets)
     every = padded(np.ones((*problem.weight.shape, 1)), problem.weight, segments.offsets)[..., 0]
     for joint in range(2):
@@ -60,8 +60,8 @@ def _step_gains(problem: Problem, fit: Fit) -> list[tuple[float, int, int, float
         gain = np.where(seen, inner**2 / np.where(seen, norm, 1.0), 0.0)
         best = np.argmax(gain[:, 1:], axis=1) + 1
         at, most = problem.t[firsts + best] - BEFORE_S, gain[np.arange(len(best)), best]
-        found += zip(most.tolist(), repeat(joint), segments.run.tolist(), at.tolist())
-    return sorted(found, reverse=True)
+        gains += zip(most.tolist(), repeat(joint), segments.run.tolist(), at.tolist())
+    return sorted(gains, reverse=True)
 
 
 def _from_end(values: NDArray[np.float64]) -> NDArray[np.float64]:

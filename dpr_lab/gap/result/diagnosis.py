@@ -434,7 +434,7 @@ class Diagnosis(Shown, _Record):
         return self.sentence
 
     def _rows(self) -> list[Row]:
-        rows = [(item.name, f"{item.probability:.0%}", f"{item.share:.0%}") for item in self.effects]
+        rows = [(effect.name, f"{effect.probability:.0%}", f"{effect.share:.0%}") for effect in self.effects]
         return [("effect", "probability", "share of the excess"), *rows] if rows else []
 
     def to_json(self) -> dict[str, Any]:
@@ -452,7 +452,7 @@ def load_diagnosis(path: Path) -> Diagnosis:
     try:
         document = json.loads(regular(path, RunError).read_text(encoding="utf-8"))
         kept = {key: document[key] for key in document if key != "files"} if isinstance(document, dict) else document
-        found = Diagnosis.model_validate(kept)
+        diagnosis = Diagnosis.model_validate(kept)
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
     except ValidationError as error:
@@ -461,8 +461,10 @@ def load_diagnosis(path: Path) -> Diagnosis:
         raise RunError(f"{path}: is not a diagnosis that this dpr-lab wrote: {key}: {first['msg']}") from error
     except (ValueError, RecursionError) as error:
         raise RunError(f"{path}: is not a diagnosis (JSON): {error}") from error
-    named = {effect.name for effect in found.effects} | {check.measures for check in found.checks if check.measures}
-    unknown = [name for name in {*found.model_effects, *named} if name not in EFFECTS]
-    if unknown or any(check.about not in named for check in found.checks):
+    named = {effect.name for effect in diagnosis.effects} | {
+        check.measures for check in diagnosis.checks if check.measures
+    }
+    unknown = [name for name in {*diagnosis.model_effects, *named} if name not in EFFECTS]
+    if unknown or any(check.about not in named for check in diagnosis.checks):
         raise RunError(f"{path}: does not fit this version: {', '.join(unknown) or 'a check of no named effect'}")
-    return found
+    return diagnosis

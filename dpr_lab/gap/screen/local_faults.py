@@ -128,11 +128,11 @@ def _filters(half: int, degree: int) -> tuple[Array, Array]:
 
 def _highest(values: Array, half: int) -> Array:
     """(n,) highest of (n,) positive values among so many neighbours on either side."""
-    found, width = np.pad(values, half), 1
+    highest, width = np.pad(values, half), 1
     while width <= 2 * half:
         shift = min(width, 2 * half + 1 - width)
-        found, width = np.maximum(found[:-shift], found[shift:]), width + shift
-    return found
+        highest, width = np.maximum(highest[:-shift], highest[shift:]), width + shift
+    return highest
 
 
 def _peaks(z: Array, half: int, settings: LocalFaultSettings) -> Indices:

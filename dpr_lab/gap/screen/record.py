@@ -190,13 +190,13 @@ def _curvature(t: Array, values: Array, rate_hz: float) -> Array:
     Source: Savitzky & Golay (1964), Smoothing and differentiation of data, Anal. Chem. 36, 1627-1639.
     """
     parabola = np.array([5.0, 0.0, -3.0, -4.0, -3.0, 0.0, 5.0]) / 42
-    reach, found = len(parabola) // 2, np.zeros_like(values)
+    reach, curvature = len(parabola) // 2, np.zeros_like(values)
     holes = np.flatnonzero(np.diff(t) * rate_hz > 1.5) + 1
     for first, last in pairwise([0, *holes.tolist(), len(values)]):
         if last - first >= len(parabola):
             columns = [np.convolve(column, parabola, mode="valid") for column in values[first:last].T]
-            found[first:last] = np.pad(np.stack(columns, axis=1), ((reach, reach), (0, 0)), mode="edge")
-    return found * rate_hz**2
+            curvature[first:last] = np.pad(np.stack(columns, axis=1), ((reach, reach), (0, 0)), mode="edge")
+    return curvature * rate_hz**2
 
 
 def _arm_moves(run: Run, standard_errors: float) -> bool | None:

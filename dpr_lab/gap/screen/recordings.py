@@ -91,9 +91,12 @@ class Recordings:
     @property
     def working_length(self) -> float:
         """Length of the segments at which effects are distinguished, s."""
-        if not all(item.run.setup.alone and item.run.setup.arm is None for item in self.records) or self.arm_moves:
+        if (
+            not all(record.run.setup.alone and record.run.setup.arm is None for record in self.records)
+            or self.arm_moves
+        ):
             return LENGTHS.working
-        shortest = min((float(np.ptp(item.t)) for item in self.records), default=0.0)
+        shortest = min((float(np.ptp(record.t)) for record in self.records), default=0.0)
         return float(np.clip(shortest / LENGTHS.steady_parts, LENGTHS.working, LENGTHS.steady))
 
     @property
@@ -129,13 +132,13 @@ class Recordings:
     def cut(self, length: float) -> tuple[Problem, Array]:
         """Segments of approximately one length, s, and (segments, 4) initial states estimated from the readings."""
         records = self.records
-        cuts = [cut(item.t, length, item.breaks) for item in records]
+        cuts = [cut(record.t, length, record.breaks) for record in records]
         stretches = [(i, s) for i, own in enumerate(cuts) for s in own]
         problem = Problem(
             segments=segments(
                 [records[i].t[s] for i, s in stretches],
                 [i for i, _ in stretches],
-                [item.setup for item in records],
+                [record.setup for record in records],
                 [records[i].step for i, _ in stretches],
             ),
             measured=np.concatenate([self._widened(records[i].joints[s]) for i, s in stretches]),
@@ -145,7 +148,7 @@ class Recordings:
             always=self.always,
             rezeroed=self.rig.encoders.rezeroed,
             prior=self.prior,
-            noise_correlation=float(np.mean([item.noise_correlation for item in records])),
+            noise_correlation=float(np.mean([record.noise_correlation for record in records])),
         )
         relative2 = self.rig.encoders.joint2 == "relative"
         rough = _with_arm if self.arm_moves else _initial_states
@@ -164,7 +167,7 @@ class Recordings:
         run = problem.segments.run[problem.owner]
         return replace(
             self,
-            records=tuple(item.without(problem.t[run == i], off[run == i]) for i, item in enumerate(self.records)),
+            records=tuple(record.without(problem.t[run == i], off[run == i]) for i, record in enumerate(self.records)),
         )
 
     def only(self, chosen: Sequence[Record]) -> "Recordings":
@@ -172,50 +175,50 @@ class Recordings:
         return replace(self, records=tuple(chosen))
 
 
-def _initial_states(item: Record, stretches: Sequence[slice], relative2: bool, guess: InitialGuess = GUESS) -> Array:
+def _initial_states(record: Record, stretches: Sequence[slice], relative2: bool, guess: InitialGuess = GUESS) -> Array:
     """(stretches, states) states where segments start, by cubics through the readings; at rest if released.
 
     Returns:
         theta1, theta2, omega1, omega2, rad and rad/s
     """
-    begins = np.array([segment_start(float(item.t[s.start])) for s in stretches])
-    near = [_near(item, s.start, at, guess) for s, at in zip(stretches, begins, strict=True)]
-    axes = item.joints.shape[1]
-    found = np.empty((len(stretches), 2 * axes))
+    begins = np.array([segment_start(float(record.t[s.start])) for s in stretches])
+    near = [_near(record, s.start, at, guess) for s, at in zip(stretches, begins, strict=True)]
+    axes = record.joints.shape[1]
+    states = np.empty((len(stretches), 2 * axes))
     sizes = np.array([len(window) for window in near])
     for size in np.unique(sizes):
         alike = np.flatnonzero(sizes == size)
         windows = np.array([near[i] for i in alike])
-        since = item.t[windows] - begins[alike, None]
+        since = record.t[windows] - begins[alike, None]
         reach = np.abs(since).max(axis=1)
         powers = (since / reach[:, None])[:, :, None] ** np.arange(4)
         across = powers.transpose(0, 2, 1)
-        cubic = np.linalg.solve(across @ powers, across @ item.joints[windows])
+        cubic = np.linalg.solve(across @ powers, across @ record.joints[windows])
         angles, speeds = cubic[:, 0], cubic[:, 1] / reach[:, None]
-        found[alike, :2], found[alike, 2:4] = angles[:, :2], speeds[:, :2]
+        states[alike, :2], states[alike, 2:4] = angles[:, :2], speeds[:, :2]
         if axes > 2:
-            found[alike, 4], found[alike, 5] = angles[:, 2], speeds[:, 2]
-    found[:, [1, 3]] += float(relative2) * found[:, [0, 2]]
-    if len(item.run.rest):
-        arm = [item.run.rest[:, 0].mean(), 0.0] if axes > 2 else []
-        found[begins == 0.0] = [*item.run.rest[:, 1:].mean(axis=0), 0.0, 0.0, *arm]
-    return found
+            states[alike, 4], states[alike, 5] = angles[:, 2], speeds[:, 2]
+    states[:, [1, 3]] += float(relative2) * states[:, [0, 2]]
+    if len(record.run.rest):
+        arm = [record.run.rest[:, 0].mean(), 0.0] if axes > 2 else []
+        states[begins == 0.0] = [*record.run.rest[:, 1:].mean(axis=0), 0.0, 0.0, *arm]
+    return states
 
 
-def _with_arm(item: Record, stretches: Sequence[slice], relative2: bool) -> Array:
+def _with_arm(record: Record, stretches: Sequence[slice], relative2: bool) -> Array:
     """(stretches, 6) the same with the arm, at its mean angle where it is clamped."""
-    states = _initial_states(item, stretches, relative2)
-    if item.setup.arm_moves:
+    states = _initial_states(record, stretches, relative2)
+    if record.setup.arm_moves:
         return states
-    held = float(np.mean(item.run.swing.theta[:, 0]))
+    held = float(np.mean(record.run.swing.theta[:, 0]))
     return np.column_stack([states, np.full(len(states), held), np.zeros(len(states))])
 
 
-def _near(item: Record, start: int, at: float, guess: InitialGuess) -> NDArray[np.int64]:
+def _near(record: Record, start: int, at: float, guess: InitialGuess) -> NDArray[np.int64]:
     """Readings near an instant, on the same side of breaks; or those near the first of its segment if there are few."""
-    first, last = np.searchsorted(item.t, _between(item.breaks, float(item.t[start]))).tolist()
-    i = max(first, int(np.searchsorted(item.t, at - guess.near_s, side="right")))
-    j = min(last, int(np.searchsorted(item.t, at + guess.near_s)))
+    first, last = np.searchsorted(record.t, _between(record.breaks, float(record.t[start]))).tolist()
+    i = max(first, int(np.searchsorted(record.t, at - guess.near_s, side="right")))
+    j = min(last, int(np.searchsorted(record.t, at + guess.near_s)))
     if j - i < guess.fewest:
         i, j = max(first, start - guess.before), min(last, start + guess.fewest)
     return np.arange(i, j)

@@ -140,14 +140,14 @@ def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
     ]
     breaks: list[tuple[float, int]] = []
     for axis, name in enumerate(AXES):
-        found = local_faults(t, joints[:, axis], keep[:, axis], (float(noise[axis]), jitter), period)
-        keep[found.outliers, axis] = False
-        steps = found.steps if on_grid[axis] else ()
+        faults = local_faults(t, joints[:, axis], keep[:, axis], (float(noise[axis]), jitter), period)
+        keep[faults.outliers, axis] = False
+        steps = faults.steps if on_grid[axis] else ()
         breaks += [(float(t[i]), axis) for i, _ in steps]
         for kind, at, evidence in (
             ("outlier", t[wild[:, axis]], "the reading jumps there and back faster than any rod"),
             ("repeated_sample", t[stale[:, axis]], "the reading is constant while the rod moves"),
-            ("outlier", t[found.outliers], "one reading deviates from the polynomial through its neighbours"),
+            ("outlier", t[faults.outliers], "one reading deviates from the polynomial through its neighbours"),
         ):
             findings += _events(Finding(kind, run.name, name, None, evidence), at.tolist(), settings)
         for i, size in steps:
@@ -156,10 +156,10 @@ def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
     if jitter:
         jitter = max(jitter, noise_by_speed(t, joints, noise, period, keep)[0])
     findings += [*jittered, *coloured]
-    found = Screened(
+    screened = Screened(
         run, t, joints, keep, tuple(sorted(breaks)), noise, jitter, count, dithered, on_grid, tuple(findings)
     )
-    return _without_joint2(found) if run.setup.alone else found
+    return _without_joint2(screened) if run.setup.alone else screened
 
 
 def with_arm(seen: Screened, rig: Rig) -> Screened:
@@ -221,22 +221,22 @@ def _read_joints(run: Run, rig: Rig) -> Array:
     return joints[:, :1] if run.setup.alone else joints
 
 
-def _without_joint2(found: Screened) -> Screened:
+def _without_joint2(screened: Screened) -> Screened:
     """Faults in the swing of a single rod: encoder 2 has no readings."""
     return replace(
-        found,
-        keep=np.repeat(found.keep[:, :1], 2, axis=1),
-        breaks=tuple((at, axis) for at, axis in found.breaks if axis == 0),
-        noise=np.array([found.noise[0], np.inf]),
-        findings=tuple(item for item in found.findings if item.axis != AXES[1]),
+        screened,
+        keep=np.repeat(screened.keep[:, :1], 2, axis=1),
+        breaks=tuple((at, axis) for at, axis in screened.breaks if axis == 0),
+        noise=np.array([screened.noise[0], np.inf]),
+        findings=tuple(finding for finding in screened.findings if finding.axis != AXES[1]),
     )
 
 
-def _events(found: Finding, at: list[float], settings: ScreenSettings) -> list[Finding]:
+def _events(finding: Finding, at: list[float], settings: ScreenSettings) -> list[Finding]:
     """A finding for each instant, or for the first one with their number if there are many."""
     if len(at) > settings.shown:
-        return [replace(found, at_s=at[0], evidence=f"{found.evidence}; {len(at)} times; this is the first")]
-    return [replace(found, at_s=s) for s in at]
+        return [replace(finding, at_s=at[0], evidence=f"{finding.evidence}; {len(at)} times; this is the first")]
+    return [replace(finding, at_s=s) for s in at]
 
 
 def _gaps(name: str, t: Array, period: float, settings: ScreenSettings) -> list[Finding]:
@@ -286,15 +286,15 @@ def _levels(run: Run, rig: Rig, std: Array, dithered: NDArray[np.bool_], setting
         return []
     nominal = np.sqrt(rig.encoders.noise_counts**2 + 1 / 12)
     counts = std / np.abs(rig.radians_per_count[1:])
-    found = []
+    findings = []
     for axis, name in enumerate(AXES):
         if not dithered[axis]:
             evidence = "the counts are constant at rest: the noise before rounding is below a fifth of a count"
-            found.append(Finding("undithered_quantisation", run.name, name, None, evidence))
+            findings.append(Finding("undithered_quantisation", run.name, name, None, evidence))
         elif not 1 / settings.noise_ratio < counts[axis] / nominal < settings.noise_ratio:
             evidence = f"{counts[axis]:.2f} counts rms, the rig file gives {nominal:.2f} with rounding"
-            found.append(Finding("noise_level", run.name, name, None, evidence))
-    return found
+            findings.append(Finding("noise_level", run.name, name, None, evidence))
+    return findings
 
 
 def _jitter(run: Run, t: Array, joints: Array, std: Array, settings: ScreenSettings) -> tuple[float, list[Finding]]:
@@ -309,7 +309,7 @@ def _jitter(run: Run, t: Array, joints: Array, std: Array, settings: ScreenSetti
 
 def _colour(run: Run, rig: Rig, joints: Array, settings: ScreenSettings) -> tuple[Array, list[Finding]]:
     """(2,) factor from the noise of neighbours to that of wider spacings, 1 for white noise; and the findings."""
-    factor, found = np.ones(2), []
+    factor, findings = np.ones(2), []
     if run.rate_hz < settings.colour_hz:
         evidence = "neighbouring readings at rest have correlated errors (correlation {:.0%}): a filter or a tracker"
         shared = rest_correlation(run, rig).tolist()
@@ -323,5 +323,5 @@ def _colour(run: Run, rig: Rig, joints: Array, settings: ScreenSettings) -> tupl
         if ratio > settings.noise_ratio:
             factor[axis] = ratio
             evidence = f"every third sample has {ratio:.2g} times the noise of neighbours: filtered before recording"
-            found.append(Finding("non_white_noise", run.name, name, None, evidence))
-    return factor, found
+            findings.append(Finding("non_white_noise", run.name, name, None, evidence))
+    return factor, findings

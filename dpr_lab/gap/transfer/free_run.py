@@ -40,7 +40,7 @@ class FreeRuns:
     """Recordings, each from the first instant that can be simulated: before a gap there may be too few readings."""
     problem: Problem
     """Compared readings, one segment for each recording."""
-    begun: Estimate
+    start: Estimate
     """The model with an initial state for each recording, and with the zeros of encoders that are zeroed before each
     run.
     """
@@ -48,7 +48,7 @@ class FreeRuns:
     @cached_property
     def predicted(self) -> Array:
         """(samples, 2) predicted readings, rad."""
-        return self.problem.predict(self.begun)
+        return self.problem.predict(self.start)
 
     @property
     def rows(self) -> list[slice]:
@@ -65,8 +65,8 @@ class FreeRuns:
         unseen = [error[own][t[own] - t[own.start] >= FREE_RUN.settle_s] for own in self.rows]
         axes = [np.flatnonzero(self.problem.read[own].any(axis=0)) for own in self.rows]
         rms = {
-            item.run.name: float(np.sqrt(np.mean(of_run[:, read] ** 2))) if len(of_run) else np.nan
-            for item, of_run, read in zip(self.items, unseen, axes, strict=True)
+            record.run.name: float(np.sqrt(np.mean(of_run[:, read] ** 2))) if len(of_run) else np.nan
+            for record, of_run, read in zip(self.items, unseen, axes, strict=True)
         }
         return {name: value for name, value in rms.items() if np.isfinite(value)}
 
@@ -79,29 +79,31 @@ def free_runs(recordings: Recordings, at: Estimate, length_s: float = FREE_RUN.l
         at: ratios and effects for the simulation
         length_s: from the beginning to where the free run is compared, s
     """
-    items = tuple(item.only(slice(cut(item.t, np.inf, item.breaks)[0].start, None)) for item in recordings.records)
-    begun = [_begun(recordings, item, at) for item in items]
+    items = tuple(
+        record.only(slice(cut(record.t, np.inf, record.breaks)[0].start, None)) for record in recordings.records
+    )
+    own_starts = [_own_start(recordings, record, at) for record in items]
     compared = []
-    for item in items:
-        until = min(item.t[0] + length_s, *item.kicks[item.kicks > item.t[0]], np.inf)
-        within = item.t <= until
+    for record in items:
+        until = min(record.t[0] + length_s, *record.kicks[record.kicks > record.t[0]], np.inf)
+        within = record.t <= until
         within[:MIN_SAMPLES] = True
-        compared.append(replace(item.only(within), breaks=np.zeros(0)))
+        compared.append(replace(record.only(within), breaks=np.zeros(0)))
     whole, _ = (
         replace(recordings, ratios=None).only(compared).cut(np.inf)
     )  # nothing is fitted here, so the noise has no influence
-    starts = np.concatenate([one.initial[:1] for one in begun])
-    return FreeRuns(items, whole, at.changed(initial=starts, zeros=np.concatenate([one.zeros for one in begun])))
+    starts = np.concatenate([one.initial[:1] for one in own_starts])
+    return FreeRuns(items, whole, at.changed(initial=starts, zeros=np.concatenate([one.zeros for one in own_starts])))
 
 
-def _begun(recordings: Recordings, item: Record, at: Estimate) -> Estimate:
+def _own_start(recordings: Recordings, record: Record, at: Estimate) -> Estimate:
     """The model with the initial state from the first readings of a recording, which is its only run."""
     at = at.changed(params=without_events(at.params))
-    head = item.t - item.t[0] < FREE_RUN.settle_s
+    head = record.t - record.t[0] < FREE_RUN.settle_s
     head[:MIN_SAMPLES] = True
-    short = item.only(head)
+    short = record.only(head)
     problem, initial = recordings.only([short]).cut(max(FREE_RUN.settle_s, float(np.ptp(short.t))))
-    zeros = own_zeros(recordings.only([item]), at, FREE_RUN.iterations)
+    zeros = own_zeros(recordings.only([record]), at, FREE_RUN.iterations)
     fixed = replace(problem, rezeroed=False)
     return descend(fixed, at.changed(initial=initial, zeros=zeros), (), iterations=FREE_RUN.iterations).estimate
 
@@ -111,5 +113,5 @@ def own_zeros(recordings: Recordings, at: Estimate, iterations: int) -> Array:
     if not recordings.rig.encoders.rezeroed:
         return np.zeros((0, 2))
     problem, initial = recordings.cut(recordings.working_length)
-    begun = at.changed(initial=initial, zeros=np.zeros((0, 2)))
-    return descend(problem, begun, (), iterations=iterations).estimate.zeros
+    start = at.changed(initial=initial, zeros=np.zeros((0, 2)))
+    return descend(problem, start, (), iterations=iterations).estimate.zeros

@@ -75,21 +75,21 @@ def by_horizon(
     recordings: Recordings, working: Problem, models: Mapping[str, Hypothesis]
 ) -> dict[str, dict[str, float]]:
     """Gap of several models by the length of segments with free initial states: horizon (s) -> model -> rms, rad."""
-    found: dict[str, dict[str, float]] = {}
+    ratios: dict[str, dict[str, float]] = {}
     for length in HORIZONS_S:
         problem, initial = (working, None) if length == recordings.working_length else recordings.cut(length)
         noise = np.mean(problem.weight[problem.read] ** 2)
-        found[f"{length:g}"] = {}
+        ratios[f"{length:g}"] = {}
         for name, at in models.items():
             left = at.residuals if initial is None else _left(problem, initial, working, at)
-            found[f"{length:g}"][name] = float(np.sqrt(max(left.excess, 0.0) / left.dof / noise))
-    return found
+            ratios[f"{length:g}"][name] = float(np.sqrt(max(left.excess, 0.0) / left.dof / noise))
+    return ratios
 
 
 def _left(problem: Problem, initial: Array, working: Problem, at: Hypothesis) -> ResidualStatistics:
     """Residual of a model with segments of another length."""
-    begun = carried(working.segments, at.fit.estimate.initial, problem.segments, initial)
-    return residual_statistics(problem, fit(problem, at.fit.estimate.changed(initial=begun), (), settings=TWO_DIGITS))
+    states = carried(working.segments, at.fit.estimate.initial, problem.segments, initial)
+    return residual_statistics(problem, fit(problem, at.fit.estimate.changed(initial=states), (), settings=TWO_DIGITS))
 
 
 def _mean(values: Array, problem: Problem) -> Array:

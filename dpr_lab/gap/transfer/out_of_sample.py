@@ -71,20 +71,20 @@ class Unseen:
 def left_out(recordings: Recordings, problem: Problem) -> Unseen:
     """Each run predicted from the other runs, or each quarter of a single run from the other quarters."""
     fold = folds(problem)
-    return _unseen(recordings, problem, lambda item: left_out_chi2(item.fit, fold))
+    return _unseen(recordings, problem, lambda model: left_out_chi2(model.fit, fold))
 
 
 def held_out_runs(recordings: Recordings, base: Hypothesis) -> Unseen:
     """Whole recordings that the diagnosis did not fit."""
     problem, initial = recordings.cut(recordings.working_length)
-    begun = descend(problem, base.fit.estimate.changed(initial=initial), (), iterations=20).estimate.initial
+    states = descend(problem, base.fit.estimate.changed(initial=initial), (), iterations=20).estimate.initial
 
     @cache
-    def chi2(item: Hypothesis) -> Array:
-        at = item.fit.estimate  # counts that a fitted run lost were lost in that run only
-        at = at.changed(initial=begun, params=without_events(at.params))
-        found = descend(problem, at, (), iterations=20)
-        return problem.chi2_by_segment(problem.predict(found.estimate))
+    def chi2(model: Hypothesis) -> Array:
+        at = model.fit.estimate  # counts that a fitted run lost were lost in that run only
+        at = at.changed(initial=states, params=without_events(at.params))
+        fitted = descend(problem, at, (), iterations=20)
+        return problem.chi2_by_segment(problem.predict(fitted.estimate))
 
     return _unseen(recordings, problem, chi2)
 
@@ -93,7 +93,7 @@ def _unseen(recordings: Recordings, problem: Problem, chi2: Callable[[Hypothesis
     dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
     noise = float(np.mean(problem.weight[problem.read] ** 2) ** -0.5)
     return Unseen(
-        tuple(item.run.name for item in recordings.records), problem.segments.run, dof, noise, chi2, block(problem)
+        tuple(record.run.name for record in recordings.records), problem.segments.run, dof, noise, chi2, block(problem)
     )
 
 

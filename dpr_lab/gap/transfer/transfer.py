@@ -92,10 +92,12 @@ class Transfer:
         """Probabilities of the effects; not above one half for effects that fail the test."""
         doubtful = {*self.withdrawn, *self.oversized}
         if self.worse_free_run:
-            doubtful |= {item.name for item in posteriors}
+            doubtful |= {posterior.name for posterior in posteriors}
         return tuple(
-            replace(item, probability=TRANSFER.unproven * item.probability) if item.name in doubtful else item
-            for item in posteriors
+            replace(posterior, probability=TRANSFER.unproven * posterior.probability)
+            if posterior.name in doubtful
+            else posterior
+            for posterior in posteriors
         )
 
 
@@ -122,7 +124,7 @@ def transfer(
         basis = "one release"
     apart = unseen or left_out(recordings, problem)
     models: dict[str, Hypothesis] = {"": selection.base, **selection.without}
-    chi2 = {name: _bounded(apart.chi2(item)) for name, item in models.items()}
+    chi2 = {name: _bounded(apart.chi2(model)) for name, model in models.items()}
     chosen = _bounded(apart.chi2(selection.chosen))
     noise = np.asarray(selection.chosen.residuals.level * apart.dof, dtype=np.float64)
     above = {name: np.stack([values - noise, chosen - noise]) for name, values in chi2.items()}
@@ -173,7 +175,7 @@ def worse_free_run(
 
 def _closing(unseen: Unseen, selection: Selection, ends: Array, noise: Array) -> Iterator[tuple[str, float, float]]:
     """The gap as effects are added one by one, from the bare model to the set with all effects (`ends`)."""
-    between = [_bounded(unseen.chi2(item)) - noise for _, item in selection.path[:-1]]
+    between = [_bounded(unseen.chi2(model)) - noise for _, model in selection.path[:-1]]
     left = [ends[0], *between, *([ends[1]] if selection.path else [])]
     for name, above in zip(["", *(name for name, _ in selection.path)], left, strict=True):
         rms = unseen.noise_rad * np.sqrt(max(float(above.sum()), 0.0) / unseen.dof.sum())
@@ -185,7 +187,7 @@ def _fitted(
 ) -> dict[str, GapReduction]:
     apart = left_out(recordings, problem)
     noise = np.asarray(selection.chosen.residuals.level * apart.dof, dtype=np.float64)
-    above = [_bounded(apart.chi2(item)) - noise for item in (selection.base, selection.chosen)]
+    above = [_bounded(apart.chi2(model)) - noise for model in (selection.base, selection.chosen)]
     return _by_run(apart, np.stack(above), rng)
 
 

@@ -20,18 +20,18 @@ def hats(x: Array, knots: Array) -> Array:
     """(n, k) piecewise linear functions that sum to one."""
     place = np.clip(np.interp(x, knots, np.arange(len(knots))), 0, len(knots) - 1 - 1e-9)
     lower = place.astype(int)
-    found = np.zeros((len(x), len(knots)))
-    found[np.arange(len(x)), lower] = 1 - (place - lower)
-    found[np.arange(len(x)), lower + 1] = place - lower
-    return found
+    weights = np.zeros((len(x), len(knots)))
+    weights[np.arange(len(x)), lower] = 1 - (place - lower)
+    weights[np.arange(len(x)), lower + 1] = place - lower
+    return weights
 
 
 def angle_hats(angle: Array) -> tuple[Array, Array]:
     """(n, k) hat functions around the circle, and their knots."""
     knots = np.linspace(-math.pi, math.pi, BINS + 1)
-    found = hats((angle + math.pi) % (2 * math.pi) - math.pi, knots)
-    found[:, 0] += found[:, -1]
-    return found[:, :-1], knots[:-1]
+    weights = hats((angle + math.pi) % (2 * math.pi) - math.pi, knots)
+    weights[:, 0] += weights[:, -1]
+    return weights[:, :-1], knots[:-1]
 
 
 def speed_hats(speed: Array) -> tuple[Array, Array]:
@@ -60,7 +60,7 @@ def joint_force(problem: Problem, along: Trajectory, joint: int) -> Array:
     sin, cos = np.sin(theta), np.cos(theta)
     across = cos * alpha - sin * omega**2
     up = -sin * alpha - cos * omega**2
-    found = np.empty(len(along.t))
+    force = np.empty(len(along.t))
     for setup, base in zip(along.setups, along.bases, strict=True):
         mine, rig = along.of_setup(setup), constants_of_run(problem.model.constants, setup)
         inner, outer = base[3] / rig.g, base[2] / problem.model.constants.L1
@@ -70,8 +70,8 @@ def joint_force(problem: Problem, along: Trajectory, joint: int) -> Array:
         else:
             weight = rig.m2 * rig.g
             lengths = np.array([rig.m2 * rig.L1, outer])
-        found[mine] = np.hypot(across[mine] @ lengths, up[mine] @ lengths + weight)
-    return found
+        force[mine] = np.hypot(across[mine] @ lengths, up[mine] @ lengths + weight)
+    return force
 
 
 def encoder_angle(problem: Problem, joint: int) -> Array:
