@@ -30,12 +30,15 @@ def rest_angle(params: Params, *, most_rad: float = math.pi, iterations: int = 2
     return {"rest_angle_rad": q} if abs(q) <= most_rad else {}
 
 
-def linear(params: Params) -> Words:
-    """Stiffness and rest angle of a spring without a cubic term; {} if it has no rest angle."""
-    rest = rest_angle(params)
-    if params.get("cubic_Nm_per_rad3", 0.0) or not rest:
+def linear(params: Params, negligible: float = 1e-3) -> Words:
+    """Stiffness and rest angle of a spring without a cubic term; {} if it has no rest angle.
+
+    A cubic term of less than the share `negligible` of the linear torque at half a turn counts as none.
+    """
+    rest, stiffness = rest_angle(params), params.get("stiffness_Nm_per_rad", 0.0)
+    if abs(params.get("cubic_Nm_per_rad3", 0.0)) * math.pi**2 > negligible * stiffness or not rest:
         return {}
-    return {"stiffness": params["stiffness_Nm_per_rad"], "rest_angle": rest["rest_angle_rad"]}
+    return {"stiffness": stiffness, "rest_angle": rest["rest_angle_rad"]}
 
 
 _NAMES = ("stiffness_Nm_per_rad", "cubic_Nm_per_rad3", "constant_Nm")

@@ -58,7 +58,7 @@ def test_an_effect_that_misleads_on_held_out_runs_is_left_out_of_the_model(dry: 
     sprung = recorded({**DRY, "spring_joint1": {"stiffness_Nm_per_rad": 4e-4}}, duration=5.0)
     found = diagnose(sprung[:2], paper, held_out=dry[2:], library=library)
     assert [effect.name for effect in found.effects] == ["coulomb_joint2"]
-    assert found.assumptions[-1].startswith("spring_joint1 was left out of the model")
+    assert found.assumptions[-1].startswith("spring_joint1 was excluded from the model")
 
 
 def test_a_gap_that_grows_is_not_said_to_close() -> None:

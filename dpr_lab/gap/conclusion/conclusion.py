@@ -419,7 +419,7 @@ def _length(findings: Findings) -> str:
     rig, at = findings.recordings.rig, findings.selection.chosen.fit.estimate
     if rig.rig.L1_std is None:
         return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."
-    name = next(name for name in findings.problem.always if EFFECTS[name].corrects == "L1_std")
+    name = next(name for name in findings.problem.always if EFFECTS[name].corrects == "L1")
     (added,) = named_params(at.params).get(name, {"": 0.0}).values()
     reach = max(findings.intervals[key] for key in findings.intervals if key[0] == name)
     text = (

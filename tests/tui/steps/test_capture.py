@@ -94,7 +94,7 @@ async def test_three_releases_are_kept_one_for_each_pose(app: DprApp, until) -> 
             await pilot.press("k")
             await until(pilot, lambda done=done: step.outcome() == f"{done} run{'s' if done > 1 else ''}")
         assert app.workspace.runs == recorded(app)
-        assert headline(app).startswith("X3: all poses are recorded: n goes on.")
+        assert headline(app).startswith("X3: all poses are recorded: n shows the next step.")
     runs = [load_run(file) for file in app.workspace.runs]
     assert [run.pose for run in runs] == ["X1", "X2", "X3"]
     assert all(run.complete and run.t[-1] == 1.0 and not sum(run.lost.values()) for run in runs)
