@@ -24,7 +24,7 @@ CODE = re.compile(r"RELEASE X1: type ([a-z]{3})")
     ("environment", "name"),
     [
         ({"TERM": "xterm-256color"}, ""),
-        ({"TERM": "xterm-256color", "TMUX": "/tmp/tmux-0/default,1,0"}, "tmux"),
+        ({"TERM": "xterm-256color", "TMUX": "/run/tmux-0/default,1,0"}, "tmux"),
         ({"TERM": "xterm-256color", "STY": "123.pts-0.host"}, "GNU screen"),
         ({"TERM": "xterm-256color", "ZELLIJ": "0"}, "Zellij"),
         ({"TERM": "tmux-256color"}, "tmux"),
