@@ -7,7 +7,7 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from tests import house
 
-LONGEST_CHAIN = 9
+LONGEST_CHAIN = 10
 CONSTANTS = 120
 FILES_IN_A_FOLDER = 15
 TABLES = ("dpr_lab/effects", "dpr_lab/search", "dpr_lab/cli", "dpr_lab/workflows")

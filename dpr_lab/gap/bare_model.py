@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.base import RATIOS, whole_parameters
+from dpr_lab.dynamics.base import whole_parameters
 from dpr_lab.errors import RunError
 from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.disturbance import disturbance, likeliest_noise, most_noise
@@ -17,27 +17,15 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypot
 from dpr_lab.gap.hypothesis.residuals import lone_readings
 from dpr_lab.gap.screen.disturbances import without_disturbances
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
-from dpr_lab.identification.model import ParameterValue
-from dpr_lab.identification.prior_update import update_prior
+from dpr_lab.identification.prior_update import assumed_b
 from dpr_lab.rig import Rig
 
 Array = NDArray[np.float64]
 
 
-UNSURE = np.array([1e-3, 1e-3, 1e-3, 0.3, 0.3])
-"""Relative standard deviation with which the bare ratios determine the scale, because friction may hide much."""
-
-
 def nominal_ratios(rig: Rig) -> Array:
     """(7,) ratios, b and p/b from the best known values of the rig file."""
     return unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))
-
-
-def scale(unknown: Array, rig: Rig) -> ParameterValue:
-    """b, kg m^2, from the rig file and the ratios (7,): the scale of all torques."""
-    values = unknown[: len(RATIOS)]
-    _, base = update_prior(values, np.diag((UNSURE * np.maximum(values, 1e-3)) ** 2), rig)
-    return base["b"]
 
 
 def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Problem, Hypothesis]:
@@ -61,7 +49,7 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
         recordings, short, first = _fitted_in_short_segments(steady, start)
     ratios = first.estimate.ratios
     kept = recordings.arm_moves or any(setup.torques for setup in short.segments.setups)
-    b = float(ratios[SCALE]) if kept else scale(ratios, recordings.rig).value
+    b = float(ratios[SCALE]) if kept else assumed_b(ratios, recordings.rig).value
     recordings = recordings.without(short, lone_readings(short, first.estimate))
     at = first.estimate.changed(ratios=with_scale(ratios, b))
     recordings = replace(recordings, ratios=None if recordings.exact_torques else at.ratios)

@@ -1,10 +1,8 @@
 """The diagnosis in stages: screening, bare model, location, selection, classes, transfer, advice, evidence."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +19,10 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.advice.advise import advise
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios, with_likeliest_noise
 from dpr_lab.gap.classes.posterior import effect_posterior
-from dpr_lab.gap.conclusion.conclusion import Findings, conclude
+from dpr_lab.gap.conclusion.conclusion import conclude
 from dpr_lab.gap.conclusion.description import description
 from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.evidence.evidence import evidence
-from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import far_from_noise
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.disturbances import without_disturbances
@@ -33,55 +30,34 @@ from dpr_lab.gap.screen.input import refuse_wrong_input
 from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.state import (
+    Advised,
+    Classified,
+    Event,
+    Fitted,
+    Located,
+    Request,
+    ScreenedRuns,
+    Selected,
+    Supported,
+    Transferred,
+)
 from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.gap.transfer.gap import gap
-from dpr_lab.gap.transfer.out_of_sample import Unseen, held_out_runs
+from dpr_lab.gap.transfer.out_of_sample import held_out_runs
 from dpr_lab.gap.transfer.repeatability import gap_budget
 from dpr_lab.gap.transfer.transfer import transfer
 from dpr_lab.gap.where.discrepancy import discrepancy
 from dpr_lab.gap.where.locate import locate
 from dpr_lab.gap.which.select import select
-from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.refuse import refuse_negative_scale
 from dpr_lab.identification.misread.solvable import solvable
-from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
+from dpr_lab.progress import StageBegan
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_runs
 
 STAGES = ("screen", "bare model", "where", "which", "classes", "how far", "advice", "evidence")
 """Names of the stages, in order."""
-
-Event = StageBegan | FitBegan | ScoreTestBegan
-
-
-@dataclass(frozen=True, slots=True)
-class Request:
-    """Options of a diagnosis."""
-
-    rig: Rig
-    library: Mapping[str, Effect]
-    """Effects to choose from."""
-    max_effects: int
-    start: NDArray[np.float64] | None
-    """(7,) initial ratios, b and p/b; None for the values of the rig file."""
-    on_progress: Callable[[Event], None]
-
-    def begin(self, stage: str) -> None:
-        """Report the start of a stage."""
-        self.on_progress(StageBegan(STAGES.index(stage) + 1, len(STAGES), stage))
-
-
-@dataclass(frozen=True, slots=True)
-class Fitted:
-    """The recordings with the bare model fitted to them."""
-
-    recordings: Recordings
-    problem: Problem
-    bare: Hypothesis
-    unseen: Recordings
-    """Recordings that take no part in any fit, without what disturbed them."""
-    held_out: Unseen | None
-    """The same as the bare model follows them; None where there are none."""
 
 
 @solvable
@@ -98,10 +74,6 @@ def diagnose(
 ) -> Diagnosis:
     """Diagnose the gap between simulation and rig: its location, its causes, their probabilities, its reduction.
 
-    If known torques drive the rods, their noise is at first part of the model. If the residual of the selected effects
-    far exceeds the noise, the torques are assumed to be exact, and the bare model and the effects are fitted again: an
-    error that accumulates along a segment is not torque noise, and whitening would hide it.
-
     Args:
         runs: one recorded run or several; three releases or more distinguish effects best
         rig: lengths, masses and encoders
@@ -117,80 +89,147 @@ def diagnose(
         IdentificationError: known torques or masses fit only a negative inertia.
     """
     started = time.perf_counter()
-    runs, held_out = as_runs(runs), as_runs(held_out)
-    if not runs:
-        raise RunError("no runs to diagnose")
-    for run in (*runs, *held_out):
-        refuse_without_motion(run, rig)
-    request = Request(rig, EFFECTS if library is None else library, max_effects, start, on_progress or _silent)
-
-    request.begin("screen")
-    runs, held_out, cut = in_pieces(runs, held_out)
-    recordings, unseen = (Recordings(tuple(record(run, rig) for run in some), rig) for some in (runs, held_out))
-    refuse_wrong_input(recordings, nominal_ratios(rig) if start is None else start)
-    request.begin("bare model")
-    fitted = _fitted(request, recordings, unseen)
-    request.begin("where")
-    places = locate(fitted.problem, fitted.bare)
-    request.begin("which")
-    selection = _selected(request, fitted)
-    if other := _with_other_noise(fitted, selection.chosen):
-        fitted = _fitted(request, other, fitted.unseen)
-        places, selection = locate(fitted.problem, fitted.bare), _selected(request, fitted)
-    refuse_negative_scale(selection.chosen.fit.estimate.ratios, runs, rig)
-    recordings, problem, unseen = fitted.recordings, fitted.problem, fitted.unseen
-    request.begin("classes")
-    posteriors = tuple(effect_posterior(selection, name) for name, _ in selection.path)
-    request.begin("how far")
-    everything = recordings.only([*recordings.records, *unseen.records])
-    models = {"before": selection.base, "after": selection.chosen}
-    freely = {name: free_runs(everything, model.fit.estimate) for name, model in models.items()}
-    carried = transfer(recordings, fitted.held_out, problem, selection, freely, np.random.default_rng(seed))
-    posteriors = carried.judged(posteriors)
-    described = description(runs, rig, selection, carried)
-    repeats = gap_budget(recordings, everything, problem, selection)
-    remainder = discrepancy(problem, selection.chosen)
-    size = gap(recordings, problem, selection, carried, freely, repeats, remainder)
-    request.begin("advice")
-    advice = tuple(advise(recordings, selection.chosen, posteriors))
-    spread = covariance(problem, selection.chosen, rig, remainder)
-    findings = Findings(
-        recordings, problem, selection, posteriors, carried, described, places, size, advice, spread, remainder, cut
+    request = Request(
+        runs=as_runs(runs),
+        held_out=as_runs(held_out),
+        rig=rig,
+        library=EFFECTS if library is None else library,
+        max_effects=max_effects,
+        start=nominal_ratios(rig) if start is None else start,
+        seed=seed,
+        on_progress=on_progress or _silent,
     )
-    request.begin("evidence")
+    screened = _screened(request)
+    fitted = _fitted(screened)
+    located = _located(fitted)
+    selected = _selected(located)
+    classified = _classified(selected)
+    transferred = _transferred(classified)
+    advised = _advised(transferred)
+    supported = _supported(advised)
+    return conclude(supported, seconds=time.perf_counter() - started)
+
+
+def _begin(request: Request, stage: str) -> None:
+    """Report the start of a stage."""
+    request.on_progress(StageBegan(STAGES.index(stage) + 1, len(STAGES), stage))
+
+
+def _screened(request: Request) -> ScreenedRuns:
+    if not request.runs:
+        raise RunError("no runs to diagnose")
+    for run in (*request.runs, *request.held_out):
+        refuse_without_motion(run, request.rig)
+    _begin(request, "screen")
+    runs, held_out, cut = in_pieces(request.runs, request.held_out)
+    request = replace(request, runs=runs, held_out=held_out)
+    recordings, unseen = (
+        Recordings(tuple(record(run, request.rig) for run in some), request.rig) for some in (runs, held_out)
+    )
+    refuse_wrong_input(recordings, request.start)
+    return ScreenedRuns(request=request, recordings=recordings, unseen=unseen, cut=cut)
+
+
+def _fitted(screened: ScreenedRuns) -> Fitted:
+    _begin(screened.request, "bare model")
+    recordings, problem, bare = fit_bare_model(screened.recordings, screened.request.start)
+    unseen = without_disturbances(screened.unseen, bare.fit.estimate.ratios)
     unseen = replace(unseen, ratios=recordings.ratios, torque_noise_Nm=recordings.torque_noise_Nm)
-    rests_on = evidence(recordings, unseen, problem, selection, carried, freely)
-    return conclude(findings, rests_on, seconds=time.perf_counter() - started)
+    return Fitted.after(
+        screened,
+        recordings=recordings,
+        unseen=unseen,
+        problem=problem,
+        bare=bare,
+        held_out=held_out_runs(unseen, bare) if unseen.records else None,
+    )
 
 
-def _fitted(request: Request, recordings: Recordings, unseen: Recordings) -> Fitted:
-    start = nominal_ratios(request.rig) if request.start is None else request.start
-    recordings, problem, bare = fit_bare_model(recordings, start)
-    unseen = without_disturbances(unseen, bare.fit.estimate.ratios)
-    alike = replace(unseen, ratios=recordings.ratios, torque_noise_Nm=recordings.torque_noise_Nm)
-    held_out = held_out_runs(alike, bare) if unseen.records else None
-    return Fitted(recordings, problem, bare, unseen, held_out)
+def _located(fitted: Fitted) -> Located:
+    _begin(fitted.request, "where")
+    return Located.after(fitted, places=locate(fitted.problem, fitted.bare))
 
 
-def _with_other_noise(fitted: Fitted, model: Hypothesis) -> Recordings | None:
-    """The recordings with less or no noise of their torques, if the selected model requires it."""
-    if fitted.problem.disturbance is not None and far_from_noise(model):
-        return replace(fitted.recordings, exact_torques=True)
-    return with_likeliest_noise(fitted.recordings, fitted.problem, model)
+def _selected(located: Located) -> Selected:
+    """The selected set; with other noise of the known torques, if that set requires it.
+
+    The noise of known torques is at first part of the model. If the residual of the selected effects far exceeds the
+    noise, the torques are assumed to be exact, and the bare model and the effects are fitted again: an error that
+    accumulates along a segment is not torque noise, and whitening would hide it.
+    """
+    selected = _searched(located)
+    if other := _with_other_noise(selected):
+        selected = _searched(_located(_fitted(replace(located, recordings=other))))
+    refuse_negative_scale(selected.selection.chosen.fit.estimate.ratios, selected.request.runs, selected.request.rig)
+    return selected
 
 
-def _selected(request: Request, fitted: Fitted) -> Selection:
-    held_out = fitted.held_out
-    return select(
-        fitted.recordings,
-        fitted.problem,
-        fitted.bare,
-        applicable(request.library, fitted.problem),
+def _searched(located: Located) -> Selected:
+    request, held_out = located.request, located.held_out
+    _begin(request, "which")
+    selection = select(
+        located.recordings,
+        located.problem,
+        located.bare,
+        applicable(request.library, located.problem),
         max_effects=request.max_effects,
         expected=expected_of(request.rig.joints.geared),
         unseen_chi2=None if held_out is None else lambda model: float(held_out.chi2(model).sum()),
         on_progress=request.on_progress,
     )
+    return Selected.after(located, selection=selection)
+
+
+def _with_other_noise(selected: Selected) -> Recordings | None:
+    """The recordings with less or no noise of their torques, if the selected model requires it."""
+    model = selected.selection.chosen
+    if selected.problem.disturbance is not None and far_from_noise(model):
+        return replace(selected.recordings, exact_torques=True)
+    return with_likeliest_noise(selected.recordings, selected.problem, model)
+
+
+def _classified(selected: Selected) -> Classified:
+    _begin(selected.request, "classes")
+    selection = selected.selection
+    posteriors = tuple(effect_posterior(selection, name) for name, _ in selection.path)
+    return Classified.after(selected, posteriors=posteriors)
+
+
+def _transferred(before: Classified) -> Transferred:
+    request, recordings, problem, selection = before.request, before.recordings, before.problem, before.selection
+    _begin(request, "how far")
+    everything = recordings.only([*recordings.records, *before.unseen.records])
+    models = {"before": selection.base, "after": selection.chosen}
+    freely = {name: free_runs(everything, model.fit.estimate) for name, model in models.items()}
+    rng = np.random.default_rng(request.seed)
+    carried = transfer(recordings, before.held_out, problem, selection, freely, rng)
+    budget = gap_budget(recordings, everything, problem, selection)
+    remainder = discrepancy(problem, selection.chosen)
+    return Transferred.after(
+        before,
+        posteriors=carried.judged(before.posteriors),
+        free_runs=freely,
+        transfer=carried,
+        description=description(request.runs, request.rig, selection, carried),
+        remainder=remainder,
+        gap=gap(recordings, problem, selection, carried, freely, budget, remainder),
+    )
+
+
+def _advised(before: Transferred) -> Advised:
+    _begin(before.request, "advice")
+    chosen = before.selection.chosen
+    return Advised.after(
+        before,
+        advice=tuple(advise(before.recordings, chosen, before.posteriors)),
+        covariance=covariance(before.problem, chosen, before.request.rig, before.remainder),
+    )
+
+
+def _supported(before: Advised) -> Supported:
+    _begin(before.request, "evidence")
+    of = evidence(before.recordings, before.unseen, before.problem, before.selection, before.transfer, before.free_runs)
+    return Supported.after(before, evidence=of)
 
 
 def applicable(library: Mapping[str, Effect], problem: Problem) -> dict[str, Effect]:

@@ -60,6 +60,17 @@ def update_prior(
     return nine, absolute
 
 
+UNSURE = np.array([1e-3, 1e-3, 1e-3, 0.3, 0.3])
+"""Relative standard deviation with which bare ratios determine the scale, because friction may hide much."""
+
+
+def assumed_b(unknown: NDArray[np.float64], rig: Rig) -> ParameterValue:
+    """b, kg m^2, from the rig file and ratios (5,) or more that start with them: the scale of all torques."""
+    values = unknown[: len(UNSURE)]
+    _, base = update_prior(values, np.diag((UNSURE * np.maximum(values, 1e-3)) ** 2), rig)
+    return base["b"]
+
+
 def _origin(moved: NDArray[np.float64]) -> Literal["data", "bound"]:
     return "bound" if np.any(np.abs(moved) > UNREACHED) else "data"
 

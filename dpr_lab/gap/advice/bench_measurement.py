@@ -7,8 +7,9 @@ import numpy as np
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.units import read_quantity, split_quantity
 from dpr_lab.errors import RunError
-from dpr_lab.gap.advice.check_kind import CheckAnswer, NextStep, OpenQuestion, Result, expected_bits
+from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion, Result, expected_bits
 from dpr_lab.gap.advice.measurement import SETTINGS, Predictions, has, predictions
+from dpr_lab.gap.advice.next_step import NextStep
 from dpr_lab.gap.result.diagnosis import AdvisedCheck, Diagnosis, Quantity
 
 

@@ -7,21 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.gap.advice.expected_recordings import ExpectedRecording
+from dpr_lab.gap.advice.next_step import NextStep
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.diagnosis import AdvisedCheck, Diagnosis
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class NextStep:
-    """A recommendation in one sentence, and its checks."""
-
-    text: str
-    checks: tuple[AdvisedCheck, ...]
-    """Checks without ids."""
 
 
 @dataclass(frozen=True, slots=True)

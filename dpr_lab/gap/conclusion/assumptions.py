@@ -1,0 +1,154 @@
+"""Assumptions on which a diagnosis rests, and what its recordings cannot show, as sentences."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.effects import EFFECTS, named_params
+from dpr_lab.effects.drive_gain import DRIVE_GAIN
+from dpr_lab.fitting.disturbance import most_noise
+from dpr_lab.gap.state import Advised
+from dpr_lab.shown import listed
+
+Array = NDArray[np.float64]
+
+SURELY = 3.0
+"""Standard uncertainties of L1 beyond which the value in the rig file is wrong."""
+
+
+def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]]) -> list[str]:
+    """Every assumption in one sentence.
+
+    Args:
+        state: the diagnosis so far
+        least: effect -> amplitude -> minimum detectable size, None where there is none
+    """
+    records = state.recordings.records
+    made = [
+        *([state.cut] if state.cut else []),
+        _length(state),
+        _scale(state),
+        "Encoder noise is white apart from the faults of the sensor screening; readings were averaged over 5 ms.",
+        "The initial states of all segments are free; the first 30 ms after each release are excluded.",
+    ]
+    if state.recordings.arm_moves:
+        made.append(_arm(state))
+    elif all(record.arm_moves is False for record in records):
+        made.append("According to encoder 0 the arm stood still, so a compliant arm was not considered.")
+    elif any(record.arm_moves is None for record in records):
+        made.append("The arm's angle was not recorded.")
+    if state.recordings.exact_torques:
+        made.append(
+            "The measured torques were assumed to be exact: the remainder is far above the influence of their noise."
+        )
+    return [
+        *made,
+        *_torque_noise(state),
+        *_zeros(state),
+        *_geared(state),
+        *_misleading(state),
+        *_unseen(least, state.absorbed),
+    ]
+
+
+def _length(state: Advised) -> str:
+    """The length L1: as measured, or fitted within its uncertainty."""
+    rig, at = state.recordings.rig, state.selection.chosen.fit.estimate
+    if rig.rig.L1_std is None:
+        return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."
+    name = next(name for name in state.problem.always if EFFECTS[name].corrects == "L1")
+    (added,) = named_params(at.params).get(name, {"": 0.0}).values()
+    reach = max(state.intervals[key] for key in state.intervals if key[0] == name)
+    text = (
+        f"L1 is given as {rig.L1:g} m with a standard uncertainty of {rig.rig.L1_std:g} m and fitted:"
+        f" {rig.L1 + added:.5g} m +- {reach:.2g} m (90 %), at g = {rig.g:g} m/s^2 and by the device's clock."
+    )
+    return text if abs(added) < SURELY * rig.rig.L1_std else f"{text} This contradicts the uncertainty in the file."
+
+
+def _scale(state: Advised) -> str:
+    """Source of the scale of all torques."""
+    if drives := [setup.torques for setup in state.problem.segments.setups if setup.torques and setup.torques.scaled]:
+        kinds = " and ".join(sorted({drive.kind for drive in drives} - {""}))
+        return f"The known torques{f', as {kinds},' if kinds else ''} fix the scale of all torques."
+    if any(setup.added for setup in state.problem.segments.setups):
+        return "The known added mass fixes the scale of all torques."
+    if ("", "b") in state.intervals:
+        return "Friction that follows the load of weighed masses fixes the scale of all torques."
+    assumed = state.scale
+    return assumed.sentence if assumed.known else f"{assumed.sentence} A release with a known added mass fixes b."
+
+
+def _arm(state: Advised) -> str:
+    """What is taken for granted of an arm that moves."""
+    rig, setups = state.recordings.rig, state.problem.segments.setups
+    text = "The arm's angle is read, and its inertia and viscous friction are fitted"
+    if not any(setup.torques and setup.torques.on_arm is not None for setup in setups):
+        return f"{text}; no torque acts on it but friction, springs and the rods."
+    kind = rig.motor.input if rig.motor else "torque"
+    if DRIVE_GAIN.name in state.problem.always:
+        return f"{text}; so is the torque over the {kind}: the rig file does not measure the motor's constants."
+    known = "the motor's constants of the rig file" if kind != "torque" else "that it is a torque in N m"
+    if any(setup.torques and setup.torques.scaled for setup in setups):
+        return f"{text}; the {kind} is known by {known}, which fixes the scale of all torques."
+    return f"{text}; the {kind} is known by {known}, and the rods by their measured values, so that an error shows."
+
+
+def _torque_noise(state: Advised) -> list[str]:
+    """The noise of measured torques that the fits assume."""
+    if state.problem.disturbance is None or not (most := most_noise(state.problem)).any():
+        return []
+    one, two = np.minimum(most, state.recordings.torque_noise_Nm)
+    text = f"Noise of the measured torques of joints 1 and 2, standard deviation: {one:.2g} and {two:.2g} N m"
+    differences = "by differences of the recorded torques"
+    likelier = f"; by maximum likelihood of the residuals, below {most[0]:.2g} and {most[1]:.2g} N m {differences}"
+    return [f"{text}{likelier if np.isfinite(state.recordings.torque_noise_Nm).all() else f', {differences}'}."]
+
+
+def _zeros(state: Advised) -> list[str]:
+    """The fitted zeros of encoders that are set to zero before each recording."""
+    runs, zeros = state.recordings.records, 1e3 * state.selection.chosen.fit.estimate.zeros
+    each = [f"{record.run.name}: {own[0]:.3g} and {own[1]:.3g}" for record, own in zip(runs, zeros, strict=False)]
+    text = "Encoders are zeroed before each recording; the zero errors of joints 1 and 2 were fitted, mrad"
+    return [f"{text}: {'; '.join(each)}."] if each else []
+
+
+def _geared(state: Advised) -> list[str]:
+    """Effects that are in the model because the rig is known to have them."""
+    names = [name for name in state.selection.chosen.effects if name in state.selection.expected]
+    joints = listed([f"joint {joint}" for joint in state.recordings.rig.joints.geared])
+    are = "is" if len(names) == 1 else "are"
+    return (
+        [f"The rig file has a geared motor on {joints}: {listed(names)} {are} in the model at any size."]
+        if names
+        else []
+    )
+
+
+def _misleading(state: Advised) -> list[str]:
+    """Effects that are excluded because they worsen the prediction of held-out runs."""
+    names = state.selection.misleading
+    was = "was" if len(names) == 1 else "were"
+    text = (
+        "excluded from the model, because the prediction of the held-out runs is better without. These runs"
+        " therefore influenced the selection."
+    )
+    return [f"{listed(names)} {was} {text}"] if names else []
+
+
+def _unseen(least: Mapping[str, Mapping[str, float | None]], absorbed: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """Sentences on effects that are undetectable at any size, and on those that base parameters absorb."""
+    blind = {name: absorbed.get(name, {}) for name, sizes in least.items() if sizes and not any(sizes.values())}
+    twins = {name: listed(sorted(set(by.values()) & {*RATIOS, "p/b", "b"})) for name, by in blind.items()}
+    alike = [f"{name} is indistinguishable from {twin}" for name, twin in twins.items() if twin]
+    hidden = [name for name, twin in twins.items() if not twin]
+    return [
+        *(
+            [f"In these recordings {listed(alike)}. Effects that a base parameter absorbs are not fitted."]
+            if alike
+            else []
+        ),
+        *([f"Undetectable at any size in these recordings: {', '.join(hidden)}."] if hidden else []),
+    ]

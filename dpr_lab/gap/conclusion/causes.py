@@ -1,0 +1,84 @@
+"""The named effects with sizes and probabilities, and their alternatives."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects import EFFECTS, named_params
+from dpr_lab.effects.effect import Effect, Params
+from dpr_lab.gap.classes.posterior import EffectPosterior
+from dpr_lab.gap.result.diagnosis import EffectSize, NamedEffect, RivalEffect
+from dpr_lab.gap.state import Advised
+from dpr_lab.identification.scaling.scale import Scale
+
+Array = NDArray[np.float64]
+
+
+def named_effect(state: Advised, posterior: EffectPosterior) -> NamedEffect:
+    """One effect of the selected set with its class, sizes, and share of the excess chi-square."""
+    selection = state.selection
+    less, left = selection.without[posterior.name].residuals.excess, max(selection.chosen.residuals.excess, 0.0)
+    whole = selection.base.residuals.excess
+    values = named_params(selection.chosen.fit.estimate.params).get(posterior.name, {})
+    errors = {name: state.intervals.get((posterior.name, name), 0.0) for name in values}
+    assumed = state.scale
+    return NamedEffect.model_validate(
+        {
+            "name": posterior.name,
+            "class": list(posterior.members),
+            "odds": dict(zip(posterior.members, posterior.odds, strict=False)),
+            "probability": posterior.probability,
+            "parameters": {
+                name: _size(assumed, posterior.name, name, value, errors[name]) for name, value in values.items()
+            }
+            | _implied(EFFECTS[posterior.name], values, errors),
+            "share": float(np.clip((less - left) / whole, 0.0, 1.0)) if whole > 0 else float(less > left),
+        }
+    )
+
+
+def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
+    """Quantities derived from an effect's parameters, whose errors are assumed to be independent."""
+    if effect.implied is None:
+        return {}
+    sizes, squares = effect.implied(values), dict.fromkeys(effect.implied(values), 0.0)
+    for name, error in errors.items():
+        moved = effect.implied({**values, name: values[name] + error})
+        for key in sizes:
+            squares[key] += (moved.get(key, np.inf) - sizes[key]) ** 2
+    reaches = {key: float(np.sqrt(square)) for key, square in squares.items() if np.isfinite(square)}
+    ends = {key: (sizes[key] - reach, sizes[key] + reach) for key, reach in reaches.items()}
+    return {key: EffectSize(value=sizes[key], interval90=ends[key], interval90_with_scale=ends[key]) for key in ends}
+
+
+def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> EffectSize:
+    """A fitted parameter with its ratio to b, and its absolute interval."""
+    parameter, interval = next(p for p in EFFECTS[effect].parameters if p.name == name), (value - reach, value + reach)
+    power = parameter.scale_power
+    size = EffectSize(value=value, interval90=interval, interval90_with_scale=scale.absolute90(value, interval, power))
+    if power == 0 or scale.fixed_by == "data":
+        return size
+    ratios = {"ratio": scale.ratio(value, power), "ratio_interval90": scale.ratio90(interval, power)}
+    return size.model_copy(update=ratios | {"ratio_unit": parameter.ratio_unit})
+
+
+def rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEffect]:
+    """Alternatives of the named effects; without named effects, the closest effects first."""
+    others = [
+        _rival(other.name, other.members, other.probability, other.cosine, posterior.name)
+        for posterior in posteriors
+        for other in posterior.alternatives
+    ]
+    others = sorted(others, key=lambda other: (-other.probability, -other.cosine))
+    if closest:
+        others = [
+            _rival(posterior.name, posterior.members, posterior.probability, 1.0, "") for posterior in posteriors
+        ] + others
+    return others
+
+
+def _rival(name: str, members: Sequence[str], probability: float, cosine: float, instead_of: str) -> RivalEffect:
+    fields = {"name": name, "class": list(members), "probability": probability, "cosine": cosine}
+    return RivalEffect.model_validate(fields | {"instead_of": instead_of})

@@ -1,0 +1,62 @@
+"""The ratios to b with their intervals: all of them, and those that the recordings determine."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.effects.free_arm import FREE_ARM
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
+from dpr_lab.gap.conclusion.uncertainty import by_unseen_ratios
+from dpr_lab.gap.result.diagnosis import Interval
+from dpr_lab.gap.state import Advised
+
+Array = NDArray[np.float64]
+
+
+def ratios(state: Advised) -> dict[str, Interval]:
+    """The ratios; those that depend on the bounds of the rig file are not negative."""
+    values = state.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
+    reaches = np.array([state.intervals.get(("", name), 0.0) for name in RATIOS])
+    unseen = by_unseen_ratios(state.problem, state.selection.chosen, state.recordings.rig)
+    reaches = np.hypot(reaches, NORMAL_Q90 * np.sqrt(unseen)).tolist()
+    floors = np.where(unseen > 0.0, 0.0, -np.inf).tolist()
+    return {
+        name: Interval(value=value, interval90=(max(value - reach, floor), value + reach))
+        for name, value, reach, floor in zip(RATIOS, values, reaches, floors, strict=True)
+    }
+
+
+def determined(state: Advised) -> dict[str, Interval]:
+    """Ratios that the recordings determine, of what hung on the rig: to b, or to a of the inner rod alone.
+
+    A ratio of two fitted values moves with both; an unknown that is absolute here is divided by the assumed inertia.
+    """
+    setups, at = state.problem.segments.setups, state.selection.chosen.fit
+    unknown, reach = at.estimate.ratios, state.intervals
+    alone = all(setup.mounting == "inner" for setup in setups)
+    inertia = float(unknown[RATIOS.index("a/b")] - unknown[ON_ELBOW]) if alone else 1.0
+    scale, letter = float(unknown[SCALE]) * inertia, "a" if alone else "b"
+    of = {}
+    for parameter in at.free:
+        value = parameter.read(at.estimate)
+        if parameter.block == "ratios" and parameter.place < len(RATIOS):
+            name, per = f"{parameter.name.partition('/')[0]}/{letter}", inertia
+        elif parameter.effect == FREE_ARM.name:
+            name, per = ("A" if parameter.name.startswith("inertia") else "c0") + f"/{letter}", scale
+        else:
+            continue
+        error = reach[parameter.effect, parameter.name]
+        of[name] = Interval(value=value / per, interval90=((value - error) / per, (value + error) / per))
+    return of
+
+
+def ratio_covariance(state: Advised) -> NDArray[np.float64]:
+    """(5, 5) covariance; zero for ratios that no run determines, which are those of the rig file."""
+    free = state.selection.chosen.fit.free
+    mine = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}
+    whole = np.zeros((len(RATIOS), len(RATIOS)))
+    seen = [i for i in range(len(RATIOS)) if i in mine]
+    own = [mine[i] for i in seen]
+    whole[np.ix_(seen, seen)] = state.covariance[np.ix_(own, own)]
+    return whole

@@ -1,0 +1,174 @@
+"""State of a diagnosis: one frozen record, which each stage extends by its results.
+
+    ScreenedRuns    request, recordings, held-out recordings
+    Fitted        + segments, bare model
+    Located       + places
+    Selected      + selected set of effects
+    Classified    + classes with their probabilities
+    Transferred   + performance on held-out recordings, size of the gap
+    Advised       + covariance, advice
+    Supported     + evidence
+
+A function that takes a state takes every later one too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.effect import Effect
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.advice.next_step import NextStep
+from dpr_lab.gap.classes.posterior import EffectPosterior
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.result.diagnosis import Gap
+from dpr_lab.gap.result.evidence import Evidence
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.transfer.free_run import FreeRuns
+from dpr_lab.gap.transfer.out_of_sample import Unseen
+from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.where.discrepancy import Discrepancy
+from dpr_lab.gap.where.locate import Place
+from dpr_lab.gap.which.selected import Selection
+from dpr_lab.identification.misread.tried import Description
+from dpr_lab.identification.prior_update import assumed_b
+from dpr_lab.identification.scaling.prior_spread import scale_of
+from dpr_lab.identification.scaling.scale import Scale
+from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+Array = NDArray[np.float64]
+
+Event = StageBegan | FitBegan | ScoreTestBegan
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """Input and options of a diagnosis."""
+
+    runs: tuple[Run, ...]
+    held_out: tuple[Run, ...]
+    rig: Rig
+    library: Mapping[str, Effect]
+    """Effects to choose from."""
+    max_effects: int
+    start: Array
+    """(7,) initial ratios, b and p/b."""
+    seed: int
+    """Seed of the bootstrap."""
+    on_progress: Callable[[Event], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScreenedRuns:
+    """The recordings after sensor screening."""
+
+    request: Request
+    recordings: Recordings
+    unseen: Recordings
+    """Recordings that take no part in any fit; may be empty."""
+    cut: str
+    """Pieces of a long record, one sentence; empty if it was not divided."""
+
+    @classmethod
+    def after(cls, before: ScreenedRuns, **results: Any) -> Self:
+        """The state of the stage before, extended by the results of this one."""
+        kept = {field.name: getattr(before, field.name) for field in fields(cls) if field.name not in results}
+        return cls(**kept, **results)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted(ScreenedRuns):
+    """The bare model, fitted. Disturbed stretches and outliers are no longer in the recordings."""
+
+    problem: Problem
+    """The segments of the fitted runs."""
+    bare: Hypothesis
+    held_out: Unseen | None
+    """Prediction of the held-out recordings; None where there are none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Located(Fitted):
+    """Maps of the gap over the coordinates at which it may arise."""
+
+    places: tuple[Place, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Selected(Located):
+    """The selected set of effects, and every set that it was compared with."""
+
+    selection: Selection
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Classified(Selected):
+    """The class of each selected effect: what these recordings cannot distinguish from it, with probabilities."""
+
+    posteriors: tuple[EffectPosterior, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Transferred(Classified):
+    """Performance of the selected set on recordings that were not fitted."""
+
+    free_runs: Mapping[str, FreeRuns]
+    """Free runs of the models `before` and `after` along all recordings."""
+    transfer: Transfer
+    description: Description
+    """Test of a wrong description of the recordings as the explanation."""
+    remainder: Discrepancy | None
+    """The discrepancy term of the selected set; None if only noise remains."""
+    gap: Gap
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Advised(Transferred):
+    """The next measurements, and the uncertainty of the fitted values."""
+
+    advice: tuple[NextStep, ...]
+    covariance: Array
+    """(free, free) covariance of the selected fit's values."""
+
+    @property
+    def intervals(self) -> dict[tuple[str, str], float]:
+        """(effect, parameter) -> half width of the 90 % interval of a fitted value."""
+        reach = NORMAL_Q90 * np.sqrt(np.diag(self.covariance))
+        free = self.selection.chosen.fit.free
+        return {(parameter.effect, parameter.name): float(r) for parameter, r in zip(free, reach, strict=True)}
+
+    @property
+    def absorbed(self) -> dict[str, dict[str, str]]:
+        """Effect -> amplitude -> parameters that absorb it; an effect of the model is tested without it."""
+        around, last = self.selection.tests_without, self.selection.final_test
+        scores = {name: around[name].of(name) if name in around else last.of(name) for name in EFFECTS}
+        return {name: dict(score.absorbed) for name, score in scores.items() if score is not None and score.absorbed}
+
+    @property
+    def scale(self) -> Scale:
+        """Assumption of absolute sizes about b: fitted, or taken from the rig file."""
+        unknown, intervals = self.selection.chosen.fit.estimate.ratios, self.intervals
+        b = float(unknown[SCALE])
+        if ("", "b") in intervals:
+            reach = intervals["", "b"]
+            return Scale(b=b, interval90=(max(b - reach, 1e-3 * b), b + reach), fixed_by="data")
+        visible = [i for i, name in enumerate(UNKNOWN_RATIOS) if ("", name) in intervals]
+        assumed = assumed_b(self.selection.base.fit.estimate.ratios, self.recordings.rig)
+        return scale_of(assumed.model_copy(update={"value": b}), unknown, self.recordings.rig, visible)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Supported(Advised):
+    """The evidence for the result."""
+
+    evidence: Evidence
