@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -35,6 +35,10 @@ class Torques:
     def knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(n + 2,) instants and (n + 2, 2) impulse on theta1, theta2 up to each, N m s; linear in between."""
         return _knots(self)
+
+    def sampled(self) -> Torques:
+        """The same torques as samples of a course: each holds for half an interval on both sides of its instant."""
+        return replace(self, t=self.t - 0.5 * np.diff(self.t, prepend=2 * self.t[:1] - self.t[1:2]))
 
     def mean_before(self, at: ArrayLike, first: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """(m, 2) mean generalised torques on theta1, theta2 between each of (m,) instants and the previous one, N m.

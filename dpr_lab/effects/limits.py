@@ -51,3 +51,10 @@ def at_limit(params: NDArray[np.float64], limits: NDArray[np.float64], *, share:
         for name, effect in EFFECTS.items()
         if any(reached[param_index(name, parameter.name)] for parameter in effect.amplitudes)
     )
+
+
+def relative_sizes(params: NDArray[np.float64], limits: NDArray[np.float64]) -> dict[str, float]:
+    """Effect with amplitudes -> rms of its amplitudes relative to their limits, 1."""
+    relative = params / limits
+    places = {name: [param_index(name, p.name) for p in effect.amplitudes] for name, effect in EFFECTS.items()}
+    return {name: float(np.sqrt(np.mean(relative[own] ** 2))) for name, own in places.items() if own}

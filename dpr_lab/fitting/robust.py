@@ -24,8 +24,7 @@ def without_outstanding(problem: Problem, first_fit: Fit, *, iterations: int = 1
     Returns:
         the better of the two fits
     """
-    chi2 = np.minimum(first_fit.linear.chi2_by_segment, np.finfo(np.float64).max)
-    worst = chi2 / max(float(np.median(chi2)), float(np.finfo(np.float64).tiny))
+    worst = relative_chi2(first_fit)
     if not (worst > outstanding).any():
         return first_fit
     lighter = 1 / np.sqrt(np.maximum(worst, 1.0))
@@ -33,6 +32,12 @@ def without_outstanding(problem: Problem, first_fit: Fit, *, iterations: int = 1
     relocated = descend(eased, first_fit.estimate, first_fit.free, iterations=iterations)
     refit = fit(problem, relocated.estimate, first_fit.free, iterations=iterations, predicted=relocated.predicted)
     return min(first_fit, refit, key=lambda one: one.chi2)
+
+
+def relative_chi2(fitted: Fit) -> Array:
+    """(segments,) chi2 relative to the median of all segments."""
+    chi2 = np.minimum(fitted.linear.chi2_by_segment, np.finfo(np.float64).max)
+    return np.asarray(chi2 / max(float(np.median(chi2)), float(np.finfo(np.float64).tiny)))
 
 
 def refit_lost(problem: Problem, first_fit: Fit, initial: Array, *, iterations: int = 20, lost: float = 9.0) -> Fit:

@@ -17,13 +17,13 @@ from dpr_lab.errors import RunError
 from dpr_lab.estimation.motion import refuse_without_motion
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.advice.advise import advise
-from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios, with_likeliest_noise
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.classes.posterior import effect_posterior
 from dpr_lab.gap.conclusion.conclusion import conclude
 from dpr_lab.gap.conclusion.description import description
 from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.evidence.evidence import evidence
-from dpr_lab.gap.hypothesis.thresholds import far_from_noise
+from dpr_lab.gap.known_torques import acts_between_rows, no_worse, with_other_noise
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.disturbances import without_disturbances
 from dpr_lab.gap.screen.input import refuse_wrong_input
@@ -155,11 +155,22 @@ def _selected(located: Located) -> Selected:
 
     The noise of known torques is at first part of the model. If the residual of the selected effects far exceeds the
     noise, the torques are assumed to be exact, and the bare model and the effects are fitted again: an error that
-    accumulates along a segment is not torque noise, and whitening would hide it.
+    accumulates along a segment is not torque noise, and whitening would hide it. Torques that act half a row early are
+    samples of a course that changes between rows.
     """
     selected = _searched(located)
-    if other := _with_other_noise(selected):
+    model = selected.selection.chosen
+    if other := with_other_noise(selected.recordings, selected.problem, model):
         selected = _searched(_located(_fitted(replace(located, recordings=other))))
+    if acts_between_rows(selected.recordings, selected.selection.chosen):
+        sampled = replace(
+            selected,
+            recordings=selected.recordings.with_sampled_torques(),
+            unseen=selected.unseen.with_sampled_torques(),
+        )
+        again = _searched(_located(_fitted(sampled)))
+        if no_worse(selected.selection.chosen, again.selection.chosen):
+            selected = again
     refuse_negative_scale(selected.selection.chosen.fit.estimate.ratios, selected.request.runs, selected.request.rig)
     return selected
 
@@ -178,14 +189,6 @@ def _searched(located: Located) -> Selected:
         on_progress=request.on_progress,
     )
     return Selected.after(located, selection=selection)
-
-
-def _with_other_noise(selected: Selected) -> Recordings | None:
-    """The recordings with less or no noise of their torques, if the selected model requires it."""
-    model = selected.selection.chosen
-    if selected.problem.disturbance is not None and far_from_noise(model):
-        return replace(selected.recordings, exact_torques=True)
-    return with_likeliest_noise(selected.recordings, selected.problem, model)
 
 
 def _classified(selected: Selected) -> Classified:

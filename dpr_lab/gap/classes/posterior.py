@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from dpr_lab.effects import effect_params, param_index, plausibility
 from dpr_lab.effects.effect import Effect
 from dpr_lab.gap.hypothesis.detectable import detectable
-from dpr_lab.gap.hypothesis.hypothesis import PRICE, Hypothesis
+from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, indifference
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, indifference, taking_over
 from dpr_lab.gap.which.selected import Selection
 
 Array = NDArray[np.float64]
@@ -107,11 +107,17 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
     alternatives = [
         Alternative(other, (other,), test.cosine(own, score), _cost(selection, without, score))
         for other, score in others.items()
-        if other not in alike and without.key | {other} not in selection.impossible
+        if other not in alike
+        and without.key | {other} not in selection.impossible
+        and not _takes_over(selection, without, other)
     ]
     alternatives = sorted(alternatives, key=lambda alternative: alternative.cost)[:ALTERNATIVES]
     worse = np.array(
-        [0.0, *(alternative.cost - chosen.cost for alternative in alternatives), without.cost - chosen.cost]
+        [
+            0.0,
+            *(alternative.cost - chosen.cost for alternative in alternatives),
+            selection.lacking[name].cost - chosen.cost,
+        ]
     )
     scaled = -worse / (2 * chosen.residuals.inflation * calibration.temperature)
     weights = np.exp(np.clip(scaled, -NEGLIGIBLE, NEGLIGIBLE))
@@ -126,6 +132,13 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
         probability=float(weights[0]),
         odds=tuple((prior / prior.sum()).tolist()),
     )
+
+
+def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
+    """Whether another effect is a curve that in place of the named effect only follows it by amplitudes that cancel."""
+    both = selection.fitted.get(selection.chosen.key | {other})
+    instead = selection.fitted.get(without.key | {other})
+    return both is not None and instead is not None and taking_over(both, instead) == other
 
 
 def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> float:
@@ -168,7 +181,7 @@ def _cost(selection: Selection, without: Hypothesis, score: Score) -> float:
     fitted = selection.fitted.get(without.key | {score.effect.name})
     if fitted is not None:
         return fitted.cost
-    price = PRICE * without.residuals.inflation * (len(score.columns) + len(score.effect.shapes))
+    price = PENALTY.parameter * without.residuals.inflation * (len(score.columns) + len(score.effect.shapes))
     # a linear score is too optimistic; an effect that was not worth a fit can be nearly as good at best
     near = selection.chosen.cost + THRESHOLDS.chance * selection.chosen.residuals.inflation
     return max(without.cost - score.gain + price, near)

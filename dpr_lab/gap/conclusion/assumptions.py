@@ -39,6 +39,11 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
         made.append("According to encoder 0 the arm stood still, so a compliant arm was not considered.")
     elif any(record.arm_moves is None for record in records):
         made.append("The arm's angle was not recorded.")
+    if state.recordings.torques_sampled:
+        made.append(
+            "The known torques change between rows: held until the next row they would act half a row late. Each was"
+            " therefore taken to act from half a row before its instant to half a row after."
+        )
     if state.recordings.exact_torques:
         made.append(
             "The measured torques were assumed to be exact: the remainder is far above the influence of their noise."

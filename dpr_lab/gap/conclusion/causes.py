@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 def named_effect(state: Advised, posterior: EffectPosterior) -> NamedEffect:
     """One effect of the selected set with its class, sizes, and share of the excess chi-square."""
     selection = state.selection
-    less, left = selection.without[posterior.name].residuals.excess, max(selection.chosen.residuals.excess, 0.0)
+    less, left = selection.lacking[posterior.name].residuals.excess, max(selection.chosen.residuals.excess, 0.0)
     whole = selection.base.residuals.excess
     values = named_params(selection.chosen.fit.estimate.params).get(posterior.name, {})
     errors = {name: state.intervals.get((posterior.name, name), 0.0) for name in values}

@@ -3,10 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from dpr_lab.effects import EFFECTS, param_index
-from dpr_lab.effects.input_delay import INPUT_DELAY
+from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, far_from_noise
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.which.selected import Selection
@@ -27,10 +24,6 @@ class DescriptionRules:
     """Share of the excess explained by effects from which an apparent energy input is no evidence: an encoder error
     causes it too.
     """
-    coarse_s: float = 0.01
-    """Interval of logged torques from which changes between two rows matter, s."""
-    held: tuple[float, float] = (0.25, 0.75)
-    """Fraction of that interval by which torques act too early if they change between rows: one half on average."""
 
 
 RULES = DescriptionRules()
@@ -45,8 +38,6 @@ def description(runs: Sequence[Run], rig: Rig, selection: Selection, carried: Tr
         selection: the selected set of effects
         carried: its performance on held-out recordings
     """
-    if hint := _coarse_torques(runs, selection):
-        return Description(hint, True)
     if moves(runs):
         return Description()  # other readings of an arm that moves are tried before (`misread.arm`)
     open_ = not at_noise_floor(selection.chosen) or carried.withdrawn or carried.oversized
@@ -56,22 +47,6 @@ def description(runs: Sequence[Run], rig: Rig, selection: Selection, carried: Tr
     if not look.tried and selection.share_explained >= RULES.closed:
         return Description()
     return Description(look.sentence, bool(look.sentence) and _as_good(look, selection))
-
-
-def _coarse_torques(runs: Sequence[Run], selection: Selection) -> str:
-    """Whether an input delay is half the interval of the logged torques, which act too early by this time."""
-    if INPUT_DELAY.name not in selection.chosen.effects:
-        return ""
-    early = -selection.chosen.fit.estimate.params[param_index(INPUT_DELAY.name, "delay_s")]
-    interval = max((float(np.median(np.diff(run.t))) for run in runs if run.torques is not None), default=0.0)
-    least, most = RULES.held
-    if interval < RULES.coarse_s or not least <= early / interval <= most:
-        return ""
-    return (
-        f"The torques act {1e3 * early:.3g} ms before their rows, which are {1e3 * interval:.3g} ms apart:"
-        f" this is the effect of torques that change between rows. Log the torques at a higher rate, or"
-        f" write the mean over each row."
-    )
 
 
 def _as_good(look: SecondLook, selection: Selection) -> bool:

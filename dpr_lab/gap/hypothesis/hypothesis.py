@@ -1,12 +1,13 @@
 """One explanation of the gap: a set of effects, fitted with ratios and initial states, and its residual."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.effects import EFFECTS, without_effect
+from dpr_lab.effects.limits import relative_sizes
 from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.estimate import (
     SCALE,
@@ -26,8 +27,21 @@ from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 
 Array = NDArray[np.float64]
 
-PRICE = 9.0
-"""Penalty of one parameter in chi2 units: the logarithm of some 1e4 samples (BIC)."""
+
+@dataclass(frozen=True, slots=True)
+class Penalty:
+    """Penalty of the parameters of a set, in chi2 units."""
+
+    parameter: float = 9.0
+    """Of one parameter: the logarithm of some 1e4 samples (BIC)."""
+    curve: int = 4
+    """Number of amplitudes from which an effect is a curve, which on a small arc can follow a sum of other effects."""
+    ordinary: float = 0.1
+    """Size of a curve relative to the limits of its amplitudes up to which it is not penalised: a typical eccentricity.
+    """
+
+
+PENALTY = Penalty()
 
 LOST = 10.0
 """Factor of chi2 above which the linear prediction is a worse initial value than the set it was derived from."""
@@ -42,12 +56,21 @@ class Hypothesis:
     residuals: ResidualStatistics
     predictive_loss: Array
     """(folds,) prediction error of each run from the others, in units of chi2."""
+    curves: Mapping[str, float]
+    """Effects of `Penalty.curve` amplitudes or more -> their size s, rms of the amplitudes over their limits."""
 
     @property
     def cost(self) -> float:
-        """Held-out chi2 plus the penalty of the parameters, in units of independent evidence."""
+        """Held-out chi2 plus the penalty of the parameters, in units of independent evidence.
+
+        A curve of n amplitudes larger than ordinary is penalised by 2 n ln(s / s0): its prior of unknown common scale
+        has the density s^-n. Amplitudes that cancel each other imitate other effects.
+        """
         scanned = sum(len(EFFECTS[name].shapes) for name in self.effects)
-        return float(self.predictive_loss.sum()) + PRICE * self.residuals.inflation * (len(self.fit.free) + scanned)
+        penalty = PENALTY.parameter * (len(self.fit.free) + scanned)
+        for name, size in self.curves.items():
+            penalty += 2 * len(EFFECTS[name].amplitudes) * float(np.log(max(size / PENALTY.ordinary, 1.0)))
+        return float(self.predictive_loss.sum()) + self.residuals.inflation * penalty
 
     @property
     def key(self) -> frozenset[str]:
@@ -58,7 +81,10 @@ class Hypothesis:
 def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothesis:
     """Compute residual statistics and cost of a fit."""
     left = residual_statistics(problem, fitted)
-    return Hypothesis(tuple(effects), fitted, left, predictive_loss(fitted, folds(problem), left.inflation))
+    names, loss = tuple(effects), predictive_loss(fitted, folds(problem), left.inflation)
+    sizes = {} if problem.limits is None else relative_sizes(fitted.estimate.params, problem.limits)
+    curves = {name: sizes[name] for name in names if name in sizes and len(EFFECTS[name].amplitudes) >= PENALTY.curve}
+    return Hypothesis(names, fitted, left, loss, curves)
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +28,8 @@ class Thresholds:
     """Standard errors, by the scatter of segments, of a fall of chi2 that is no chance, more than noise being left."""
     fewest_segments: int = 10
     """Segments that show the scatter of a fall."""
+    takes_over: float = 2.0
+    """Factor by which a curve grows without another effect if it merely follows what that effect explains."""
     integrator: float = 5e-4
     """Fraction of the explained chi2 that is uncertain because of the integrator's steps."""
     integrator_at_floor: float = 5e-5
@@ -74,6 +76,22 @@ def at_noise_floor(model: Hypothesis) -> bool:
 def far_from_noise(model: Hypothesis) -> bool:
     """Whether the residual is so large that a linear score is only an indication."""
     return model.residuals.chi2 > THRESHOLDS.far * model.residuals.dof
+
+
+def taking_over(model: Hypothesis, less: Hypothesis) -> str | None:
+    """The curve that explains an effect of `model` in a smaller set `less`, by amplitudes that cancel; None without.
+
+    On a small arc an eccentricity of large harmonics follows a zero offset. It is no reason to do without the offset.
+    """
+    if less.cost <= model.cost:
+        return None
+    grown = {
+        name: less.curves[name] / max(size, PENALTY.ordinary)
+        for name, size in model.curves.items()
+        if name in less.curves
+    }
+    largest = max(grown, key=lambda name: grown[name], default=None)
+    return largest if largest is not None and grown[largest] > THRESHOLDS.takes_over else None
 
 
 def indifference(

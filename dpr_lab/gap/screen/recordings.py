@@ -72,6 +72,8 @@ class Recordings:
     """Whether known torques are assumed to be exact."""
     torque_noise_Nm: tuple[float, float] = (np.inf, np.inf)
     """Upper limit of the standard deviation of the measured torques of joints 1 and 2, from a fit."""
+    torques_sampled: bool = False
+    """Whether known torques are samples of a course that changes between rows, not held from row to row."""
 
     @property
     def constants(self) -> RigConstants:
@@ -123,6 +125,13 @@ class Recordings:
         inertia, viscous = arm_start(self.rig)
         arm = {FREE_ARM.name: {"inertia_kgm2": inertia, "viscous_Nms": viscous}}
         return effect_params(arm if self.arm_moves else {})
+
+    def with_sampled_torques(self) -> "Recordings":
+        """The same recordings with known torques that change between rows."""
+        setups = [record.setup for record in self.records]
+        sampled = [s if s.torques is None else replace(s, torques=s.torques.sampled()) for s in setups]
+        records = [replace(record, setup=setup) for record, setup in zip(self.records, sampled, strict=True)]
+        return replace(self, records=tuple(records), torques_sampled=True)
 
     def _widened(self, values: Array) -> Array:
         """(n, axes) readings or weights, with nothing of an arm that is clamped where that of another run moves."""

@@ -123,7 +123,7 @@ def transfer(
     if not unseen and len(recordings.records) == 1:
         basis = "one release"
     apart = unseen or left_out(recordings, problem)
-    models: dict[str, Hypothesis] = {"": selection.base, **selection.without}
+    models: dict[str, Hypothesis] = {"": selection.base, **selection.lacking}
     chi2 = {name: _bounded(apart.chi2(model)) for name, model in models.items()}
     chosen = _bounded(apart.chi2(selection.chosen))
     noise = np.asarray(selection.chosen.residuals.level * apart.dof, dtype=np.float64)
@@ -134,7 +134,7 @@ def transfer(
     kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.estimate >= TRANSFER.kept else 1.0)
     withdrawn = [
         name
-        for name, less in selection.without.items()
+        for name, less in selection.lacking.items()
         if not (_helps(apart, chi2[name] - chosen) and _keeps(above[name], noise, less, selection.chosen, kept))
     ]
     return Transfer(
@@ -143,7 +143,7 @@ def transfer(
         closing=tuple(_closing(apart, selection, above[""], noise)),
         left_out=left,
         held_out=shares[""] if unseen else {},
-        effects={name: shares[name] for name in selection.without},
+        effects={name: shares[name] for name in selection.lacking},
         withdrawn=() if basis == "one release" else tuple(withdrawn),
         oversized=at_limit(selection.chosen.fit.estimate.params, recordings.prior.limits),
         worse_free_run=worse_free_run(freely["before"].errors_rad, freely["after"].errors_rad, unseen.names)

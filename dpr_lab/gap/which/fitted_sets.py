@@ -19,7 +19,7 @@ from dpr_lab.effects.limits import at_limit
 from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.robust import without_outstanding
+from dpr_lab.fitting.robust import relative_chi2, without_outstanding
 from dpr_lab.gap.hypothesis.hypothesis import (
     Hypothesis,
     free_parameters,
@@ -31,7 +31,7 @@ from dpr_lab.gap.hypothesis.hypothesis import (
 )
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
 from dpr_lab.gap.hypothesis.steps import recorded
-from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, far_from_noise
+from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, far_from_noise, taking_over
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.progress import FitBegan, ScoreTestBegan
 
@@ -54,6 +54,8 @@ class Effort:
     """Number of iterations from short segments."""
     achieved: float = 0.5
     """Fraction of the predicted reduction of chi2 below which a fit is repeated from shorter segments."""
+    outstanding: float = 5.0
+    """chi2 of a segment relative to the median from which it may hold a fit in a local minimum."""
     starts: int = 4
     """Number of shapes of an effect from which more than one is fitted."""
     leading: float = 0.5
@@ -79,6 +81,8 @@ class FittedSets:
     """Function that returns the sum of chi2 on held-out runs; None without held-out runs."""
     _fits: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     _tests: dict[frozenset[str], ScoreTest] = field(default_factory=dict)
+    _left: set[tuple[frozenset[str], frozenset[str]]] = field(default_factory=set)
+    """Smaller and larger sets of which the smaller was fitted from the larger."""
     _short: list[tuple[Problem, NDArray[np.float64]]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -196,19 +200,33 @@ class FittedSets:
         """The set of `model` with the better of the two fits."""
         return hypothesis(self.problem, model.effects, other) if other.chi2 < model.fit.chi2 else model
 
+    def lacking(self, model: Hypothesis, effect: str) -> Hypothesis:
+        """The set without one effect, and without a curve that would take over what the effect explains."""
+        less = self.without(model, effect)
+        curve = taking_over(model, less)
+        return less if curve is None else self.without(less, curve)
+
     def without(self, model: Hypothesis, effect: str) -> Hypothesis:
         """The better of two fits: from the larger sets and, if a score test leads to the set, from a smaller one."""
         key = model.key - {effect}
-        if key in self._fits:
+        if key in self._fits and not self._stuck(self._fits[key], model):
             return self._fits[key]
         self.on_progress(FitBegan(tuple(sorted(key))))
         smaller = refit_without(self.problem, model, effect, self.bare)
+        self._left.add((key, model.key))
         parents = [self._fits[key - {name}] for name in sorted(key) if key - {name} in self._tests]
         if parents and not at_noise_floor(smaller):
             parent = min(parents, key=lambda one: one.cost)
             (name,) = key - parent.key
             smaller = min(smaller, self._grown(parent, name) or smaller, key=_chi2)
         return self.keep(smaller)
+
+    def _stuck(self, smaller: Hypothesis, model: Hypothesis) -> bool:
+        """Whether single segments held a smaller set, fitted before, in a local minimum that a larger set has left."""
+        if (smaller.key, model.key) in self._left or at_noise_floor(smaller):
+            return False
+        here, there = relative_chi2(smaller.fit), relative_chi2(model.fit)
+        return bool(((here > EFFORT.outstanding) & (there < 0.5 * here)).any())
 
     def replaced(self, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
         """The set with another effect in place of one, started without either and with both; None without a score.

@@ -11,7 +11,7 @@ not significant, and the increase of the excess from which an effect is necessar
 from collections.abc import Iterator, Mapping
 
 from dpr_lab.effects import plausibility
-from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refit_with, refit_without
+from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis, refit_with, refit_without
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
@@ -70,10 +70,9 @@ def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Pro
     """The set without its least necessary effect; a single effect is judged by its share of the whole gap."""
     removable = sets.unexpected(current)
     if len(current.effects) > 1 and removable:
-        fewer = [sets.without(current, name) for name in removable]
-        needs = [need(sets.bare, current, less) for less in fewer]
-        least = needs.index(min(needs))
-        yield Proposal(fewer[least], needs[least])
+        needs = {name: need(sets.bare, current, sets.lacking(current, name)) for name in removable}
+        least = min(needs, key=lambda name: needs[name])
+        yield Proposal(sets.without(current, least), needs[least])
 
 
 def _not_needed(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
@@ -136,20 +135,17 @@ def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
             yield Proposal(sets.with_one(simpler, score))
 
 
-def _several_for_one(sets: FittedSets, current: Hypothesis, many: int = 4) -> Iterator[Proposal]:
-    """An effect of many parameters replaced by others that together have fewer.
+def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """A curve replaced by others that together have fewer parameters, or joined by a simple effect that it follows.
 
     A curve of many parameters follows on a small arc what a tilt, friction and drag do together, and is met first.
-
-    Args:
-        sets: the fitted sets
-        current: the present one
-        many: number of amplitudes from which an effect may stand for several others
     """
     for name in sets.unexpected(current):
-        if len(sets.library[name].amplitudes) < many:
+        if name not in current.curves:
             continue
         model = sets.without(current, name)
+        if current.curves[name] > PENALTY.ordinary:
+            yield from _next_to(sets, model, name)
         while True:
             room = len(current.fit.free) - len(model.fit.free) - 1
             ranking = (score for score in sets.test(model).ranking if score.effect.name != name)
@@ -159,6 +155,16 @@ def _several_for_one(sets: FittedSets, current: Hypothesis, many: int = 4) -> It
             model = sets.with_one(model, score)
             if sets.possible(model):
                 yield Proposal(model)
+
+
+def _next_to(sets: FittedSets, without_curve: Hypothesis, curve: str) -> Iterator[Proposal]:
+    """The curve next to the simple effect that best explains the same; fitted last, it takes only what is left."""
+    simple = next((score for score in sets.test(without_curve).ranking if len(score.columns) == 1), None)
+    if simple is not None and simple.gain > 0.0:
+        model = sets.with_one(without_curve, simple)
+        score = sets.test(model).of(curve)
+        if score is not None:
+            yield Proposal(sets.with_one(model, score))
 
 
 def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
@@ -196,7 +202,7 @@ def _closer(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decisi
 def _without_each(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """The sets without one effect, for each effect in turn."""
     for name in current.effects:
-        yield Proposal(sets.without(current, name))
+        yield Proposal(sets.lacking(current, name))
 
 
 def _predicts_better(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
@@ -310,7 +316,7 @@ def predictive(sets: FittedSets, model: Hypothesis) -> Hypothesis:
     """The set without the effects that worsen the prediction of held-out runs, the worst first."""
     if sets.unseen_chi2 is None or len(model.effects) < 2:
         return model
-    fewer = [sets.without(model, name) for name in model.effects]
+    fewer = [sets.lacking(model, name) for name in model.effects]
     remaining = [sets.unseen_chi2(less) for less in fewer]
     least = remaining.index(min(remaining))
     return predictive(sets, fewer[least]) if remaining[least] < sets.unseen_chi2(model) else model

@@ -134,6 +134,7 @@ def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]
         fitted=fits,
         final_test=sets.test(chosen),
         without=without,
+        lacking={name: sets.lacking(chosen, name) for name in chosen.effects},
         tests_without={name: sets.test(less) for name, less in without.items()},
         path=_path(sets, chosen),
         expected=sets.expected,
@@ -148,8 +149,8 @@ def _path(sets: FittedSets, chosen: Hypothesis) -> tuple[tuple[str, Hypothesis],
     path: list[tuple[str, Hypothesis]] = []
     model = chosen
     while model.effects:
-        fewer = {name: sets.without(model, name) for name in model.effects}
-        weakest = min(fewer, key=lambda name: fewer[name].cost)
+        lacking = {name: sets.lacking(model, name) for name in model.effects}
+        weakest = min(lacking, key=lambda name: lacking[name].cost)
         path.append((weakest, model))
-        model = fewer[weakest]
+        model = sets.without(model, weakest)
     return tuple(reversed(path))

@@ -38,8 +38,10 @@ class Selection:
     """The score test of further effects on the selected set."""
     without: Mapping[str, Hypothesis]
     """The selected set without one of its effects, for each effect."""
+    lacking: Mapping[str, Hypothesis]
+    """The same, also without a curve that would take over what the effect explains (`thresholds.taking_over`)."""
     tests_without: Mapping[str, ScoreTest]
-    """The score test on each of those sets."""
+    """The score test on each set of `without`."""
     path: tuple[tuple[str, Hypothesis], ...]
     """The sets from the bare model to the selected one, which differ by one effect each, the largest effect first."""
     expected: frozenset[str] = frozenset()

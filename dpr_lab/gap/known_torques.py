@@ -1,0 +1,66 @@
+"""What a fitted model shows of the known torques: how noisy they are, and how they act between two rows."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dpr_lab.effects import param_index
+from dpr_lab.effects.input_delay import INPUT_DELAY
+from dpr_lab.fitting.disturbance import likeliest_noise, most_noise
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, far_from_noise
+from dpr_lab.gap.screen.recordings import Recordings
+
+
+@dataclass(frozen=True, slots=True)
+class RowRules:
+    """Signs of torques that change between rows."""
+
+    early: tuple[float, float] = (0.25, 0.75)
+    """Share of the interval of the rows by which such torques act too early if they are held: one half on average."""
+
+
+RULES = RowRules()
+
+
+def with_likeliest_noise(
+    recordings: Recordings, problem: Problem, model: Hypothesis, less: float = 0.8
+) -> Recordings | None:
+    """The recordings with less noise of their measured torques, if a fitted model makes that more likely.
+
+    Args:
+        recordings: the runs
+        problem: their segments
+        model: fitted to them
+        less: ratio of two estimates of the noise below which the smaller one is fitted too
+    """
+    before = np.minimum(most_noise(problem), recordings.torque_noise_Nm)
+    if problem.disturbance is None or not before.any():
+        return None
+    noise = np.minimum(likeliest_noise(problem, model.fit), before)
+    if not (noise < less * before).any():
+        return None
+    return replace(recordings, torque_noise_Nm=(float(noise[0]), float(noise[1])))
+
+
+def with_other_noise(recordings: Recordings, problem: Problem, model: Hypothesis) -> Recordings | None:
+    """The recordings with less or no noise of their torques, if a selected model requires it."""
+    if problem.disturbance is not None and far_from_noise(model):
+        return replace(recordings, exact_torques=True)
+    return with_likeliest_noise(recordings, problem, model)
+
+
+def acts_between_rows(recordings: Recordings, model: Hypothesis) -> bool:
+    """Whether known torques act half a row early, as samples do that are taken as held until the next row."""
+    if INPUT_DELAY.name not in model.effects or recordings.torques_sampled:
+        return False
+    early = -float(model.fit.estimate.params[param_index(INPUT_DELAY.name, "delay_s")])
+    intervals = [float(np.median(np.diff(r.setup.torques.t))) for r in recordings.records if r.setup.torques]
+    least, most = RULES.early
+    return bool(intervals) and least <= early / max(intervals) <= most
+
+
+def no_worse(held: Hypothesis, sampled: Hypothesis) -> bool:
+    """Whether sampled torques explain the recordings as well as held ones, but for chance."""
+    return sampled.cost < held.cost + THRESHOLDS.chance * held.residuals.inflation

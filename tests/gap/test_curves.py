@@ -1,0 +1,35 @@
+"""A curve of many amplitudes is not named in place of the simple effect that it follows on a small arc."""
+
+import numpy as np
+import pytest
+
+from dpr_lab.gap.diagnose import diagnose
+from tests.bench_rigs import Rod, bench, one_rod, rod_swing, table
+
+pytestmark = pytest.mark.slow
+
+OFFSETS = ("encoder_offset_joint1", "base_tilt", "com_offset_link1")
+"""Indistinguishable on a rod alone, but for its zero."""
+
+
+@pytest.mark.parametrize("seed", [201, 202])
+def test_a_potentiometer_with_a_zero_error_is_not_called_eccentric(seed):
+    case = bench("potentiometer", seed)
+    diagnosis = diagnose(case.runs, case.rig, held_out=case.held_out)
+    assert diagnosis.effects[0].name in OFFSETS
+    assert diagnosis.effects[0].probability > 0.8
+    eccentric = [effect.probability for effect in diagnosis.effects if effect.name == "encoder_eccentricity_joint1"]
+    assert all(probability < 0.6 for probability in eccentric)
+
+
+def test_an_eccentric_encoder_is_still_named_as_one(tmp_path):
+    rng = np.random.default_rng(7)
+    t, w2 = np.arange(0.0, 9.0, 0.005), 36.0
+    rig, runs = one_rod(1.5 * 9.81 / w2, 0.1, 8192, rng), []
+    for name, start in (("first", 2.9), ("second", 2.2), ("third", 2.6)):
+        angle = rod_swing(Rod(w2, 0.03, 0.0, 0.0), start, t)
+        angle = angle + 6e-3 * np.sin(angle + 0.4) + 2e-3 * np.cos(2 * angle) + rng.normal(0.0, 2e-4, len(t))
+        runs.append(table(tmp_path, name, rig, {"t_s": t, "theta1_rad": angle}))
+    diagnosis = diagnose(runs[:2], rig, held_out=runs[2:])
+    assert diagnosis.effects[0].name == "encoder_eccentricity_joint1"
+    assert diagnosis.effects[0].probability > 0.8
