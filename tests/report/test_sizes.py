@@ -2,7 +2,7 @@ import pytest
 
 from dpr_lab.gap.result.diagnosis import EffectSize, NamedEffect
 from dpr_lab.identification.scaling.scale import Scale
-from dpr_lab.report.gap.sizes import scale_note, sizes_cell
+from dpr_lab.report.gap.sizes import scale_note, sizes_cell, true_sizes_cell
 from tests.report.test_gap_report import diagnosis as diagnosis
 
 NOT_MEASURED = Scale(b=0.00541, interval90=(0.00487, 0.00623), fixed_by="bound")
@@ -31,6 +31,16 @@ def test_where_only_ratios_are_identified_the_ratio_stands_before_the_absolute_s
         " torque 2.30 mN m (2.07 to 2.65)"
     )
     assert "0.00487 to 0.00623" in scale_note(result)
+
+
+def test_a_true_size_is_a_ratio_too_where_only_ratios_are_identified(diagnosis) -> None:
+    assumed = {"scale": NOT_MEASURED, "scale_b": NOT_MEASURED.b}
+    cell = true_sizes_cell(diagnosis(**assumed), "coulomb_joint1", {"torque_Nm": 0.0024})
+    assert cell == "torque / b = 0.444 1/s²; assuming b = 0.00541 kg m² (not measured): torque 2.40 mN m"
+    measured = diagnosis(**assumed | {"scale": NOT_MEASURED.model_copy(update={"fixed_by": "measured"})})
+    assert true_sizes_cell(measured, "coulomb_joint1", {"torque_Nm": 0.0024}) == "torque 2.40 mN m"
+    offset = true_sizes_cell(diagnosis(**assumed), "encoder_offset_joint1", {"offset_rad": 0.01})
+    assert offset == "offset 10.0 mrad"
 
 
 def test_a_measured_scale_gives_an_absolute_size_with_the_uncertainty_of_the_scale(diagnosis) -> None:

@@ -1,8 +1,11 @@
 """Sizes of named effects: the ratio to b first if only ratios are identified, then the absolute value."""
 
-from dpr_lab.gap.result.diagnosis import Diagnosis, EffectSize, NamedEffect
+from collections.abc import Mapping
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.result.diagnosis import Diagnosis, NamedEffect
 from dpr_lab.report.angles import RADIANS, AngleUnit
-from dpr_lab.report.digits import scaled_unit, with_interval
+from dpr_lab.report.digits import NONE, scaled_unit, three, with_interval
 from dpr_lab.report.words import negative_words, parameter_words, size_words
 
 
@@ -23,26 +26,40 @@ def scale_note(diagnosis: Diagnosis) -> str:
 
 def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RADIANS) -> str:
     """All parameters of an effect with intervals; ratios first if only these are identified."""
-    ratios = [_ratio(name, size) for name, size in effect.parameters.items() if size.ratio is not None]
-    ratios = ratios if only_ratios(diagnosis) else []
-    scaled, others = [], []
-    for name, size in effect.parameters.items():
-        words = f"{parameter_words(name)} {_absolute(effect, name, size, angles)}"
-        (scaled if ratios and size.ratio is not None else others).append(words)
-    absolute = [f"{assumed(diagnosis)}: {', '.join(scaled)}"] if scaled else []
+    words = {
+        name: size_words(effect.name, name, angles, size.value, *(size.interval90_with_scale or size.interval90))
+        for name, size in effect.parameters.items()
+    }
+    ratios = {
+        name: _ratio(name, size.ratio_unit, size.ratio, *(size.ratio_interval90 or (size.ratio, size.ratio)))
+        for name, size in effect.parameters.items()
+        if size.ratio is not None
+    }
     signs = [negative_words(effect.name, name, size.value) for name, size in effect.parameters.items()]
-    return "; ".join([*ratios, *absolute, *others, *filter(None, signs)])
+    return "; ".join([*_ratios_first(diagnosis, words, ratios), *filter(None, signs)])
 
 
-def _ratio(name: str, size: EffectSize) -> str:
-    """`torque / b = 0.1472 1/s² (0.1467 to 0.1476)`."""
-    ratio = size.ratio or 0.0
-    value, _, interval = with_interval(ratio, *(size.ratio_interval90 or (ratio, ratio))).partition(" (")
-    operator = "· b" if size.ratio_unit == "m^2" else "/ b"  # a size in 1/kg falls as the scale rises
-    unit = "" if size.ratio_unit == "1" else f" {scaled_unit(size.ratio_unit)}"
-    return f"{parameter_words(name)} {operator} = {value}{unit} ({interval}"
+def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float]) -> str:
+    """True sizes of an effect at the b of the diagnosis; ratios first if only these are identified."""
+    words = {name: size_words(effect, name, RADIANS, value) for name, value in sizes.items()}
+    scaled = {p.name: p for p in EFFECTS[effect].parameters if p.name in sizes and p.scale_power}
+    ratios = {
+        name: _ratio(name, p.ratio_unit, sizes[name] / diagnosis.scale_b**p.scale_power) for name, p in scaled.items()
+    }
+    return "; ".join(_ratios_first(diagnosis, words, ratios)) or NONE
 
 
-def _absolute(effect: NamedEffect, name: str, size: EffectSize, angles: AngleUnit) -> str:
-    """`0.796 mN m (0.70 to 0.90)`, the uncertainty of the scale included."""
-    return size_words(effect.name, name, angles, size.value, *(size.interval90_with_scale or size.interval90))
+def _ratios_first(diagnosis: Diagnosis, sizes: Mapping[str, str], ratios: Mapping[str, str]) -> list[str]:
+    """Ratios by parameter if only these are identified, the sizes with them at the assumed b, and the other sizes."""
+    ratios = ratios if only_ratios(diagnosis) else {}
+    scaled = [f"{parameter_words(name)} {words}" for name, words in sizes.items() if name in ratios]
+    others = [f"{parameter_words(name)} {words}" for name, words in sizes.items() if name not in ratios]
+    return [*ratios.values(), *([f"{assumed(diagnosis)}: {', '.join(scaled)}"] if scaled else []), *others]
+
+
+def _ratio(name: str, unit: str, ratio: float, *interval90: float) -> str:
+    """`torque / b = 0.1472 1/s² (0.1467 to 0.1476)`, or without the interval."""
+    value, _, ends = (with_interval(ratio, *interval90) if interval90 else three(ratio)).partition(" (")
+    operator = "· b" if unit == "m^2" else "/ b"  # a size in 1/kg falls as the scale rises
+    shown = "" if unit == "1" else f" {scaled_unit(unit)}"
+    return f"{parameter_words(name)} {operator} = {value}{shown}" + (f" ({ends}" if ends else "")
