@@ -72,6 +72,7 @@ def explain(value: Any, name: str) -> Any:
         value: a function or a class
         name: under which it is public
     """
+    _sign_methods(value)
     if inspect.isfunction(value):
         value.__name__ = name
         _sign(value)
@@ -87,6 +88,12 @@ def explain(value: Any, name: str) -> Any:
 
 def _sign(value: Any) -> None:
     value.__signature__ = readable(inspect.signature(value))
+
+
+def _sign_methods(value: Any) -> None:
+    for name, method in vars(value).items():
+        if inspect.isfunction(method) and not name.startswith("_"):
+            _sign(method)
 
 
 def _explain_fields(cls: Any) -> None:
@@ -120,9 +127,16 @@ def plain_type(annotation: Any) -> str:
     if origin is Annotated:
         return plain_type(parts[0])
     if origin in (Union, UnionType):
+        from numpy.typing import ArrayLike  # a union of a dozen types whose name is lost
+
+        if annotation == ArrayLike:
+            return "ArrayLike"
         return " | ".join(map(plain_type, parts))
     if origin is Literal:
         return f"Literal[{', '.join(map(repr, parts))}]"
+    if getattr(origin, "__name__", "") == "ndarray":
+        (scalar,) = get_args(parts[1])
+        return f"NDArray[np.{scalar.__name__}]"
     if parts:
         return f"{origin.__name__}[{', '.join(map(plain_type, parts))}]"
     return getattr(annotation, "__name__", str(annotation))

@@ -124,14 +124,6 @@ dpr-lab rig show paper > my_rig.toml
 dpr-lab rig show paper > my-rig.toml
 {DRY} runs
 """,
-    "docs/how-to/check.md": """
-python - <<'END'
-from pathlib import Path
-from dpr_lab.configs import BUILTIN
-plant = (BUILTIN / "plants" / "paper.toml").read_text()
-Path("tilted.toml").write_text(plant + "\\n[effects.base_tilt]\\ntilt_rad = 0.01\\n")
-END
-""",
     "docs/put-your-rig-on-the-wire.md": """
 dpr-lab rig show paper > my_rig.toml
 printf 't_s,tau1_Nm,tau2_Nm\\n0,0,0\\n0.5,0.001,0\\n1,0,0.0005\\n2,0,0\\n' > torques.csv

@@ -121,6 +121,11 @@ def test_help_of_a_class_begins_with_its_fields_and_plain_types(name: str) -> No
     assert not [word for word in ("**data", "Annotated", "<function", "typing.", "dpr_lab.") if word in signature]
 
 
+def test_help_of_a_method_has_plain_types() -> None:
+    assert " |  theta(self, counts: ArrayLike) -> NDArray[np.float64]\n" in help_of("Rig")
+    assert " |  starting_point(self, rig: Rig) -> NDArray[np.float64]\n" in help_of("Model")
+
+
 @pytest.mark.parametrize("cls", [dpr.Comparison, dpr.ImportOptions, dpr.Run])
 def test_help_of_a_dataclass_says_what_each_field_is(cls: Any) -> None:
     text = help_of(cls.__name__)

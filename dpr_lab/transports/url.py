@@ -56,7 +56,9 @@ def parse_url(text: str) -> LinkUrl:
     except ValueError as error:
         raise LinkUrlError(f"{text}: is not a link URL ({error}); use scheme://place?option=value") from error
     if "://" not in text:
-        raise LinkUrlError(f"{text}: is not a link URL; use for example serial:///dev/ttyUSB0?baud=921600 or sim://")
+        raise LinkUrlError(
+            f"{text or 'empty text'}: is not a link URL; use for example serial:///dev/ttyUSB0 or sim://"
+        )
     return LinkUrl(text, split.scheme, split.netloc, split.path, query)
 
 

@@ -81,7 +81,7 @@ def capture(request: CaptureRequest, confirm: "Confirm", on_event: OnEvent = ign
     refuse_unknown_poses(rig, request.poses)
     refuse_no_poses(rig)
     refuse_file(request.out)
-    url = request.url or rig.link.url
+    url = rig.link.url if request.url is None else request.url
     with _rig_file(rig) as rig_file, Device(open_transport(url, rig_file=rig_file)) as device:
         info = device.connect()
         on_event(DeviceGreeted(device.url, info))
