@@ -46,6 +46,24 @@ def test_a_counter_of_microseconds_that_was_logged_in_seconds_is_known_too(tmp_p
     np.testing.assert_allclose(run.t, T, atol=1e-6)
 
 
+@pytest.mark.parametrize("wrap", [1000, 3600, 65536, 2**22])
+def test_a_clock_of_any_width_is_suggested_where_the_readings_continue(tmp_path: Path, paper, wrap: int) -> None:
+    ticks = np.round(T * (1e6 if wrap > 3600 else 1e3)).astype(np.int64) + wrap // 2
+    file = table(tmp_path / "a.csv", ticks % wrap, "t_us" if wrap > 3600 else "t_ms", "d")
+    options = {"unit": "rad", "time_unit": None, "keep_rest": True}
+    with pytest.raises(RunError, match=rf"--time-wrap {wrap}$"):
+        import_csv(file, paper, ImportOptions(**options))
+    np.testing.assert_allclose(import_csv(file, paper, ImportOptions(**options, time_wrap=wrap)).t, T, atol=1e-9)
+
+
+def test_a_second_recording_in_a_table_is_no_wrap(tmp_path: Path, paper) -> None:
+    start = np.r_[0 : len(T) // 2, 0 : len(T) // 2]
+    rows = zip(T[start].tolist(), *THETA[start].T.tolist(), strict=True)
+    (tmp_path / "a.csv").write_text("t,theta1,theta2\n" + "".join(f"{t:.3f},{a},{b}\n" for t, a, b in rows))
+    with pytest.raises(RunError, match="split the table there"):
+        import_csv(tmp_path / "a.csv", paper, ImportOptions(keep_rest=True))
+
+
 def test_times_that_fall_by_no_counter_still_run_backwards(tmp_path: Path, paper) -> None:
     file = table(tmp_path / "a.csv", np.where(T < 2, T, T - 1.5), "t", ".6f")
     with pytest.raises(RunError, match="time decreases"):

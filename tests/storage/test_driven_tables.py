@@ -40,6 +40,23 @@ def test_torques_are_read_and_kept(paper: Rig, tmp_path: Path, header: str) -> N
     assert run.setup.torques is not None
 
 
+@pytest.mark.parametrize(("unit", "factor"), [("mNm", 1e-3), ("N mm", 1e-3), ("Ncm", 1e-2)])
+def test_a_unit_in_the_name_of_a_torque_is_converted(paper: Rig, tmp_path: Path, unit: str, factor: float) -> None:
+    run = import_csv(table(tmp_path, f"tau1_meas_{unit},tau2_meas_{unit}", TAU / factor), paper)
+    assert run.torques == pytest.approx(TAU, abs=1e-12)
+
+
+def test_columns_of_torques_can_be_named_and_scaled(paper: Rig, tmp_path: Path) -> None:
+    file = table(tmp_path, "motor_a,motor_b", TAU)
+    options = parse_options("--columns tau1=motor_b,tau2=motor_a --scale tau2=-1").options
+    run = import_csv(file, paper, options)
+    assert run.torques == pytest.approx(TAU[:, ::-1] * [1, -1])
+    passive = import_csv(file, paper, ImportOptions(columns={"tau2": "motor_a"}))
+    assert passive.torques == pytest.approx(TAU[:, :1] * [0, 1])
+    with pytest.raises(RunError, match=r"no column is named 'motor_c' \(tau1\); the table has: t, theta1"):
+        import_csv(file, paper, ImportOptions(columns={"tau1": "motor_c"}))
+
+
 def test_rows_left_out_keep_the_impulse_of_their_torques(paper: Rig, tmp_path: Path) -> None:
     file = table(tmp_path, "tau1_Nm,tau2_Nm", TAU)
     lines = file.read_text().splitlines()

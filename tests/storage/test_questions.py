@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dpr_lab.configs import BUILTIN
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.storage.csv_import import import_csv
@@ -51,6 +52,10 @@ def test_a_right_table_is_not_questioned(
         ("degrees/sign_theta1", ("--scale", "theta1=-1")),
         ("degrees/sign_both", ("--scale", "-1")),
         ("free/half_counts", ("--scale", "2")),
+        ("driven/torque_sign", ("--scale", "tau2=-1")),
+        ("driven/torque_mNm", ("--scale", "tau1=0.001,tau2=0.001")),
+        ("driven/torque_swapped", ("--columns", "tau1=tau2_Nm,tau2=tau1_Nm")),
+        ("driven/torque_ignored", ("--torque", "measured")),
     ],
 )
 def test_a_certain_mistake_is_questioned_with_the_option_that_mends_it(
@@ -69,7 +74,7 @@ def test_a_certain_mistake_is_questioned_with_the_option_that_mends_it(
         ("free/ms_as_s", r"the times are in ms \(--time-unit ms\)"),
         ("driven/ms_as_s", r"the times are in ms \(--time-unit ms\)"),
         ("wild/s_as_ms", r"the times are in s \(--time-unit s\)"),
-        ("free/us_as_s", "--time-unit ms or us"),
+        ("free/us_as_s", r"in us, which makes them 0.005 s apart \(--time-unit us\)"),
         ("free/time_of_few_digits", r"time column has too few digits.*\(--rate-hz\)"),
         ("free/other_pose", r"not in pose X2 .*: it is pose X1 \(--pose X1\)"),
         ("free/reversed_rows", "time decreases in all rows: sort the rows by time"),
@@ -265,3 +270,18 @@ def test_a_date_that_is_none_is_refused(text: str) -> None:
     assert parse_recorded_at("2026-03-01") == "2026-03-01"
     with pytest.raises(ValueError, match="recorded_at"):
         ImportOptions(recorded_at=text)
+
+
+@pytest.mark.parametrize(("added", "mend"), [(90, "-90"), (37, "-37")])
+def test_a_zero_that_is_elsewhere_is_named_with_the_offset_that_starts_in_the_pose(
+    tmp_path: Path, added: int, mend: str
+) -> None:
+    folder = BUILTIN / "tables"
+    rows = np.loadtxt(folder / "side.csv", delimiter=",", skiprows=1) + np.array([0, 0, added])
+    np.savetxt(tmp_path / "a.csv", rows, "%.3f", ",", header="t,theta1_deg,theta2_deg", comments="")
+    options = {"unit": None, "angles": "relative", "zero": "hanging", "pose": "side"}
+    rig = load_rig(folder / "bench.toml")
+    with pytest.raises(RunError, match=rf"not in pose side .*\(--offset theta2={mend}\)$"):
+        import_csv(tmp_path / "a.csv", rig, ImportOptions(**options))
+    run = import_csv(tmp_path / "a.csv", rig, ImportOptions(**options, offset={"theta2": -added}))
+    assert run.notes == ()

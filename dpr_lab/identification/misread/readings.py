@@ -162,19 +162,23 @@ def _driven(change: Callable[[Array], Array]) -> Callable[[Run], Run | None]:
 
 _TORQUES = (
     Misreading(
-        "the sign of torque 2 is reversed (multiply its column by -1, or turn the sign of the drive)",
+        "the sign of torque 2 is reversed (import with --scale tau2=-1, or turn the sign of the drive)",
         _driven(lambda torques: torques * [1.0, -1.0]),
     ),
     Misreading(
-        "the sign of torque 1 is reversed (multiply its column by -1, or turn the sign of the drive)",
+        "the sign of torque 1 is reversed (import with --scale tau1=-1, or turn the sign of the drive)",
         _driven(lambda torques: torques * [-1.0, 1.0]),
     ),
     Misreading(
-        "the signs of both torques are reversed (multiply their columns by -1, or turn the signs of the angles)",
+        "the signs of both torques are reversed (import with --scale tau1=-1,tau2=-1, or turn the signs of the angles)",
         _driven(lambda torques: -torques),
     ),
     Misreading(
-        "torque 1 and torque 2 are exchanged (order of their columns)", _driven(lambda torques: torques[:, ::-1])
+        "torque 1 and torque 2 are exchanged (name their columns: --columns tau1=NAME,tau2=NAME)",
+        _driven(lambda torques: torques[:, ::-1]),
+    ),
+    Misreading(
+        "the torques are in mN m (import with --scale tau1=0.001,tau2=0.001)", _driven(lambda torques: 1e-3 * torques)
     ),
 )
 

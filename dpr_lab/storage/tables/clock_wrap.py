@@ -1,5 +1,6 @@
 """Unwrapping of times from a wrapping counter, for example of a 32-bit microsecond counter after 4295 s."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,12 @@ class CounterSettings:
     """
     slack: float = 0.01
     """Maximum relative difference between a drop and the width: the step from row to row."""
+    first: float = 1.5
+    """Largest value after a wrap, in steps from row to row."""
+    reach: int = 6
+    """Number of rows before and after a fall whose steps are compared with the step across it."""
+    jump: float = 2.0
+    """Maximum step of a reading across a wrap, relative to the largest of the others."""
 
 
 SETTINGS = CounterSettings()
@@ -40,8 +47,43 @@ def unwrapped_times(times: NDArray[np.float64], wrap: float, name: str) -> NDArr
     return grown
 
 
-def wrap_behind(before: float, after: float) -> float | None:
-    """Width of the counter that wrapped between two values; None if no counter matches."""
+def wrap_behind(before: float, after: float, step: float = 0.0, continues: bool = False) -> float | None:
+    """Width of the counter that wrapped between two values; None if no counter matches.
+
+    Args:
+        before: last value before the fall
+        after: next value
+        step: usual difference of two values
+        continues: whether the readings continue across the fall; a counter then may have any width
+    """
     widths = sorted(2.0**bits / ticks for bits in SETTINGS.bits for ticks in SETTINGS.ticks)
-    within = (width for width in widths if 0 <= after <= before < width)
-    return next((width for width in within if abs(before - after - width) < SETTINGS.slack * width), None)
+    within = [width for width in widths if 0 <= after <= before < width]
+    drop = before - after
+    known = next((width for width in within if abs(drop - width) < SETTINGS.slack * width), None)
+    if known is not None or not continues or not 0 <= after <= SETTINGS.first * step or not before > 2 * step:
+        return known
+    width = drop + step
+    near = [other for other in (*within, *_round(width), 2.0 ** round(np.log2(width))) if other > before]
+    return min((other for other in near if abs(other - width) < step / 2), key=lambda x: abs(x - width), default=width)
+
+
+def continues_across(row: int, columns: Iterable[NDArray[np.float64]]) -> bool:
+    """Whether moving readings continue from one row to the next as in the rows about them: the clock wrapped there.
+
+    Args:
+        row: index of the first row after the fall
+        columns: (n,) readings
+    """
+    reach = SETTINGS.reach
+    around = [np.abs(np.diff(column[max(row - reach, 0) : row + reach])) for column in columns]
+    at = min(row, reach) - 1
+    others = [np.delete(steps, at) for steps in around]
+    moved = [float(np.max(other, initial=0.0)) for other in others]
+    return max(moved, default=0.0) > 0 and all(
+        steps[at] <= SETTINGS.jump * most for steps, most in zip(around, moved, strict=True)
+    )
+
+
+def _round(width: float) -> list[float]:
+    """Numbers of one to four digits near a width."""
+    return [float(f"{width:.{digits}g}") for digits in range(1, 5)]

@@ -13,16 +13,8 @@ from dpr_lab.storage.tables.table import Table
 
 TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 UNITS = ("rad", "deg", "counts")
-KINDS = ("measured", "commanded")
-_TORQUE_KINDS = {"meas": "measured"} | dict.fromkeys(("command", "cmd", "desired", "des"), "commanded")
-_TORQUE_KINDS |= dict(zip(KINDS, KINDS, strict=True))
-_TORQUE_NAME = re.compile(
-    "(?:tau|torque|trq|effort){kind}([12]){kind}(?:nm)?".format(kind=f"({'|'.join(_TORQUE_KINDS)})?")
-)
 NO_ROD = "joint 2, without a rod"
 """Name of a substitute column."""
-PASSIVE = "none"
-"""Marks the torque column of a joint without a drive."""
 
 _TIME_NAME = r"(t|time|timestamp|elapsed|tout)?({unit})?(?<=.)"
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds", "us": "us|usec|microseconds"}
@@ -49,7 +41,7 @@ class Columns:
 
 def is_time(name: str) -> bool:
     """Whether a column has a common name of the time."""
-    return any(re.fullmatch(_TIME_NAME.format(unit=unit), _bare(name)) for unit in _TIME_SUFFIX.values())
+    return any(re.fullmatch(_TIME_NAME.format(unit=unit), bare(name)) for unit in _TIME_SUFFIX.values())
 
 
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
@@ -57,7 +49,7 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
     patterns = {"t": re.compile(_TIME_NAME.format(unit=_TIME_SUFFIX[time_unit]))}
     for axis, quantity in enumerate(AXES):
         patterns[quantity] = re.compile((_COUNT_NAME if unit == "counts" else _ANGLE_NAME).format(axis=axis))
-    named = {q: [n for n in names if p.fullmatch(_bare(n))] for q, p in patterns.items()}
+    named = {q: [n for n in names if p.fullmatch(bare(n))] for q, p in patterns.items()}
     return {quantity: matches[0] for quantity, matches in named.items() if len(matches) == 1}
 
 
@@ -91,45 +83,6 @@ def find_columns(
     return Columns(named, unit, time_unit, notes)
 
 
-def find_torques(names: Sequence[str], source: str | None, path: object) -> dict[str, tuple[str, str]]:
-    """Columns of the torques of joint 1 and 2 by their kind, `measured` first; empty for a free swing.
-
-    The kind is empty if no column states it. If columns of one kind exist, columns without a kind are of the other
-    kind. A joint without a torque column is passive: the name of its column is `PASSIVE`.
-
-    Args:
-        names: names of the columns
-        source: `measured` or `commanded`, if only this kind is requested; `none` for none; None for all
-        path: path of the table
-
-    Raises:
-        RunError: two columns of one torque, none of the requested kind, or a joint with a torque of another kind only.
-    """
-    matches = {name: match for name in names if (match := _TORQUE_NAME.fullmatch(_bare(name)))}
-    stated = {name: _TORQUE_KINDS.get(match[1] or match[3] or "", "") for name, match in matches.items()}
-    others = [kind for kind in KINDS if kind not in stated.values()]
-    unsaid = (source if len(others) == 2 else others[0] if others else None) or ""
-    by_kind: dict[str, dict[str, str]] = {kind: {} for kind in ("", *KINDS)}
-    for name, match in matches.items() if source != "none" else ():
-        of_kind = by_kind[stated[name] or unsaid]
-        if match[2] in of_kind:
-            raise RunError(f"{path}: {of_kind[match[2]]} and {name} are the same torque: leave one out of the table")
-        of_kind[match[2]] = name
-    wanted = (source,) if source in KINDS else KINDS if by_kind["measured"] or by_kind["commanded"] else ("",)
-    chosen = {kind: by_kind[kind] for kind in wanted if by_kind[kind]}
-    if source in KINDS and not chosen:
-        raise RunError(f"{path}: has no column of {source} torques; its columns: {', '.join(names)}")
-    driven = {match[2]: name for name, match in matches.items()}
-    for kind, pair in chosen.items():
-        for joint in driven.keys() - pair.keys():
-            there = ", ".join(pair.values())
-            raise RunError(
-                f"{path}: joint {joint} has a torque ({driven[joint]}), but no {kind} torque like {there}: choose"
-                f" one kind for both joints with --torque, or remove {driven[joint]} from the table"
-            )
-    return {kind: (pair.get("1", PASSIVE), pair.get("2", PASSIVE)) for kind, pair in chosen.items()}
-
-
 def with_still_joint2(table: Table, given: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
     """A table of one rod with an additional column of a fixed joint 2 if it has none, and the given columns.
 
@@ -138,7 +91,7 @@ def with_still_joint2(table: Table, given: Mapping[str, str]) -> tuple[Table, di
     there = any("theta2" in guess_columns(table.names, unit) for unit in ("rad", "counts"))
     if there or "theta2" in given:
         return table, dict(given)
-    alone = [name for name in table.names if _ONE_ROD.fullmatch(_bare(name))]
+    alone = [name for name in table.names if _ONE_ROD.fullmatch(bare(name))]
     if len(alone) == 1 and not any("theta1" in guess_columns(table.names, unit) for unit in ("rad", "counts")):
         given = {"theta1": alone[0], **given}
     values = (*table.values, np.zeros(len(table.lines)))
@@ -217,5 +170,6 @@ def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: s
             raise RunError(f"{table.path}: column {name!r} states {stated[0]}, but the given unit is {given}")
 
 
-def _bare(name: str) -> str:
+def bare(name: str) -> str:
+    """A column name without separators, in lower case."""
     return re.sub(r"[\W_]+", "", name.lower())

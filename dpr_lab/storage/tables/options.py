@@ -62,8 +62,8 @@ class ImportOptions:
     columns: Annotated[
         Mapping[str, str], Typed("Names of the columns, e.g. t=time,theta1=q1,theta2=q2; recognised by default.")
     ] = field(default_factory=dict)
-    """Column name (or number, without a header) of t, theta0, theta1, theta2 and of the input of a driven arm, if
-    not recognised by name.
+    """Column name (or number, without a header) of t, theta0, theta1, theta2, of the torques tau1 and tau2, and of the
+    input of a driven arm, if not recognised by name.
     """
     take: Annotated[
         tuple[str, ...], Typed("Part of the file: topic of a bag, arrays or groups, or the points PIVOT,ELBOW,TIP.")
@@ -82,9 +82,9 @@ class ImportOptions:
     """Period at which the times wrap, in their unit: 4294967296 for a 32-bit counter."""
     scale: Annotated[
         Mapping[str, float],
-        Typed("Multiply the angles: -1, or theta1=-1,theta2=0.5; or the input: input=-1."),
+        Typed("Multiply the angles: -1, or theta1=-1,theta2=0.5; the torques: tau2=-1; the input: input=-1."),
     ] = field(default_factory=dict)
-    """Axis, or `input` of a driven arm -> factor of the values of the table."""
+    """Axis, torque `tau1` or `tau2`, or `input` of a driven arm -> factor of the values of the table."""
     offset: Annotated[
         Mapping[str, float], Typed("Add to the angles after scaling, in their unit: 90, or theta1=90.")
     ] = field(default_factory=dict)
@@ -131,7 +131,8 @@ class ImportOptions:
     """Duration to keep, s; None: all."""
 
     def __post_init__(self) -> None:
-        allowed = {"columns": ("t", *AXES, "input"), "scale": (*AXES, "input"), "offset": AXES}
+        driving = ("tau1", "tau2", "input")
+        allowed = {"columns": ("t", *AXES, *driving), "scale": (*AXES, *driving), "offset": AXES}
         for option, names in allowed.items():
             if unknown := sorted(set(getattr(self, option)) - set(names)):
                 raise ValueError(f"{option} can be given for {', '.join(names)}, not for {', '.join(unknown)}")

@@ -1,5 +1,6 @@
 """Plausibility of a table: spacing and length, wraps of a logger, outliers, speeds."""
 
+import math
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,6 +21,8 @@ class Plausible:
     """Maximum share of rows with the same time as the previous row but other readings."""
     step_s: float = 10.0
     """Maximum median time between rows, s."""
+    usual_step_s: float = 0.005
+    """Usual time between rows of a logger, s."""
     duration_s: float = 1e6
     """Maximum time from the first row to the last, s."""
     stamps_s: tuple[float, float] = (946_684_800.0, 4_102_444_800.0)
@@ -55,9 +58,12 @@ def check_spacing(path: Path, t: NDArray[np.float64]) -> None:
     """
     apart = float(np.median(np.diff(t)))
     if apart > PLAUSIBLE.step_s:
+        unit, factor = min(
+            (("ms", 1e-3), ("us", 1e-6)), key=lambda one: abs(math.log(apart * one[1] / PLAUSIBLE.usual_step_s))
+        )
         raise RunError(
-            f"{path}: rows are {apart:g} s apart, too far to follow a swing: is the unit of time right"
-            " (--time-unit ms or us)?"
+            f"{path}: rows are {apart:g} s apart, too far to follow a swing: the times are probably in {unit}, which"
+            f" makes them {apart * factor:.3g} s apart (--time-unit {unit})"
         )
     if t[-1] > PLAUSIBLE.duration_s:
         raise RunError(

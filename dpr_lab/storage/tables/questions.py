@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +12,12 @@ from dpr_lab.errors import RunError
 from dpr_lab.estimation.held_rods import FreePart
 from dpr_lab.rig import Rig
 from dpr_lab.storage.tables.columns import TO_SECONDS
-from dpr_lab.storage.tables.energy import energy_fit, periods
+from dpr_lab.storage.tables.energy import EnergyFit, energy_fit, periods
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.readings import SETTINGS as READ
-from dpr_lab.storage.tables.readings import OtherReading, Values, angles, better_readings, other_readings
+from dpr_lab.storage.tables.readings import OtherReading, Values, angles, better_readings, other_readings, with_zeros
+from dpr_lab.storage.tables.torques import better_torques, other_torques
 
 Array = NDArray[np.float64]
 
@@ -92,6 +93,10 @@ class Asked:
     """(n, 2) known torques, N m; None for a free swing."""
     arm_moves: bool
     """Whether the motion of the arm is prescribed."""
+    torque_columns: tuple[str, str]
+    """Names of the columns of the torques."""
+    ignored: tuple[str, Array] | None
+    """Kind and (n, 2) torques of the table that the options ignore, N m; None if there are none."""
 
     @property
     def swing(self) -> slice:
@@ -171,6 +176,8 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
         values = {axis: column[looked_at] for axis, column in asked.values.items()}
         residual = fit.residual
         others = better_readings(fit, t, values, torques, asked.options, asked.rig, asked.columns, asked.path)
+        if not others and (doubt := _torque_question(asked, fit, looked_at)):
+            return [doubt], []
     if fit is not None and not others:
         _refuse_unit_of_time(asked, fit.kinetic_scale, settings)
     for other in others:
@@ -186,22 +193,35 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
         share = f"{residual:.0%} of" if residual < 1 else f"{residual:.2g} times"
         doubts.append(
             TableQuestion(
-                f"the energy of the swing changes by {share} the energy exchanged by gravity, which"
-                " friction and known torques do not explain: check --unit, --zero, --offset, --angles, --columns,"
-                " --time-unit, --torque (in N m) and --arm, and lengths and masses of the rig"
+                f"the energy of the swing changes by {share} the energy exchanged by gravity, which friction and known"
+                " torques do not explain: check --unit, --zero, --offset, --angles, --columns, --time-unit, --torque"
+                " (in N m) and --arm, and lengths and masses of the rig"
             )
         )
     elif fit is not None and _free(asked) and not 1 / settings.time_scale < fit.time_scale < settings.time_scale:
         doubts.append(
             TableQuestion(
-                f"the rods swing {fit.time_scale:.3g} times as fast as predicted from lengths and masses of"
-                f" the rig file: check"
-                " L1, masses and inertias of the rig, --rate-hz or --time-unit"
+                f"the rods swing {fit.time_scale:.3g} times as fast as predicted from lengths and masses of the rig"
+                " file: check L1, masses and inertias of the rig, --rate-hz or --time-unit"
             )
         )
     upright = asked.options.zero == "upright" and asked.options.unit != "counts" and not residual <= READ.right
+    upright = upright and asked.torques is None and asked.ignored is None  # drives can hold rods up
     odd = odd_notes(asked.t[asked.swing], asked.theta[asked.swing], upright)
     return doubts + [TableQuestion(note) for note in odd], []
+
+
+def _torque_question(asked: Asked, fit: EnergyFit, looked_at: slice) -> TableQuestion | None:
+    """Doubt about sign, unit, order or absence of the torques, if another interpretation conserves the energy."""
+    others = list(other_torques(asked.torques, asked.torque_columns, asked.options.scale, asked.ignored))
+    others = [replace(other, torques=other.torques[looked_at]) for other in others]
+    best = better_torques(fit, asked.t[looked_at], asked.theta[looked_at][:, 1:], others, asked.rig)
+    if best is None:
+        return None
+    return TableQuestion(
+        f"with these options the energy of the swing is not conserved; it is if {best.cause} ({' '.join(best.words)})",
+        best.words,
+    )
 
 
 def _arm_questions(asked: Asked, theta0: Array, settings: QuestionSettings) -> list[TableQuestion]:
@@ -250,8 +270,8 @@ def _few(asked: Asked, t: Array, settings: QuestionSettings) -> list[TableQuesti
     if step > fast / settings.refused_rows_a_period:
         raise RunError(
             f"{asked.path}: rows are {step:.3g} s apart, but the rods of this rig swing with a period of"
-            f" {fast:.2g} s: too few rows per period. Is the unit of time right (--time-unit ms), or the"
-            f" rate (--rate-hz)?"
+            f" {fast:.2g} s: too few rows per period. Is the unit of time right (--time-unit ms), or the rate"
+            " (--rate-hz)?"
         )
     if step > fast / settings.rows_a_period:
         doubts.append(
@@ -263,9 +283,8 @@ def _few(asked: Asked, t: Array, settings: QuestionSettings) -> list[TableQuesti
     if len(t) < settings.few_rows or lasts < slow / 2:
         doubts.append(
             TableQuestion(
-                f"{len(t)} rows in {lasts:.3g} s: the information is small with less than"
-                f" {settings.few_rows} rows or half"
-                f" a period of the slower oscillation ({slow:.2g} s)"
+                f"{len(t)} rows in {lasts:.3g} s: the information is small with less than {settings.few_rows} rows or"
+                f" half a period of the slower oscillation ({slow:.2g} s)"
             )
         )
     return doubts
@@ -295,7 +314,7 @@ def _pose_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuest
     mend, words = f"remove --pose, or correct {keys}", ()
     if near:
         mend, words = f"it is pose {near[0]} (--pose {near[0]})", ("--pose", near[0])
-    elif others := _readings_in_pose(asked, settings):
+    elif others := _readings_in_pose(asked, settings) or _zeros_in_pose(asked, pose.theta[1:] - began, settings):
         mend = f"it would if {'; or '.join(other.sentence for other in others)}"
         words = others[0].mend if len(others) == 1 else ()
     sentence = f"the swing starts at {began_at}, not in pose {asked.options.pose} ({asked_for}): {mend}"
@@ -317,6 +336,18 @@ def _readings_in_pose(asked: Asked, settings: QuestionSettings) -> list[OtherRea
     kept = [other for other, residual in zip(posed, residuals, strict=True) if residual <= limit]
     fewest = min((len(other.causes) for other in kept), default=0)
     return [other for other in kept if len(other.causes) == fewest]
+
+
+def _zeros_in_pose(asked: Asked, added: Array, settings: QuestionSettings) -> list[OtherReading]:
+    """The table with zeros with which its swing starts in the named pose, if that contradicts its energy no more."""
+    if asked.options.unit == "counts" or asked.options.pose is None:
+        return []
+    tolerance = asked.rig.poses[asked.options.pose].tolerance
+    other, looked_at = with_zeros(asked.values, asked.options, added, tolerance), asked.looked_at(settings)
+    part = replace(other, values={axis: column[looked_at] for axis, column in other.values.items()})
+    as_read = replace(part, values={axis: column[looked_at] for axis, column in asked.values.items()})
+    worst = max(READ.right, _residual(asked, as_read, looked_at))
+    return [other] if _residual(asked, part, looked_at) <= worst else []
 
 
 def _residual(asked: Asked, other: OtherReading, looked_at: slice) -> float:

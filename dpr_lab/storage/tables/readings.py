@@ -6,7 +6,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
@@ -35,6 +35,8 @@ class ReadingSettings:
     """Maximum residual of another interpretation."""
     zero_rad: float = 0.02
     """Difference of a zero below which it is not proposed, rad: a diagnosis fits it as an encoder offset."""
+    usual_zero_rad: float = np.pi / 12
+    """A wrong zero is usually wrong by a multiple of this angle, rad."""
     alike: float = 2.0
     """Interpretations whose residuals differ by less than this factor are equally good; the one with fewer changes
     is preferred.
@@ -153,7 +155,21 @@ def _with_other_zeros(t: Array, values: Values, options: ImportOptions, rig: Rig
     again = None if added is None else energy_fit(t, read + added, None, rig)
     if added is None or again is None or again.residual > SETTINGS.right / SETTINGS.alike:
         return None
-    inner, outer = added
+    return with_zeros(values, options, added)
+
+
+def with_zeros(values: Values, options: ImportOptions, added: ArrayLike, tolerance: float = 0.0) -> OtherReading:
+    """The same table with two angles added to the absolute angles, rad; small ones are left out.
+
+    Args:
+        values: of the table
+        options: of the table
+        added: (2,) rad
+        tolerance: distance from a usual error of a zero within which it is taken for this error, rad
+    """
+    turned = (np.asarray(added) + np.pi) % (2 * np.pi) - np.pi
+    usual = np.round(turned / SETTINGS.usual_zero_rad) * SETTINGS.usual_zero_rad
+    inner, outer = np.where(np.abs(turned - usual) <= tolerance, usual, turned).tolist()
     unit = TO_RADIANS[options.unit or "rad"]
     columns = (inner, (outer - inner + np.pi) % (2 * np.pi) - np.pi if options.angles == "relative" else outer)
     digits = 1 if options.unit == "deg" else 3

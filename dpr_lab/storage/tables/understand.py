@@ -5,6 +5,7 @@ time as the previous row are removed, counted and reported.
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,13 +20,14 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import as_mounted
 from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.tables.arm_input import find_input, refuse_silent, stated_arm
-from dpr_lab.storage.tables.clock_wrap import unwrapped_times, wrap_behind
-from dpr_lab.storage.tables.columns import AXES, PASSIVE, TO_SECONDS, find_columns, find_torques, with_still_joint2
+from dpr_lab.storage.tables.clock_wrap import continues_across, unwrapped_times, wrap_behind
+from dpr_lab.storage.tables.columns import AXES, TO_SECONDS, find_columns, with_still_joint2
 from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
 from dpr_lab.storage.tables.plausible import PLAUSIBLE, check_spacing, gap_notes, outliers, recorded_by_stamps
 from dpr_lab.storage.tables.questions import Asked, TableQuestion, questions, refuse_push
 from dpr_lab.storage.tables.readings import TO_RADIANS, angles, wrap_notes
 from dpr_lab.storage.tables.table import Table
+from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, held_torque, torque_column
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +87,8 @@ def understand(
     table, given = read_any(path, options.take, on_progress), dict(options.columns)
     if rig.rods.mounted != "both":
         table, given = with_still_joint2(table, given)
-    given.pop("input", None)
+    for driving_column in ("input", *JOINTS):
+        given.pop(driving_column, None)
     columns = find_columns(table, given, options.unit, options.time_unit, options.rate_hz)
     options = replace(options, unit=columns.unit, time_unit=columns.time_unit)
     options = stated_arm(rig, options, path, columns.names)
@@ -93,25 +96,27 @@ def understand(
     t = _times(table, columns.names, options)
     columns_read = {axis: table.column(columns.names[axis]) for axis in AXES if axis in columns.names}
     readings, unrecorded = _recorded(table, columns_read)
-    _check_forwards(table, t, options)
+    _check_forwards(table, t, options, readings)
     outliers = _drop_outliers(readings, rig, options)
     recorded = [name for name, column in zip(table.names, table.values, strict=True) if not np.isnan(column).all()]
-    driving = find_torques([*recorded, *table.other_lengths], options.torque, path)
-    factor, drive = 1.0, None
+    names = [*recorded, *table.other_lengths]
+    driving = find_torques(names, options.torque, options.columns, path)
+    factors, drive = [options.scale.get(joint, 1.0) for joint in JOINTS], None
     if driving and options.arm in ("free", "driven"):
         raise RunError(f"{path}: torques of joints 1 and 2 are not supported with a moving arm: use --torque none")
     if options.arm == "driven":
         assert rig.motor is not None
         drive, factor = find_input(recorded, rig.motor, options.columns.get("input"), path)
-        driving, factor = {"": (drive, PASSIVE)}, factor * options.scale.get("input", 1.0)
-    known = {name: _torque(table, name) * factor for pair in driving.values() for name in pair}
+        driving, factors = {"": (drive, PASSIVE)}, [factor * options.scale.get("input", 1.0), 1.0]
+    known = {name: torque_column(table, name) for pair in driving.values() for name in pair}
     kept, notes = _rows_to_keep(path, t, {**readings, **known}, options)
     if drive is not None:
         refuse_silent(known[drive][kept], drive, path)
     if driving and not any(column[kept].any() for column in known.values()):
         driving, unrecorded = {}, [*unrecorded, "its torques are zero throughout: a free swing"]
     torques = {
-        kind: np.stack([_held_torque(t, known[name], kept) for name in pair], axis=1) for kind, pair in driving.items()
+        kind: np.stack([held_torque(t, known[name], kept) for name in pair], axis=1) * factors
+        for kind, pair in driving.items()
     }
     if drive is not None and rig.motor is not None:
         unrecorded.append(f"the arm is driven by the {rig.motor.input} {drive}, each value held until the next row")
@@ -122,7 +127,7 @@ def understand(
     values = {axis: _scaled(column[kept], axis, options) for axis, column in readings.items()}
     notes = [*table.notes, *columns.notes, *notes, *outliers, *unrecorded]
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
-    read = _Rows(path, kept, t, values, torques, named, options)
+    read = _Rows(path, kept, t, values, torques, named, options, _ignored(table, names, options, kept))
     return _understood(read, notes, rig, table.kind, driving)
 
 
@@ -138,6 +143,20 @@ class _Rows:
     torques: Mapping[str, NDArray[np.float64]]
     columns: Mapping[str, str]
     options: ImportOptions
+    ignored: tuple[str, NDArray[np.float64]] | None
+    """Kind and (kept rows, 2) torques that `--torque none` ignores, N m; None if there are none."""
+
+
+def _ignored(
+    table: Table, names: list[str], options: ImportOptions, kept: NDArray[np.intp]
+) -> tuple[str, NDArray[np.float64]] | None:
+    if options.torque != "none" or options.arm != "clamped":
+        return None
+    with suppress(RunError):
+        for kind, pair in find_torques(names, None, options.columns, table.path).items():
+            torques = np.stack([torque_column(table, name)[kept] for name in pair], axis=1)
+            return (kind or "measured", torques) if np.isfinite(torques).all() and torques.any() else None
+    return None
 
 
 def _understood(
@@ -156,7 +175,8 @@ def _understood(
     motion = RodMotion(time, rods, driven, theta[:, 0] if arm else None, origin)
     whole = FreePart(0, 0, len(time))
     part = whole if options.keep_rest else free_part(motion, str(path))
-    asked = Asked(path, rig, options, read.columns, time, theta, read.values, part, driven, arm)
+    pair = next(iter(driving.values()), (PASSIVE, PASSIVE))
+    asked = Asked(path, rig, options, read.columns, time, theta, read.values, part, driven, arm, pair, read.ignored)
     if not options.keep_rest:
         refuse_push(asked, origin)
     doubts = questions(asked)
@@ -225,33 +245,6 @@ def _refuse_conventions(table: Table, options: ImportOptions) -> None:
         )
 
 
-def _torque(table: Table, name: str) -> NDArray[np.float64]:
-    if name == PASSIVE:
-        return np.zeros(len(table.lines))
-    if name in table.other_lengths:
-        raise RunError(
-            f"{table.path}: torques of another length: {table.other_lengths[name]:,} values of {name!r} for"
-            f" {len(table.lines):,} rows"
-        )
-    return table.column(name)
-
-
-def _held_torque(t: NDArray[np.float64], torque: NDArray[np.float64], kept: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Torque of the kept rows. Before removed rows it is the mean over them, which conserves the impulse.
-
-    Args:
-        t: (rows,) s
-        torque: (rows,) held until the next row, N m
-        kept: (k,) rows, ascending
-    """
-    known = np.flatnonzero(np.isfinite(t) & np.isfinite(torque))
-    impulse = np.concatenate([[0.0], np.cumsum(torque[known[:-1]] * np.diff(t[known]))])[np.searchsorted(known, kept)]
-    held, left_out = np.diff(t[kept]), np.diff(kept) > 1
-    mean = torque[kept].copy()
-    mean[:-1][left_out] = (np.diff(impulse) / np.where(held > 0, held, 1.0))[left_out]
-    return mean
-
-
 def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> NDArray[np.float64]:
     if options.rate_hz is not None:
         return np.arange(len(table.lines)) / options.rate_hz
@@ -281,14 +274,18 @@ def _recorded(
     return kept, [f"{axis}: its column is empty, so this axis was not recorded" for axis in silent]
 
 
-def _check_forwards(table: Table, t: NDArray[np.float64], options: ImportOptions) -> None:
+def _check_forwards(
+    table: Table, t: NDArray[np.float64], options: ImportOptions, readings: Mapping[str, NDArray[np.float64]]
+) -> None:
     known = np.flatnonzero(np.isfinite(t))
     backwards = np.flatnonzero(np.diff(t[known]) < 0)
     if len(backwards):
         row, before = known[backwards[0] + 1], known[backwards[0]]
         there = f"{table.path}: {_line(table, int(row))}"
         unit = TO_SECONDS[options.time_unit or "s"]
-        wrap = wrap_behind(float(t[before]) / unit, float(t[row]) / unit)
+        step = float(np.median(np.abs(np.diff(t[known]))))
+        continues = continues_across(int(backwards[0]) + 1, (column[known] for column in readings.values()))
+        wrap = wrap_behind(float(t[before]) / unit, float(t[row]) / unit, step / unit, continues)
         if wrap is not None:
             raise RunError(
                 f"{there}: time falls by {t[before] - t[row]:g} s, like a wrapping counter: import with"

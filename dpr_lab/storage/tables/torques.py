@@ -1,0 +1,181 @@
+"""Columns of the torques of joints 1 and 2, and other interpretations of these columns."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError
+from dpr_lab.rig import Rig
+from dpr_lab.storage.tables.columns import bare
+from dpr_lab.storage.tables.energy import EnergyFit, energy_fit
+from dpr_lab.storage.tables.readings import SETTINGS as READ
+from dpr_lab.storage.tables.table import Table
+
+Array = NDArray[np.float64]
+
+KINDS = ("measured", "commanded")
+JOINTS = ("tau1", "tau2")
+"""Names of the torques in the options `columns` and `scale`."""
+PASSIVE = "none"
+"""Marks the torque column of a joint without a drive."""
+_KINDS = {"meas": "measured"} | dict.fromkeys(("command", "cmd", "desired", "des"), "commanded")
+_KINDS |= dict(zip(KINDS, KINDS, strict=True))
+_UNITS = {"nm": 1.0, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2}
+_NAME = re.compile(
+    "(?:tau|torque|trq|effort){kind}([12]){kind}({unit})?".format(kind=f"({'|'.join(_KINDS)})?", unit="|".join(_UNITS))
+)
+_FACTORS = (1e-3, 1e-2, 1e3)
+"""Factors of other units of a torque: mN m, N cm, kN m."""
+
+Pairs = Mapping[str, tuple[str, str]]
+"""Kind -> columns of joint 1 and 2, `measured` first; the kind is empty if no column states it."""
+
+
+def find_torques(names: Sequence[str], source: str | None, given: Mapping[str, str], path: object) -> Pairs:
+    """Columns of the torques; empty for a free swing.
+
+    If columns of one kind exist, columns without a kind are of the other kind. A joint without a torque column is
+    passive: the name of its column is `PASSIVE`.
+
+    Args:
+        names: names of the columns
+        source: `measured` or `commanded`, if only this kind is requested; `none` for none; None for all
+        given: names of the columns of `tau1` and `tau2`, if stated
+        path: path of the table
+
+    Raises:
+        RunError: two columns of one torque, none of the requested kind, a joint with a torque of another kind only,
+            or a stated column that does not exist.
+    """
+    if source == "none":
+        return {}
+    if stated := {joint: given[joint] for joint in JOINTS if joint in given}:
+        return _stated(names, source, stated, path)
+    matches = {name: match for name in names if (match := _NAME.fullmatch(bare(name)))}
+    kinds = {name: _KINDS.get(match[1] or match[3] or "", "") for name, match in matches.items()}
+    others = [kind for kind in KINDS if kind not in kinds.values()]
+    unsaid = (source if len(others) == 2 else others[0] if others else None) or ""
+    by_kind: dict[str, dict[str, str]] = {kind: {} for kind in ("", *KINDS)}
+    for name, match in matches.items():
+        of_kind = by_kind[kinds[name] or unsaid]
+        if match[2] in of_kind:
+            raise RunError(f"{path}: {of_kind[match[2]]} and {name} are the same torque: leave one out of the table")
+        of_kind[match[2]] = name
+    wanted = (source,) if source in KINDS else KINDS if by_kind["measured"] or by_kind["commanded"] else ("",)
+    chosen = {kind: by_kind[kind] for kind in wanted if by_kind[kind]}
+    if source in KINDS and not chosen:
+        raise RunError(f"{path}: has no column of {source} torques; its columns: {', '.join(names)}")
+    driven = {match[2]: name for name, match in matches.items()}
+    for kind, pair in chosen.items():
+        for joint in driven.keys() - pair.keys():
+            there = ", ".join(pair.values())
+            raise RunError(
+                f"{path}: joint {joint} has a torque ({driven[joint]}), but no {kind} torque like {there}: choose"
+                f" one kind for both joints with --torque, or remove {driven[joint]} from the table"
+            )
+    return {kind: (pair.get("1", PASSIVE), pair.get("2", PASSIVE)) for kind, pair in chosen.items()}
+
+
+def _stated(names: Sequence[str], source: str | None, stated: Mapping[str, str], path: object) -> Pairs:
+    """The stated columns as one kind."""
+    for joint, name in stated.items():
+        if name not in names:
+            raise RunError(f"{path}: no column is named {name!r} ({joint}); the table has: {', '.join(names)}")
+    matches = [match for name in stated.values() if (match := _NAME.fullmatch(bare(name)))]
+    kinds = {_KINDS[kind] for match in matches if (kind := match[1] or match[3])}
+    kind = source or (kinds.pop() if len(kinds) == 1 else "")
+    return {kind: (stated.get("tau1", PASSIVE), stated.get("tau2", PASSIVE))}
+
+
+def torque_column(table: Table, name: str) -> Array:
+    """Torque of a column in N m, by the unit in its name; zero for a passive joint.
+
+    Raises:
+        RunError: a column of another length.
+    """
+    if name == PASSIVE:
+        return np.zeros(len(table.lines))
+    if name in table.other_lengths:
+        raise RunError(
+            f"{table.path}: torques of another length: {table.other_lengths[name]:,} values of {name!r} for"
+            f" {len(table.lines):,} rows"
+        )
+    match = _NAME.fullmatch(bare(name))
+    return table.column(name) * (_UNITS[match[4]] if match and match[4] else 1.0)
+
+
+def held_torque(t: Array, torque: Array, kept: NDArray[np.intp]) -> Array:
+    """Torque of the kept rows. Before removed rows it is the mean over them, which conserves the impulse.
+
+    Args:
+        t: (rows,) s
+        torque: (rows,) held until the next row, N m
+        kept: (k,) rows, ascending
+    """
+    known = np.flatnonzero(np.isfinite(t) & np.isfinite(torque))
+    impulse = np.concatenate([[0.0], np.cumsum(torque[known[:-1]] * np.diff(t[known]))])[np.searchsorted(known, kept)]
+    held, left_out = np.diff(t[kept]), np.diff(kept) > 1
+    mean = torque[kept].copy()
+    mean[:-1][left_out] = (np.diff(impulse) / np.where(held > 0, held, 1.0))[left_out]
+    return mean
+
+
+@dataclass(frozen=True, slots=True)
+class OtherTorques:
+    """Another interpretation of the torques of a table."""
+
+    cause: str
+    """Description of the difference."""
+    torques: Array
+    """(n, 2) N m."""
+    words: tuple[str, ...]
+    """Command-line options that select it."""
+
+
+def other_torques(
+    torques: Array | None, pair: tuple[str, str], scale: Mapping[str, float], ignored: tuple[str, Array] | None
+) -> Iterator[OtherTorques]:
+    """Torques with other signs, in other units, or exchanged; those that are ignored.
+
+    Args:
+        torques: (n, 2) as interpreted, N m; None for a free swing
+        pair: names of their columns
+        scale: factors of the option `--scale`
+        ignored: kind and (n, 2) torques that the options ignore, N m; None if there are none
+    """
+    if ignored is not None:
+        cause = "the torques of the table act, which --torque none ignores"
+        yield OtherTorques(cause, ignored[1], ("--torque", ignored[0]))
+    if torques is None:
+        return
+    signs = {"torque 2 has the opposite sign": (1, -1), "torque 1 has the opposite sign": (-1, 1)}
+    signs["both torques have the opposite sign"] = (-1, -1)
+    units = {f"the torques must be multiplied by {factor:g} to be in N m": (factor, factor) for factor in _FACTORS}
+    for cause, factors in (signs | units).items():
+        scaled = {**scale, **{j: scale.get(j, 1.0) * factor for j, factor in zip(JOINTS, factors, strict=True)}}
+        words = ",".join(f"{name}={factor:g}" for name, factor in scaled.items() if factor != 1.0)
+        yield OtherTorques(cause, torques * factors, ("--scale", words or "1"))
+    if PASSIVE not in pair:
+        words = ("--columns", f"tau1={pair[1]},tau2={pair[0]}")
+        yield OtherTorques("the columns of the two torques are exchanged", torques[:, ::-1], words)
+
+
+def better_torques(
+    fit: EnergyFit, t: Array, rods: Array, others: Sequence[OtherTorques], rig: Rig
+) -> OtherTorques | None:
+    """Interpretation of the torques that conserves the energy of a swing clearly better than `fit`; None without one.
+
+    Args:
+        fit: the energy balance as interpreted
+        t: (n,) s
+        rods: (n, 2) absolute angles, rad
+        others: other interpretations
+        rig: the recorded rig
+    """
+    fits = [(energy_fit(t, rods, other.torques, rig), other) for other in others]
+    residuals = [(again.residual, other) for again, other in fits if again is not None]
+    residual, best = min(residuals, key=lambda one: one[0], default=(np.inf, None))
+    return best if residual < min(READ.sure, fit.residual / READ.better) else None
