@@ -161,15 +161,17 @@ def refuse_held(runs: Sequence[Run], settings: HeldSettings = HELD) -> None:
             free_part_of(run.swing, settings)
 
 
-def rest_is_quiet(motion: RodMotion, part: FreePart, settings: HeldSettings = HELD) -> bool:
-    """Whether the rest before the release contains only the noise of the readings, without the tremble of a hand."""
+def rest_fault(motion: RodMotion, part: FreePart, settings: HeldSettings = HELD) -> str:
+    """Why the rest before the release does not show the noise of the readings; empty if it does."""
     t, rods = motion.t[part.rest : part.start], motion.rods[part.rest : part.start]
     if len(t) < settings.fewest:
-        return False
+        return "too short"
+    noise = np.sqrt(np.mean(np.diff(rods, axis=0) ** 2, axis=0) / 2)
+    if not noise.all():
+        return "its readings do not change, so they do not show their noise"
     line = np.vander(t - t.mean(), 2)
     spread = np.std(rods - line @ np.linalg.lstsq(line, rods, rcond=None)[0], axis=0)
-    noise = np.sqrt(np.mean(np.diff(rods, axis=0) ** 2, axis=0) / 2)
-    return bool((spread <= settings.restless * noise).all())
+    return "" if (spread <= settings.restless * noise).all() else "the rods moved in it"
 
 
 def still_band(motion: RodMotion, settings: HeldSettings = HELD) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.held_rods import FreePart, RodMotion, free_part, refuse_held, rest_is_quiet
+from dpr_lab.estimation.held_rods import FreePart, RodMotion, free_part, refuse_held, rest_fault
 from dpr_lab.run import Run
 
 
@@ -45,7 +45,18 @@ def test_a_rest_before_the_release_is_found_of_any_length(swings: list[Run], res
         assert later.rest == 0
         # A fall from 0.1 rad shows some 20 ms after its release.
         assert -0.01 < cut.t[later.start] < 0.04
-        assert rest_is_quiet(motion(cut), later)
+        assert not rest_fault(motion(cut), later)
+
+
+def test_a_rest_that_does_not_show_the_noise_says_why(swings: list[Run]) -> None:
+    run = swings[0]
+    swing = run.swing
+    still = RodMotion(
+        np.arange(200 + len(swing.t)) / run.rate_hz, np.concatenate([[swing.theta[0, 1:]] * 200, swing.theta[:, 1:]])
+    )
+    assert "do not change" in rest_fault(still, FreePart(0, 200, len(still.t)))
+    assert rest_fault(still, FreePart(198, 200, len(still.t))) == "too short"
+    assert "moved" in rest_fault(still, FreePart(200, 500, len(still.t)))
 
 
 def test_a_tables_own_zero_is_the_release_where_the_motion_shows_soon_after_it(swings: list[Run]) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import refuse_still_arm
-from dpr_lab.estimation.held_rods import FreePart, RodMotion, free_part, rest_is_quiet
+from dpr_lab.estimation.held_rods import FreePart, RodMotion, free_part, rest_fault
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
 from dpr_lab.run import as_mounted
@@ -182,9 +182,9 @@ def _understood(
     doubts = questions(asked)
     if options.keep_rest and _seems_held(motion, whole):
         doubts.append(TableQuestion("all rows are kept, although the rods seem to be held: remove --keep-rest"))
-    quiet = rest_is_quiet(motion, part)
-    notes += _cut_notes(time, part, quiet)
-    first, release = part.rest if quiet else part.start, float(time[part.start])
+    fault = rest_fault(motion, part)
+    notes += _cut_notes(time, part, fault)
+    first, release = part.start if fault else part.rest, float(time[part.start])
     rows = slice(first, part.stop)
     stamped = recorded_by_stamps(release) if options.rate_hz is None else ""
     return Understood(
@@ -213,7 +213,7 @@ def _seems_held(motion: RodMotion, whole: FreePart) -> bool:
         return True
 
 
-def _cut_notes(t: NDArray[np.float64], part: FreePart, quiet: bool) -> list[str]:
+def _cut_notes(t: NDArray[np.float64], part: FreePart, fault: str) -> list[str]:
     """Notes on rows removed because the rods were held, and on a first row before t = 0 treated as the release."""
     notes = []
     if part.start == 0 and t[0] < 0 < t[-1]:
@@ -222,9 +222,9 @@ def _cut_notes(t: NDArray[np.float64], part: FreePart, quiet: bool) -> list[str]
             f" {-t[0]:g}"
         )
     if part.start > 0:
-        kept = f"the {t[part.start] - t[part.rest]:.4g} s of rest before it are kept for the noise floor"
-        restless = "the rods moved during the rest before it, which is excluded"
-        what = (kept if quiet else restless) if part.start > part.rest else "the rows before it are excluded"
+        rest = f"the {t[part.start] - t[part.rest]:.4g} s of rest before it are"
+        held = f"{rest} excluded: {fault}" if fault else f"{rest} kept for the noise floor"
+        what = held if part.start > part.rest else "the rows before it are excluded"
         notes.append(
             f"starts at {t[part.start]:.7g} s, when the rods begin to move; {what} (--keep-rest uses all rows)"
         )
