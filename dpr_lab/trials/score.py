@@ -205,7 +205,7 @@ def _faults(truth: Truth) -> list[str]:
         "jitter": truth.encoders["jitter_ms"] > 0,
         "repeated_sample": truth.encoders["repeated_share"] > 0 or truth.encoders.get("stale_every", 0) > 0,
         "periodic_delay": truth.encoders.get("late_every", 0) > 0,
-        "gap": truth.encoders["missing_share"] > 0,
+        "gap": truth.encoders["missing_share"] > 0 or truth.encoders.get("lost_for_s", 0) > 0,
     }
     return [name for name, is_there in there.items() if is_there]
 

@@ -50,11 +50,27 @@ class EncoderConfig(_Table):
     late_ms: Annotated[float, Field(ge=0, le=50, allow_inf_nan=False)] = 0.0
     """and this is its delay."""
     stale_every: Annotated[int, Field(ge=0)] = 0
-    """Every so many samples of a swing, one repeats the previous one; 0 for none."""
+    """Every so many samples of a swing, one repeats the previous one; 0 for none;"""
+    stale_from_s: NotNegative = 0.0
+    """from this instant on, s since the release;"""
+    stale_for_s: Positive | None = None
+    """and for this duration, as frames of a video are repeated in stretches; None until the end."""
     repeated_share: Share = 0.0
     """Fraction of the samples of a swing that repeat the previous one."""
     missing_share: Share = 0.0
     """Fraction of the samples of a swing that are never sent."""
+    lost_from_s: NotNegative = 0.0
+    """From this instant on, s since the release, no sample is sent, as by a tracker that loses its points;"""
+    lost_for_s: NotNegative = 0.0
+    """for this duration; 0 for none."""
+
+
+class MountConfig(_Table):
+    """Mode of what carries the rig, along the ground in the plane of the rods."""
+
+    stiffness_N_per_m: Positive
+    frequency_hz: Positive
+    damping_ratio: Positive = 0.03
 
 
 class OperatorConfig(_Table):
@@ -139,7 +155,7 @@ class PlantConfig(_Table):
 
     Fields of the file: `name`, `seed`, `[parameters]` with one value for each of `PARAMETERS` (SI), `[arm]`,
     `[arm_drive]` for a driven arm, `[effects.NAME]` or at most one `[foreign.NAME]` with the parameters of the effect,
-    `[encoders]`, `[drives]`, `[hand]`.
+    `[mount]`, `[encoders]`, `[drives]`, `[hand]`.
     """
 
     name: Annotated[str, Field(min_length=1)]
@@ -149,6 +165,7 @@ class PlantConfig(_Table):
     arm_drive: ArmDriveConfig | None = None
     effects: dict[str, dict[str, Finite]] = {}
     foreign: dict[str, dict[str, Finite]] = {}
+    mount: MountConfig | None = None
     encoders: EncoderConfig = EncoderConfig()
     drives: DriveConfig = DriveConfig()
     hand: OperatorConfig = OperatorConfig()

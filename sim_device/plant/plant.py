@@ -22,6 +22,7 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.rig import JOINTS, PARAMETERS, Rig
 from dpr_lab.setup import Setup
 from sim_device.plant.config import PlantConfig
+from sim_device.plant.mount import AT_REST, Yielding
 
 MAX_STEP = 1e-4
 """Maximum step of the simulation, s: its error stays far below a count as long as a chaotic swing can be compared."""
@@ -30,7 +31,7 @@ BLOCK_TIME = 1.0
 """Duration of a swing that is computed at a time, s."""
 
 LOOK = 5e-4
-"""Interval at which an encoder with play or delay is evaluated, s."""
+"""Interval at which an encoder with play or delay, or a mount that yields, is evaluated, s."""
 
 Driven = Callable[[int, int], NDArray[np.float64]]
 """(first, count) -> (count, 2) torques of joints 1 and 2 from each of these ticks to the next, N m.
@@ -90,6 +91,11 @@ class Plant:
         """Delay of the reading of joint 2 after that of joint 1, s."""
         self.has_play = False
         """Whether the encoder of joint 2 has play."""
+        self.mount: Yielding | None = None
+        """What carries the rig, if it yields."""
+        if config.mount is not None:
+            _, _, d, e1, *_ = base_parameters(hung(Z, self._setup), rig.L1, rig.g).tolist()
+            self.mount = Yielding(config.mount, (e1 / rig.g, d / rig.L1))
         if config.effects:
             self._look_for_effects_on_reading()
 
@@ -124,6 +130,8 @@ class Plant:
         """
         if self._setup.held:
             raise ConfigError(f"plant {self.config.name}: drives need both rods mounted")
+        if self.mount is not None:
+            raise ConfigError(f"plant {self.config.name}: mount: a rig with drives stands on a rigid mount")
         rippling = [
             one.name for j, one in enumerate((DETENT_JOINT1, DETENT_JOINT2)) if any(self.config.drives.ripple[j])
         ]
@@ -213,6 +221,7 @@ class Plant:
             "effects": {name: dict(values) for name, values in self.config.effects.items()},
             "arm": self.config.arm.model_dump(),
             **({"arm_drive": self.config.arm_drive.model_dump()} if self.config.arm_drive is not None else {}),
+            **({"mount": self.config.mount.model_dump()} if self.config.mount is not None else {}),
         }
 
 
@@ -248,8 +257,10 @@ def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Dri
     """Blocks of angles, (ticks, 3), with the delay and play of the encoder of joint 2."""
     rate_hz /= plant.pace
     if plant.delay == 0.0 and not plant.has_play:
-        yield from (states[:-1, :JOINTS] for _, states in _blocks(plant, theta, omega, rate_hz, 1, driven))
-    looks = max(1, math.ceil(1.0 / (rate_hz * LOOK)))
+        looks = 1 if plant.mount is None else _fine(rate_hz)
+        blocks = _blocks(plant, theta, omega, rate_hz, looks, driven)
+        yield from (states[:-1:looks, :JOINTS] for _, states in blocks)
+    looks = _fine(rate_hz)
     blocks = _blocks(plant, theta, omega, rate_hz, looks, driven)
     hold = float(plant.joint2(theta[1], theta[2]))
     around = [next(blocks), next(blocks)]
@@ -261,6 +272,11 @@ def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Dri
         yield plant.with_joint2(states[:-1, :JOINTS], angle2[:-1])[::looks]
         around = [*around[-2:], next(blocks)]
         this = 1
+
+
+def _fine(rate_hz: float) -> int:
+    """Number of instants per tick that are at most `LOOK` apart."""
+    return max(1, math.ceil(1.0 / (rate_hz * LOOK)))
 
 
 def _joint2_at(plant: Plant, blocks: list[tuple[Theta, Theta]], t: Theta) -> Theta:
@@ -279,10 +295,13 @@ def _blocks(
     """Blocks of true times and states, each from the end of the previous one, with `looks` instants per tick."""
     ticks = max(1, round(BLOCK_TIME * rate_hz))
     own = np.arange(ticks * looks + 1) / (rate_hz * looks)
-    state, first = plant.start(theta, omega), 0
+    state, first, moved = plant.start(theta, omega), 0, AT_REST
     while True:
         t = first / rate_hz + own
-        if driven is None:
+        if plant.mount is not None:
+            torques, moved = plant.mount.torques(t, plant.goes_on(state, t), moved)
+            states = plant.driven_on(state, t, torques)
+        elif driven is None:
             states = plant.goes_on(state, t)
         else:
             states = plant.driven_on(state, t, np.repeat(driven(first, ticks), looks, axis=0))

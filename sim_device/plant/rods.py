@@ -96,7 +96,9 @@ class SimulatedRods:
     def swing_counts(self, first: int, count: int) -> Counts:
         """(count, 3) counts of the swing; `first` is the tick of the first since the release."""
         before = min(first, LONGEST_REPEAT)
-        again = sampling_faults.repeated(self._config, self._release, first - before, count + before)
+        again = sampling_faults.repeated(
+            self._config, self._release, first - before, count + before, self._rate_hz
+        )
         shown = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
         counts = self._swung(first - before, count + before)[shown][before:]
         since = np.arange(first, first + count) / self._rate_hz
@@ -116,7 +118,7 @@ class SimulatedRods:
 
     def missing(self, first: int, count: int) -> NDArray[np.bool_]:
         """(count,) whether a sample of the swing is never sent."""
-        return sampling_faults.missing(self._config, self._release, first, count)
+        return sampling_faults.missing(self._config, self._release, first, count, self._rate_hz)
 
     def idle_counts(self, now: float, tick: int) -> Counts:
         """(3,) counts at the device time `now` while nothing is streamed."""

@@ -19,15 +19,19 @@ def instants(config: PlantConfig, release: int, first: int, count: int) -> NDArr
     return jitter + config.encoders.late_ms * 1e-3 * _in_cycle(config.encoders.late_every, first, count)
 
 
-def repeated(config: PlantConfig, release: int, first: int, count: int) -> NDArray[np.bool_]:
+def repeated(config: PlantConfig, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.bool_]:
     """(count,) whether a sample of a swing repeats the previous one."""
-    by_chance = _noise(config, release, first, count)[:, _REPEATED] < _threshold(config.encoders.repeated_share)
-    return by_chance | _in_cycle(config.encoders.stale_every, first, count)
+    encoders = config.encoders
+    by_chance = _noise(config, release, first, count)[:, _REPEATED] < _threshold(encoders.repeated_share)
+    stretch = _within(encoders.stale_from_s, encoders.stale_for_s, first, count, rate_hz)
+    return by_chance | (stretch & _in_cycle(encoders.stale_every, first, count))
 
 
-def missing(config: PlantConfig, release: int, first: int, count: int) -> NDArray[np.bool_]:
+def missing(config: PlantConfig, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.bool_]:
     """(count,) whether a sample of a swing is never sent."""
-    return _noise(config, release, first, count)[:, _MISSING] < _threshold(config.encoders.missing_share)
+    encoders = config.encoders
+    by_chance = _noise(config, release, first, count)[:, _MISSING] < _threshold(encoders.missing_share)
+    return by_chance | _within(encoders.lost_from_s, encoders.lost_for_s, first, count, rate_hz)
 
 
 def between_ticks(theta: NDArray[np.float64], later: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -45,6 +49,12 @@ def between_ticks(theta: NDArray[np.float64], later: NDArray[np.float64]) -> NDA
     before, at, after = theta[near - 1], theta[near], theta[near + 1]
     u = (later - whole)[:, None]
     return at + u * (after - before) / 2 + u * u * (after - 2 * at + before) / 2
+
+
+def _within(begin_s: float, lasts_s: float | None, first: int, count: int, rate_hz: float) -> NDArray[np.bool_]:
+    """(count,) whether a sample of a swing lies in a stretch of some duration; None until the end."""
+    since = np.arange(first, first + count) / rate_hz - begin_s
+    return (since >= 0.0) & (since < (np.inf if lasts_s is None else lasts_s))
 
 
 def _in_cycle(every: int, first: int, count: int) -> NDArray[np.bool_]:

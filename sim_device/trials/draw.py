@@ -11,7 +11,7 @@ from dpr_lab.effects.encoder_offset import ENCODER_OFFSET_JOINT1, ENCODER_OFFSET
 from dpr_lab.effects.wrong_length import WRONG_LENGTH
 from dpr_lab.rig import MASSES, Rig
 from dpr_lab.rig_tables import Parameter
-from sim_device.plant.config import EncoderConfig, PlantConfig
+from sim_device.plant.config import EncoderConfig, MountConfig, PlantConfig
 from sim_device.plant.foreign import FOREIGN, FORMS, OUTSIDE
 from sim_device.random_streams import RandomStream, generator
 from sim_device.trials.driven import drawn_fault, driven
@@ -32,7 +32,11 @@ class Background:
     gap: tuple[float, float] = (0.1, 0.6)
     """Gap of each small effect, in units of the noise."""
     logger: float = 1 / 3
-    """Probability of a fault of the logger."""
+    """Probability of a fault of the logger, and with a fault of a second one."""
+    stiffness: tuple[float, float] = (1e5, 5e5)
+    """Of the mount's second mode, N/m: it moves the rods by less than the noise;"""
+    frequency_hz: tuple[float, float] = (15.0, 40.0)
+    damping: tuple[float, float] = (0.02, 0.05)
     length: float = 0.005
     """Relative standard deviation of the rod's length about L1 of the rig file."""
     mass: float = 0.01
@@ -64,7 +68,7 @@ def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfi
 
 
 def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> PlantConfig:
-    """The plant with small effects, a zero offset, other true values, and sometimes a logger fault."""
+    """The plant with small effects, a zero offset, a mount that rings, other true values, and sometimes logger faults."""
     least, most = BACKGROUND.effects
     wanted = len(plant.effects) + int(rng.integers(least, most, endpoint=True))
     for name in rng.permutation(visible_effects()).tolist():
@@ -80,7 +84,12 @@ def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> 
     }
     longer = {WRONG_LENGTH.amplitudes[0].name: float(BACKGROUND.length * rig.L1 * rng.standard_normal())}
     effects = plant.effects if WRONG_LENGTH.name in plant.effects else plant.effects | {WRONG_LENGTH.name: longer}
-    return plant.model_copy(update={"parameters": values, "effects": effects})
+    mount = MountConfig(
+        stiffness_N_per_m=_log_uniform(rng, *BACKGROUND.stiffness),
+        frequency_hz=float(rng.uniform(*BACKGROUND.frequency_hz)),
+        damping_ratio=float(rng.uniform(*BACKGROUND.damping)),
+    )
+    return plant.model_copy(update={"parameters": values, "effects": effects, "mount": mount})
 
 
 def described(wanted: EffectRequest, rig: Rig) -> Rig:
@@ -97,15 +106,25 @@ def _roughly_weighed(rig: Rig) -> Iterator[tuple[str, Parameter]]:
 
 
 def logger_fault(rng: np.random.Generator) -> EncoderConfig:
-    """Encoders whose readings are late in a cycle, repeated in a cycle or at random, or have jitter."""
-    cycle = int(rng.integers(5, 41))
+    """One fault of a logger, or two at once.
+
+    Readings are late in a cycle; repeated in a cycle, in a stretch of it as in a video, or at random while a bus is
+    busy; taken at uneven instants; or lost for a while.
+    """
+    cycle, begin = int(rng.integers(5, 41)), float(rng.uniform(0.5, 4.0))
     faults: list[dict[str, float]] = [
         {"late_every": cycle, "late_ms": float(rng.uniform(0.5, 4.0))},
-        {"stale_every": cycle},
+        {"stale_every": cycle + 1},
+        {"stale_every": int(rng.integers(3, 8)), "stale_from_s": begin, "stale_for_s": float(rng.uniform(0.5, 2.0))},
         {"repeated_share": float(rng.uniform(0.01, 0.05))},
         {"jitter_ms": 0.2},
+        {"lost_from_s": begin, "lost_for_s": float(rng.uniform(0.1, 0.5))},
     ]
-    return EncoderConfig.model_validate(faults[int(rng.integers(len(faults)))])
+    chosen = rng.permutation(len(faults))[: 1 + int(rng.random() < BACKGROUND.logger)]
+    together: dict[str, float] = {}
+    for k in sorted(chosen.tolist()):
+        together |= faults[k]
+    return EncoderConfig.model_validate(together)
 
 
 def dirty(rng: np.random.Generator) -> EncoderConfig:

@@ -83,13 +83,41 @@ def test_jitter_is_measured(recorded, paper: Rig):
     assert screened.jitter_s == pytest.approx(2e-4, rel=0.2)
 
 
-def test_late_and_stale_samples_of_the_device_are_named(recorded, paper: Rig):
-    for fault, name in (
-        ({"late_every": 26, "late_ms": 2.5}, "periodic_delay"),
-        ({"stale_every": 8}, "repeated_sample"),
-    ):
-        found = screen(recorded({}, duration=4.0, **fault)[1], paper).findings
-        assert [finding.name for finding in found if finding.axis is None] == [name]
+STRETCH = {"stale_every": 5, "stale_from_s": 1.0, "stale_for_s": 1.5}
+LOST = {"lost_from_s": 1.5, "lost_for_s": 0.3}
+
+
+@pytest.mark.parametrize(
+    ("fault", "names"),
+    [
+        ({"late_every": 26, "late_ms": 2.5}, {"periodic_delay"}),
+        ({"stale_every": 8}, {"repeated_sample"}),
+        (STRETCH, {"repeated_sample"}),
+        (LOST, {"gap"}),
+        ({"repeated_share": 0.05}, {"repeated_sample"}),
+        ({"late_every": 5, "late_ms": 3.3, **LOST}, {"periodic_delay", "gap"}),
+        ({"stale_every": 5, **LOST}, {"repeated_sample", "gap"}),
+        ({"jitter_ms": 0.2, **LOST}, {"jitter", "gap"}),
+        ({"repeated_share": 0.04, **STRETCH}, {"repeated_sample"}),
+    ],
+    ids=lambda value: "+".join(value) if isinstance(value, dict) else None,
+)
+def test_faults_of_a_logger_are_named_alone_and_together(recorded, paper: Rig, fault: dict, names: set):
+    harmless = {"outlier", "repeated_sample"}  # of a few samples
+    for run in recorded({}, duration=4.0, **fault):
+        found = {finding.name for finding in screen(run, paper).findings}
+        assert names <= found <= names | harmless
+
+
+def test_a_stretch_of_repeated_frames_is_masked_where_it_is(recorded, paper: Rig):
+    run = recorded({}, duration=4.0, **STRETCH)[1]
+    screened = screen(run, paper)
+    (found,) = [finding for finding in screened.findings if finding.axis is None]
+    assert "between 1." in found.evidence and "one reading in 5 repeats" in found.evidence
+    masked = screened.t[~screened.keep.all(axis=1)]
+    inside = (masked >= 1.0) & (masked < 2.5)
+    assert 0.9 * 300 < inside.sum() <= 300
+    assert (~inside).sum() < 30
 
 
 def test_counts_that_stand_still_at_rest_are_no_noise_free_measurement(clean: Run, paper: Rig):

@@ -208,11 +208,35 @@ def test_with_background_the_masses_are_known_to_one_per_cent(paper):
     assert described(EffectRequest("single"), rig) is rig
 
 
-def test_a_logger_fails_in_one_of_four_ways():
-    kinds = [logger_fault(generator(seed, RandomStream.DRAW)).model_dump(exclude_defaults=True) for seed in range(40)]
-    assert {frozenset(kind) for kind in kinds} == {
-        frozenset(names) for names in (("late_every", "late_ms"), ("stale_every",), ("repeated_share",), ("jitter_ms",))
-    }
+def test_stretches_of_a_swing_are_repeated_or_lost(paper):
+    whole = encoders(paper).swing
+    stale = encoders(paper, stale_every=4, stale_from_s=1.0, stale_for_s=0.5).swing
+    first = int(np.searchsorted(whole.t, 1.0))
+    at = np.flatnonzero((stale.counts != whole.counts).any(axis=1))
+    last = np.searchsorted(whole.t, 1.5)
+    assert set(at.tolist()) <= set(range(first, last)) & set(range(3, len(whole.t), 4))
+    assert len(at) > 0.9 * (last - first) / 4
+    assert np.array_equal(stale.counts[at], whole.counts[at - 1])
+    lost = encoders(paper, lost_from_s=1.0, lost_for_s=0.3).swing
+    assert not np.any((lost.t >= 1.0) & (lost.t < 1.3 - 1e-9))
+    assert len(whole.t) - len(lost.t) == round(0.3 * whole.rate_hz)
+
+
+def test_a_logger_fails_in_one_of_six_ways_or_in_two():
+    kinds = [logger_fault(generator(seed, RandomStream.DRAW)).model_dump(exclude_defaults=True) for seed in range(80)]
+    alone = [
+        {"late_every", "late_ms"},
+        {"stale_every"},
+        {"stale_every", "stale_from_s", "stale_for_s"},
+        {"repeated_share"},
+        {"jitter_ms"},
+        {"lost_from_s", "lost_for_s"},
+    ]
+    drawn_kinds = [set(kind) for kind in kinds]
+    assert all(one in drawn_kinds for one in alone)
+    together = [kind for kind in drawn_kinds if kind not in alone]
+    assert 10 < len(together) < 45
+    assert all(any(kind == one | other for one in alone for other in alone) for kind in together)
 
 
 def test_jitter_reads_the_swing_a_little_earlier_or_later(paper):

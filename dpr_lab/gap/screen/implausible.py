@@ -38,7 +38,8 @@ def repeated(
     """Readings equal to the previous one although the rod moves by many standard deviations per sample.
 
     Wrong instants may make the readings of one axis equal by chance, but hardly of both; and at a turning point, two
-    samples on either side may be equal.
+    samples on either side may be equal. Samples that repeat one after the other are judged together, by the motion of
+    both axes since the last new sample: a jump after them is no missed count.
 
     Args:
         t: (n,) instants, s
@@ -54,15 +55,21 @@ def repeated(
     reach = settings.reach
     if len(t) <= 2 * reach:
         return np.zeros(joints.shape, dtype=bool)
-    across = np.abs(joints[2 * reach :] - joints[: -2 * reach]) / (t[2 * reach :] - t[: -2 * reach])[:, None]
-    speed = np.pad(across, ((reach, reach), (0, 0)), mode="edge")
-    moved = speed * np.diff(t, prepend=t[0] - period)[:, None]
+    across = (joints[2 * reach :] - joints[: -2 * reach]) / (t[2 * reach :] - t[: -2 * reach])[:, None]
+    velocity = np.pad(across, ((reach, reach), (0, 0)), mode="edge")
+    path = velocity * np.diff(t, prepend=t[0] - period)[:, None]
+    speed, moved = np.abs(velocity), np.abs(path)
     step = np.diff(joints, axis=0, prepend=np.nan)
     stands = step == 0.0
     goes_on = _before(step) * _before(step[::-1])[::-1] > (settings.goes_on * moved) ** 2
     alone = stands & goes_on & (moved > settings.moved * np.hypot(std, jitter * speed))
     both = stands.all(axis=1)
-    return alone | (both & (moved > settings.moved * std).any(axis=1))[:, None]
+    last_new = np.maximum.accumulate(np.where(both, 0, np.arange(len(t))))
+    since = np.cumsum(path, axis=0)
+    significance = np.sqrt(np.sum(((since - since[last_new]) / std) ** 2, axis=1))
+    highest = np.zeros(len(t))
+    np.maximum.at(highest, last_new, significance)
+    return alone | (both & (highest[last_new] > settings.moved))[:, None]
 
 
 def _before(step: Array) -> Array:

@@ -70,19 +70,15 @@ INSTANTS = InstantSettings()
 
 @dataclass(frozen=True, slots=True)
 class PeriodicDelay:
-    """Every `cycle`-th reading, from `first` on, is taken `delay_s` after its stamp."""
+    """Every `cycle`-th reading is taken `delay_s` after its stamp."""
 
     cycle: int
-    """Samples from one late reading to the next."""
-    first: int
-    """Index of the first late reading."""
+    """Samples from one late reading to the next, including lost ones."""
     delay_s: float
     std_s: float
     """Standard error of the delay, s."""
-
-    def late(self, samples: int) -> Flags:
-        """(samples,) whether a reading is late."""
-        return np.arange(samples) % self.cycle == self.first
+    late: Flags
+    """(n,) whether a reading is late."""
 
 
 def even_instants(t: Array, joints: Array, settings: InstantSettings = INSTANTS) -> Array | None:
@@ -177,7 +173,8 @@ def periodic_delay(t: Array, joints: Array, settings: InstantSettings = INSTANTS
         most = np.maximum(settings.wild * std * np.sqrt(power), np.quantile(np.abs(error), settings.usual))
         score += speed * np.clip(error, -most, most) / std**2
         information += speed**2 * power / std**2
-    by_cycle = {cycle: _by_place(cycle, score, information) for cycle in range(2, settings.cycle + 1)}
+    ticks = _ticks(t, period)
+    by_cycle = {cycle: _by_place(ticks % cycle, cycle, score, information) for cycle in range(2, settings.cycle + 1)}
     # random jitter increases the scatter at the positions of all cycles, a late reading only that of related cycles
     spreads = [NORMAL_MAD * np.median(np.abs(z - np.median(z))) for cycle, z in by_cycle.items() if cycle > ORDER]
     spread = max(1.0, float(np.quantile(spreads, settings.unshared)))
@@ -187,31 +184,36 @@ def periodic_delay(t: Array, joints: Array, settings: InstantSettings = INSTANTS
         return None
     # a late reading also affects the windows of its neighbours, and so other cycles: the best fit is the right one
     likely = [(cycle, first) for cycle, (size, first) in places.items() if size > settings.likely * largest]
-    fits = [_delayed(cycle, first, usable, weights, len(t)) for cycle, first in likely]
+    fits = [_delayed(cycle, ticks % cycle == first, usable, weights) for cycle, first in likely]
     best = max(fits, key=lambda fit: abs(fit.delay_s) / fit.std_s)
     return best if abs(best.delay_s) >= settings.least * period else None
 
 
-def _delayed(cycle: int, first: int, usable: list[tuple[Array, Array]], weights: Array, samples: int) -> PeriodicDelay:
+def _ticks(t: Array, period: float) -> NDArray[np.int64]:
+    """(n,) number of each sample, lost ones counted: after a late stamp the next interval is short, after a loss not."""
+    spacing = np.diff(t)
+    around = np.convolve(np.pad(spacing, 1, mode="edge"), np.ones(3), mode="valid")
+    lost = (spacing > 1.5 * period) & (around > 3.5 * period)
+    return np.append(0, np.cumsum(np.where(lost, np.rint(spacing / period), 1.0))).astype(np.int64)
+
+
+def _delayed(cycle: int, late: Flags, usable: list[tuple[Array, Array]], weights: Array) -> PeriodicDelay:
     """The delay of every `cycle`-th reading by least squares over the divided differences.
 
     Args:
         cycle: samples from one late reading to the next
-        first: index of the first late reading
+        late: (n,) these readings
         usable: for each joint its divided differences (windows,) and speed (n,), in standard deviations
         weights: (windows, 7) of the divided differences
-        samples: n
     """
-    late = np.arange(samples) % cycle == first
     shapes = [(differences, _differences(speed * late, weights)) for differences, speed in usable]
     known = sum(float(shape @ shape) for _, shape in shapes)
     delay = sum(float(differences @ shape) for differences, shape in shapes) / known
-    return PeriodicDelay(cycle, first, delay, known**-0.5)
+    return PeriodicDelay(cycle, delay, known**-0.5, late)
 
 
-def _by_place(cycle: int, score: Array, information: Array) -> Array:
+def _by_place(place: NDArray[np.int64], cycle: int, score: Array, information: Array) -> Array:
     """(cycle,) delay at each position of a cycle, in standard errors."""
-    place = np.arange(len(score)) % cycle
     known = np.maximum(np.bincount(place, information, cycle), np.finfo(float).tiny)
     return np.bincount(place, score, cycle) / np.sqrt(known)
 

@@ -64,7 +64,9 @@ class ScreenSettings:
     distribution.
     """
     repeating: float = 0.5
-    """Fraction of equal neighbouring readings in a cycle from which they are repeated and not late."""
+    """Fraction of readings of a cycle equal to the one before, from which they are repeated and not late;"""
+    stretch: float = 0.05
+    """or their excess over that of the other readings, if they are repeated in a part of the recording only."""
     shown: int = 20
     """Number of findings of one kind on one axis that are listed individually."""
 
@@ -130,7 +132,8 @@ def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
     colour, coloured = _colour(run, rig, joints, settings)
     noise = at_rest * colour  # filtered noise is visible only over wider spacings
     jitter, jittered = _jitter(run, t[~late], joints[~late], noise, settings)
-    wild, stale = too_fast(t, joints), repeated(t, joints, noise, jitter, period)
+    wild, stale = too_fast(t, joints), np.zeros(joints.shape, dtype=np.bool_)
+    stale[~late] = repeated(t[~late], joints[~late], noise, jitter, period)
     keep = ~(wild | stale | late[:, None])
     findings = [
         *stamped,
@@ -153,8 +156,10 @@ def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
         for i, size in steps:
             evidence = f"the reading steps by {size / abs(rig.radians_per_count[1 + axis]):+.1f} counts"
             findings.append(Finding(MISSED_COUNTS.name, run.name, name, float(t[i]), evidence, step=size))
-    if jitter:
-        jitter = max(jitter, noise_by_speed(t, joints, noise, period, keep)[0])
+    if jitter:  # without the repeated readings, which look like wrong instants
+        trusted, significance = noise_by_speed(t, joints, noise, period, keep)
+        refuted = 0.0 != significance < settings.significance  # zero: too few readings without a fault
+        jitter, jittered = (0.0, []) if refuted else (max(jitter, trusted), jittered)
     findings += [*jittered, *coloured]
     screened = Screened(
         run, t, joints, keep, tuple(sorted(breaks)), noise, jitter, count, dithered, on_grid, tuple(findings)
@@ -200,19 +205,32 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
 
 
 def _late(run: Run, t: Array, joints: Array, settings: ScreenSettings) -> tuple[NDArray[np.bool_], list[Finding]]:
-    """(n,) readings that are late in a cycle."""
-    delay = periodic_delay(t, joints[:, :1] if run.setup.alone else joints)
+    """(n,) readings that are late or repeated in a cycle, perhaps in a stretch of the recording only."""
+    read = joints[:, :1] if run.setup.alone else joints
+    delay, again = periodic_delay(t, read), np.append(False, (read[1:] == read[:-1]).all(axis=1))
     if delay is None:
-        return np.zeros(len(t), dtype=bool), []
-    late = delay.late(len(t))
-    before, again = joints[np.flatnonzero(late[1:])], joints[1:][late[1:]]
-    if np.mean((before == again).all(axis=1)) > settings.repeating:
-        name, evidence = "repeated_sample", f"one reading in {delay.cycle} repeats the one before"
+        return np.zeros(len(t), dtype=np.bool_), []
+    # a reading that is late by a whole period equals the next one; where it is late by less, the next is a repeated one
+    places = [delay.late] if 2 * delay.delay_s * run.rate_hz > 1 else [delay.late, np.roll(delay.late, 1)]
+    place = max(places, key=lambda place: float(np.mean(again[place])))
+    name, share, elsewhere = "repeated_sample", np.mean(again[place]), np.mean(again[~place])
+    if share > settings.repeating:
+        late, evidence = place, f"one reading in {delay.cycle} repeats the one before"
+    elif share > elsewhere + settings.stretch:
+        late = place & again
+        first, last = np.quantile(t[late], [0.1, 0.9])  # by chance, a few others are equal too
+        evidence = f"mostly between {first:.2f} and {last:.2f} s, one reading in {delay.cycle} repeats the one before"
     else:
+        late, name = delay.late, "periodic_delay"
         size, side = abs(delay.delay_s), "after" if delay.delay_s > 0 else "before"
         precision = f"{1e3 * size:.3g} +- {1e3 * delay.std_s:.1g} ms"
-        name, evidence = "periodic_delay", f"one reading in {delay.cycle} is taken {precision} {side} its stamp"
-    return late, [Finding(name, run.name, None, float(t[delay.first]), f"{evidence}; these readings are excluded")]
+        evidence = f"one reading in {delay.cycle} is taken {precision} {side} its stamp"
+    finding = Finding(name, run.name, None, float(t[late][0]), f"{evidence}; these readings are excluded")
+    if share > settings.repeating or name == "periodic_delay":
+        return late, [finding]
+    others, findings = _late(run, t[~late], joints[~late], settings)  # a delay that the repeated ones hide
+    late[~late] = others
+    return late, [finding, *findings]
 
 
 def _read_joints(run: Run, rig: Rig) -> Array:
