@@ -20,7 +20,7 @@ from _trial_cases import Scored
 from diagnosis import FIRST_SEED, GROUPS, campaign, trials_of
 from scipy.optimize import minimize
 
-from dpr_lab.gap.classes.posterior import CALIBRATION, Calibration
+from dpr_lab.gap.classes.posterior import CALIBRATION, Calibration, odds_outside
 from dpr_lab.trials.score import Claim
 from dpr_lab.trials.summary import calibration_error
 
@@ -39,7 +39,9 @@ class Statement:
     log_odds: tuple[float, ...]
     """Of each rival, and of going without, against the effect; at the temperature in use."""
     left: float
-    """Share of the gap that stays unexplained."""
+    """Share of the excess that stays unexplained."""
+    remainder: float
+    """The same in units of the noise, rms."""
     closed: bool
     """Whether nothing but noise is left."""
     true: bool
@@ -59,7 +61,9 @@ def _of(scored: Scored) -> list[Statement]:
         without = max(0.0, 1 - outside - effect["probability"] - sum(rivals))
         odds = tuple(math.log(max(p, 1e-12) / max(effect["probability"], 1e-12)) for p in (*rivals, without))
         closed = outside <= CALIBRATION.outside_when_closed * (1 + 1e-9)
-        made.append(Statement(odds, 1 - said["gap"]["explained_share"], closed, is_cause))
+        left = max(1 - said["gap"]["explained_share"], CALIBRATION.least_left)
+        remainder = math.sqrt(max(said["chi2_per_dof"] - 1, 0.0))
+        made.append(Statement(odds, left, remainder, closed, is_cause))
     return made
 
 
@@ -67,7 +71,7 @@ def probability(statement: Statement, tried: Calibration) -> float:
     """What a statement's probability is under other constants."""
     colder = CALIBRATION.temperature / tried.temperature
     within = 1 / (1 + sum(math.exp(min(odds * colder, 50.0)) for odds in statement.log_odds))
-    odds = (max(statement.left, 1e-6) / tried.half_unexplained) ** tried.steepness
+    odds = odds_outside(statement.left, statement.remainder, tried)
     outside = tried.outside_when_closed
     if not statement.closed:
         outside = max(outside, odds / (1 + odds))

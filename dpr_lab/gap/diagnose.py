@@ -30,6 +30,7 @@ from dpr_lab.gap.screen.input import refuse_wrong_input
 from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.screen.time_scale import with_time_scale
 from dpr_lab.gap.state import (
     Advised,
     Classified,
@@ -133,6 +134,7 @@ def _screened(request: Request) -> ScreenedRuns:
 def _fitted(screened: ScreenedRuns) -> Fitted:
     _begin(screened.request, "bare model")
     recordings, problem, bare = fit_bare_model(screened.recordings, screened.request.start)
+    recordings = with_time_scale(recordings, bare.fit.estimate.ratios)
     unseen = without_disturbances(screened.unseen, bare.fit.estimate.ratios)
     unseen = replace(unseen, ratios=recordings.ratios, torque_noise_Nm=recordings.torque_noise_Nm)
     return Fitted.after(

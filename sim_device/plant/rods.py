@@ -96,9 +96,7 @@ class SimulatedRods:
     def swing_counts(self, first: int, count: int) -> Counts:
         """(count, 3) counts of the swing; `first` is the tick of the first since the release."""
         before = min(first, LONGEST_REPEAT)
-        again = sampling_faults.repeated(
-            self._config, self._release, first - before, count + before, self._rate_hz
-        )
+        again = sampling_faults.repeated(self._config, self._release, first - before, count + before, self._rate_hz)
         shown = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
         counts = self._swung(first - before, count + before)[shown][before:]
         since = np.arange(first, first + count) / self._rate_hz

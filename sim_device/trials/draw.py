@@ -68,7 +68,7 @@ def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfi
 
 
 def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> PlantConfig:
-    """The plant with small effects, a zero offset, a mount that rings, other true values, and sometimes logger faults."""
+    """The plant with small effects, a zero offset, a mount that rings, other values, and sometimes logger faults."""
     least, most = BACKGROUND.effects
     wanted = len(plant.effects) + int(rng.integers(least, most, endpoint=True))
     for name in rng.permutation(visible_effects()).tolist():

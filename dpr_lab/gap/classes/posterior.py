@@ -6,8 +6,13 @@ with this record. Within a class, the probability is divided according to the pr
 (`dpr_lab.effects.plausibility`): a clock error of 3 % is impossible for a crystal, a length error of 6 % is possible.
 
 The probability of a class is the softmax of the predictive costs of the sets in which it replaces the named effect,
-multiplied by the probability that the cause is in the library at all; the latter decreases with the unexplained share
-of the gap.
+multiplied by the probability that the cause is in the library at all. The odds of a cause outside are
+
+    (left / half)^steepness * min(remainder / noise, far)
+
+with the unexplained share `left` of the excess. A law that the library lacks leaves a share of its own gap, however far
+that is above the noise. The small causes of every rig leave about as much as the noise, for any size of the gap, unless
+the noise is so small that it is no measure of them.
 """
 
 from collections.abc import Mapping
@@ -33,8 +38,14 @@ class Calibration:
 
     temperature: float = 3.0
     """Divisor of differences of the log predictive density."""
-    half_unexplained: float = 0.07
-    """Remaining share of the gap at which a cause outside the library is as probable as one inside."""
+    half_unexplained: float = 0.2
+    """Remaining share of the excess at which a cause outside the library is as probable as one inside, where the
+    remainder equals the noise.
+    """
+    far: float = 8.0
+    """Remainder in units of the noise from which its size is no further evidence: encoders of real rigs are finer than
+    their small causes.
+    """
     steepness: float = 2.0
     """Exponent with which that probability increases with the remaining share."""
     sure: float = 0.98
@@ -192,8 +203,19 @@ def outside(selection: Selection, calibration: Calibration = CALIBRATION) -> flo
     if at_noise_floor(selection.chosen):
         return calibration.outside_when_closed
     left = max(1 - selection.share_explained, calibration.least_left)
-    odds = (left / calibration.half_unexplained) ** calibration.steepness
+    odds = odds_outside(left, selection.chosen.residuals.noise_ratio, calibration)
     return max(odds / (1 + odds), calibration.outside_when_closed)
+
+
+def odds_outside(left: float, remainder: float, calibration: Calibration = CALIBRATION) -> float:
+    """Odds of a cause outside the library.
+
+    Args:
+        left: share of the excess that is not explained
+        remainder: rms of what is not explained, in units of the noise
+        calibration: of the probabilities
+    """
+    return float((left / calibration.half_unexplained) ** calibration.steepness * min(remainder, calibration.far))
 
 
 def probabilities(selection: Selection, posteriors: tuple[EffectPosterior, ...], kind: str) -> Mapping[str, float]:

@@ -190,7 +190,7 @@ def periodic_delay(t: Array, joints: Array, settings: InstantSettings = INSTANTS
 
 
 def _ticks(t: Array, period: float) -> NDArray[np.int64]:
-    """(n,) number of each sample, lost ones counted: after a late stamp the next interval is short, after a loss not."""
+    """(n,) number of each sample, lost ones included: a short interval follows a late stamp, but not a loss."""
     spacing = np.diff(t)
     around = np.convolve(np.pad(spacing, 1, mode="edge"), np.ones(3), mode="valid")
     lost = (spacing > 1.5 * period) & (around > 3.5 * period)

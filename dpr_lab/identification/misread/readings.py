@@ -136,20 +136,28 @@ def _in_time(factor: float) -> Callable[[Run], Run | None]:
     return read
 
 
+_MANY = {2: "twice", 4: "four times", 8: "eight times"}
+_PARTS = {2: "half", 4: "a quarter", 8: "an eighth"}
+
+
+def _paced(factor: float) -> Misreading:
+    """Times multiplied by a factor: 2, 4 or 8 as of a video in slow motion whose frame rate nobody wrote down."""
+    if factor > 1:
+        part = _PARTS[round(factor)]
+        cause = f"the swing is {part} as fast as its time stamps (import with {part} the --rate-hz, or check t)"
+    else:
+        many = _MANY[round(1 / factor)]
+        film = ": is it a video in slow motion?" if factor < 0.5 else ""
+        cause = f"the swing is {many} as fast as its time stamps (import with {many} the --rate-hz, or check t{film})"
+    return Misreading(cause, _in_time(factor), time_factor=factor)
+
+
 _TIMES = (
     Misreading("the times are in milliseconds (import with --time-unit ms)", _in_time(1e-3)),
     Misreading("the times are in microseconds (import with --time-unit us)", _in_time(1e-6)),
     Misreading("the times are in seconds (import with --time-unit s)", _in_time(1e3)),
-    Misreading(
-        "the swing is half as fast as its time stamps (import with half the --rate-hz, or check t)",
-        _in_time(2.0),
-        time_factor=2.0,
-    ),
-    Misreading(
-        "the swing is twice as fast as its time stamps (import with twice the --rate-hz, or check t)",
-        _in_time(0.5),
-        time_factor=0.5,
-    ),
+    *(_paced(factor) for factor in (2, 4, 8)),
+    *(_paced(1 / factor) for factor in (2, 4, 8)),
 )
 
 

@@ -44,6 +44,10 @@ class MisreadSettings:
     """Factor by which it must be smaller in this case."""
     spare: float = 1.05
     """Factor on the limits of the ratios, because ratios are uncertain."""
+    slow: float = 2.5
+    """Ratio of the time of a swing to that of a mass point at L1 from which a run counts as slow: longer beginnings are
+    examined then.
+    """
     rate_hz: float = 250.0
     """Sample rate for other interpretations, Hz; their difference must be far above the noise."""
     iterations: int = 20
@@ -113,8 +117,8 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
         runs: the runs with the given interpretation
         rig: rig of the recordings
     """
-    as_read = [one.chi2_per_dof for one in (fitted(runs, rig), fitted(runs, rig, quick=True)) if one is not None]
-    first = min(as_read, default=np.inf)  # over as short a time what a model lacks adds up to less
+    # over as short a time as the other interpretations, what a model lacks adds up to less
+    first = min(_chi2(runs, rig, quick=quick) for quick in (False, True))
     explained = better_readings(runs, rig, first)
     if explained:
         before = max(first - 1, 1e-9)
@@ -122,7 +126,16 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
             BetterReading(reading, float(1 - max(fit.chi2_per_dof - 1, 0.0) / before)) for reading, fit in explained
         ]
         return SecondLook(tuple(tried), 0.0)
-    return SecondLook((), energy_rise(_preprocessed(runs, rig), rig))
+    return SecondLook((), energy_rise(_preprocessed(runs, rig), rig) if np.isfinite(first) else 0.0)
+
+
+def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
+    """Reduced chi-square of the rods as they are read; infinite if their beginning shows no motion."""
+    try:
+        ratio_fit = fitted(runs, rig, quick=quick)
+    except RunError:
+        return np.inf
+    return np.inf if ratio_fit is None else ratio_fit.chi2_per_dof
 
 
 def better_readings(runs: Sequence[Run], rig: Rig, chi2_per_dof: float) -> list[tuple[Misreading, RatioFit]]:
@@ -215,13 +228,31 @@ def _preprocessed(
     runs: Sequence[Run], rig: Rig, *, thinned: bool = False, longer: float = 1.0
 ) -> list[PreprocessedRun]:
     seconds = longer * (SETTINGS.tried_s if thinned else SETTINGS.looked_at_s)
-    return [preprocess(_beginning(run, seconds), rig, _decimation(run) if thinned else 1) for run in runs]
+    slow = [_slowness(run, rig) for run in runs]
+    return [
+        preprocess(_beginning(run, times * seconds), rig, _decimation(run, times) if thinned else 1)
+        for run, times in zip(runs, slow, strict=True)
+    ]
+
+
+def _slowness(run: Run, rig: Rig) -> float:
+    """How many times slower than rods of this length theta1 swings, at least 1 and at most 8, as in slow motion.
+
+    It is the mean time between two passages through the middle of its range, over half the period of a mass point at
+    L1. What a rod does within a tenth of its range is no passage.
+    """
+    angle, t = run.swing.theta[:, 1], run.swing.t
+    away = (angle - 0.5 * (angle.max() + angle.min())) / max(float(np.ptp(angle)), 1e-12)
+    sides = np.sign(away[np.abs(away) > 0.05])
+    passages = np.count_nonzero(np.diff(sides))
+    slowness = float(np.ptp(t)) / max(passages, 1) / (np.pi * np.sqrt(rig.L1 / rig.g))
+    return float(np.clip(slowness, 1.0, 8.0)) if slowness > SETTINGS.slow else 1.0
 
 
 def _beginning(run: Run, seconds: float) -> Run:
     return run.between(-np.inf, np.max(run.t[:1], initial=0.0) + seconds)
 
 
-def _decimation(run: Run) -> int:
+def _decimation(run: Run, slowness: float) -> int:
     """Samples per kept sample; known torques are not decimated."""
-    return max(1, round(run.rate_hz / SETTINGS.rate_hz)) if run.torques is None else 1
+    return max(1, round(slowness * run.rate_hz / SETTINGS.rate_hz)) if run.torques is None else 1

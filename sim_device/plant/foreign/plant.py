@@ -114,7 +114,8 @@ def _foreign(config: PlantConfig) -> tuple[OutOfLibraryEffect, dict[str, float]]
     (name, values), *more = config.foreign.items()
     if more or config.effects or config.mount or config.arm.mode != "clamped":
         raise ConfigError(
-            f"plant {config.name}: foreign.{name} stands alone: no other foreign effect, no effects, no mount, a clamped arm"
+            f"plant {config.name}: foreign.{name} stands alone: no other foreign effect, no effects, no mount,"
+            " a clamped arm"
         )
     if name not in FOREIGN:
         raise ConfigError(f"plant {config.name}: no foreign effect {name!r}; there are: {', '.join(FOREIGN)}")

@@ -1,0 +1,87 @@
+"""Time base of recordings of a single rod, judged by gravity.
+
+A rod swings like a mass point at the distance I / S from its joint, with inertia I and first moment S. Where all mass
+lies between the joint and the end of the rod at L, this equivalent length is at most L (Huygens). Time stamps that are
+k times too long make it k^2 times longer, without any other trace: the motion of one rod determines I / S only together
+with the unit of time. Two rods have no such gap in their evidence, because the coupling d ties gravity to L1.
+
+Source: Huygens (1673), Horologium oscillatorium, part 4.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import base_of_run, whole_parameters
+from dpr_lab.fitting.estimate import whole_of
+from dpr_lab.gap.screen.record import Record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.screen.sensor_faults import Finding
+from dpr_lab.rig import Rig
+from dpr_lab.setup import Setup
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class TimeScaleRules:
+    """Equivalent lengths that the rig file contradicts."""
+
+    longer: float = 1.5
+    """Ratio to the length of the rod: it may protrude beyond its end, and carry a small counterweight;"""
+    apart: float = 3.0
+    """and ratio to the length from the rig file's values, in either direction, because some of them are guesses."""
+    swings: int = 10
+    """Number of swings to be timed with a stopwatch."""
+
+
+RULES = TimeScaleRules()
+
+
+def with_time_scale(recordings: Recordings, ratios: Array) -> Recordings:
+    """The recordings with a finding at the first one, if gravity contradicts their time stamps.
+
+    Args:
+        recordings: the runs
+        ratios: (7,) as fitted to them
+    """
+    for number, record in enumerate(recordings.records):
+        if evidence := _contradiction(record, recordings.rig, ratios):
+            finding = Finding("time_scale", record.run.name, None, None, evidence)
+            screened = replace(record.screened, findings=(*record.screened.findings, finding))
+            records = list(recordings.records)
+            records[number] = replace(record, screened=screened)
+            return replace(recordings, records=tuple(records))
+    return recordings
+
+
+def equivalent_length(whole: Array, setup: Setup, rig: Rig) -> float:
+    """I / S of a single rod, m, from (7,) base parameters of the whole rig."""
+    inner, outer, _, gravity, *_ = base_of_run(whole, setup, rig.L1, rig.g).tolist()
+    return rig.g * (inner + outer) / gravity if gravity > 0 else math.inf
+
+
+def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
+    """What contradicts the time stamps of a recording of one rod; empty without a contradiction."""
+    setup = record.run.setup
+    if not (setup.alone and setup.free) or record.arm_moves:
+        return ""
+    length = equivalent_length(whole_of(ratios), setup, rig)
+    nominal = equivalent_length(whole_parameters(rig.nominal, rig.L1, rig.g), setup, rig)
+    end = (rig.L1 if setup.mounting == "inner" else rig.L2) or nominal
+    factor = math.sqrt(length / nominal)
+    too_long = length > max(RULES.longer * end, RULES.apart * nominal)
+    if not math.isfinite(factor) or not (too_long or RULES.apart * length < nominal):
+        return ""
+    stamps = f"{factor:.2g} times too long" if too_long else f"{1 / factor:.2g} times too short"
+    film = "in slow motion, of unknown frame rate" if too_long else "with fewer frames per second than stated"
+    masses = "has a counterweight" if too_long else "is much shorter, or has its mass near the joint"
+    expected = RULES.swings * 2 * math.pi * math.sqrt(nominal / rig.g)
+    return (
+        f"the rod swings like a pendulum of {length:.3g} m, by the rig file it is one of {nominal:.3g} m: either the"
+        f" time stamps are {stamps} (a video {film}), or the rod {masses}. These recordings cannot decide."
+        f" Time {RULES.swings} small swings with a stopwatch: {expected:.3g} s by the rig file,"
+        f" {factor * expected:.3g} s by the time stamps"
+    )

@@ -1,0 +1,23 @@
+"""Probability of a cause outside the library: by the share that is left, and by its size relative to the noise."""
+
+import pytest
+
+from dpr_lab.gap.classes.posterior import CALIBRATION, odds_outside
+
+
+def test_even_odds_where_a_remainder_as_large_as_the_noise_is_the_stated_share():
+    assert odds_outside(CALIBRATION.half_unexplained, 1.0) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("left", [0.01, 0.05, 0.2])
+def test_the_same_share_is_less_suspicious_near_the_noise_than_far_above_it(left):
+    near, far = odds_outside(left, 0.5), odds_outside(left, 5.0)
+    assert far == pytest.approx(10 * near)
+    assert odds_outside(left, 50.0) == pytest.approx(odds_outside(left, 20.0))
+
+
+def test_small_causes_below_the_noise_leave_a_dominant_one_certain_and_an_unknown_law_does_not():
+    """6 % left by small causes of half the noise; 25 % left by a wrong law, 15 times the noise (blind trials)."""
+    small, unknown = odds_outside(0.06, 0.5), odds_outside(0.25, 15.0)
+    assert 1 / (1 + small) > 0.9
+    assert 1 / (1 + unknown) < 0.1

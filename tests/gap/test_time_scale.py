@@ -1,0 +1,73 @@
+"""Time stamps that gravity contradicts: videos in slow motion whose frame rate nobody wrote down."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.base import whole_parameters
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.screen.time_scale import equivalent_length, with_time_scale
+from dpr_lab.identification.misread.tried import second_look
+from dpr_lab.run import Run
+from tests.background_rigs import law, recordings
+
+
+def filmed(runs: list[Run], factor: float) -> list[Run]:
+    """The runs with time stamps that are too long by a factor."""
+    return [replace(run, t=factor * run.t, rate_hz=run.rate_hz / factor) for run in runs]
+
+
+def findings(rig, runs):
+    """Findings on the time scale of runs, after the fit of the bare model."""
+    fitted, _, bare = fit_bare_model(Recordings(tuple(record(run, rig) for run in runs), rig), nominal_ratios(rig))
+    judged = with_time_scale(fitted, bare.fit.estimate.ratios)
+    return [one for of in judged.records for one in of.screened.findings if one.name == "time_scale"]
+
+
+@pytest.fixture(scope="module")
+def one_rod():
+    rig, runs, _ = recordings(6, [law("coulomb", 0, 5.0)], rods=1, seconds=5.0, rate_hz=240.0)
+    return rig, runs
+
+
+@pytest.mark.parametrize("factor", [4.0, 8.0])
+def test_slow_motion_of_one_rod_is_doubted_with_its_factor_and_the_check_that_decides(one_rod, factor):
+    rig, runs = one_rod
+    (finding,) = findings(rig, filmed(runs, factor))
+    length = equivalent_length(whole_parameters(rig.nominal, rig.L1, rig.g), runs[0].setup, rig)
+    stated = float(finding.evidence.split("time stamps are ")[1].split(" times too long")[0])
+    assert stated == pytest.approx(factor, rel=0.15)  # the rig file's masses and lengths are off by up to a tenth
+    assert "counterweight" in finding.evidence
+    assert f"{20 * np.pi * np.sqrt(length / rig.g):.3g} s by the rig file" in finding.evidence
+
+
+def test_a_rod_at_its_own_pace_is_not_doubted(one_rod):
+    rig, runs = one_rod
+    assert not findings(rig, runs)
+
+
+@pytest.mark.slow
+def test_a_diagnosis_of_one_rod_lists_it_among_the_findings(one_rod):
+    rig, runs = one_rod
+    found = diagnose(filmed(runs, 8.0), rig).sensor_findings
+    assert [one.name for one in found].count("time_scale") == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("factor", "cause"),
+    [
+        (8.0, "eight times as fast"),
+        pytest.param(4.0, "four times as fast", marks=pytest.mark.long),
+        pytest.param(0.125, "an eighth as fast", marks=pytest.mark.long),
+    ],
+)
+def test_two_rods_tell_the_factor_because_their_coupling_holds_gravity(factor, cause):
+    rig, runs, _ = recordings(3, [law("coulomb", 0, 5.0)], seconds=5.0, rate_hz=240.0)
+    look = second_look(filmed(runs, factor), rig)
+    assert look.tried
+    assert cause in look.sentence
