@@ -247,4 +247,9 @@ class RigGeometry(RigTable):
     L2: Length | None = None
     """Length of the outer rod, m; used for drawings and exports only."""
     g: Annotated[float, Field(ge=0.1, le=100, strict=True)] = 9.81
-    """Gravity, m/s^2."""
+    """Gravity, m/s^2; on earth 9.76 to 9.84."""
+
+    @staticmethod
+    def on_earth(g: float) -> bool:
+        """Whether a gravity occurs on the surface of the earth, m/s^2."""
+        return 9.76 <= g <= 9.84

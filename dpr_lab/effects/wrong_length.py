@@ -23,8 +23,9 @@ WRONG_LENGTH = Effect(
     twins=("clock_rate",),
     corrects="L1",
     remedy=lambda params, rig, joint: (
-        f"measure L1 again and set it in the rig file: these recordings imply {rig.L1 + params['added_m']:.5g} m,"
-        f" the file has {rig.L1:.5g} m"
+        f"measure L1 again, look up g, and correct the wrong one in the rig file: these recordings determine only their"
+        f" ratio, L1 = {rig.L1 + params['added_m']:.5g} m with g = {rig.g:.5g} m/s^2, or"
+        f" g = {rig.g * rig.L1 / (rig.L1 + params['added_m']):.5g} m/s^2 with L1 = {rig.L1:.5g} m"
     ),
     quantities=(
         BenchQuantity("error of the length L1", "x", ("added_m",), definition="true L1 minus L1 of the rig file"),

@@ -239,8 +239,6 @@ class RigFinding:
 class Usual:
     """Usual ranges of a rig; values outside are reported."""
 
-    gravity: tuple[float, float] = (9.76, 9.84)
-    """Gravity on earth, m/s^2."""
     length: tuple[float, float] = (0.03, 2.0)
     """Length, m."""
     mass: tuple[float, float] = (1e-3, 50.0)
@@ -284,7 +282,8 @@ def _missing(rig: "Rig") -> Iterator[RigFinding]:
 
 
 def _odd_geometry(rig: "Rig") -> Iterator[RigFinding]:
-    yield from _outside("rig.g", rig.g, USUAL.gravity, "m/s^2; on earth g is 9.78 to 9.83")
+    if not rig.rig.on_earth(rig.g):
+        yield RigFinding("odd", "rig.g", f"{rig.g:g} m/s^2; on earth g is 9.78 to 9.83")
     yield from _outside("rig.L1", rig.L1, USUAL.length, "m: was it measured in another unit?")
     if rig.L2 is not None:
         yield from _outside("rig.L2", rig.L2, USUAL.length, "m: was it measured in another unit?")

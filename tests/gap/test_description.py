@@ -110,3 +110,14 @@ def test_a_size_is_the_less_plausible_the_further_beyond_its_scale() -> None:
 def test_a_cause_that_is_next_to_impossible_is_not_listed() -> None:
     causes = [EffectPosterior(name, (name,), (), p) for name, p in (("a", 0.9), ("b", 0.004), ("c", 0.3))]
     assert [item.name for item in listed_causes(causes)] == ["a", "c"]
+
+
+@pytest.mark.slow
+def test_a_gravity_that_no_place_on_earth_has_is_questioned_instead_of_the_length(
+    paper: Rig, swings: list[Run]
+) -> None:
+    wrong = paper.model_copy(update={"rig": paper.rig.model_copy(update={"g": 9.0})})
+    diagnosis = diagnose(swings, wrong, library=TWINS)
+    assert (diagnosis.verdict, diagnosis.effects) == ("unexplained", [])
+    assert "g = 9 m/s^2 in the rig file is not the gravity of the earth" in diagnosis.sentence
+    assert "with g = 9.81" in diagnosis.sentence

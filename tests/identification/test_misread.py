@@ -1,5 +1,6 @@
 """Recordings that are read wrongly are refused, with the cause; what is right, or real and rough, is not."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -146,6 +147,25 @@ def test_a_reversed_torque_is_named(driven, paper: Rig, case) -> None:
     reversed_ = [replace(run, torques=run.torques * signs, commanded=None) for run in driven]
     with pytest.raises(IdentificationError, match=cause):
         refuse_misread(reversed_, paper)
+
+
+@pytest.mark.slow
+def test_torques_in_another_unit_are_named(driven, paper: Rig) -> None:
+    in_mNm = [replace(run, torques=1e3 * run.torques, commanded=None) for run in driven]
+    with pytest.raises(IdentificationError, match=r"--scale tau1=0\.001,tau2=0\.001"):
+        refuse_misread(in_mNm, paper)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", thinned([(0.0, 90.0), (0.0, -37.0), (25.0, 65.0)], each=2))
+def test_zeros_that_are_anywhere_are_named_with_their_offset(swings, paper: Rig, case: tuple[float, float]) -> None:
+    inner, outer = case
+    moved = read_as(swings, lambda a, b: (a + np.radians(inner), b + np.radians(outer)))
+    with pytest.raises(IdentificationError, match="zeros of the angles are elsewhere") as refused:
+        refuse_misread(moved, paper)
+    stated = re.search(r"theta1=(\S+),theta2=(\S+);", str(refused.value))
+    assert stated is not None
+    np.testing.assert_allclose([float(stated[1]), float(stated[2])], [-inner, -outer], atol=0.3)
 
 
 @pytest.mark.slow

@@ -285,3 +285,10 @@ def test_a_zero_that_is_elsewhere_is_named_with_the_offset_that_starts_in_the_po
         import_csv(tmp_path / "a.csv", rig, ImportOptions(**options))
     run = import_csv(tmp_path / "a.csv", rig, ImportOptions(**options, offset={"theta2": -added}))
     assert run.notes == ()
+
+
+def test_a_gravity_that_no_place_on_earth_has_is_questioned(tables, paper: Rig, tmp_path: Path) -> None:
+    table = tables["free/none"]
+    heavy = paper.model_copy(update={"rig": paper.rig.model_copy(update={"g": 9.0})})
+    (question,) = preview(table.write(tmp_path), heavy, table.options).questions
+    assert question.sentence.startswith("g = 9 m/s^2 in the rig file")

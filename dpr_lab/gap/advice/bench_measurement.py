@@ -108,8 +108,8 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
         raise RunError(f"check {check.id}: the standard uncertainty must be above 0 and finite, not {std:g}")
     if max(abs(value), std) > largest:
         raise RunError(
-            f"check {check.id}: {value:g} ± {std:g} {quantity.unit} is impossible for the {quantity.name}:"
-            f" above the limit of {largest:.0e} {quantity.unit}. Check the number and its unit"
+            f"check {check.id}: {quantity.shown(value)} ± {quantity.shown(std)} is impossible for the {quantity.name}:"
+            f" above the limit of {quantity.shown(largest)}. Check the number and its unit"
         )
     if check.amplitudes[0].sign == "positive" or len(check.amplitudes) > 1:
         if value < -SETTINGS.questioned * std:

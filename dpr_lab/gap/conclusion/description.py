@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dpr_lab.effects import EFFECTS
+from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, far_from_noise
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.which.selected import Selection
@@ -38,6 +38,8 @@ def description(runs: Sequence[Run], rig: Rig, selection: Selection, carried: Tr
         selection: the selected set of effects
         carried: its performance on held-out recordings
     """
+    if hint := _wrong_gravity(rig, selection):
+        return Description(hint, True)
     if moves(runs):
         return Description()  # other readings of an arm that moves are tried before (`misread.arm`)
     open_ = not at_noise_floor(selection.chosen) or carried.withdrawn or carried.oversized
@@ -47,6 +49,23 @@ def description(runs: Sequence[Run], rig: Rig, selection: Selection, carried: Tr
     if not look.tried and selection.share_explained >= RULES.closed:
         return Description()
     return Description(look.sentence, bool(look.sentence) and _as_good(look, selection))
+
+
+def _wrong_gravity(rig: Rig, selection: Selection) -> str:
+    """Whether a g of the rig file that is not that of the earth appears as an error of L1: only g / L1 matters."""
+    chosen = [EFFECTS[name] for name in selection.chosen.effects if EFFECTS[name].corrects == "L1"]
+    if rig.rig.on_earth(rig.g) or not chosen:
+        return ""
+    (effect,) = chosen
+    assert effect.exported is not None
+    added = effect.exported(named_params(selection.chosen.fit.estimate.params)[effect.name])["added_length"]
+    g = rig.g * rig.L1 / (rig.L1 + added)
+    if not rig.rig.on_earth(g):
+        return ""
+    return (
+        f"g = {rig.g:g} m/s^2 in the rig file is not the gravity of the earth, and with g = {g:.4g} m/s^2 these"
+        f" recordings need no error of L1 = {rig.L1:g} m or of the clock. Correct g in the rig file and diagnose again."
+    )
 
 
 def _as_good(look: SecondLook, selection: Selection) -> bool:

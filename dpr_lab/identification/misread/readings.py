@@ -1,6 +1,6 @@
 """Other interpretations of a recording: angles, encoder counts, time, torques and arm."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.estimation.arm_motion import FEWEST, arm_motion
 from dpr_lab.estimation.noise import ORDER, difference_std
+from dpr_lab.identification.misread.balance import energy_zeros
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -31,9 +32,46 @@ class Misreading:
     """Factor of the times."""
 
 
+@dataclass(frozen=True, slots=True)
+class ZeroSettings:
+    """Limits of zeros that are tried."""
+
+    least_deg: float = 5.0
+    """Smallest error of a zero, degrees; smaller ones are fitted as an encoder offset."""
+    alike_deg: float = 2.0
+    """Difference up to which the zeros of two runs are the same, degrees."""
+
+
+ZEROS = ZeroSettings()
+
+
 def readings(rig: Rig) -> tuple[Misreading, ...]:
     """All other interpretations to try for the runs of a rig."""
     return (*_ANGLES, *_scaled(rig), *_TIMES, *_TORQUES, _arm(rig))
+
+
+def other_zeros(runs: Sequence[Run], rig: Rig, settings: ZeroSettings = ZEROS) -> Iterator[Misreading]:
+    """Interpretations with other zeros of the rods, from the energy balance of each free swing."""
+    tried: list[Array] = []
+    for run in (run.swing for run in runs):
+        if run.arm is not None or run.torques is not None or run.setup.held or run.mounting != "both":
+            continue
+        zeros = energy_zeros(run.t, run.theta[:, 1:], rig)
+        added = np.round(np.degrees(zeros or (0.0, 0.0)), 1) + 0.0  # no -0
+        known = any(np.abs(added - other).max() < settings.alike_deg for other in tried)
+        if known or np.abs(added).max() < settings.least_deg:
+            continue
+        tried.append(added)
+        inner, outer = added.tolist()
+        cause = (
+            "the zeros of the angles are elsewhere (import with --offset, in degrees"
+            f" theta1={inner:g},theta2={outer:g}; theta2={outer - inner:g} for --angles relative; or zero_counts)"
+        )
+        yield _of_angles(cause, _added(np.radians(inner), np.radians(outer)))
+
+
+def _added(inner: float, outer: float) -> Angles:
+    return lambda first, second: (first + inner, second + outer)
 
 
 def _of_angles(cause: str, angles: Angles) -> Misreading:

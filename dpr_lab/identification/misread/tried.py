@@ -1,6 +1,6 @@
 """Fits of other interpretations of recordings, and how much better each explains them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.fitting.gauss_newton import SETTINGS as GAUSS_NEWTON
 from dpr_lab.identification.misread.energy import SETTINGS as ENERGY
 from dpr_lab.identification.misread.energy import energy_rise
-from dpr_lab.identification.misread.readings import Misreading, readings
+from dpr_lab.identification.misread.readings import Misreading, other_zeros, readings
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.ratio_fit import RatioFit, short_fit
 from dpr_lab.rig import Rig
@@ -150,11 +150,13 @@ def better_readings(runs: Sequence[Run], rig: Rig, chi2_per_dof: float) -> list[
         chi2_per_dof: of the rods with the given interpretation
     """
     limit = max(min(SETTINGS.explained, chi2_per_dof / SETTINGS.better), chi2_per_dof / SETTINGS.far_better)
-    good = [
-        (reading, other)
-        for reading, other in _otherwise(runs, rig, limit)
-        if other.chi2_per_dof < limit / max(reading.time_factor, 1.0) ** 4 and residual(other) < SETTINGS.suspicious
-    ]
+    good: list[tuple[Misreading, RatioFit]] = []
+    for tried in (readings(rig), other_zeros(runs, rig)):  # zeros that are anywhere explain also what these do
+        good = good or [
+            (reading, other)
+            for reading, other in _otherwise(tried, runs, rig, limit)
+            if other.chi2_per_dof < limit / max(reading.time_factor, 1.0) ** 4 and residual(other) < SETTINGS.suspicious
+        ]
     good = sorted(good, key=lambda one: one[1].chi2_per_dof)
     return [one for one in good if one[1].chi2_per_dof < SETTINGS.better * good[0][1].chi2_per_dof]
 
@@ -210,8 +212,10 @@ def residual(ratio_fit: RatioFit) -> float:
     return float(np.max((rms / np.maximum(spread, 1e-12))[: 1 + both]))
 
 
-def _otherwise(runs: Sequence[Run], rig: Rig, limit: float) -> Iterator[tuple[Misreading, RatioFit]]:
-    for reading in readings(rig):
+def _otherwise(
+    tried: Iterable[Misreading], runs: Sequence[Run], rig: Rig, limit: float
+) -> Iterator[tuple[Misreading, RatioFit]]:
+    for reading in tried:
         read = [reading.read(run) for run in runs]
         if all(one is None for one in read):
             continue

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.held_rods import FreePart
+from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, periods
 from dpr_lab.rig import Rig
 from dpr_lab.storage.tables.columns import TO_SECONDS
-from dpr_lab.storage.tables.energy import EnergyFit, energy_fit, periods
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.readings import SETTINGS as READ

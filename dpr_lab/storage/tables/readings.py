@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.errors import RunError
+from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, energy_zeros
 from dpr_lab.rig import Rig
 from dpr_lab.storage.tables.columns import AXES, TO_SECONDS
-from dpr_lab.storage.tables.energy import EnergyFit, energy_fit, energy_zeros
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import unwrapped
 

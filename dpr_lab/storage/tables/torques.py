@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
+from dpr_lab.identification.misread.balance import EnergyFit, energy_fit
 from dpr_lab.rig import Rig
 from dpr_lab.storage.tables.columns import bare
-from dpr_lab.storage.tables.energy import EnergyFit, energy_fit
 from dpr_lab.storage.tables.readings import SETTINGS as READ
 from dpr_lab.storage.tables.table import Table
 

@@ -180,6 +180,9 @@ def _understood(
     if not options.keep_rest:
         refuse_push(asked, origin)
     doubts = questions(asked)
+    if not rig.rig.on_earth(rig.g):
+        sentence = f"g = {rig.g:g} m/s^2 in the rig file; on earth it is 9.78 to 9.83: correct g in the rig file"
+        doubts.append(TableQuestion(sentence))
     if options.keep_rest and _seems_held(motion, whole):
         doubts.append(TableQuestion("all rows are kept, although the rods seem to be held: remove --keep-rest"))
     fault = rest_fault(motion, part)
