@@ -57,7 +57,7 @@ def other_zeros(runs: Sequence[Run], rig: Rig, settings: ZeroSettings = ZEROS) -
         if run.arm is not None or run.torques is not None or run.setup.held or run.mounting != "both":
             continue
         zeros = energy_zeros(run.t, run.theta[:, 1:], rig)
-        added = np.round(np.degrees(zeros or (0.0, 0.0)), 1) + 0.0  # no -0
+        added = np.array([round(float(np.degrees(zero)), 1) + 0.0 for zero in zeros or (0.0, 0.0)])  # no -0
         known = any(np.abs(added - other).max() < settings.alike_deg for other in tried)
         if known or np.abs(added).max() < settings.least_deg:
             continue
