@@ -78,7 +78,9 @@ def _refuse_still(name: str, run: Run, rods: Array, settings: MotionSettings) ->
         still = [axis for axis in still if axis == "theta1"]
     if not still:
         return
-    if still == ["theta2"]:
+    if run.keep_rest:
+        cure = "if the rods are held there, import the table without --keep-rest"
+    elif still == ["theta2"]:
         cure = "if only the inner rod is mounted, use --rods inner, otherwise check the column of theta2 (--columns)"
     elif still == ["theta1"] and not run.setup.held:
         cure = (

@@ -48,6 +48,12 @@ def test_a_joint_that_stands_still_is_named(swing, paper: Rig, inner, outer, sen
         refuse_without_motion(swing(inner, outer), paper)
 
 
+def test_a_run_with_its_held_rows_names_the_option_that_kept_them(swing, paper: Rig) -> None:
+    held = replace(swing(0 * T + 1.0, 0 * T + 1.0), keep_rest=True)
+    with pytest.raises(RunError, match="import the table without --keep-rest"):
+        refuse_without_motion(held, paper)
+
+
 def test_a_clamped_elbow_and_a_rod_alone_need_not_turn(swing, paper: Rig) -> None:
     refuse_without_motion(replace(swing(INNER, INNER + 1.0), mounting="clamped"), paper)
     refuse_without_motion(replace(swing(INNER, INNER), mounting="inner"), paper)

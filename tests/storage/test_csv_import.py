@@ -238,7 +238,7 @@ def test_missing_files_columns_and_poses_are_named(tmp_path):
     with pytest.raises(RunError, match=r"no.csv: cannot be read: No such file"):
         read(tmp_path / "no.csv")
     file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, THETA2)
-    with pytest.raises(RunError, match="0 columns are named 'angle'"):
+    with pytest.raises(RunError, match=r"no columns are named 'angle' \(--columns theta1=angle\)"):
         read(file, columns={"theta1": "angle"})
     with pytest.raises(RunError, match="pose 'X9' is not one of the rig's: X1, X2, X3"):
         read(file, pose="X9")

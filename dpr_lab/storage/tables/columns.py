@@ -104,7 +104,8 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
     there = f"the table has: {', '.join(names)}"
     for quantity, name in given.items():
         if names.count(name) != 1:
-            raise RunError(f"{table.path}: {names.count(name)} columns are named {name!r} ({quantity}); {there}")
+            count = names.count(name) or "no"
+            raise RunError(f"{table.path}: {count} columns are named {name!r} (--columns {quantity}={name}); {there}")
     misread = {unit: name for unit in TO_SECONDS if (name := guess_columns(names, time_unit=unit).get("t"))}
     if timed and "t" not in named and len(misread) == 1:
         ((unit, name),) = misread.items()
