@@ -50,7 +50,7 @@ from dpr_lab.gap.transfer.repeatability import gap_budget
 from dpr_lab.gap.transfer.transfer import transfer
 from dpr_lab.gap.where.discrepancy import discrepancy
 from dpr_lab.gap.where.locate import locate
-from dpr_lab.gap.which.select import select
+from dpr_lab.gap.which.select import Draft, forward, refined
 from dpr_lab.identification.misread.refuse import refuse_negative_scale
 from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.progress import StageBegan
@@ -153,34 +153,47 @@ def _located(fitted: Fitted) -> Located:
 
 
 def _selected(located: Located) -> Selected:
-    """The selected set; with other noise of the known torques, if that set requires it.
+    """The selected set.
 
-    The noise of known torques is at first part of the model. If the residual of the selected effects far exceeds the
-    noise, the torques are assumed to be exact, and the bare model and the effects are fitted again: an error that
-    accumulates along a segment is not torque noise, and whitening would hide it. Torques that act half a row early are
-    samples of a course that changes between rows.
+    The noise of known torques is at first part of the model. The set that forward selection arrives at shows whether
+    that is so (`known_torques`); if not, the bare model is fitted and the effects are searched again. This is decided
+    before the set is refined, which takes most of the time, and once more for the final set.
     """
-    selected = _searched(located)
-    model = selected.selection.chosen
-    if other := with_other_noise(selected.recordings, selected.problem, model):
-        selected = _searched(_located(_fitted(replace(located, recordings=other))))
-    if acts_between_rows(selected.recordings, selected.selection.chosen):
-        sampled = replace(
-            selected,
-            recordings=selected.recordings.with_sampled_torques(),
-            unseen=selected.unseen.with_sampled_torques(),
-        )
-        again = _searched(_located(_fitted(sampled)))
-        if no_worse(selected.selection.chosen, again.selection.chosen):
-            selected = again
+    located, draft = _settled(located, _begun(located))
+    selected = Selected.after(located, selection=refined(draft))
+    if other := with_other_noise(selected.recordings, selected.problem, selected.selection.chosen):
+        again = _located(_fitted(replace(located, recordings=other)))
+        selected = Selected.after(again, selection=refined(_begun(again)))
     refuse_negative_scale(selected.selection.chosen.fit.estimate.ratios, selected.request.runs, selected.request.rig)
     return selected
 
 
-def _searched(located: Located) -> Selected:
+def _settled(located: Located, draft: Draft, most_changes: int = 2) -> tuple[Located, Draft]:
+    """The recordings with the noise and the course of their torques that a first set of effects requires."""
+    for _ in range(most_changes):
+        other = with_other_noise(located.recordings, located.problem, draft.model)
+        if other is None:
+            break
+        located = _located(_fitted(replace(located, recordings=other)))
+        draft = _begun(located)
+    if acts_between_rows(located.recordings, draft.model):
+        again = _located(_fitted(_sampled(located)))
+        sampled = _begun(again)
+        if no_worse(draft.model, sampled.model):
+            return again, sampled
+    return located, draft
+
+
+def _sampled(located: Located) -> Located:
+    """The recordings with known torques that change between rows."""
+    recordings, unseen = located.recordings, located.unseen
+    return replace(located, recordings=recordings.with_sampled_torques(), unseen=unseen.with_sampled_torques())
+
+
+def _begun(located: Located) -> Draft:
     request, held_out = located.request, located.held_out
     _begin(request, "which")
-    selection = select(
+    return forward(
         located.recordings,
         located.problem,
         located.bare,
@@ -190,7 +203,6 @@ def _searched(located: Located) -> Selected:
         unseen_chi2=None if held_out is None else lambda model: float(held_out.chi2(model).sum()),
         on_progress=request.on_progress,
     )
-    return Selected.after(located, selection=selection)
 
 
 def _classified(selected: Selected) -> Classified:

@@ -67,6 +67,14 @@ def test_effects_of_two_rods_are_no_disturbance(seed):
 
 
 @pytest.mark.slow
+def test_kicks_of_a_held_out_run_are_listed(tmp_path):
+    rig, (kicked, calm) = recorded(tmp_path, Rod(W2, 0.02, 0.1, 0.01, kicks=list(KICKS)))
+    diagnosis = diagnose(calm, rig, held_out=kicked)
+    listed = [(f.run, f.at_s) for f in diagnosis.sensor_findings if f.name == "disturbance"]
+    assert listed == [("first", pytest.approx(at, abs=0.02)) for at, _ in KICKS]
+
+
+@pytest.mark.slow
 def test_behind_kicks_the_dry_friction_is_named(tmp_path):
     rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.25, 0.0, kicks=list(KICKS)))
     diagnosis = diagnose(runs, rig)

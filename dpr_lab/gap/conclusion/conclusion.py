@@ -141,7 +141,7 @@ def _where(place: Place) -> Where:
 
 
 def _sensor_findings(state: Advised) -> list[SensorFinding]:
-    """Sensor faults, without the steps that a fitted effect explains."""
+    """Sensor faults of all recordings, held-out ones included, without the steps that a fitted effect explains."""
     values = named_params(state.selection.chosen.fit.estimate.params)
     hidden = [0.0, 0.0, 0.0]
     for name, effect in EFFECTS.items():
@@ -150,7 +150,7 @@ def _sensor_findings(state: Advised) -> list[SensorFinding]:
                 hidden[joint] = max(hidden[joint], effect.hides_step(values[name]))
     return [
         SensorFinding(name=f.name, run=f.run, axis=f.axis, at_s=f.at_s, evidence=f.evidence)
-        for record in state.recordings.records
+        for record in (*state.recordings.records, *state.unseen.records)
         for f in record.screened.findings
         if f.step is None or f.axis not in ALL_AXES or abs(f.step) > hidden[ALL_AXES.index(f.axis)]
     ]

@@ -373,7 +373,7 @@ class Diagnosis(Shown, _Record):
     initial states, or another amplitude. It is not fitted.
     """
     sensor_findings: list[SensorFinding]
-    """Sensor faults that were detected without a model."""
+    """Sensor faults that were detected without a model, and disturbances, of all recordings, held-out ones included."""
     remedies: list[str] = []
     """Remedies for the named effects, in their order."""
     advice: list[str]

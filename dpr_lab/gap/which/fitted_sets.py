@@ -104,6 +104,10 @@ class FittedSets:
         """The same recordings and library, with copies of the fits and score tests."""
         return replace(self, _fits=dict(fits), _tests=dict(tests))
 
+    def from_bare(self, bare: Hypothesis) -> "FittedSets":
+        """The same recordings and library with another fit of the bare model, and no other fit yet."""
+        return replace(self, bare=bare, _fits={}, _tests={}, _left=set())
+
     def keep(self, model: Hypothesis) -> Hypothesis:
         """Store a fit if it is the best of its set; return the best fit of the set."""
         best = self._fits.get(model.key)

@@ -8,6 +8,7 @@ to be fitted to a local minimum, the search is repeated from a better fit.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import reduce
 
 from dpr_lab.effects.effect import Effect
@@ -25,7 +26,22 @@ MOST_REVISIONS = 3
 """Maximum number of revisions of the selected set."""
 
 
-def select(
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """A search after forward selection, before the moves that refine the set."""
+
+    sets: FittedSets
+    max_effects: int
+    """Maximum number of effects in a set."""
+    state: SearchState
+
+    @property
+    def model(self) -> Hypothesis:
+        """The set that forward selection arrived at."""
+        return self.state.current
+
+
+def forward(
     recordings: Recordings,
     problem: Problem,
     base: Hypothesis,
@@ -35,8 +51,8 @@ def select(
     expected: Iterable[str] = (),
     unseen_chi2: Callable[[Hypothesis], float] | None = None,
     on_progress: Progress = lambda event: None,
-) -> Selection:
-    """Find the set of effects that explains the gap.
+) -> Draft:
+    """Start the search by forward selection.
 
     Args:
         recordings: the runs
@@ -49,12 +65,16 @@ def select(
         on_progress: called at the start of each fit and score test
     """
     known = frozenset(expected) & set(library)
-    sets = FittedSets(recordings, problem, library, base, on_progress, known, unseen_chi2)
-    selection = _selected(sets, max_effects)
-    bare = _better_bare_model(problem, selection)
+    return _forward(FittedSets(recordings, problem, library, base, on_progress, known, unseen_chi2), max_effects)
+
+
+def refined(draft: Draft) -> Selection:
+    """Refine the set of forward selection to the set that explains the gap."""
+    selection = _refined(draft)
+    bare = _better_bare_model(draft.sets.problem, selection)
     if bare is None:
         return selection
-    return _selected(FittedSets(recordings, problem, library, bare, on_progress, known, unseen_chi2), max_effects)
+    return _refined(_forward(draft.sets.from_bare(bare), draft.max_effects))
 
 
 def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | None:
@@ -70,10 +90,15 @@ def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | N
     return bare if escaped or (at_noise_floor(bare) and not at_noise_floor(base)) else None
 
 
-def _selected(sets: FittedSets, max_effects: int) -> Selection:
-    """The whole search: start, forward selection, refinement, revisions, held-out runs."""
+def _forward(sets: FittedSets, max_effects: int) -> Draft:
     start = short_segments(max_effects) if far_from_noise(sets.bare) else START
-    state = run((start, forward_selection(max_effects), *REFINE), sets, SearchState.bare(sets))
+    return Draft(sets, max_effects, run((start, forward_selection(max_effects)), sets, SearchState.bare(sets)))
+
+
+def _refined(draft: Draft) -> Selection:
+    """The rest of the search: refinement, revisions, held-out runs."""
+    sets = draft.sets
+    state = run(REFINE, sets, draft.state)
     for _ in range(MOST_REVISIONS):
         before = state.current
         state = _revised(sets, state)
