@@ -123,3 +123,10 @@ def test_a_damaged_file_is_refused_in_our_own_words(suffix: str, kind: str, tmp_
     with pytest.raises(RunError) as refused:
         read_any(tmp_path / f"a.{suffix}")
     assert str(refused.value).endswith(f"not a {kind}: copy or save it again, or export its table as CSV")
+
+
+@pytest.mark.parametrize("content", [b"not", b"not a mat file", b"MATLAB 5.0 MAT-file", bytes(130)])
+def test_a_few_bytes_are_not_a_matlab_file(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "a.mat").write_bytes(content)
+    with pytest.raises(RunError, match="is damaged or incomplete, or is not a MATLAB file"):
+        read_any(tmp_path / "a.mat")

@@ -36,6 +36,7 @@ def read_matlab(path: Path, take: Sequence[str]) -> Table:
         RunError: the file cannot be read, contains an object, or unpacks to more than a recording.
     """
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
 
     try:
         content = path.read_bytes() if path.stat().st_size <= _most_bytes() else b""
@@ -45,7 +46,7 @@ def read_matlab(path: Path, take: Sequence[str]) -> Table:
         if content.startswith(b"MATLAB 5.0"):
             content = _unpacked(path, content)
         held = loadmat(BytesIO(content), simplify_cells=False, chars_as_strings=False)
-    except (*BROKEN, struct.error, zlib.error) as error:
+    except (*BROKEN, MatReadError, struct.error, zlib.error) as error:
         raise broken(path, KIND, error) from error
     return table_of(path, KIND, dict(_arrays(path, "", held)), take)
 
