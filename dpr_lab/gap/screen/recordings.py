@@ -39,7 +39,11 @@ class SegmentLengths:
     """The same of a rod alone, which no chaos limits: what builds up over swings, as friction and a zero
     error do, stands out against what does not repeat;"""
     steady_parts: int = 5
-    """but at least so many segments of each recording, which show its scatter."""
+    """but at least so many segments of each recording, which show its scatter,"""
+    growths: float = 7.0
+    """and, of a driven rod, at most so many times sqrt(L1 / (1.5 g)), in which a deviation upright grows by a factor e:
+    a torque may keep it there.
+    """
 
 
 LENGTHS = SegmentLengths()
@@ -99,7 +103,10 @@ class Recordings:
         ):
             return LENGTHS.working
         shortest = min((float(np.ptp(record.t)) for record in self.records), default=0.0)
-        return float(np.clip(shortest / LENGTHS.steady_parts, LENGTHS.working, LENGTHS.steady))
+        longest = LENGTHS.steady
+        if any(record.setup.torques for record in self.records):
+            longest = min(longest, LENGTHS.growths * float(np.sqrt(self.rig.L1 / (1.5 * self.rig.g))))
+        return float(np.clip(shortest / LENGTHS.steady_parts, LENGTHS.working, max(longest, LENGTHS.working)))
 
     @property
     def arm_moves(self) -> bool:
