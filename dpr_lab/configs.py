@@ -3,12 +3,15 @@
 import hashlib
 import tomllib
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from dpr_lab.errors import ConfigError, unknown_name
 from dpr_lab.whole_file import regular
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 _PACKAGE = Path(__file__).parent
 # In an installed wheel the built-in files are inside the package; in a checkout they are top-level folders.
@@ -71,14 +74,19 @@ def parse_config(text: str, source: str, model: type[Model]) -> Model:
         raise ConfigError("\n".join(_sentence(source, fault) for fault in error.errors())) from error
 
 
-def _sentence(path: str, fault: object) -> str:
-    assert isinstance(fault, dict)
+def _sentence(path: str, fault: "ErrorDetails") -> str:
     key = ".".join(str(part) for part in fault["loc"]) or "the file"
-    message = {"extra_forbidden": "unknown key", "missing": "is missing"}.get(fault["type"])
-    if message is None:
-        message = str(fault["msg"]).removeprefix("Value error, ")
     shown = "" if isinstance(fault["input"], dict) else f" = {fault['input']!r}"
-    return f"{path}: {key}{shown}: {message}"
+    return f"{path}: {key}{shown}: {fault_words(fault)}"
+
+
+def fault_words(fault: "ErrorDetails") -> str:
+    """What is wrong with a value that a model of pydantic refused: `must be greater than 0`."""
+    kind = {"extra_forbidden": "unknown key", "missing": "is missing"}.get(fault["type"])
+    if fault["type"] == "too_short":
+        kind = f"has too few entries: at least {fault.get('ctx', {}).get('min_length', 1)}"
+    text = str(fault["msg"]).removeprefix("Value error, ")
+    return kind or text.replace("Input should be", "must be", 1)
 
 
 def sha256_of(path: Path) -> str:

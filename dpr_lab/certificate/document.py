@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from dpr_lab.certificate.lines import Verified
+from dpr_lab.configs import fault_words
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
 from dpr_lab.whole_file import regular
@@ -181,9 +182,8 @@ def load_certificate(path: Path) -> Certificate:
     except ValidationError as error:
         fault = error.errors()[0]
         key = ".".join(map(str, fault["loc"])) or "the file"
-        kind = {"extra_forbidden": "unknown key", "missing": "is missing"}.get(fault["type"])
-        message = kind or str(fault["msg"]).removeprefix("Value error, ")
-        raise RunError(f"{path}: is not a valid certificate of policy {POLICY}: {key}: {message}") from error
+        words = fault_words(fault)
+        raise RunError(f"{path}: is not a valid certificate of policy {POLICY}: {key}: {words}") from error
     except (ValueError, RecursionError) as error:
         raise RunError(f"{path}: is not a certificate (JSON): {error}") from error
 

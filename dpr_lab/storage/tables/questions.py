@@ -207,6 +207,7 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
         )
     upright = asked.options.zero == "upright" and asked.options.unit != "counts" and not residual <= READ.right
     upright = upright and asked.torques is None and asked.ignored is None  # drives can hold rods up
+    upright = upright and (asked.options.pose is None or not asked.arm_moves)  # the pose shows a wrong zero
     odd = odd_notes(asked.t[asked.swing], asked.theta[asked.swing], upright)
     return doubts + [TableQuestion(note) for note in odd], []
 
