@@ -1,16 +1,20 @@
 """One dominant effect among small ones and wrong nominal values, on rigs that scipy simulates: which name comes first.
 
     python benchmarks/background.py --cases 40              even seeds: to tune on
-    python benchmarks/background.py --cases 40 --judge      odd seeds: to judge by
+    python benchmarks/background.py --cases 40 --judge      odd seeds: to judge by (--first 1000: others)
 
 The laws are those of `tests/background_rigs.py`, which shares no code with the lab; a third of the small ones is in no
 library. Each rig has an encoder with a zero offset, and a mount whose second mode rings. One case in four is of one
 rod, one in three is logged at wrong instants. The rig file's L1 is off by 0.5 % and its masses by 1 %, as standard
 deviations. --clean leaves out all of these but the small effects.
+
+The drawn size of an effect is no measure of the gap that it causes: a small spring at the elbow is wound up by several
+turns. So each effect is simulated alone as well, and the first name is also compared with those of the largest gap.
 """
 
 import sys
 import time
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -19,13 +23,16 @@ from pathlib import Path
 import numpy as np
 from _bars import Bar, at_least, at_most, options, show
 
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig import MASSES, Rig
 from dpr_lab.trials.score import Claim
 from dpr_lab.trials.summary import calibration_error
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.background_rigs import recordings, rig_and_base
+from tests.background_rigs import Law, recordings, rig_and_base
 from tests.faulty_loggers import FAULTS
 
 SURE = 0.9
@@ -44,6 +51,8 @@ ALSO = {
     "encoder_scale": ("spring",),
 }
 """Other names of the same thing: richer forms, and what is indistinguishable from it."""
+LARGEST = 0.8
+"""Share of the largest gap from which an effect may come first: the order of nearly equal ones is chance."""
 WRONG_VALUES = ("wrong_length",)
 """Effects that stand for a wrong value of the rig file."""
 
@@ -66,6 +75,8 @@ class Case:
     """Of the logger; empty for none."""
     true: tuple[str, ...]
     """The dominant effect, then the small ones."""
+    largest: tuple[str, ...]
+    """The effects that alone cause the largest gap, or nearly the largest."""
     verdict: str
     named: tuple[tuple[str, float], ...]
     """With their probabilities, the most probable first."""
@@ -78,8 +89,12 @@ class Case:
     @property
     def first_right(self) -> bool:
         """Whether the effect of the largest share is the dominant one, wrong values of the rig file apart."""
+        return self.first_is(self.true[:1])
+
+    def first_is(self, laws: Sequence[str]) -> bool:
+        """Whether the effect of the largest share is one of some laws, wrong values of the rig file apart."""
         effects = [name for name, _ in self.named if not name.startswith(WRONG_VALUES)]
-        return bool(effects) and alike(effects[0], self.true[0])
+        return bool(effects) and any(alike(effects[0], law) for law in laws)
 
     @property
     def claims(self) -> list[Claim]:
@@ -110,6 +125,16 @@ def described(rig: Rig, rng: np.random.Generator) -> Rig:
     return Rig.model_validate(values)
 
 
+def largest_alone(seed: int, acting: Sequence[Law], rods: int, rate_hz: float) -> tuple[str, ...]:
+    """The effects that alone leave the largest residuals of the bare model, or nearly the largest."""
+    gaps = {}
+    for name in dict.fromkeys(law.name for law in acting):
+        rig, runs, _ = recordings(seed, [law for law in acting if law.name == name], rods=rods, rate_hz=rate_hz)
+        alone = Recordings(tuple(record(run, rig) for run in runs), rig)
+        gaps[name] = fit_bare_model(alone, nominal_ratios(rig))[2].residuals.noise_ratio
+    return tuple(name for name, gap in gaps.items() if gap >= LARGEST * max(gaps.values()))
+
+
 def diagnosed(draw: Draw) -> Case:
     """Draw, record, diagnose."""
     rods, rng = 1 if draw.seed % 8 in (6, 7) else 2, np.random.default_rng([draw.seed, 1])
@@ -135,6 +160,7 @@ def diagnosed(draw: Draw) -> Case:
         draw.seed,
         fault,
         tuple(law.name for law in laws),
+        largest_alone(draw.seed, laws, rods, rate_hz),
         found.verdict,
         tuple((effect.name, effect.probability) for effect in ranked),
         size_off,
@@ -151,6 +177,7 @@ def bars(done: list[Case]) -> list[Bar]:
     sure = [claim.true for claim in claims if claim.probability > SURE]
     return [
         at_least(f"dominant effect first (of {len(done)})", float(np.mean([case.first_right for case in done])), 0.93),
+        at_least("effect of the largest gap first", float(np.mean([c.first_is(c.largest) for c in done])), 0.93),
         at_most("sure wrong names, per case", float(np.mean([case.sure_wrong for case in done])), 0.02),
         at_least(f"of {len(sure)} names above 0.9: right", float(np.mean(sure)) if sure else 1.0, 0.95),
         at_most(f"calibration error, of {len(claims)} names", calibration_error(claims), 0.05),
@@ -165,10 +192,11 @@ def main() -> None:
     parser = options(__doc__)
     parser.add_argument("--cases", type=int, default=40, help="(default: %(default)s)")
     parser.add_argument("--judge", action="store_true", help="odd seeds, kept aside")
+    parser.add_argument("--first", type=int, default=0, help="first seed, even; with --judge the next odd one")
     parser.add_argument("--clean", action="store_true", help="no wrong instants, no wrong values of the rig file")
     parser.add_argument("--workers", type=int, default=None, help="processes (default: all cores)")
     args = parser.parse_args()
-    seeds = [2 * i + args.judge for i in range(4 if args.quick else args.cases)]
+    seeds = [args.first + 2 * i + args.judge for i in range(4 if args.quick else args.cases)]
     done: list[Case] = []
     with ProcessPoolExecutor(args.workers, mp_context=get_context("spawn")) as pool:
         for case in pool.map(diagnosed, [Draw(seed, args.clean) for seed in seeds]):
