@@ -8,7 +8,7 @@ import gc
 import shutil
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -105,6 +105,24 @@ def recorded(paper: Rig) -> Callable[..., list[Any]]:
         return record(PlantConfig.model_validate(plant | told), paper, duration)
 
     return made
+
+
+@pytest.fixture(scope="session")
+def two_effects() -> Mapping[str, Mapping[str, float]]:
+    return {"coulomb_joint1": {"torque_Nm": 1.5e-3}, "latency_joint2": {"delay_s": 5e-4}}
+
+
+@pytest.fixture(scope="session")
+def two_runs(recorded: Callable[..., list[Any]], two_effects: Mapping[str, Mapping[str, float]]) -> list[Any]:
+    return recorded(two_effects)
+
+
+@pytest.fixture(scope="session")
+def two_found(two_runs: list[Any], paper: Rig) -> Any:
+    """The diagnosis of a rig with two effects, made once for all tests."""
+    from dpr_lab.gap.diagnose import diagnose
+
+    return diagnose(two_runs, paper)
 
 
 @pytest.fixture(scope="session")
