@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from dpr_lab.acceptance.judge import Acceptance
 from dpr_lab.errors import DprError
 from dpr_lab.exports import FORMATS, ExportFormat
 from dpr_lab.exports.corrected import corrected_model
@@ -47,6 +48,7 @@ def save_diagnosis(
     rig: Rig,
     out: Path,
     on_loss: Callable[[str], None] = lambda sentence: None,
+    acceptance: Acceptance | None = None,
 ) -> dict[str, str]:
     """Write report, figures, corrected model and its exports; return their paths by name.
 
@@ -56,12 +58,13 @@ def save_diagnosis(
         rig: the rig
         out: the folder
         on_loss: called with the effects that a format cannot represent, and the resulting error
+        acceptance: test of limits, for its section of the report
 
     Raises:
         DprError: the folder or a file cannot be written.
     """
     figures = save_gap_figures(diagnosis, out)
-    report = write_gap_report(diagnosis, f"Double pendulum “{rig.name}”: sim-to-real gap", out, figures)
+    report = write_gap_report(diagnosis, f"Double pendulum “{rig.name}”: sim-to-real gap", out, figures, acceptance)
     if moves(runs):  # a corrected model of an arm that moves is not written yet
         return {"report": str(report)}
     corrected = corrected_model(diagnosis, runs, rig)

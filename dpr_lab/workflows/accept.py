@@ -1,22 +1,33 @@
 """Test of a rig against the limits in a file."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
-from dpr_lab.workflows.events import OnEvent, ignore
+from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.diagnose import RECORD as DIAGNOSIS_RECORD
+from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult, diagnose
+from dpr_lab.workflows.events import OnEvent, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
     from dpr_lab.acceptance.judge import Acceptance
+    from dpr_lab.acceptance.limits import Limits
+    from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.rig import Rig
+    from dpr_lab.run import Run
+
+RECORD = "accept.json"
+"""File in the folder of a test: the output of `accept --json`."""
 
 
 @dataclass(frozen=True, slots=True)
 class AcceptResult:
-    """Results of all limits."""
+    """Results of all limits, and the files that were written, by name."""
 
     acceptance: "Acceptance"
+    files: Mapping[str, str]
 
     def to_json(self) -> dict[str, Any]:
         """Output of `accept --json`."""
@@ -26,30 +37,57 @@ class AcceptResult:
 def accept(request: DiagnoseRequest, limits: Path, on_event: OnEvent = ignore) -> AcceptResult:
     """Test whether a rig meets the limits in a file.
 
-    Events: those of a diagnosis.
+    Events: those of a diagnosis. The folder of the request gets `RECORD` and the files of the diagnosis, whose report
+    has a section on the limits.
 
     Raises:
         ConfigError: the rig or the limits file is not valid.
         RunError: a run cannot be used.
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
+        DprError: a result cannot be written.
     """
     from dpr_lab.acceptance.free_run import free_run_errors
     from dpr_lab.acceptance.judge import judge
     from dpr_lab.acceptance.limits import load_limits
-    from dpr_lab.planning.limits import PlanLimits
-    from dpr_lab.planning.plan import plan
     from dpr_lab.rig import load_rig
 
-    wanted = load_limits(limits)  # before the time-consuming part starts
-    diagnosis, rig = diagnose(request, on_event).diagnosis, load_rig(request.rig)
+    wanted = load_limits(limits)  # all refusals before the time-consuming part starts
+    rig = load_rig(request.rig)
+    if request.out:
+        refuse_file(request.out)
     runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
+    diagnosis = diagnose(replace(request, out=None), on_event).diagnosis
     horizon = wanted.free_run.horizon_s if wanted.free_run else None
     errors = free_run_errors(runs, rig, diagnosis, horizon) if horizon else {}
-    acceptance = judge(diagnosis, wanted, errors)
+    acceptance = _with_recordings(judge(diagnosis, wanted, errors), wanted, diagnosis, runs, rig)
+    files = _save(acceptance, diagnosis, runs, rig, request.out, on_event) if request.out else {}
+    return AcceptResult(acceptance, files)
+
+
+def _with_recordings(
+    acceptance: "Acceptance", wanted: "Limits", diagnosis: "Diagnosis", runs: "Sequence[Run]", rig: "Rig"
+) -> "Acceptance":
+    """Add the releases that are expected to decide limits that are not decidable yet."""
+    from dpr_lab.planning.limits import PlanLimits
+    from dpr_lab.planning.plan import plan
+
     if acceptance.answer != "not decidable":
-        return AcceptResult(acceptance)
+        return acceptance
     open_ones = {limit.quantity for limit in acceptance.limits if limit.answer == "not decidable"}
     made = plan(rig, runs, diagnosis, limits=PlanLimits(effects=wanted.effects, ratios=wanted.ratios))
     decides = tuple(one.quantity for one in made.limits if one.decides and one.quantity in open_ones)
     texts = tuple(one.text for one in made.releases) if decides else ()
-    return AcceptResult(replace(acceptance, recordings=texts, would_decide=decides))
+    return replace(acceptance, recordings=texts, would_decide=decides)
+
+
+def _save(
+    acceptance: "Acceptance", diagnosis: "Diagnosis", runs: "Sequence[Run]", rig: "Rig", out: Path, on_event: OnEvent
+) -> dict[str, str]:
+    """Write the answers, and the diagnosis with its report."""
+    from dpr_lab.report.files import write_json
+    from dpr_lab.report.saving import save_diagnosis
+
+    write_json(asdict(acceptance), out / RECORD)
+    files = save_diagnosis(diagnosis, runs, rig, out, lambda sentence: on_event(Warned(sentence)), acceptance)
+    write_json(DiagnoseResult(diagnosis, files).to_json(), out / DIAGNOSIS_RECORD)
+    return {"accept": str(out / RECORD), **files}

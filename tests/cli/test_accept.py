@@ -1,5 +1,6 @@
 """`dpr-lab accept` on three releases of a simulated rig: exit codes, JSON and refusals."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,27 @@ def test_each_answer_has_its_exit_code(runs: list[Path], tmp_path: Path, cli, an
     assert done.code == code, done.err
     assert done.json["answer"] == answer
     assert [limit["answer"] for limit in done.json["limits"]] == [answer]
+
+
+def test_the_report_shows_each_limit_with_its_answer(runs: list[Path], tmp_path: Path, cli) -> None:
+    file, out = tmp_path / "limits.toml", tmp_path / "out"
+    file.write_text(f"{LIMITS['pass'][1]}\n{LIMITS['fail'][1]}")
+    done = cli("accept", *runs, "--rig", "paper", "--limits", file, "--out", out)
+    assert done.code == 1, done.err
+    page = (out / "diagnosis.html").read_text()
+    section = page[page.index('id="acceptance"') :].split("</details>")[0]
+    assert "fail: 1 of 2 limits pass" in section
+    for quantity in ("latency_joint2.delay_s", "c2/b"):
+        assert quantity in section
+        assert quantity in done.out
+    answers = {limit["quantity"]: limit["answer"] for limit in json.loads((out / "accept.json").read_text())["limits"]}
+    assert answers == {"latency_joint2.delay_s": "pass", "c2/b": "fail"}
+    assert json.loads((out / "diagnosis.json").read_text())["files"]["report"] == str(out / "diagnosis.html")
+
+
+def test_the_report_of_a_diagnosis_alone_has_no_limits(runs: list[Path], tmp_path: Path, cli) -> None:
+    assert cli("diagnose", *runs, "--rig", "paper", "--out", tmp_path).code == 0
+    assert 'id="acceptance"' not in (tmp_path / "diagnosis.html").read_text()
 
 
 def test_a_limits_file_that_is_not_there_is_refused_before_the_work(runs: list[Path], tmp_path: Path, cli) -> None:

@@ -3,8 +3,10 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from dpr_lab.acceptance.judge import Acceptance
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.gap import tables
+from dpr_lab.report.gap.acceptance import LIMIT_COLUMNS, RULE, answer_sentence, deciding_sentence, limit_rows
 from dpr_lab.report.gap.section import evidence_blocks
 from dpr_lab.report.gap.sections import SECTIONS
 from dpr_lab.report.gap.sections.closing import CLOSING
@@ -40,7 +42,13 @@ _FAULTS = (
 )
 
 
-def write_gap_report(diagnosis: Diagnosis, title: str, out_dir: Path, figures: Mapping[str, Path]) -> Path:
+def write_gap_report(
+    diagnosis: Diagnosis,
+    title: str,
+    out_dir: Path,
+    figures: Mapping[str, Path],
+    acceptance: Acceptance | None = None,
+) -> Path:
     """Write `diagnosis.html`.
 
     Args:
@@ -48,6 +56,7 @@ def write_gap_report(diagnosis: Diagnosis, title: str, out_dir: Path, figures: M
         title: heading of the page
         out_dir: folder of the page
         figures: what `save_gap_figures` returned
+        acceptance: test of limits, shown first; None without one
 
     Raises:
         DprError: the page cannot be written.
@@ -60,7 +69,9 @@ def write_gap_report(diagnosis: Diagnosis, title: str, out_dir: Path, figures: M
     }
     closure = evidence.pop(CLOSING.name).blocks if evidence else [drawn["waterfall"]]
     curves = evidence.pop("curves", None)
+    limits = [Section("Acceptance", list(_acceptance(acceptance)), "acceptance", is_open=True)] if acceptance else []
     sections = [
+        *limits,
         Section("Recommended actions", list(_actions(diagnosis))),
         Section("Effects and alternatives", list(_effects(diagnosis))),
         *([curves] if curves else []),
@@ -87,6 +98,15 @@ def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
     yield PageTable(tables.SUMMARY_COLUMNS, tables.summary_rows(diagnosis), style="prose")
     if note := summary_note(diagnosis):
         yield note
+
+
+def _acceptance(acceptance: Acceptance) -> Iterator[Block]:
+    """The answer to each limit, and the releases that would decide the open ones."""
+    yield f"{answer_sentence(acceptance)}."
+    yield PageTable(LIMIT_COLUMNS, limit_rows(acceptance), RULE, "prose")
+    if sentence := deciding_sentence(acceptance):
+        yield sentence
+        yield Items(acceptance.recordings, numbered=True)
 
 
 def _actions(diagnosis: Diagnosis) -> Iterator[Block]:

@@ -1,0 +1,45 @@
+"""The result of `dpr-lab accept` as tables and sentences, for the terminal and the report of the diagnosis."""
+
+from dpr_lab.acceptance.judge import Acceptance
+from dpr_lab.shown import listed
+
+LIMIT_COLUMNS = ("quantity", "limits", "90 % interval", "unit", "answer", "reason")
+
+RULE = (
+    "Equivalence tests at 95 %: a limit passes if the 90 % interval lies inside it, fails if the interval lies outside,"
+    " and is not decidable with these recordings otherwise."
+)
+
+
+def answer_sentence(acceptance: Acceptance) -> str:
+    """The overall answer and the number of limits that pass."""
+    passed = sum(limit.answer == "pass" for limit in acceptance.limits)
+    return f"{acceptance.answer}: {passed} of {len(acceptance.limits)} limits pass"
+
+
+def limit_rows(acceptance: Acceptance) -> list[tuple[str, ...]]:
+    """Rows of `LIMIT_COLUMNS`, in the order of the limits file."""
+    return [
+        (
+            limit.quantity,
+            _range(limit.lower, limit.upper),
+            _range(*(limit.interval90 or (None, None))),
+            limit.unit,
+            limit.answer,
+            limit.reason,
+        )
+        for limit in acceptance.limits
+    ]
+
+
+def deciding_sentence(acceptance: Acceptance) -> str:
+    """Introduction of the releases that would decide limits; empty if none are known to."""
+    if not acceptance.would_decide:
+        return ""
+    return f"These releases are expected to decide {listed(acceptance.would_decide)}:"
+
+
+def _range(low: float | None, high: float | None) -> str:
+    if low is None:
+        return "none" if high is None else f"below {high:.4g}"
+    return f"above {low:.4g}" if high is None else f"{low:.4g} to {high:.4g}"
