@@ -86,7 +86,11 @@ class RecordingTimes(RigTable):
     @model_validator(mode="after")
     def _in_order(self) -> "RecordingTimes":
         if self.shortest_s > self.longest_s:
-            raise ValueError(f"shortest_s = {self.shortest_s:g} is above longest_s = {self.longest_s:g}")
+            default = " (default)" if "shortest_s" not in self.model_fields_set else ""
+            raise ValueError(
+                f"shortest_s = {self.shortest_s:g}{default} is above longest_s = {self.longest_s:g}: give a smaller"
+                " shortest_s or a greater longest_s"
+            )
         return self
 
 

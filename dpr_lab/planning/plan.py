@@ -77,7 +77,7 @@ def _refuse_small(budget_min: float, limits: PlanLimits) -> None:
     least = minutes(CandidateRelease(0.0, 0.0, limits.recording.shortest_s), ("both", None), limits)
     if budget_min < least:
         raise ConfigError(
-            f"a budget of {budget_min:g} min is too small: one release takes {least:.2g} min (place, release and"
+            f"a budget of {budget_min:.2g} min is too small: one release takes {least:.2g} min (place, release and"
             f" record {limits.recording.shortest_s:g} s); raise it, or lower recording.shortest_s or minutes.place in"
             " the limits file"
         )
