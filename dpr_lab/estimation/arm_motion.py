@@ -23,22 +23,22 @@ def prescribed_inner(t: NDArray[np.float64], theta1: NDArray[np.float64], name: 
     """Motion of the inner rod of a run whose joint 1 is prescribed; arguments and errors as of `arm_motion`."""
     if not np.ptp(theta1) > 0.0:
         raise RunError(f"{name}: joint 1 is prescribed, but stands still: an outer rod alone is --rods outer")
-    return arm_motion(t, theta1, name)
+    return arm_motion(t, theta1, name, "theta1")
 
 
-def arm_motion(t: NDArray[np.float64], theta0: NDArray[np.float64], name: str) -> ArmMotion:
-    """Motion of the arm, from readings (n,) of its encoder at the instants t (n,).
+def arm_motion(t: NDArray[np.float64], theta0: NDArray[np.float64], name: str, angle: str = "theta0") -> ArmMotion:
+    """Motion of the arm, or of another prescribed joint, from readings (n,) of its `angle` at the instants t (n,).
 
     The spline minimises squared errors and the squared second derivative, weighted by generalised cross-validation
     (Woltring 1986, A Fortran package for generalized, cross-validatory spline smoothing and differentiation).
 
     Raises:
-        RunError: too few readings, or an arm that was not measured.
+        RunError: too few readings, or an angle that was not measured.
     """
     from scipy.interpolate import make_smoothing_spline
 
     if len(t) < FEWEST or not np.isfinite(theta0).all():
-        raise RunError(f"{name}: a prescribed joint needs its angle in every row: name its column, and that of t")
+        raise RunError(f"{name}: a prescribed joint needs its angle in every row: name the columns of {angle} and t")
     spacing = float(np.median(np.diff(t)))
     spline = make_smoothing_spline(
         (t - t[0]) / spacing, theta0

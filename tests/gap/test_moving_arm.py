@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from dpr_lab.certificate.policy import required_claims
 from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
 from dpr_lab.errors import IdentificationError, RunError
 from dpr_lab.estimation.arm_motion import arm_motion
@@ -47,6 +48,8 @@ def test_a_fault_of_the_arm_or_its_drive_is_named_with_its_size(fault, mode):
             assert sizes[name].value == pytest.approx(truth, rel=0.1)
     inertia = plant.rods["J1"] + plant.rods["m1"] * plant.rods["l1"] ** 2
     assert set(done.determined) == {"e1/a", "c1/a", "A/a", "c0/a"}
+    assert {"A/a", "c0/a"} <= required_claims(done).keys()
+    assert not {"a/b", "d/b"} & required_claims(done).keys()
     assert done.determined["A/a"].value == pytest.approx(plant.A / inertia, rel=0.03)
 
 
@@ -110,6 +113,13 @@ def test_dry_friction_of_the_outer_rod_is_named_while_the_inner_one_is_prescribe
     assert "coulomb_joint2" in done.effects[0].members
     assert done.effects[0].parameters["torque_Nm"].value == pytest.approx(friction, rel=0.1)
     assert set(done.determined) == {"d/b", "c2/b"}
+
+
+def test_a_prescribed_inner_rod_without_readings_is_refused_by_the_name_of_its_angle():
+    t = np.arange(0.0, 1.0, 0.01)
+    theta1 = np.where(t < 0.5, np.sin(t), np.nan)
+    with pytest.raises(RunError, match="name the columns of theta1 and t"):
+        arm_motion(t, theta1, "moved", "theta1")
 
 
 def test_modes_that_cannot_be_together_are_refused():
