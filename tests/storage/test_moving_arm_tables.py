@@ -58,6 +58,12 @@ def test_the_input_of_a_driven_arm_is_kept_with_the_run(tmp_path, rig_file, tabl
     assert load_run(tmp_path / "run.mcap").only(run.t < 1).arm_input.shape == (np.sum(run.t < 1),)
 
 
+def test_an_input_without_its_constant_is_noted_at_the_import(rig_file, table):
+    assert not any("the torque per current is fitted" in note for note in import_csv(table, load_rig(rig_file)).notes)
+    rig_file.write_text(rig_file.read_text().replace("kt = {", "# kt = {"))
+    assert any("has no kt: the torque per current is fitted" in n for n in import_csv(table, load_rig(rig_file)).notes)
+
+
 def test_an_override_and_what_it_lacks(rig_file, table):
     rig = load_rig(rig_file)
     assert import_csv(table, rig, ImportOptions(arm="clamped")).arm_mode == "clamped"

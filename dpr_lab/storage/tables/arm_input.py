@@ -74,6 +74,18 @@ def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path:
     return chosen[0], units[match[1]] if match is not None and match[1] else 1.0
 
 
+def gain_note(motor: MotorTable) -> list[str]:
+    """A note if the rig file lacks a constant that turns the input into a torque."""
+    needed = {"current": ("kt",), "voltage": ("kt", "R")}.get(motor.input, ())
+    missing = [name for name in needed if getattr(motor, name) is None]
+    if not missing:
+        return []
+    return [
+        f"[motor] of the rig file has no {', '.join(missing)}: the torque per {motor.input} is fitted, so the"
+        " recordings cannot show an error of it, and absolute sizes need measured masses"
+    ]
+
+
 def refuse_silent(values: NDArray[np.float64], name: str, path: object) -> None:
     """Check that the input is not zero throughout.
 

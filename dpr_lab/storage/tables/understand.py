@@ -19,7 +19,7 @@ from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
 from dpr_lab.run import as_mounted
 from dpr_lab.storage.readers import read_any
-from dpr_lab.storage.tables.arm_input import find_input, refuse_silent, stated_arm
+from dpr_lab.storage.tables.arm_input import find_input, gain_note, refuse_silent, stated_arm
 from dpr_lab.storage.tables.clock_wrap import continues_across, unwrapped_times, wrap_behind
 from dpr_lab.storage.tables.columns import AXES, TO_SECONDS, find_columns, with_still_joint2
 from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
@@ -120,6 +120,7 @@ def understand(
     }
     if drive is not None and rig.motor is not None:
         unrecorded.append(f"the arm is driven by the {rig.motor.input} {drive}, each value held until the next row")
+        unrecorded += gain_note(rig.motor)
     elif torques:
         unrecorded.append(f"driven by {' and '.join(torques) or 'known'} torques, each held until the next row")
         passive = {f"joint {k + 1}" for pair in driving.values() for k, name in enumerate(pair) if name == PASSIVE}
