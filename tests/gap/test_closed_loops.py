@@ -10,6 +10,7 @@ from tests.thinned import thinned
 CASES = {
     "backlash_joint2, 20 mrad": ClosedLoop(play=20e-3),
     "coulomb_joint2": ClosedLoop(friction=(0.0, 3e-3)),
+    "coulomb_joint1": ClosedLoop(friction=(5e-3, 0.0)),
     "backlash_joint2, 15 mrad": ClosedLoop(play=15e-3),
     "torque_scale_joint1": ClosedLoop(gain=(1.08, 1.0)),
     "backlash_joint2, 5 mrad": ClosedLoop(play=5e-3),

@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.effects import named_params
+from dpr_lab.effects import named_params, param_index, without_effect
 from dpr_lab.effects.effect import Effect
 from dpr_lab.effects.limits import at_limit
 from dpr_lab.fitting.cut import carried
@@ -56,6 +56,8 @@ class Effort:
     """Fraction of the predicted reduction of chi2 below which a fit is repeated from shorter segments."""
     outstanding: float = 5.0
     """chi2 of a segment relative to the median from which it may hold a fit in a local minimum."""
+    nowhere: float = 0.99
+    """Ratio of chi2 with an effect to chi2 without it from which its fit has led nowhere."""
     starts: int = 4
     """Number of shapes of an effect from which more than one is fitted."""
     leading: float = 0.5
@@ -242,12 +244,28 @@ class FittedSets:
         if score is None:
             return None
         replaced = self.with_one(less, score)
+        if replaced.fit.chi2 > EFFORT.nowhere * less.fit.chi2:
+            replaced = self.keep(self._handed_over(model, effect, other))
         if at_noise_floor(model) and not at_noise_floor(replaced):
             score = self.test(model).of(other)
             if score is not None:
                 both = refit_with(self.problem, model, self.test(model), score, iterations=0)
                 return self.keep(refit_without(self.problem, both, effect, self.bare))
         return replaced
+
+    def _handed_over(self, model: Hypothesis, effect: str, other: str) -> Hypothesis:
+        """The set with another effect in place of one, started at its amplitudes of the same names.
+
+        Rods that hardly move stick at the smallest Coulomb friction, so that its derivative at zero leads nowhere.
+        """
+        params = model.fit.estimate.params.copy()
+        values = named_params(params)[effect]
+        for parameter in self.library[other].amplitudes:
+            params[param_index(other, parameter.name)] = values.get(parameter.name, 0.0)
+        start = model.fit.estimate.changed(params=without_effect(params, effect))
+        names = tuple(other if name == effect else name for name in model.effects)
+        free = free_parameters(start, names, self.problem)
+        return hypothesis(self.problem, names, fit(self.problem, start, free, iterations=EFFORT.fine))
 
     def _grown(self, model: Hypothesis, effect: str) -> Hypothesis | None:
         score = self.test(model).of(effect)
