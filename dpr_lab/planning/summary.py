@@ -59,7 +59,7 @@ def _planned(number: int, step: SequenceStep, F: Array, objective: Objective) ->
     gained = [share * d2 for d2 in objective.gained(F)]
     planned = PlannedRelease(
         number=number,
-        text=release.words,
+        text=release.words if known.rig.arm.mode == "clamped" else f"{release.words}, arm clamped",
         theta1_rad=release.theta1,
         theta2_rad=float(release.start[1]),
         duration_s=release.duration_s,

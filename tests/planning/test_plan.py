@@ -16,7 +16,7 @@ from dpr_lab.planning.limits import PlanLimits, load_plan_limits
 from dpr_lab.planning.plan import plan
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.signals import driven_releases, write_signal
-from dpr_lab.rig import Rig
+from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from sim_device.plant.config import DriveConfig
 from sim_device.plant.drives import load_drives
@@ -150,6 +150,13 @@ def test_wrong_limits_are_refused_with_key_and_value(paper: Rig, tmp_path: Path,
         load_plan_limits(path, paper)
     assert str(path) in str(refused.value)
     assert words in str(refused.value)
+
+
+@pytest.mark.parametrize(("name", "says"), [("driven_double", True), ("paper", False)])
+def test_a_plan_of_a_rig_whose_arm_moves_says_that_it_is_clamped(name: str, says: bool) -> None:
+    (release,) = plan(load_rig(name), count=1).releases
+    assert release.arm == "held"
+    assert release.text.endswith("arm clamped") is says
 
 
 def test_a_budget_for_less_than_one_release_is_refused(paper: Rig) -> None:
