@@ -76,7 +76,7 @@ def diagnose_simulator(
     from dpr_lab.exports.bodies import left_out
     from dpr_lab.exports.corrected import corrected_model
     from dpr_lab.exports.into import WORDS, into_file
-    from dpr_lab.exports.into.least_change import least_change
+    from dpr_lab.exports.into.least_change import least_change, without_chance
     from dpr_lab.exports.into.replay import replay_files
     from dpr_lab.exports.into.target import refuse_other_rig
     from dpr_lab.exports.refit import fitted_in_words
@@ -104,7 +104,7 @@ def diagnose_simulator(
         result = diagnose(replace(request, rig=file), on_event)
     runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
     model = corrected_model(result.diagnosis, runs, rig)
-    expressible = fitted_in_words(model, WORDS[read.format], runs, rig)
+    expressible = fitted_in_words(without_chance(result.diagnosis, model), WORDS[read.format], runs, rig)
     least = least_change(result.diagnosis, expressible, rig, chain, runs)
     lost = left_out(model, expressible.effects, read.format)
     names = tuple(rod.joint.name for rod in chain.rods)

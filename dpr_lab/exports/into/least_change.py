@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.base import BASE, base_parameters, ratios
 from dpr_lab.effects import EFFECTS
 from dpr_lab.exports.bodies import words_of
-from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.diagnosis import Diagnosis, EffectSize
 from dpr_lab.identification.compare import compare_run
 from dpr_lab.identification.model import Model, ParameterValue
 from dpr_lab.rig import PARAMETERS, Rig
@@ -89,7 +89,7 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
         chain: the double pendulum of the file
         runs: the diagnosed runs, to rank the causes
     """
-    effects = {name: _without_chance(diagnosis, name, values) for name, values in model.effects.items()}
+    effects = without_chance(diagnosis, model).effects
     longer = sum(words.get("added_length", 0.0) for words in words_of(effects).values())
     own = _base_of(chain, longer)
     rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])  # visible only in a during a free swing
@@ -172,13 +172,20 @@ def _with_own_numbers(chain: ModelChain, base: Array, own: Array, longer: float)
     return changed
 
 
-def _without_chance(diagnosis: Diagnosis, name: str, values: Mapping[str, float]) -> dict[str, float]:
-    """Values of an effect; an amplitude whose interval contains zero is zero, unless it is the only one."""
-    sizes = next((effect.parameters for effect in diagnosis.effects if effect.name == name), {})
-    chance = {key for key, size in sizes.items() if size.interval90[0] <= 0 <= size.interval90[1]}
+def without_chance(diagnosis: Diagnosis, model: Model) -> Model:
+    """The model in which an amplitude whose interval contains zero is zero, unless it is the only one of its effect.
+
+    A spring whose cubic term is below its uncertainty is a linear spring, which the formats can contain.
+    """
+    sizes = {effect.name: effect.parameters for effect in diagnosis.effects}
+    effects = {name: _significant(name, values, sizes.get(name, {})) for name, values in model.effects.items()}
+    return model.model_copy(update={"effects": effects})
+
+
+def _significant(name: str, values: Mapping[str, float], sizes: Mapping[str, EffectSize]) -> dict[str, float]:
     own = {p.name for p in EFFECTS[name].amplitudes}
-    chance = chance & own if chance & own != own else set()
-    return {key: 0.0 if key in chance else value for key, value in values.items()}
+    chance = {key for key in own & set(sizes) if sizes[key].interval90[0] <= 0 <= sizes[key].interval90[1]}
+    return {key: 0.0 if key in chance and chance != own else value for key, value in values.items()}
 
 
 def _scaled(name: str, values: Mapping[str, float], factor: float) -> dict[str, float]:
