@@ -1,13 +1,17 @@
-"""JSON-RPC 2.0 over lines: jobs that run one after another in one process, so that kernels are loaded once.
+"""JSON-RPC 2.0 over lines: jobs that run one after another in one child process, so that kernels are loaded once.
 
 Each line is one request object. A job is answered when it ends; until then it sends `progress` notifications that name
-the id of its request. `status` and `cancel` are answered at once. No method moves or releases a rod.
+the id of its request. `status` and `cancel` are answered at once. To cancel the running job, its process is ended,
+because nothing else interrupts a fit; the next job starts another. No method moves or releases a rod.
 
 Source: JSON-RPC 2.0 Specification, https://www.jsonrpc.org/specification; -32800 is the code of the Language Server
 Protocol for a cancelled request.
 """
 
+import contextlib
 import json
+import os
+import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -15,11 +19,18 @@ from dataclasses import dataclass, fields
 from enum import IntEnum
 from importlib import import_module
 from importlib.util import find_spec
+from multiprocessing.connection import Connection
+from queue import SimpleQueue
 from typing import Any, TypeAlias
 
+from dpr_lab.child_process import ChildFunction
 from dpr_lab.errors import DprError
+from dpr_lab.kernel_cache import compiling, watch_compiling
 from dpr_lab.version import __version__
 from dpr_lab.workflows import events
+
+_PATIENCE_S = 2.0
+"""How long a process may take to end before a stronger signal."""
 
 
 class RpcCode(IntEnum):
@@ -45,10 +56,6 @@ class RpcError(Exception):
     def __init__(self, code: int, message: str, data: Mapping[str, Any] | None = None) -> None:
         super().__init__(message)
         self.code, self.data = code, data
-
-
-class CancelRequested(BaseException):
-    """A job was cancelled; raised at its next progress event."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +96,8 @@ class _Job:
     id: Id
     answered: bool
     """Whether a response is expected: a notification has none."""
-    method: Method
+    method: str
+    """Its name in `METHODS`."""
     request: Any
     cancelled: bool = False
 
@@ -105,6 +113,7 @@ class Service:
         self._send, self._sending = send, threading.Lock()
         self._jobs: deque[_Job] = deque()
         self._running: _Job | None = None
+        self._process: ChildFunction | None = None
         self._changed = threading.Condition()
         self._closed = False
         self._worker = threading.Thread(target=self._work, name="jobs")
@@ -129,9 +138,12 @@ class Service:
         with self._changed:
             self._closed = True
             for job in [*self._jobs, *([self._running] if self._running else [])]:
-                job.cancelled = job.cancelled or cancel
+                if cancel:
+                    self._end(job)
             self._changed.notify_all()
         self._worker.join()
+        if self._process is not None:
+            self._process.end(_PATIENCE_S)
 
     def _called(self, request: Mapping[str, Any]) -> Mapping[str, Any] | None:
         """The immediate result; None for a job, which is queued."""
@@ -142,7 +154,7 @@ class Service:
             return {"cancelled": self._cancel(params)}
         if name not in METHODS or not METHODS[name].available:
             raise RpcError(RpcCode.NO_METHOD, f"no method {name!r}; there are: {', '.join(_names())}")
-        job = _Job(request.get("id"), "id" in request, METHODS[name], _request(METHODS[name], params))
+        job = _Job(request.get("id"), "id" in request, name, _request(METHODS[name], params))
         with self._changed:
             if job.answered and job.id in [other.id for other in self._all()]:
                 raise RpcError(
@@ -171,8 +183,15 @@ class Service:
         with self._changed:
             jobs = [job for job in self._all() if job.id == params["id"]]
             for job in jobs:
-                job.cancelled = True
+                self._end(job)
         return bool(jobs)
+
+    def _end(self, job: _Job) -> None:
+        """Cancel a job; if it runs, end its process."""
+        job.cancelled = True
+        if job is self._running and self._process is not None:
+            self._process.terminate()
+            self._process = None
 
     def _work(self) -> None:
         while True:
@@ -186,29 +205,43 @@ class Service:
                 self._running = None
 
     def _run(self, job: _Job) -> None:
-        def on_event(event: events.Event) -> None:
-            if job.cancelled:
-                raise CancelRequested
-            if job.answered and (progress := _progress(event)):
-                self._out({"method": "progress", "params": {"id": job.id, **progress}})
+        """Run a job in the process, and answer it."""
+        with self._changed:
+            if not job.cancelled and (self._process is None or not self._process.alive):
+                self._process = ChildFunction(work)
+            process = self._process
+        message = self._last_message(job, process)
+        if not job.answered:
+            return
+        if job.cancelled:
+            message = RpcError(RpcCode.CANCELLED, "the job was cancelled")
+        if isinstance(message, RpcError):
+            self._fail(job.id, message)
+        else:
+            self._out({"id": job.id, "result": message})
 
+    def _last_message(self, job: _Job, process: ChildFunction | None) -> Mapping[str, Any] | RpcError:
+        """Result or error of a job in its process; its progress is sent."""
+        if process is None:  # cancelled before its start
+            return {}
         try:
-            if job.cancelled:
-                raise CancelRequested
-            result = job.method.result(_imported(job.method.job)(job.request, on_event))
-            if job.answered:
-                self._out({"id": job.id, "result": result})
-        except CancelRequested:
-            self._ended(job, RpcError(RpcCode.CANCELLED, "the job was cancelled"))
-        except DprError as error:
-            data = {"kind": type(error).__name__, "exit_code": error.exit_code}
-            self._ended(job, RpcError(RpcCode.FAILED, str(error), data))
-        except Exception as error:  # a bug must not end the service
-            self._ended(job, RpcError(RpcCode.INTERNAL, f"internal error: {type(error).__name__}: {error}"))
-
-    def _ended(self, job: _Job, error: RpcError) -> None:
-        if job.answered:
-            self._fail(job.id, error)
+            process.pipe.send((job.method, job.request))
+            while True:
+                match process.pipe.recv():
+                    case "compiling":
+                        compiling()
+                    case ("progress", progress):
+                        if job.answered and not job.cancelled:
+                            self._out({"method": "progress", "params": {"id": job.id, **progress}})
+                    case ("failed", *details):
+                        return RpcError(*details)
+                    case ("done", result):
+                        return result
+        except (EOFError, OSError):  # its process has ended
+            process.end(_PATIENCE_S)
+            return RpcError(
+                RpcCode.FAILED, "the process of the job ended unexpectedly: close other programs if memory was short"
+            )
 
     def _fail(self, identifier: Id, error: RpcError) -> None:
         body = {"code": int(error.code), "message": str(error), **({"data": dict(error.data)} if error.data else {})}
@@ -217,6 +250,42 @@ class Service:
     def _out(self, message: Mapping[str, Any]) -> None:
         with self._sending:
             self._send({"jsonrpc": "2.0", **message})
+
+
+def work(connection: Connection) -> None:
+    """Main function of the process of the jobs: run each (method, request) that arrives until the pipe closes.
+
+    Sends `compiling`, (`progress`, parameters) and finally (`done`, result) or (`failed`, arguments of `RpcError`).
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the service, which ends this process
+    requests: SimpleQueue[tuple[str, Any]] = SimpleQueue()
+
+    def listen() -> None:
+        with contextlib.suppress(EOFError, OSError):
+            while True:
+                requests.put(connection.recv())
+        os._exit(1)  # the service has ended
+
+    threading.Thread(target=listen, daemon=True).start()
+    with watch_compiling(lambda: connection.send("compiling")):
+        while True:
+            connection.send(_done(*requests.get(), connection.send))
+
+
+def _done(name: str, request: Any, send: Callable[[Any], None]) -> tuple[Any, ...]:
+    """The last message of a job."""
+
+    def on_event(event: events.Event) -> None:
+        if progress := _progress(event):
+            send(("progress", progress))
+
+    method = METHODS[name]
+    try:
+        return "done", method.result(_imported(method.job)(request, on_event))
+    except DprError as error:
+        return "failed", RpcCode.FAILED, str(error), {"kind": type(error).__name__, "exit_code": error.exit_code}
+    except Exception as error:  # a bug must not end the service
+        return "failed", RpcCode.INTERNAL, f"internal error: {type(error).__name__}: {error}"
 
 
 def _names() -> list[str]:

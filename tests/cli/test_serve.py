@@ -1,8 +1,11 @@
 """`dpr-lab serve --stdio` as another program uses it: a process, requests on lines, responses in any order."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -40,6 +43,18 @@ class Client:
         while "id" not in (message := self.next()) or message["id"] != identifier:
             pass
         return message
+
+    def until(self, event: str) -> None:
+        """Wait for a progress event."""
+        while self.next().get("params", {}).get("event") != event:
+            pass
+
+    def job_process(self) -> int:
+        """Number of the process that runs its jobs."""
+        listed = subprocess.run(["ps", "-e", "-o", "pid=,ppid=,args="], capture_output=True, text=True, check=True)
+        rows = [line.split(None, 2) for line in listed.stdout.splitlines()]
+        (job,) = [int(r[0]) for r in rows if int(r[1]) == self.process.pid and "spawn_main" in r[2]]
+        return job
 
     def end(self) -> int:
         assert self.process.stdin is not None
@@ -114,14 +129,40 @@ def test_jobs_are_cancelled_running_and_waiting(client: Client, runs: list[Path]
     files = [str(run) for run in runs]
     client.request("long", "diagnose", runs=files, rig="paper")
     client.request("next", "diagnose", runs=files, rig="paper")
-    assert client.next()["method"] == "progress"
+    client.until("fit")
     for name in ("next", "long"):
         client.request(f"cancel {name}", "cancel", id=name)
+    asked = time.monotonic()
     assert client.response("long")["error"]["code"] == -32800
+    assert time.monotonic() - asked < 1.0
     assert client.response("next")["error"]["code"] == -32800
     client.request("again", "cancel", id="long")
     assert client.response("again")["result"] == {"cancelled": False}
+    client.request("after", "identify", runs=["missing.mcap"], rig="paper", out="m.json")
+    assert client.response("after")["error"]["data"]["kind"] == "RunError"
     assert client.end() == 0
+
+
+def test_a_job_whose_process_was_killed_is_answered_and_the_next_one_runs(client: Client, runs: list[Path]) -> None:
+    client.request("long", "diagnose", runs=[str(run) for run in runs], rig="paper")
+    client.until("fit")
+    os.kill(client.job_process(), signal.SIGKILL)
+    error = client.response("long")["error"]
+    assert (error["code"], "ended unexpectedly" in error["message"]) == (-32000, True)
+    client.request("after", "identify", runs=["missing.mcap"], rig="paper", out="m.json")
+    assert client.response("after")["error"]["data"]["kind"] == "RunError"
+    assert client.end() == 0
+
+
+def test_no_process_outlives_a_killed_service(client: Client, runs: list[Path]) -> None:
+    client.request("long", "diagnose", runs=[str(run) for run in runs], rig="paper")
+    client.until("fit")
+    job = Path("/proc") / str(client.job_process())
+    client.process.kill()
+    ends = time.monotonic() + 60
+    while job.exists() and "Z" not in (job / "stat").read_text().split()[2]:
+        assert time.monotonic() < ends
+        time.sleep(0.05)
 
 
 def test_the_end_of_the_requests_finishes_the_jobs(client: Client, runs: list[Path], tmp_path: Path) -> None:
