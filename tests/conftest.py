@@ -37,8 +37,9 @@ STOP_TIMEOUT_S = 60.0
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What is long is slow too; and whoever runs tests compiles kernels for all."""
+    """What is long is slow too; and whoever runs tests compiles kernels for all, and validates written results."""
     import_module("tests.one_compiler")
+    import_module("tests.valid_files")
     for item in items:
         if item.get_closest_marker("long") is not None:
             item.add_marker(pytest.mark.slow)

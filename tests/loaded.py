@@ -79,6 +79,7 @@ for module in pkgutil.walk_packages(dpr_lab.__path__, "dpr_lab."):
 for module in ("assemble", "serve", "options", "plant.plant", "links.open_link"):
     import_module(f"sim_device.{module}")
 import_module("tests.one_compiler")
+import_module("tests.valid_files")
 child_process.subprocess = SimpleNamespace(  # pyright: ignore[reportAttributeAccessIssue]
     Popen=started, PIPE=subprocess.PIPE, TimeoutExpired=subprocess.TimeoutExpired
 )

@@ -80,6 +80,7 @@ SCHEMA_OF = {
     "certify": "certificate",
     "drift": "drift",
     "accept": "accept",
+    "plan": "plan",
 }
 
 
