@@ -60,6 +60,14 @@ def test_broken_plugins_are_named_and_skipped(announce: Announce) -> None:
     announce("taken", LAW.replace("magnet_joint{j}", "coulomb_joint{j}"), effects="a = taken:MAGNETS")
     announce("asks", LAW.replace("joint: Joint", "velocity: Joint"), effects="a = asks:MAGNETS")
     announce("units", LAW.replace('"N m s/rad"', '"furlong"'), effects="a = units:MAGNETS")
+    broken_kernels = {
+        "typo": ("joint.speed", "joint.sped"),
+        "prints": ("    return -damp", "    open('file')\n    return -damp"),
+        "half": ("    return -damp", "    if joint.angle > 0.0:\n        return -damp"),
+    }
+    for name, (before, after) in broken_kernels.items():
+        law = LAW.replace("magnet_joint{j}", f"{name}_joint{{j}}").replace(before, after)
+        announce(name, law, effects=f"a = {name}:MAGNETS")
     announce("right", LAW, effects="a = right:MAGNETS")
     done = run(COMMAND.format(["effects", "list", "--json"]), site)
     names = {effect["name"]: effect["package"] for effect in json.loads(done.stdout)}
@@ -72,6 +80,11 @@ def test_broken_plugins_are_named_and_skipped(announce: Announce) -> None:
     assert "'coulomb_joint1' exists already" in reasons["taken"]
     assert "the kernel asks for velocity" in reasons["asks"]
     assert "no limit for 'furlong'" in reasons["units"]
+    line = LAW.splitlines().index(next(line for line in LAW.splitlines() if "joint.speed" in line)) + 1
+    assert f"typo.py, line {line}: the kernel magnet cannot be compiled: Unknown attribute 'sped'" in reasons["typo"]
+    assert f"prints.py, line {line}: the kernel magnet cannot be compiled" in reasons["prints"]
+    assert "must return a number on every path" in reasons["half"]
+    assert "Traceback" not in done.stderr
     assert "right" not in reasons
 
 

@@ -1,17 +1,18 @@
-"""Why an effect of a plugin cannot be used: what its kernel asks for, units, names."""
+"""Why an effect of a plugin cannot be used: what its kernel asks for and returns, units, names."""
 
 import math
 from collections.abc import Iterator
 
 from dpr_lab.effects.effect import Effect
 from dpr_lab.effects.fold import arguments
+from dpr_lab.effects.kernel_check import compile_errors
 from dpr_lab.effects.rig_scales import LIMITS
 from dpr_lab.effects.stages import STAGES, StageName
 
 
 def refusal(effect: Effect) -> str:
     """Reasons in words; empty: it can be used."""
-    return "; ".join(_reasons(effect))
+    return "; ".join(list(_reasons(effect)) or compile_errors(effect))
 
 
 def _reasons(effect: Effect) -> Iterator[str]:
