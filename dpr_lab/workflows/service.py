@@ -259,6 +259,11 @@ def work(connection: Connection) -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the service, which ends this process
     requests: SimpleQueue[tuple[str, Any]] = SimpleQueue()
+    sending = threading.Lock()
+
+    def send(message: Any) -> None:
+        with sending:  # kernels are compiled in any thread
+            connection.send(message)
 
     def listen() -> None:
         with contextlib.suppress(EOFError, OSError):
@@ -267,9 +272,9 @@ def work(connection: Connection) -> None:
         os._exit(1)  # the service has ended
 
     threading.Thread(target=listen, daemon=True).start()
-    with watch_compiling(lambda: connection.send("compiling")):
+    with watch_compiling(lambda: send("compiling")):
         while True:
-            connection.send(_done(*requests.get(), connection.send))
+            send(_done(*requests.get(), send))
 
 
 def _done(name: str, request: Any, send: Callable[[Any], None]) -> tuple[Any, ...]:
