@@ -75,7 +75,7 @@ class ChildFunction:
         """Send the process a termination signal."""
         self._process.terminate()
 
-    def end(self, patience_s: float) -> None:
+    def end(self, patience_s: float = 2.0) -> None:
         """Close the pipe; if the process continues, end it by signals of increasing strength.
 
         Args:
@@ -88,8 +88,6 @@ class ChildProgram:
     """Another program; it ends when its stdin is closed, which also happens when this process is killed.
 
     Ctrl-C is not forwarded: this process receives it and ends the program.
-
-    It hears no Ctrl-C: that is for this process, which ends it in its own time.
 
     Args:
         command: the program, and its words

@@ -29,9 +29,6 @@ from dpr_lab.kernel_cache import compiling, watch_compiling
 from dpr_lab.version import __version__
 from dpr_lab.workflows import events
 
-_PATIENCE_S = 2.0
-"""How long a process may take to end before a stronger signal."""
-
 
 class RpcCode(IntEnum):
     """Codes of error responses."""
@@ -143,7 +140,7 @@ class Service:
             self._changed.notify_all()
         self._worker.join()
         if self._process is not None:
-            self._process.end(_PATIENCE_S)
+            self._process.end()
 
     def _called(self, request: Mapping[str, Any]) -> Mapping[str, Any] | None:
         """The immediate result; None for a job, which is queued."""
@@ -238,7 +235,7 @@ class Service:
                     case ("done", result):
                         return result
         except (EOFError, OSError):  # its process has ended
-            process.end(_PATIENCE_S)
+            process.end()
             return RpcError(
                 RpcCode.FAILED, "the process of the job ended unexpectedly: close other programs if memory was short"
             )

@@ -51,7 +51,9 @@ class Client:
 
     def job_process(self) -> int:
         """Number of the process that runs its jobs."""
-        listed = subprocess.run(["ps", "-e", "-o", "pid=,ppid=,args="], capture_output=True, text=True, check=True)
+        listed = subprocess.run(
+            ["ps", "-ww", "-e", "-o", "pid=,ppid=,args="], capture_output=True, text=True, check=True
+        )
         rows = [line.split(None, 2) for line in listed.stdout.splitlines()]
         (job,) = [int(r[0]) for r in rows if int(r[1]) == self.process.pid and "spawn_main" in r[2]]
         return job
