@@ -49,7 +49,10 @@ def between(parameter: ParameterChange) -> str:
 
 def relative(parameter: ParameterChange, change: float) -> str:
     """Format a change in per cent of the first group's mean, or in the parameter's unit if that mean is about zero."""
-    return f"{100 * change / abs(parameter.first):+.3g} %" if _has_size(parameter) else f"{change:+.3g}"
+    if not _has_size(parameter):
+        return f"{change:+.3g}"
+    per_cent = round(100 * change / abs(parameter.first), 6)  # rounding errors of equal data are no change
+    return f"{per_cent:+.3g} %"
 
 
 def _has_size(parameter: ParameterChange) -> bool:

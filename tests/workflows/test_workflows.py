@@ -111,19 +111,19 @@ def test_a_diagnosis_tells_its_stages_and_fits(recorded, tmp_path: Path, monkeyp
     def diagnosed(runs, rig, *, on_progress, **options):
         for event in tells:
             on_progress(event)
-        return SimpleNamespace(to_json=lambda: {"verdict": "no_gap"})
+        return SimpleNamespace(to_json=lambda: {"nothing": "to see"})
 
     monkeypatch.setattr("dpr_lab.gap.diagnose.diagnose", diagnosed)
     monkeypatch.setattr("dpr_lab.report.saving.save_diagnosis", lambda *arguments: {"report": "diagnosis.html"})
     heard, files = Heard(), recorded[0].files
     result = diagnose(DiagnoseRequest(files, "paper"), heard)
     assert heard == [*heard.of(events.RunRead), *tells]
-    assert result.to_json() == {"verdict": "no_gap"}
+    assert result.to_json() == {"nothing": "to see"}
 
     heard, record = Heard(), tmp_path / "diagnosis.json"
     result = diagnose(DiagnoseRequest(files, "paper", out=tmp_path), heard)
     assert heard.of(events.StageBegan) == [events.StageBegan(4, 9, "which"), events.StageBegan(9, 9, "report")]
-    assert json.loads(record.read_text()) == result.to_json() == {"verdict": "no_gap", "files": dict(result.files)}
+    assert json.loads(record.read_text()) == result.to_json() == {"nothing": "to see", "files": dict(result.files)}
 
 
 def test_effects_are_chosen_by_name() -> None:
