@@ -23,7 +23,7 @@ class SystemCheck:
     """What was found, and what to do where it is wrong."""
 
     def to_json(self) -> dict[str, str]:
-        """As `doctor --json` prints it."""
+        """The check as an object of `doctor --json`."""
         return {"what": self.what, "state": self.state, "said": self.message}
 
 

@@ -179,7 +179,7 @@ def _hinge(rod: Rod, joint: int, friction: float) -> dict[str, str]:
 
 def _motors(root: Element, made: Bodies) -> None:
     """Cogging and presliding as motors without a winding."""
-    passive_parts = [(f"joint{j}", _told(rod.words, math.pi if j == 1 else 0.0)) for j, rod in enumerate(made.rods, 1)]
+    passive_parts = [(f"joint{j}", _parts(rod.words, math.pi if j == 1 else 0.0)) for j, rod in enumerate(made.rods, 1)]
     actuators = element(root, "actuator") if any(parts for _, parts in passive_parts) else root
     for joint, parts in passive_parts:
         for kind, numbers in parts:
@@ -187,7 +187,7 @@ def _motors(root: Element, made: Bodies) -> None:
             element(actuators, "dcmotor", joint=joint, input="none", resistance="1", motorconst="0 0", **attributes)
 
 
-def _told(words: Words, hanging: float) -> list[tuple[str, tuple[float, ...]]]:
+def _parts(words: Words, hanging: float) -> list[tuple[str, tuple[float, ...]]]:
     waves = [("cogging", (size, N, phase - N * hanging)) for size, N, phase in words.get("cogging", ())]
     if "presliding" not in words:
         return waves

@@ -159,7 +159,7 @@ def _weight(batch: Sequence[CandidateRelease], model: PresentModel, samples: int
 
 
 def _without_zeros(A: Array, linear: Linearisation, problem: Problem, releases: int) -> Array:
-    """Slopes without their part along the zeros of each release's encoders."""
+    """Jacobian with the zero errors of each release's encoders projected out."""
     shifts = np.broadcast_to(np.eye(2), (len(problem.t), 2, 2))
     zeros = linear.projected(problem.whitened(shifts)).reshape(releases, -1, 2)
     flat = A.reshape(releases, zeros.shape[1], -1)

@@ -24,12 +24,12 @@ from dpr_lab.run import Run, as_runs
 
 @dataclass(frozen=True, slots=True)
 class PlanLength:
-    """How many releases are planned."""
+    """Number of planned releases."""
 
     usual: int = 3
-    """Without a budget: as many as tell most effects apart."""
+    """Number without a budget: so many releases distinguish most effects."""
     most: int = 12
-    """Within a budget."""
+    """Maximum number within a budget."""
 
 
 LENGTH = PlanLength()

@@ -24,7 +24,7 @@ class SequenceStep:
 
     release: CandidateRelease
     information: Array
-    """(k, k) that it adds."""
+    """(k, k) Fisher information that it adds."""
     horizon_s: float
     """Predictability horizon of the planned swing."""
     minutes: float

@@ -151,5 +151,7 @@ def _assumptions(known: Knowledge) -> list[str]:
         "Effects that happened once, as lost counts, are not planned for.",
     ]
     if known.inflation > 1.0:
-        made.append(f"One reading counts as 1/{known.inflation:.2g}: so much above the noise is what the model leaves.")
+        made.append(
+            f"One reading counts as 1/{known.inflation:.2g}, because the residual of the model exceeds the noise."
+        )
     return made

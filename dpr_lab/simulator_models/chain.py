@@ -140,7 +140,7 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
     terms = [term for joint in joints for term in _terms(joint)]
     rod1, angle1 = _inner(own, at_elbow, (inner, outer), plane, e)
     if abs(rod1.offset) > CHAIN.offset:
-        terms.append(JointTerm(inner.name, "centroid of the inner rod across it", rod1.offset, "m"))
+        terms.append(JointTerm(inner.name, "distance of the centroid from the axis of the inner rod", rod1.offset, "m"))
     rod2 = _outer(groups[1], outer, plane, e, angle1)
     _driven(model, joints, notes)
     return ModelChain((rod1, rod2), float(sum(part.mass for part in at_elbow)), g, e, arm, tuple(terms), tuple(notes))

@@ -62,7 +62,7 @@ def keys_file() -> Path:
 def about_keys() -> str:
     """Help text on changing keys."""
     return f"""
-**Your own keys** are defined in `{keys_file()}`: below the name of a place, an action and its key, such as
+**Your own keys** are defined in `{keys_file()}`: a section for each screen, with actions and their keys, such as
 
     [capture]
     release = "space"

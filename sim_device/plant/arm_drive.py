@@ -47,7 +47,7 @@ class ArmDrive:
         given = self._given(first, count, rate_hz) * self.unit
         return (given * self.config.torque_per_input * self.config.gain + self.config.offset_Nm)[:, None]
 
-    def told(self, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.int64]:
+    def reported(self, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.int64]:
         """(count, kinds) content of ARM_INPUT at these ticks, in units; `release` is the number of the release."""
         noise = standard_noise(self.seed, RandomStream.DRIVES, release, first, count)[:, 0] * self.config.noise
         given = self._given(first, count, rate_hz) + np.rint(noise / self.unit)

@@ -180,7 +180,7 @@ class PlantConfig(_Table):
         if (self.arm.mode == "driven") != (self.arm_drive is not None):
             raise ValueError('[arm] mode = "driven" and [arm_drive] go together')
         if self.foreign and self.arm.mode == "driven":
-            raise ValueError("[foreign] is of rigs whose arm is not driven")
+            raise ValueError("[foreign] plants have no driven arm: remove [foreign], or the mode of the arm")
         return self
 
     @property

@@ -55,7 +55,7 @@ class JointDrives:
         asked = self._asked(first, count, rate_hz, self.config.delay_s) * np.float64(self.unit_Nm)
         return asked * np.array(self.config.gain) + np.array(self.config.offset_Nm)
 
-    def told(self, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.int64]:
+    def reported(self, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.int64]:
         """(count, kinds, 2) torques that TORQUE reports for these ticks, in units; `release` is the release number."""
         commanded = self._asked(first, count, rate_hz, 0.0)
         noise = standard_noise(self.seed, RandomStream.DRIVES, release, first, count)[:, :2] * self.config.noise_Nm
@@ -93,7 +93,8 @@ def load_drives(file: str | Path, config: DriveConfig, seed: int) -> JointDrives
         raise ConfigError(f"torques: {path}: cannot be read: {error.strerror}") from error
     except (KeyError, ValueError) as error:
         raise ConfigError(
-            f"torques: {path}: needs a line with the names {', '.join(COLUMNS)}, then a number of each in every line"
+            f"torques: {path}: needs a line with the names {', '.join(COLUMNS)}, then one number for each name in every"
+            " line"
         ) from error
     joints = np.stack(joints, axis=1)
     if not np.isfinite(joints).all() or not np.isfinite(t).all() or (np.diff(t) <= 0).any():

@@ -111,8 +111,8 @@ class SimulatedRods:
         if self._drives is None:
             return np.zeros((count, 0), dtype=np.int64)
         if first is None:
-            return 0 * self._drives.told(self._release, 0, count, self._rate_hz)
-        return self._drives.told(self._release, first, count, self._rate_hz)
+            return 0 * self._drives.reported(self._release, 0, count, self._rate_hz)
+        return self._drives.reported(self._release, first, count, self._rate_hz)
 
     def missing(self, first: int, count: int) -> NDArray[np.bool_]:
         """(count,) whether a sample of the swing is never sent."""

@@ -29,14 +29,14 @@ def table(tmp_path: Path) -> Path:
 
 def test_a_torque_holds_from_its_tick_on_and_what_is_told_is_what_acts(table: Path) -> None:
     drives = load_drives(table, DriveConfig(delay_s=0.002), 1)
-    asked = drives.told(1, 9, 4, 1000.0)[:, 1]
+    asked = drives.reported(1, 9, 4, 1000.0)[:, 1]
     assert asked.tolist() == [[1000, 200], [1000, 200], [-2000, 200], [-2000, 200]]
-    assert drives.told(1, 11, 3, 1000.0)[:, 0].tolist() == [[1000, 200], [1000, 200], [-2000, 200]]  # 2 ms later
-    assert drives.exerted(11, 3, 1000.0) == pytest.approx(drives.told(1, 11, 3, 1000.0)[:, 0] * 1e-4)
+    assert drives.reported(1, 11, 3, 1000.0)[:, 0].tolist() == [[1000, 200], [1000, 200], [-2000, 200]]  # 2 ms later
+    assert drives.exerted(11, 3, 1000.0) == pytest.approx(drives.reported(1, 11, 3, 1000.0)[:, 0] * 1e-4)
     assert drives.exerted(0, 3, 1000.0)[:, 0] == pytest.approx([0.0, 0.0, 0.1])
     noisy = JointDrives(drives.t, drives.joints, DriveConfig(noise_Nm=0.01, tells=("measured",)), 1)
     assert noisy.kinds == (TorqueKind.MEASURED,)
-    assert noisy.told(1, 20, 400, 1000.0)[:, 0, 0].std() == pytest.approx(100.0, rel=0.15)
+    assert noisy.reported(1, 20, 400, 1000.0)[:, 0, 0].std() == pytest.approx(100.0, rel=0.15)
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_a_torque_holds_from_its_tick_on_and_what_is_told_is_what_acts(table: Pa
     [
         ("t_s,tau1_Nm\n0,1\n1,1\n", "needs a line with the names t_s, tau1_Nm, tau2_Nm"),
         ("x,tau1_Nm,tau2_Nm\n0,1,1\n1,1,1\n", "needs a line with the names"),
-        ("t_s,tau1_Nm,tau2_Nm\n0,1,1\n1,1\n", "a number of each in every line"),
+        ("t_s,tau1_Nm,tau2_Nm\n0,1,1\n1,1\n", "one number for each name in every line"),
         ("", "needs a line with the names"),
         ("t_s,tau1_Nm,tau2_Nm\n0,1,1\n0,1,1\n", "a time that grows"),
         ("t_s,tau1_Nm,tau2_Nm\n0,1,1\n1,4,1\n", "4 N m is more than the wire carries in units of 100 uN m"),

@@ -81,7 +81,7 @@ class _File:
         except ConfigError as error:
             raise ConfigError(f"{self.path}: {error}") from error
 
-    def begun(self, text: bytes) -> XmlEdit:
+    def editable(self, text: bytes) -> XmlEdit:
         return XmlEdit(text, str(self.path))
 
     def joint(self, edit: XmlEdit, name: str) -> int:
@@ -121,7 +121,7 @@ def into_description(
         ConfigError: the file cannot be read or changed, or its L1 or g is not that of the rig.
     """
     file = _File(path, name, read, editor, tuple(joints), model.rig.g)
-    edit = file.begun(path.read_bytes())
+    edit = file.editable(path.read_bytes())
     chain = file.chain(file.model(edit))
     refuse_other_rig(chain, model.rig.L1, model.rig.g, path)
     expressed = in_words(model, rig, editor.words)
@@ -130,20 +130,20 @@ def into_description(
     if longer := sum(words.get("added_length", 0.0) for words in expressed.values()):
         edit = _lengthened(file, edit, longer)
         changes += edit.changes
-        edit = file.begun(edit.text())
+        edit = file.editable(edit.text())
         chain = file.chain(file.model(edit))
     targets = rod_targets(chain, made)
     for number, target in enumerate(targets):
         edit = _with_body(file, edit, number, target)
         changes += edit.changes
-        edit = file.begun(edit.text())
+        edit = file.editable(edit.text())
         values = joint_values(chain, number, target)
         words = {editor.joint_names[key]: numbers([v]) for key, (_, v) in values.items() if key in editor.joint_names}
         joint = chain.rods[number].joint.name
         if words:
             editor.set_joint(edit, file.joint(edit, joint), f"joint {joint}", words)
             changes += edit.changes
-            edit = file.begun(edit.text())
+            edit = file.editable(edit.text())
     reason = f"{path}: the changed file does not contain the written numbers when it is read again: change it by hand"
     refuse_overridden(file.chain(file.model(edit)), targets, made.rods[0].length, editor.words, reason)
     return PatchedModel(edit.text(), tuple(changes), left_out(model, expressed, name))
@@ -193,7 +193,7 @@ def _moved(
     place = file.editor.place(edit, owner)
 
     def measured(at: Vector) -> Vector:
-        tried = file.begun(edit.text())
+        tried = file.editable(edit.text())
         file.editor.set_place(tried, owner, label, at)
         return measure(file.model(tried))
 

@@ -64,6 +64,6 @@ def _of_score(test: ScoreTest, score: Score, chosen: Hypothesis, names: tuple[st
     own = _places([test.free[column] for column in score.columns], score.effect.name, names)
     if not own:
         return None
-    covariance = test.beside(score.columns).covariance()[np.ix_(own, own)] * chosen.residuals.inflation
+    covariance = test.projected(score.columns).covariance()[np.ix_(own, own)] * chosen.residuals.inflation
     covariance = covariance + np.diag((SETTINGS.linear_error * score.amplitudes[own]) ** 2)
     return magnitude(score.amplitudes[own], NORMAL_Q90**2 * covariance)

@@ -26,7 +26,7 @@ def exclusions(at: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str,
     excluded = []
     for score in test.ranking:
         name = score.effect.name
-        given = test.beside(score.columns)
+        given = test.projected(score.columns)
         for i, column in enumerate(score.columns):
             parameter = test.free[column]
             size = least.get(name, {}).get(parameter.name)

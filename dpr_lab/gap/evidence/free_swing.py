@@ -40,7 +40,7 @@ class FreeSwing:
     by_values: Array
     """(n, 2, free) Jacobian for the fitted values."""
     by_start: Array
-    """(n, 2, 4) along the start state; (n, 3, 6) with an arm that moves."""
+    """(n, 2, 4) Jacobian for the initial state; (n, 3, 6) with an arm that moves."""
     setup: Setup
     """What hung on the rig, and what its arm did."""
 

@@ -137,13 +137,13 @@ def _curves(recordings: Recordings, pair: Pairs, run: RunBudget) -> Curves:
         held_out=run.held_out,
         settled_s=FREE_RUN.settle_s,
         until_s=run.until_s,
-        t_s=_told(after.t[some]),
-        measured_rad=_told(joints.to_rods(after.measured[some, :2])),
-        before_rad=_told(joints.to_rods(pair["before"].predicted[some, :2])),
-        after_rad=_told(joints.to_rods(after.predicted[some, :2])),
+        t_s=_rounded(after.t[some]),
+        measured_rad=_rounded(joints.to_rods(after.measured[some, :2])),
+        before_rad=_rounded(joints.to_rods(pair["before"].predicted[some, :2])),
+        after_rad=_rounded(joints.to_rods(after.predicted[some, :2])),
     )
 
 
-def _told(values: Array) -> Any:
-    """The public result of a free run."""
+def _rounded(values: Array) -> Any:
+    """Nested lists of rounded numbers; zero where a model could not be simulated."""
     return np.round(np.nan_to_num(values), CURVE.digits).tolist()

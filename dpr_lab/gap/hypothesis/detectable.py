@@ -31,7 +31,7 @@ def detectable(at: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, flo
     spread = SIGMAS * at.residuals.inflation**0.5
     least: dict[str, dict[str, float | None]] = {}
     for score in test.ranking:
-        left = np.diag(test.beside(score.columns).H)
+        left = np.diag(test.projected(score.columns).H)
         scales = test.space.scale[list(score.columns)]
         sizes = {
             test.free[column].name: _size(spread, scale, rest)

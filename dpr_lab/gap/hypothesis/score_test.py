@@ -73,7 +73,7 @@ class ScoreTest:
         """The best score of one effect; None if it was not tested."""
         return self.shaped[effect][0] if effect in self.shaped else None
 
-    def beside(self, columns: Sequence[int]) -> ColumnSpace:
+    def projected(self, columns: Sequence[int]) -> ColumnSpace:
         """Columns of the candidates, with the fitted parameters projected out."""
         return self.space.given(list(self.held), list(columns))
 
@@ -81,7 +81,7 @@ class ScoreTest:
         """Cosine between a change by `target` and the nearest by `other`, fitted parameters projected out."""
         own = len(target.columns)
         direction = target.amplitudes if target.amplitudes.any() else self.space.scale[list(target.columns)]
-        space = self.beside((*target.columns, *other.columns))
+        space = self.projected((*target.columns, *other.columns))
         return space.cosine(direction, slice(0, own), slice(own, None))
 
 

@@ -54,7 +54,7 @@ class InstantSettings:
     likely: float = 0.3
     """Fraction of the largest significance from which another cycle is fitted as well."""
     unshared: float = 0.15
-    """Quantile of the scatter over positions of all cycles that late readings do not affect."""
+    """Quantile of the scatter over the positions of a cycle: late readings do not affect it."""
     least: float = 0.1
     """Minimum delay, in periods; a smaller one counts as noise."""
     wild: float = 8.0

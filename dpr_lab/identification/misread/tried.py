@@ -29,7 +29,7 @@ class MisreadSettings:
     tried_s: float = 2.5
     """The same for the test of other interpretations, s."""
     suspicious: float = 0.02
-    """Residual over the standard deviation of the angle. Rods alone reach 2e-4 for a clean plant, 0.002 and 0.065
+    """Residual over the standard deviation of the angle. Free rods reach 2e-4 for a clean plant, 0.002 and 0.065
     for rigs with much friction; wrong interpretations of a clean plant start at 0.05.
     """
     hopeless: float = 0.3
@@ -141,7 +141,7 @@ def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
 def better_readings(runs: Sequence[Run], rig: Rig, chi2_per_dof: float) -> list[tuple[Misreading, RatioFit]]:
     """Other interpretations that explain the runs far better, best first, without those far worse than the best.
 
-    Where the swing is read slower, segments of the same length hold less of it: what the rods lack adds up to less, in
+    Where the swing is read slower, segments of the same length hold less of it: the residual accumulates less, in
     chi2 with the fourth power.
 
     Args:

@@ -114,7 +114,7 @@ class ImportOptions:
         Literal["free", "prescribed"] | None,
         Typed("The inner rod swung, or moved as its encoder says; else as the rig says."),
     ] = None
-    """What the inner rod did; None: as the rig file says."""
+    """Mode of the inner rod, `free` or `prescribed`; None for that of the rig file."""
     keep_rest: Annotated[bool, Typed("Keep all rows, also those in which the rods seem to be held.")] = False
     """Whether all rows are used, also those in which the rods seem to be held."""
     recorded_at: Annotated[

@@ -123,7 +123,7 @@ class _IdleWatch:
     def __init__(self, device: Device, rig: Rig, outbox: Outbox) -> None:
         self._device, self._rig, self._outbox = device, rig, outbox
         self._counts: dict[int, int] = {}
-        self._told: dict[int, int] = {}
+        self._last_reported: dict[int, int] = {}
         self._last: Idle | None = None
 
     def look(self) -> None:
@@ -140,15 +140,18 @@ class _IdleWatch:
         if last is not None and still and latched == last.latched and at - last.at < SETTINGS.idle_s:
             return
         if not still:
-            self._told = dict(self._counts)
-        theta0, theta1, theta2 = self._rig.theta([self._told[joint] for joint in range(JOINTS)]).tolist()
+            self._last_reported = dict(self._counts)
+        theta0, theta1, theta2 = self._rig.theta([self._last_reported[joint] for joint in range(JOINTS)]).tolist()
         self._last = Idle((theta0, theta1, theta2), latched, at)
         self._outbox.add_if_read(self._last)
 
     def _still(self) -> bool:
         """Whether the readings of all encoders are within noise of the last reported angles."""
         noise = 1 + SETTINGS.noises * self._rig.encoders.noise_counts
-        return all(joint in self._told and abs(n - self._told[joint]) <= noise for joint, n in self._counts.items())
+        return all(
+            joint in self._last_reported and abs(n - self._last_reported[joint]) <= noise
+            for joint, n in self._counts.items()
+        )
 
 
 def _leave_the_terminal(log: Path) -> None:
