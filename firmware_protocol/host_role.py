@@ -122,7 +122,7 @@ class HostSession:
         if isinstance(message, Status):
             self.status = message
         elif isinstance(message, Info):
-            self._told(message)
+            self._read_info(message)
         elif isinstance(message, Ack | Nak) and self._pending:
             self._answered(self._pending.command, message)
         return message
@@ -144,7 +144,7 @@ class HostSession:
         self._pending = replace(pending, sent_at=now, retries=pending.retries + 1)
         return [pending.frame]
 
-    def _told(self, page: Info) -> None:
+    def _read_info(self, page: Info) -> None:
         """Process a page of INFO; a page that contradicts an earlier one comes from another device."""
         if page != self._pages.setdefault(page.page, page):
             raise DevicesCollide(

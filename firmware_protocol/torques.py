@@ -34,22 +34,22 @@ class TorquePairs:
         self.kinds = tuple(kinds)
         self.missing = 0
         """Number of samples discarded because torques were missing or contradictory."""
-        self._told: dict[int, dict[TorqueKind, Pair | None]] = {}
+        self._received: dict[int, dict[TorqueKind, Pair | None]] = {}
         self._waiting: list[Row] = []
         self._newest = 0
 
     def restart(self) -> None:
         """Restart at tick 0."""
-        self._told, self._waiting, self._newest = {}, [], 0
+        self._received, self._waiting, self._newest = {}, [], 0
 
     def note(self, torque: Torque | ArmInput) -> None:
         """Process a TORQUE or an ARM_INPUT."""
         tick = unwrap(torque.tick, self._newest, 16)
-        kinds_seen = self._told.setdefault(tick, {})
+        kinds_seen = self._received.setdefault(tick, {})
         pair = (torque.input, 0) if isinstance(torque, ArmInput) else (torque.torque1, torque.torque2)
         kinds_seen[torque.kind] = pair if kinds_seen.get(torque.kind, pair) == pair else None
-        for old in sorted(self._told)[: max(0, len(self._told) - KEPT)]:
-            del self._told[old]
+        for old in sorted(self._received)[: max(0, len(self._received) - KEPT)]:
+            del self._received[old]
 
     def take(self, rows: Sequence[Row]) -> list[DrivenRow]:
         """Process samples in order; returns those that are complete, or have waited long enough, with their torques."""
@@ -68,7 +68,7 @@ class TorquePairs:
         return [row for row in map(self._with_torques, ready) if row is not None]
 
     def _with_torques(self, row: Row) -> DrivenRow | None:
-        kinds_seen = self._told.pop(row.tick, {})
+        kinds_seen = self._received.pop(row.tick, {})
         pairs = [pair for kind in self.kinds if (pair := kinds_seen.get(kind)) is not None]
         if len(pairs) < len(self.kinds):
             self.missing += 1

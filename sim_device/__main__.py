@@ -108,7 +108,7 @@ def _fault_lines() -> str:
 
 
 def _tell(options: argparse.Namespace) -> int:
-    print(json.dumps(_told(options), indent=None if options.direct else 2))
+    print(json.dumps(_drawn(options), indent=None if options.direct else 2))
     return 0
 
 
@@ -130,7 +130,7 @@ def _hold(options: argparse.Namespace) -> int:
     return 0
 
 
-def _told(options: argparse.Namespace) -> dict[str, Any]:
+def _drawn(options: argparse.Namespace) -> dict[str, Any]:
     if options.unseal:
         from sim_device.trials.seal import opened
 

@@ -65,9 +65,8 @@ def required_claims(diagnosis: Diagnosis) -> dict[str, RequiredClaim]:
         }
     for effect in diagnosis.effects:
         required |= {f"{effect.name}: {name}": claim for name, claim in _effect_claims(effect, diagnosis.scale)}
-    # with a moving arm, `ratios` has nominal values of the rig file where the recordings determine none
-    moves = any(name.startswith("A/") for name in diagnosis.determined)
-    ratios = (diagnosis.determined if moves else diagnosis.ratios).items()
+    # `ratios` has nominal values of the rig file where the recordings determine none; older files have nothing else
+    ratios = (diagnosis.determined or diagnosis.ratios).items()
     return required | {name: _number(r.value, r.interval90, DIFFERENCE_STEPS.least_ratio) for name, r in ratios}
 
 

@@ -53,8 +53,7 @@ def at_limit(params: NDArray[np.float64], limits: NDArray[np.float64], *, share:
     )
 
 
-def relative_sizes(params: NDArray[np.float64], limits: NDArray[np.float64]) -> dict[str, float]:
-    """Effect with amplitudes -> rms of its amplitudes relative to their limits, 1."""
-    relative = params / limits
-    places = {name: [param_index(name, p.name) for p in effect.amplitudes] for name, effect in EFFECTS.items()}
-    return {name: float(np.sqrt(np.mean(relative[own] ** 2))) for name, own in places.items() if own}
+def relative_size(params: NDArray[np.float64], limits: NDArray[np.float64], effect: str) -> float:
+    """Rms of the amplitudes of one effect relative to their limits, 1."""
+    amplitudes = [param_index(effect, parameter.name) for parameter in EFFECTS[effect].amplitudes]
+    return float(np.sqrt(np.mean((params[amplitudes] / limits[amplitudes]) ** 2)))

@@ -159,11 +159,11 @@ def _selected(located: Located) -> Selected:
     that is so (`known_torques`); if not, the bare model is fitted and the effects are searched again. This is decided
     before the set is refined, which takes most of the time, and once more for the final set.
     """
-    located, draft = _settled(located, _begun(located))
+    located, draft = _settled(located, _drafted(located))
     selected = Selected.after(located, selection=refined(draft))
     if other := with_other_noise(selected.recordings, selected.problem, selected.selection.chosen):
         again = _located(_fitted(replace(located, recordings=other)))
-        selected = Selected.after(again, selection=refined(_begun(again)))
+        selected = Selected.after(again, selection=refined(_drafted(again)))
     refuse_negative_scale(selected.selection.chosen.fit.estimate.ratios, selected.request.runs, selected.request.rig)
     return selected
 
@@ -175,10 +175,10 @@ def _settled(located: Located, draft: Draft, most_changes: int = 2) -> tuple[Loc
         if other is None:
             break
         located = _located(_fitted(replace(located, recordings=other)))
-        draft = _begun(located)
+        draft = _drafted(located)
     if acts_between_rows(located.recordings, draft.model):
         again = _located(_fitted(_sampled(located)))
-        sampled = _begun(again)
+        sampled = _drafted(again)
         if no_worse(draft.model, sampled.model):
             return again, sampled
     return located, draft
@@ -190,7 +190,7 @@ def _sampled(located: Located) -> Located:
     return replace(located, recordings=recordings.with_sampled_torques(), unseen=unseen.with_sampled_torques())
 
 
-def _begun(located: Located) -> Draft:
+def _drafted(located: Located) -> Draft:
     request, held_out = located.request, located.held_out
     _begin(request, "which")
     return forward(

@@ -119,7 +119,7 @@ class Firmware:
         self._library = library or load()
         self._host = ctypes.create_string_buffer(self._library.dpr_host_size())
         self._frames = ctypes.create_string_buffer(FRAMES * _FRAME.size)
-        self._told = [list(TorqueKind).index(kind) for kind in info.torque_kinds]
+        self._kind_indices = [list(TorqueKind).index(kind) for kind in info.torque_kinds]
         self._inputs = [list(TorqueKind).index(kind) for kind in info.input_kinds]
         self._library.dpr_host_start(self._host, byref(_identity(info, node)))
         self._library.dpr_host_claim(self._host, info.major, info.schema_hash)
@@ -181,7 +181,7 @@ class Firmware:
         if readings is not None:
             rows["tick"], rows["counts"] = readings[:, 0].astype(np.int32), readings[:, 1:].astype(np.int32)
         if torques is not None and torques.size:
-            rows["torques"][:, self._told] = torques.clip(-0x8000, 0x7FFF)
+            rows["torques"][:, self._kind_indices] = torques.clip(-0x8000, 0x7FFF)
         if inputs is not None and inputs.size:
             rows["inputs"][:, self._inputs] = inputs.clip(-(1 << 31), (1 << 31) - 1)
         return rows

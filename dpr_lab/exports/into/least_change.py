@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.base import BASE, base_parameters, ratios
 from dpr_lab.effects import EFFECTS
 from dpr_lab.exports.bodies import words_of
+from dpr_lab.exports.refit import fitted_in_words
 from dpr_lab.gap.result.diagnosis import Diagnosis, EffectSize
 from dpr_lab.identification.compare import compare_run
 from dpr_lab.identification.model import Model, ParameterValue
@@ -89,7 +90,7 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
         chain: the double pendulum of the file
         runs: the diagnosed runs, to rank the causes
     """
-    effects = without_chance(diagnosis, model).effects
+    effects = _without_chance(diagnosis, model).effects
     longer = sum(words.get("added_length", 0.0) for words in words_of(effects).values())
     own = _base_of(chain, longer)
     rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])  # visible only in a during a free swing
@@ -172,7 +173,23 @@ def _with_own_numbers(chain: ModelChain, base: Array, own: Array, longer: float)
     return changed
 
 
-def without_chance(diagnosis: Diagnosis, model: Model) -> Model:
+def expressible(diagnosis: Diagnosis, model: Model, words: frozenset[str], runs: Sequence[Run], rig: Rig) -> Model:
+    """The model with what the elements of a format express, refitted where something is lost.
+
+    Args:
+        diagnosis: the diagnosis, for the intervals of its effects
+        model: its corrected model
+        words: elements of the format
+        runs: the diagnosed runs
+        rig: the rig
+
+    Raises:
+        RunError: as for `fitted_in_words`.
+    """
+    return fitted_in_words(_without_chance(diagnosis, model), words, runs, rig)
+
+
+def _without_chance(diagnosis: Diagnosis, model: Model) -> Model:
     """The model in which an amplitude whose interval contains zero is zero, unless it is the only one of its effect.
 
     A spring whose cubic term is below its uncertainty is a linear spring, which the formats can contain.

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.effects import EFFECTS, without_effect
-from dpr_lab.effects.limits import relative_sizes
+from dpr_lab.effects.limits import relative_size
 from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.estimate import (
     SCALE,
@@ -82,9 +82,10 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
     """Compute residual statistics and cost of a fit."""
     left = residual_statistics(problem, fitted)
     names, loss = tuple(effects), predictive_loss(fitted, folds(problem), left.inflation)
-    sizes = {} if problem.limits is None else relative_sizes(fitted.estimate.params, problem.limits)
-    curves = {name: sizes[name] for name in names if name in sizes and len(EFFECTS[name].amplitudes) >= PENALTY.curve}
-    return Hypothesis(names, fitted, left, loss, curves)
+    curves = [name for name in names if len(EFFECTS[name].amplitudes) >= PENALTY.curve]
+    params, limits = fitted.estimate.params, problem.limits
+    sizes = {} if limits is None else {name: relative_size(params, limits, name) for name in curves}
+    return Hypothesis(names, fitted, left, loss, sizes)
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:

@@ -148,7 +148,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
 
     def pace(self, now: float) -> str:
         """Remaining time from the number of runs."""
-        done, net = len(self._comparisons), now - self._begun - self._compiled_s
+        done, net = len(self._comparisons), now - self._started - self._compiled_s
         return f"about {net * (self._runs - done) / done:.0f} s left" if 0 < done < self._runs else ""
 
     def stale(self) -> str:

@@ -93,7 +93,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
     def __init__(self, services: Services, *, id: str | None = None) -> None:
         super().__init__(services, id=id)
         self._shown: Path | None = None
-        self._found: Diagnosis | None = None
+        self._diagnosis: Diagnosis | None = None
         self._unit: AngleUnit | None = None
         self._stage: StageBegan | None = None
         self._pace: StagePace | None = None
@@ -123,18 +123,18 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
 
     def outcome(self) -> str:
         """Verdict in a few words."""
-        if self._found is None:
+        if self._diagnosis is None:
             return ""
-        named = len(self._found.effects)
-        if self._found.verdict == "named":
+        named = len(self._diagnosis.effects)
+        if self._diagnosis.verdict == "named":
             return f"{named} effect{'s' * (named > 1)} named"
-        return self._found.verdict.replace("_", " ")
+        return self._diagnosis.verdict.replace("_", " ")
 
     def enter(self) -> None:
         """Show the held-out runs, and the diagnosis of the workspace."""
         self._show_held_out()
-        if self._found is not None and self._unit is not self.workspace.unit:
-            self._draw(self._found)
+        if self._diagnosis is not None and self._unit is not self.workspace.unit:
+            self._draw(self._diagnosis)
         if self.workspace.diagnosis not in (None, self._shown) and self.job is None:
             from dpr_lab.gap.result.diagnosis import load_diagnosis
 
@@ -196,7 +196,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         """End without a diagnosis; the previous one is still shown, with its sentence."""
         from dpr_lab.report.gap.tables import sentence
 
-        previous = self._found
+        previous = self._diagnosis
         before = f"; the previous one is shown. {sentence(previous)}" if previous is not None else ""
         self.say(f"Ended without a {'new ' if before else ''}diagnosis: {why}{before}")
 
@@ -214,14 +214,14 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         """Show the next location of the gap."""
         self.query_one(TabbedContent).active = "where"
         picker = self.query_one("#place", Select)
-        if self._found is not None and self._found.where and isinstance(picker.value, int):
-            picker.value = (picker.value + 1) % len(self._found.where)
+        if self._diagnosis is not None and self._diagnosis.where and isinstance(picker.value, int):
+            picker.value = (picker.value + 1) % len(self._diagnosis.where)
 
     def show(self, diagnosis: "Diagnosis") -> None:
         """Draw a diagnosis: the verdict, and the details in tabs."""
         from dpr_lab.report.words import in_words
 
-        self._found = diagnosis
+        self._diagnosis = diagnosis
         picker = self.query_one("#place", Select)
         picker.set_options(
             [
@@ -274,8 +274,8 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
     @on(Select.Changed, "#place")
     def _place_picked(self, event: Select.Changed) -> None:
         event.stop()
-        if self._found is not None and isinstance(event.value, int) and event.value < len(self._found.where):
-            self._draw_place(self._found.where[event.value])
+        if self._diagnosis is not None and isinstance(event.value, int) and event.value < len(self._diagnosis.where):
+            self._draw_place(self._diagnosis.where[event.value])
 
     def _draw_place(self, place: "Where") -> None:
         from dpr_lab.report.envelope import signal_scale

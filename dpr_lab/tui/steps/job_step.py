@@ -64,7 +64,7 @@ class JobStep(Step):
     def __init__(self, services: Services, *, id: str | None = None) -> None:
         super().__init__(services, id=id)
         self.job: JobProcess | None = None
-        self._begun = 0.0
+        self._started = 0.0
         self._kernels = 0
         self._compiling: float | None = None
         self._compiled_s = 0.0
@@ -84,10 +84,10 @@ class JobStep(Step):
         if self.job is None or self.job.paused:
             return "" if self.job is None else f"{self.NAME} PAUSED"
         now = time.monotonic()
-        text, last = f"{self.NAME} {now - self._begun:.0f} s", self.workspace.took.get(self.NAME, 0.0) * self._runs
+        text, last = f"{self.NAME} {now - self._started:.0f} s", self.workspace.took.get(self.NAME, 0.0) * self._runs
         if self._compiling is not None:
             return f"{text}, compiling"
-        left = self._begun + self._compiled_s + last - now
+        left = self._started + self._compiled_s + last - now
         pace = f"about {left:.0f} s left" if left > 0 else self.pace(now)
         return f"{text}, {pace}" if pace else text
 
@@ -98,7 +98,7 @@ class JobStep(Step):
     def made(self) -> None:
         """Store the inputs of the result, and the duration without compilation."""
         self.workspace.made_from[self.NAME] = self._basis
-        self.workspace.took[self.NAME] = (time.monotonic() - self._begun - self._compiled_s) / self._runs
+        self.workspace.took[self.NAME] = (time.monotonic() - self._started - self._compiled_s) / self._runs
 
     @property
     def _runs(self) -> int:
@@ -144,7 +144,7 @@ class JobStep(Step):
     def begin(self, function: Callable[..., Any], **arguments: Any) -> None:
         """Start a job and drop the events of a previous one."""
         self._stop_job()
-        self._begun, self._basis = time.monotonic(), self.workspace.basis()
+        self._started, self._basis = time.monotonic(), self.workspace.basis()
         self._kernels, self._compiling, self._compiled_s = 0, None, 0.0
         self.job = start_job(self, function, **arguments)
         if self.display:

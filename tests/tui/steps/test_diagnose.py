@@ -165,7 +165,9 @@ async def test_runs_stand_by_pose_and_time_and_no_list_is_empty(lab, fixed_diagn
         assert "X1 (2026-11-21 " in far
         assert "20261121T101500Z" not in far
         assert "indistinguishable from: –" not in which
-        assert which.count("indistinguishable from:") == sum(len(e.members) > 1 for e in step(pilot.app)._found.effects)
+        assert which.count("indistinguishable from:") == sum(
+            len(e.members) > 1 for e in step(pilot.app)._diagnosis.effects
+        )
 
 
 async def test_every_rival_says_what_tells_it_apart(lab, fixed_diagnosis: Path, tmp_path: Path) -> None:
