@@ -17,7 +17,8 @@ from _trial_cases import Case, hidden, opened
 from dpr_lab.checks.update import candidates, update
 from dpr_lab.gap.advice.check_kind import CheckAnswer
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.result.diagnosis import AdvisedCheck, AdvisedRelease, Diagnosis
+from dpr_lab.gap.result.checks import AdvisedCheck, AdvisedRelease
+from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run

@@ -3,7 +3,8 @@
 from typing import Any
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.gap.result.diagnosis import Diagnosis, Quantity
+from dpr_lab.gap.result.checks import Quantity
+from dpr_lab.gap.result.diagnosis import Diagnosis
 
 CLOCK, LENGTH = "clock_rate", "wrong_length_L1"
 SIZES = {CLOCK: 0.00505, LENGTH: -0.0022}

@@ -25,7 +25,8 @@ from dpr_lab.acceptance.limits import Limits
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
-from dpr_lab.gap.result.diagnosis import Diagnosis, NamedEffect
+from dpr_lab.gap.result.causes import NamedEffect
+from dpr_lab.gap.result.diagnosis import Diagnosis
 
 SURE = 0.95
 """Probability of a cause above which its size can fail a limit, and probability of its absence above which it can

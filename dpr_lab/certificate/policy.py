@@ -14,7 +14,8 @@ from dpr_lab.certificate.document import POLICY, CertifiedClaim
 from dpr_lab.certificate.lines import Verified
 from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.estimate import DIFFERENCE_STEPS
-from dpr_lab.gap.result.diagnosis import Diagnosis, EffectSize, NamedEffect, SensorFinding
+from dpr_lab.gap.result.causes import EffectSize, NamedEffect
+from dpr_lab.gap.result.diagnosis import Diagnosis, SensorFinding
 from dpr_lab.identification.scaling.scale import Scale
 
 Ends = tuple[float, float]

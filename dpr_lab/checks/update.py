@@ -23,14 +23,9 @@ from dpr_lab.errors import RunError, unknown_name
 from dpr_lab.gap.advice.advise import kind_of
 from dpr_lab.gap.advice.check_kind import CheckAnswer, Result, log_mean
 from dpr_lab.gap.advice.measurement import SETTINGS
-from dpr_lab.gap.result.diagnosis import (
-    NONE_OF_THEM,
-    AdvisedCheck,
-    CheckDone,
-    Diagnosis,
-    NamedEffect,
-    RivalEffect,
-)
+from dpr_lab.gap.result.causes import NamedEffect, RivalEffect
+from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
+from dpr_lab.gap.result.diagnosis import Diagnosis
 
 
 def find_check(diagnosis: Diagnosis, name: str) -> AdvisedCheck:

@@ -6,7 +6,8 @@ import numpy as np
 
 from dpr_lab.gap.advice.measurement import SETTINGS
 from dpr_lab.gap.conclusion.verdict import Verdict
-from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, CheckDone, Diagnosis
+from dpr_lab.gap.result.checks import NONE_OF_THEM, CheckDone
+from dpr_lab.gap.result.diagnosis import Diagnosis
 
 
 def likeliest(probabilities: Mapping[str, float]) -> str:

@@ -29,8 +29,8 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.advice.next_step import NextStep
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.result.diagnosis import Gap
 from dpr_lab.gap.result.evidence import Evidence
+from dpr_lab.gap.result.gap_size import Gap
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FreeRuns
 from dpr_lab.gap.transfer.out_of_sample import Unseen

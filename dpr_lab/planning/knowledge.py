@@ -22,7 +22,8 @@ from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.prior import STRENGTH, Prior, prior_of
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.gap.bare_model import nominal_ratios
-from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, Diagnosis
+from dpr_lab.gap.result.checks import NONE_OF_THEM
+from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.record import RATE_HZ, record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.planning.information import PresentModel

@@ -3,7 +3,8 @@
 If only ratios to b are identified, both sizes are given as ratios, and then at the b that the diagnosis assumes.
 """
 
-from dpr_lab.gap.result.diagnosis import Diagnosis, NamedEffect
+from dpr_lab.gap.result.causes import NamedEffect
+from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.digits import NONE
 from dpr_lab.report.gap.sizes import sizes_cell, true_sizes_cell
 from dpr_lab.report.words import named

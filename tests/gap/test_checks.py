@@ -11,7 +11,8 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
 from dpr_lab.gap.advice.check_kind import CheckAnswer, expected_bits
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, AdvisedCheck, Diagnosis, load_diagnosis
+from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck
+from dpr_lab.gap.result.diagnosis import Diagnosis, load_diagnosis
 from dpr_lab.rig import load_rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run

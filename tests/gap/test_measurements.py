@@ -13,7 +13,8 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
 from dpr_lab.gap.advice.check_kind import CheckAnswer
 from dpr_lab.gap.advice.measurement import SETTINGS, Predictions, predictions
-from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, Diagnosis, Quantity
+from dpr_lab.gap.result.checks import NONE_OF_THEM, Quantity
+from dpr_lab.gap.result.diagnosis import Diagnosis
 from tests.a_diagnosis import CLOCK, LENGTH, SIZES, interval, made, measurement
 
 

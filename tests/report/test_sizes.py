@@ -1,6 +1,6 @@
 import pytest
 
-from dpr_lab.gap.result.diagnosis import EffectSize, NamedEffect
+from dpr_lab.gap.result.causes import EffectSize, NamedEffect
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.report.gap.sizes import scale_note, sizes_cell, true_sizes_cell
 from tests.report.test_gap_report import diagnosis as diagnosis

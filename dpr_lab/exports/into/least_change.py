@@ -16,7 +16,8 @@ from dpr_lab.dynamics.base import BASE, base_parameters, ratios
 from dpr_lab.effects import EFFECTS
 from dpr_lab.exports.bodies import words_of
 from dpr_lab.exports.refit import fitted_in_words
-from dpr_lab.gap.result.diagnosis import Diagnosis, EffectSize
+from dpr_lab.gap.result.causes import EffectSize
+from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.compare import compare_run
 from dpr_lab.identification.model import Model, ParameterValue
 from dpr_lab.rig import PARAMETERS, Rig

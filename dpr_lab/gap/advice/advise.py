@@ -18,7 +18,7 @@ from dpr_lab.gap.advice.expected_recordings import expected_recordings
 from dpr_lab.gap.advice.next_step import NextStep
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.result.diagnosis import AdvisedCheck
+from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.gap.screen.recordings import Recordings
 
 CHECK_KINDS: dict[str, CheckKind] = {

@@ -10,7 +10,8 @@ from dpr_lab.errors import RunError
 from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion, Result, expected_bits
 from dpr_lab.gap.advice.measurement import SETTINGS, Predictions, has, predictions
 from dpr_lab.gap.advice.next_step import NextStep
-from dpr_lab.gap.result.diagnosis import AdvisedCheck, Diagnosis, Quantity
+from dpr_lab.gap.result.checks import AdvisedCheck, Quantity
+from dpr_lab.gap.result.diagnosis import Diagnosis
 
 
 def form(check: AdvisedCheck) -> str:

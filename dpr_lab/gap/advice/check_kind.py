@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from dpr_lab.gap.advice.expected_recordings import ExpectedRecording
 from dpr_lab.gap.advice.next_step import NextStep
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.result.diagnosis import AdvisedCheck, Diagnosis
+from dpr_lab.gap.result.checks import AdvisedCheck
+from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 

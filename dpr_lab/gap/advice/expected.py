@@ -10,7 +10,8 @@ from dpr_lab.fitting.estimate import FreeParameter
 from dpr_lab.gap.advice.measurement import SETTINGS, magnitude
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
-from dpr_lab.gap.result.diagnosis import AdvisedCheck, Interval
+from dpr_lab.gap.result.checks import AdvisedCheck
+from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.scaling.scale import Scale
 

@@ -24,7 +24,9 @@ from numpy.typing import NDArray
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, AdvisedCheck, Diagnosis, Interval
+from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.saved import Interval
 
 Array = NDArray[np.float64]
 

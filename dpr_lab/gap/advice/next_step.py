@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from dpr_lab.gap.result.diagnosis import AdvisedCheck
+from dpr_lab.gap.result.checks import AdvisedCheck
 
 
 @dataclass(frozen=True, slots=True)

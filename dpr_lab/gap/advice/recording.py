@@ -15,7 +15,8 @@ from dpr_lab.gap.classes.posterior import CALIBRATION
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis, refit_with
 from dpr_lab.gap.hypothesis.score_test import score_test
 from dpr_lab.gap.hypothesis.steps import recorded
-from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, AdvisedCheck, AdvisedRelease, Diagnosis
+from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, AdvisedRelease
+from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.run import torque_kinds

@@ -7,7 +7,7 @@ import numpy as np
 from dpr_lab.effects.families import FAMILIES
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refit_without
-from dpr_lab.gap.result.diagnosis import NamedEffect, NamedFamily
+from dpr_lab.gap.result.causes import NamedEffect, NamedFamily
 from dpr_lab.gap.which.selected import Selection
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.effect import Effect, Params
 from dpr_lab.gap.classes.posterior import EffectPosterior
-from dpr_lab.gap.result.diagnosis import EffectSize, NamedEffect, RivalEffect
+from dpr_lab.gap.result.causes import EffectSize, NamedEffect, RivalEffect
 from dpr_lab.gap.state import Advised
 from dpr_lab.identification.scaling.scale import Scale
 

@@ -18,7 +18,10 @@ from dpr_lab.gap.conclusion.ratios import determined, ratio_covariance, ratios
 from dpr_lab.gap.conclusion.remedies import remedies
 from dpr_lab.gap.conclusion.verdict import Verdict, listed_causes, sentence, verdict
 from dpr_lab.gap.hypothesis.detectable import detectable
-from dpr_lab.gap.result.diagnosis import AdvisedCheck, Diagnosis, Interval, SearchStep, SensorFinding, Where
+from dpr_lab.gap.result.checks import AdvisedCheck
+from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep, SensorFinding
+from dpr_lab.gap.result.gap_size import Where
+from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.state import Advised, Supported
 from dpr_lab.gap.transfer.transfer import Transfer

@@ -8,7 +8,7 @@ from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
 from dpr_lab.gap.conclusion.uncertainty import by_unseen_ratios
-from dpr_lab.gap.result.diagnosis import Interval
+from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Advised
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Params
 from dpr_lab.effects.quantities import RigConstants
-from dpr_lab.gap.result.diagnosis import NamedEffect
+from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.shown import listed
 
 

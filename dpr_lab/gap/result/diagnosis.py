@@ -2,171 +2,27 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import ValidationError
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.errors import RunError
+from dpr_lab.gap.result.causes import NamedEffect, NamedFamily, RivalEffect
+from dpr_lab.gap.result.checks import AdvisedCheck, CheckDone
 from dpr_lab.gap.result.evidence import Evidence
-from dpr_lab.gap.result.gap_budget import GapBudget
+from dpr_lab.gap.result.gap_size import Gap, Where
 from dpr_lab.gap.result.posterior import PosteriorComponent
+from dpr_lab.gap.result.saved import Interval, Number, Saved
 from dpr_lab.gap.result.trust import Trust
 from dpr_lab.identification.scaling.scale import Scale
-from dpr_lab.rig_tables import AddedMass
 from dpr_lab.shown import Row, Shown
 from dpr_lab.whole_file import regular
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
 
-
-class _Record(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True, populate_by_name=True)
-
-
-class Interval(_Record):
-    """A number with its 90 % interval."""
-
-    value: Number
-    """Value, SI."""
-    interval90: tuple[Number, Number]
-    """90 % interval, SI."""
-
-
-class EffectSize(Interval):
-    """A parameter of an effect: `value` and `interval90` at the assumed b, ratio to b, and absolute interval.
-
-    `interval90` contains the uncertainty of the fit only; together with `value` it is a ratio to the assumed b, in
-    other units.
-    """
-
-    ratio: Number | None = None
-    """value / b^k, which does not depend on the scale; None if the recordings determine b, or if k is 0."""
-    ratio_unit: str = ""
-    """SI."""
-    ratio_interval90: tuple[Number, Number] | None = None
-    """90 % interval of the ratio."""
-    interval90_with_scale: tuple[Number, Number] | None = None
-    """90 % interval of the absolute value, including the uncertainty of b; None in a file of an older version."""
-
-
-class ClosedShare(_Record):
-    """Share of the gap above the noise floor that the named effects close, on data not used for the fit."""
-
-    estimate: Number
-    """Share closed on the held-out runs; without any, on each run predicted from the other runs."""
-    interval90: tuple[Number, Number]
-    """90 % interval of the estimate."""
-    per_run: dict[str, Number]
-    """Run -> share of the gap that closes on it."""
-    held_out: dict[str, Number] = {}
-    """Share closed on whole recordings that were held out on request."""
-
-
-class Gap(_Record):
-    """Size of the gap before and after correction: rms of a reading above the noise, with exceptions."""
-
-    floor_rad: dict[str, Number]
-    """Joint -> noise floor, rad."""
-    before_rad: dict[str, Number]
-    """Joint -> rms above the noise of the bare model, rad."""
-    after_rad: dict[str, Number]
-    """Joint -> rms above the noise of the corrected model, rad."""
-    before_Nm: dict[str, Number]
-    """Joint -> rms of the torque that is missing in the bare model, N m at the assumed b."""
-    explained_share: Number
-    """Share of the excess chi2 of the bare model that the model explains."""
-    closed_held_out: ClosedShare
-    """Share that is closed on data that were not fitted."""
-    by_horizon: dict[str, dict[str, Number]] = {}
-    """Segment length s -> before, after -> rms above the noise, rad."""
-    free_run_rad: dict[str, dict[str, Number]] = {}
-    """Run -> before, after -> rms error of a free run from its release, rad."""
-    waterfall: list[dict[str, Any]] = []
-    """Effects in the order of their contribution: `effect`, and `gap_rad`, the gap with this effect and all before
-    it in the model: rms of a reading above the noise, over both joints, rad. `rms_rad`, sqrt(2) times that, is
-    kept for one version.
-    """
-    remainder_Nm: dict[str, Number] = {}
-    """Joint -> rms torque of a discrepancy term fitted to the residual of the model, N m; empty if that is noise."""
-    remainder_rad: dict[str, Number] = {}
-    """Joint -> rms encoder error of the discrepancy term, rad."""
-    budget: GapBudget | None = None
-    """Reproducible share of the gap, and its explained part; None in a file of an older version."""
-
-
-class Where(_Record):
-    """One location of the gap."""
-
-    site: str
-    """A joint, an encoder, or the base."""
-    coordinate: str
-    """Coordinate of the map: `angle`, `speed`, `time` or `load`."""
-    share: Number
-    """Share of the excess that a map at this location explains."""
-    sentence: str
-    """Description of the map."""
-    knots: list[Number] = []
-    """(n,) coordinates of the map, SI."""
-    values: list[Number] = []
-    """(n,) values of the map at the knots, in `unit`."""
-    std: list[Number] = []
-    """(n,) standard deviations of the values, in `unit`."""
-    unit: str = ""
-    """Unit of the values, SI."""
-
-
-class NamedEffect(_Record):
-    """One effect of the selected set."""
-
-    name: str
-    """A name of `dpr_lab.effects.EFFECTS`."""
-    members: list[str] = Field(alias="class")
-    """The effect and the effects that are indistinguishable from it in these recordings."""
-    odds: dict[str, Number] = {}
-    """Share of the probability for each member of the class, by the plausibility of its size."""
-    probability: Number
-    """Probability that the cause is one of the members."""
-    parameters: dict[str, EffectSize]
-    """Parameter -> its size, SI."""
-    share: Number
-    """Share of the excess that returns without the effect."""
-
-
-class NamedFamily(_Record):
-    """Named effects that together form one component."""
-
-    name: str
-    """Name of the family."""
-    words: str
-    """Description."""
-    effects: list[str]
-    """The named effects that belong to it."""
-    probability: Number
-    """Probability that all of them are present."""
-    share: Number
-    """Share of the excess that returns without all of them."""
-
-
-class RivalEffect(_Record):
-    """An alternative to a named effect."""
-
-    name: str
-    """A name of `dpr_lab.effects.EFFECTS`."""
-    members: list[str] = Field(alias="class")
-    """The effect and the effects that are indistinguishable from it in these recordings."""
-    probability: Number
-    """Probability that it is the cause instead."""
-    cosine: Number
-    """Cosine similarity between its signature and that of the named effect; 1 for equal shapes."""
-    instead_of: str = ""
-    """The named effect that it could replace; empty if no effect is named."""
-
-
-class SensorFinding(_Record):
+class SensorFinding(Saved):
     """A sensor fault that was detected without a model."""
 
     name: str
@@ -181,142 +37,7 @@ class SensorFinding(_Record):
     """Description of the evidence."""
 
 
-class AdvisedRelease(_Record):
-    """A recommended release."""
-
-    theta1_rad: Number
-    """Absolute angles of the rods at the release, at rest."""
-    theta2_rad: Number
-    """Angle of the outer rod, rad."""
-    duration_s: Number
-    """Duration of the recording, s."""
-    added_mass: AddedMass | None = None
-    """A known mass to clamp on."""
-
-
-class Quantity(_Record):
-    """Quantity and unit of a measurement."""
-
-    name: str
-    """Name, for example `extra friction torque at rest, joint 2`."""
-    unit: str
-    """`N m`; `1` for a ratio."""
-    symbol: str
-    """Symbol in the equation of the effect."""
-    parameters: tuple[str, ...]
-    """The amplitudes of the effect that form the quantity; the root of the sum of their squares if there are
-    several.
-    """
-    definition: str = ""
-    """Definition, if the name is ambiguous."""
-
-    @classmethod
-    def of(cls, effect: str, parameter: str) -> Self:
-        """The quantity to which an amplitude of an effect belongs."""
-        bench = EFFECTS[effect].bench_quantity(parameter)
-        unit = next(p.unit for p in EFFECTS[effect].amplitudes if p.name == parameter)
-        (*_, joint) = effect.rpartition("_joint")
-        return cls(
-            name=f"{bench.words}, joint {joint}" if joint in ("1", "2") else bench.words,
-            unit=unit,
-            symbol=bench.symbol,
-            parameters=bench.parameters,
-            definition=bench.definition,
-        )
-
-    @property
-    def label(self) -> str:
-        """`extra friction torque at rest, joint 2 (S), in N m`."""
-        definition = f" = {self.definition}" if self.definition else ""
-        return f"{self.name} ({self.symbol}{definition}), in {'% or ppm' if self.unit == '1' else self.unit}"
-
-    def shown(self, value: float) -> str:
-        """`0.0061 N m`; a ratio in percent."""
-        return f"{100 * value:.4g} %" if self.unit == "1" else f"{value:.4g} {self.unit}"
-
-
-class AdvisedCheck(_Record):
-    """A recording or a measurement that distinguishes a named effect from its alternatives."""
-
-    id: str
-    """Identifier, unique among diagnoses."""
-    kind: str
-    """Key of `dpr_lab.gap.advice.advise.CHECK_KINDS`: `recording`, or `measurement` of an amplitude at the bench."""
-    text: str
-    """Instruction."""
-    about: str
-    """The named effect whose class or alternatives it distinguishes."""
-    splits: list[str]
-    """The effects that it distinguishes."""
-    expected_bits: Number
-    """Expected reduction of the uncertainty about them."""
-    measures: str = ""
-    """The effect whose amplitude a measurement measures: about zero if that effect is not the cause."""
-    quantity: Quantity | None = None
-    """Measured quantity; None for a recording."""
-    expected: Interval | None = None
-    """Size of the quantity predicted by the recordings if the measured effect is the cause, with its 90 % interval.
-    None for a recording, and if nothing was fitted.
-    """
-    release: AdvisedRelease | None = None
-    """The release to record."""
-
-    @property
-    def amplitudes(self) -> tuple[EffectParameter, ...]:
-        """The amplitudes that a measurement measures."""
-        own = _amplitudes(self.measures)
-        return tuple(own[name] for name in self.quantity.parameters) if self.quantity else ()
-
-    @model_validator(mode="before")
-    @classmethod
-    def _reads_older(cls, values: Any) -> Any:
-        """Read a quantity in the format of version 0.2: `extra_at_rest_Nm, N m`."""
-        if not isinstance(values, dict) or not isinstance(values.get("quantity"), str):
-            return values
-        name, effect = values["quantity"].split(",")[0], str(values.get("measures"))
-        if name and effect in EFFECTS and name not in _amplitudes(effect):
-            raise ValueError(f"{effect} has no amplitude {name!r}")
-        return {**values, "quantity": Quantity.of(effect, name) if name in _amplitudes(effect) else None}
-
-    @model_validator(mode="after")
-    def _has_what_it_measures(self) -> Self:
-        measured = self.quantity.parameters if self.quantity else ()
-        known = self.measures not in EFFECTS or (measured and {*measured} <= {*_amplitudes(self.measures)})
-        if not known:
-            raise ValueError(f"{self.measures} has no amplitude {', '.join(measured)!r}")
-        return self
-
-
-def _amplitudes(effect: str) -> dict[str, EffectParameter]:
-    return {parameter.name: parameter for parameter in EFFECTS[effect].amplitudes} if effect in EFFECTS else {}
-
-
-NONE_OF_THEM = "unexplained"
-"""Key of a cause outside the candidates, in probabilities and results of checks."""
-
-
-class CheckDone(_Record):
-    """Result of a recommended check and the probabilities before and after it."""
-
-    check: AdvisedCheck
-    """The check."""
-    result: str
-    """Description of its result."""
-    value: Number | None = None
-    """Measured value, in the unit of the quantity; None for a recording."""
-    std: Number | None = None
-    """Its standard uncertainty."""
-    before: dict[str, Number]
-    """Probability of each candidate before the check, and of a cause outside the candidates ("unexplained")."""
-    after: dict[str, Number]
-    """Probability of each candidate after the check."""
-    log10_bayes_factor: dict[str, Number] = {}
-    """Base-10 logarithm of the Bayes factor of each candidate against all others together; positive if the result
-    supports it.
-    """
-
-
-class SearchStep(_Record):
+class SearchStep(Saved):
     """One trial of the search for the set of effects."""
 
     move: str
@@ -335,7 +56,7 @@ class SearchStep(_Record):
     """Reason."""
 
 
-class Diagnosis(Shown, _Record):
+class Diagnosis(Shown, Saved):
     """The gap between simulation and rig: its location, its causes, their probabilities, and its reduction."""
 
     verdict: Literal["no_gap", "inconclusive", "named", "partly_explained", "unexplained"]

@@ -1,17 +1,11 @@
 """Evidence of a diagnosis: curves, valid range, uncertainty, residuals, excluded effects."""
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
-
-Number = Annotated[float, Field(allow_inf_nan=False)]
+from dpr_lab.gap.result.saved import Number, Saved
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
-
-
-class RecordingUsed(_Part):
+class RecordingUsed(Saved):
     """One recording and its role in the diagnosis."""
 
     name: str
@@ -30,7 +24,7 @@ class RecordingUsed(_Part):
     """Noise of a thinned reading, of both joints."""
 
 
-class Occupancy(_Part):
+class Occupancy(Saved):
     """Time that a rod spent in each range of angle and speed."""
 
     angle_edges_rad: list[Number]
@@ -42,7 +36,7 @@ class Occupancy(_Part):
     """(angles, speeds) s, in the held-out recordings."""
 
 
-class Closing(_Part):
+class Closing(Saved):
     """Remaining gap after one additional effect in the model."""
 
     effect: str
@@ -53,7 +47,7 @@ class Closing(_Part):
     """Share of the gap closed so far."""
 
 
-class Whiteness(_Part):
+class Whiteness(Saved):
     """Residuals of one joint under one model, in standard deviations of the noise."""
 
     autocorrelation: list[Number]
@@ -64,7 +58,7 @@ class Whiteness(_Part):
     """Share of the residuals beyond three standard deviations; 0.0027 for a normal distribution."""
 
 
-class ResidualLook(_Part):
+class ResidualLook(Saved):
     """Residuals of the fitted recordings with free initial states of the segments."""
 
     spacing_s: Number
@@ -77,7 +71,7 @@ class ResidualLook(_Part):
     """Joint -> residuals before and after."""
 
 
-class Exclusion(_Part):
+class Exclusion(Saved):
     """An effect that is excluded above a size."""
 
     effect: str
@@ -90,7 +84,7 @@ class Exclusion(_Part):
     """Confidence that the effect is smaller than `size`, 0 to 1."""
 
 
-class UncertaintySource(_Part):
+class UncertaintySource(Saved):
     """One contribution to the uncertainty of a predicted angle."""
 
     name: str
@@ -107,7 +101,7 @@ class UncertaintySource(_Part):
     """Resulting change of a prediction of the corrected model, rms."""
 
 
-class RunBudget(_Part):
+class RunBudget(Saved):
     """Error and uncertainty of one free run, both rms over its compared part."""
 
     run: str
@@ -129,7 +123,7 @@ class RunBudget(_Part):
     """Area between the distributions of the corrected model and of the same model with noise of the readings."""
 
 
-class Budget(_Part):
+class Budget(Saved):
     """Validation uncertainty: possible error of a prediction by a correct model."""
 
     sources: list[UncertaintySource]
@@ -140,7 +134,7 @@ class Budget(_Part):
     runs: list[RunBudget]
 
 
-class Curves(_Part):
+class Curves(Saved):
     """Free runs before and after, and the measured curve."""
 
     run: str
@@ -156,7 +150,7 @@ class Curves(_Part):
     after_rad: list[list[Number]]
 
 
-class Evidence(_Part):
+class Evidence(Saved):
     """The evidence for a diagnosis."""
 
     version: str

@@ -2,17 +2,14 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
+from dpr_lab.gap.result.saved import Number, Saved
+
 Share = Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=1.0)]
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
-
-
-class VaryingParameter(_Part):
+class VaryingParameter(Saved):
     """A parameter of the corrected model that differs between recordings."""
 
     effect: str
@@ -29,7 +26,7 @@ class VaryingParameter(_Part):
     """Scatter of the values, in standard deviations of one value; 1 = chance."""
 
 
-class GapBudget(_Part):
+class GapBudget(Saved):
     """Shares of the mean squared residual of the bare model; their sum is 1.
 
     Each recording is predicted from the others. The shares are removed in this order: by the corrected model; by free

@@ -1,10 +1,8 @@
 """Trustworthiness of a diagnosis on one rig: blind trials on simulated plants similar to it."""
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
-
-Number = Annotated[float, Field(allow_inf_nan=False)]
+from dpr_lab.gap.result.saved import Number, Saved
 
 NOTHING = "nothing"
 """Name of the case without an effect, or without a named one."""
@@ -14,11 +12,7 @@ REFUSED = "refused"
 """Verdict of a plant whose recordings could not be diagnosed."""
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
-
-
-class TrustTrial(_Part):
+class TrustTrial(Saved):
     """One simulated plant near the fitted estimate, recorded with the sensors of the rig, and its diagnosis."""
 
     kind: Literal["as found", "another", "clean"]
@@ -35,7 +29,7 @@ class TrustTrial(_Part):
     seconds: Number
 
 
-class ConfusionCell(_Part):
+class ConfusionCell(Saved):
     """Frequency with which one effect is named in a plant with another effect."""
 
     true: str
@@ -43,7 +37,7 @@ class ConfusionCell(_Part):
     trials: int
 
 
-class TrustShare(_Part):
+class TrustShare(Saved):
     """Frequency of an outcome in the blind trials."""
 
     held: int
@@ -52,7 +46,7 @@ class TrustShare(_Part):
     """90 % interval of the share, by Wilson's score."""
 
 
-class Trust(_Part):
+class Trust(Saved):
     """Blind trials of a diagnosis and their summary."""
 
     seed: int

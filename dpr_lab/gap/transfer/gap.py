@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.result.diagnosis import ClosedShare, Gap
 from dpr_lab.gap.result.gap_budget import GapBudget
+from dpr_lab.gap.result.gap_size import ClosedShare, Gap
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.transfer.free_run import FreeRuns

@@ -212,6 +212,13 @@ class FittedSets:
         curve = taking_over(model, less)
         return less if curve is None else self.without(less, curve)
 
+    def predictive(self, model: Hypothesis) -> Hypothesis:
+        """The set without the effects that worsen the prediction of held-out runs, the worst first."""
+        if self.unseen_chi2 is None or len(model.effects) < 2:
+            return model
+        best = min((self.lacking(model, name) for name in model.effects), key=self.unseen_chi2)
+        return self.predictive(best) if self.unseen_chi2(best) < self.unseen_chi2(model) else model
+
     def without(self, model: Hypothesis, effect: str) -> Hypothesis:
         """The better of two fits: from the larger sets and, if a score test leads to the set, from a smaller one."""
         key = model.key - {effect}

@@ -18,7 +18,8 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, far_fr
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.which.fitted_sets import FittedSets, Progress
 from dpr_lab.gap.which.forward import forward_selection
-from dpr_lab.gap.which.moves import HELD_OUT, REFINE, REVISIONS, SHORT, START, with_alternatives
+from dpr_lab.gap.which.moves import HELD_OUT, REFINE, REVISIONS, SHORT, START
+from dpr_lab.gap.which.replacements import with_alternatives
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply, run
 from dpr_lab.gap.which.selected import Selection
 

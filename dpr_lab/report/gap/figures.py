@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dpr_lab.gap.result.diagnosis import Diagnosis, Where
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.report import style
 from dpr_lab.report.envelope import signal_scale
 from dpr_lab.report.figures import empty_figure, legend_above, new_figure, save_each

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.gap.result.diagnosis import Diagnosis, NamedEffect
+from dpr_lab.gap.result.causes import NamedEffect
+from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, scaled_unit, three, with_interval
 from dpr_lab.report.words import negative_words, parameter_words, size_words

@@ -11,15 +11,10 @@ from numpy.typing import NDArray
 from dpr_lab.checks.wording import bayes_factor
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.gap.result.diagnosis import (
-    NONE_OF_THEM,
-    AdvisedCheck,
-    CheckDone,
-    Diagnosis,
-    NamedEffect,
-    RivalEffect,
-    Where,
-)
+from dpr_lab.gap.result.causes import NamedEffect, RivalEffect
+from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, three

@@ -29,7 +29,8 @@ from dpr_lab.tui.widgets.run_browser import RunBrowser
 from dpr_lab.workflows.diagnose import RECORD, DiagnoseRequest
 
 if TYPE_CHECKING:
-    from dpr_lab.gap.result.diagnosis import Diagnosis, Where
+    from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.gap.result.gap_size import Where
 
 TABS = {"which": "Which", "where": "Where", "far": "How far", "next": "What next"}
 

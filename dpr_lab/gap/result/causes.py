@@ -1,0 +1,69 @@
+"""Named effects with their sizes and probabilities, families of them, and their alternatives."""
+
+from pydantic import Field
+
+from dpr_lab.gap.result.saved import Interval, Number, Saved
+
+
+class EffectSize(Interval):
+    """A parameter of an effect: `value` and `interval90` at the assumed b, ratio to b, and absolute interval.
+
+    `interval90` contains the uncertainty of the fit only; together with `value` it is a ratio to the assumed b, in
+    other units.
+    """
+
+    ratio: Number | None = None
+    """value / b^k, which does not depend on the scale; None if the recordings determine b, or if k is 0."""
+    ratio_unit: str = ""
+    """SI."""
+    ratio_interval90: tuple[Number, Number] | None = None
+    """90 % interval of the ratio."""
+    interval90_with_scale: tuple[Number, Number] | None = None
+    """90 % interval of the absolute value, including the uncertainty of b; None in a file of an older version."""
+
+
+class NamedEffect(Saved):
+    """One effect of the selected set."""
+
+    name: str
+    """A name of `dpr_lab.effects.EFFECTS`."""
+    members: list[str] = Field(alias="class")
+    """The effect and the effects that are indistinguishable from it in these recordings."""
+    odds: dict[str, Number] = {}
+    """Share of the probability for each member of the class, by the plausibility of its size."""
+    probability: Number
+    """Probability that the cause is one of the members."""
+    parameters: dict[str, EffectSize]
+    """Parameter -> its size, SI."""
+    share: Number
+    """Share of the excess that returns without the effect."""
+
+
+class NamedFamily(Saved):
+    """Named effects that together form one component."""
+
+    name: str
+    """Name of the family."""
+    words: str
+    """Description."""
+    effects: list[str]
+    """The named effects that belong to it."""
+    probability: Number
+    """Probability that all of them are present."""
+    share: Number
+    """Share of the excess that returns without all of them."""
+
+
+class RivalEffect(Saved):
+    """An alternative to a named effect."""
+
+    name: str
+    """A name of `dpr_lab.effects.EFFECTS`."""
+    members: list[str] = Field(alias="class")
+    """The effect and the effects that are indistinguishable from it in these recordings."""
+    probability: Number
+    """Probability that it is the cause instead."""
+    cosine: Number
+    """Cosine similarity between its signature and that of the named effect; 1 for equal shapes."""
+    instead_of: str = ""
+    """The named effect that it could replace; empty if no effect is named."""

@@ -1,0 +1,145 @@
+"""Recommended checks, and the results of those that were done."""
+
+from typing import Any, Self
+
+from pydantic import model_validator
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.effect import EffectParameter
+from dpr_lab.gap.result.saved import Interval, Number, Saved
+from dpr_lab.rig_tables import AddedMass
+
+
+class AdvisedRelease(Saved):
+    """A recommended release."""
+
+    theta1_rad: Number
+    """Absolute angles of the rods at the release, at rest."""
+    theta2_rad: Number
+    """Angle of the outer rod, rad."""
+    duration_s: Number
+    """Duration of the recording, s."""
+    added_mass: AddedMass | None = None
+    """A known mass to clamp on."""
+
+
+class Quantity(Saved):
+    """Quantity and unit of a measurement."""
+
+    name: str
+    """Name, for example `extra friction torque at rest, joint 2`."""
+    unit: str
+    """`N m`; `1` for a ratio."""
+    symbol: str
+    """Symbol in the equation of the effect."""
+    parameters: tuple[str, ...]
+    """The amplitudes of the effect that form the quantity; the root of the sum of their squares if there are
+    several.
+    """
+    definition: str = ""
+    """Definition, if the name is ambiguous."""
+
+    @classmethod
+    def of(cls, effect: str, parameter: str) -> Self:
+        """The quantity to which an amplitude of an effect belongs."""
+        bench = EFFECTS[effect].bench_quantity(parameter)
+        unit = next(p.unit for p in EFFECTS[effect].amplitudes if p.name == parameter)
+        (*_, joint) = effect.rpartition("_joint")
+        return cls(
+            name=f"{bench.words}, joint {joint}" if joint in ("1", "2") else bench.words,
+            unit=unit,
+            symbol=bench.symbol,
+            parameters=bench.parameters,
+            definition=bench.definition,
+        )
+
+    @property
+    def label(self) -> str:
+        """`extra friction torque at rest, joint 2 (S), in N m`."""
+        definition = f" = {self.definition}" if self.definition else ""
+        return f"{self.name} ({self.symbol}{definition}), in {'% or ppm' if self.unit == '1' else self.unit}"
+
+    def shown(self, value: float) -> str:
+        """`0.0061 N m`; a ratio in percent."""
+        return f"{100 * value:.4g} %" if self.unit == "1" else f"{value:.4g} {self.unit}"
+
+
+class AdvisedCheck(Saved):
+    """A recording or a measurement that distinguishes a named effect from its alternatives."""
+
+    id: str
+    """Identifier, unique among diagnoses."""
+    kind: str
+    """Key of `dpr_lab.gap.advice.advise.CHECK_KINDS`: `recording`, or `measurement` of an amplitude at the bench."""
+    text: str
+    """Instruction."""
+    about: str
+    """The named effect whose class or alternatives it distinguishes."""
+    splits: list[str]
+    """The effects that it distinguishes."""
+    expected_bits: Number
+    """Expected reduction of the uncertainty about them."""
+    measures: str = ""
+    """The effect whose amplitude a measurement measures: about zero if that effect is not the cause."""
+    quantity: Quantity | None = None
+    """Measured quantity; None for a recording."""
+    expected: Interval | None = None
+    """Size of the quantity predicted by the recordings if the measured effect is the cause, with its 90 % interval.
+    None for a recording, and if nothing was fitted.
+    """
+    release: AdvisedRelease | None = None
+    """The release to record."""
+
+    @property
+    def amplitudes(self) -> tuple[EffectParameter, ...]:
+        """The amplitudes that a measurement measures."""
+        own = _amplitudes(self.measures)
+        return tuple(own[name] for name in self.quantity.parameters) if self.quantity else ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _reads_older(cls, values: Any) -> Any:
+        """Read a quantity in the format of version 0.2: `extra_at_rest_Nm, N m`."""
+        if not isinstance(values, dict) or not isinstance(values.get("quantity"), str):
+            return values
+        name, effect = values["quantity"].split(",")[0], str(values.get("measures"))
+        if name and effect in EFFECTS and name not in _amplitudes(effect):
+            raise ValueError(f"{effect} has no amplitude {name!r}")
+        return {**values, "quantity": Quantity.of(effect, name) if name in _amplitudes(effect) else None}
+
+    @model_validator(mode="after")
+    def _has_what_it_measures(self) -> Self:
+        measured = self.quantity.parameters if self.quantity else ()
+        known = self.measures not in EFFECTS or (measured and {*measured} <= {*_amplitudes(self.measures)})
+        if not known:
+            raise ValueError(f"{self.measures} has no amplitude {', '.join(measured)!r}")
+        return self
+
+
+def _amplitudes(effect: str) -> dict[str, EffectParameter]:
+    return {parameter.name: parameter for parameter in EFFECTS[effect].amplitudes} if effect in EFFECTS else {}
+
+
+NONE_OF_THEM = "unexplained"
+"""Key of a cause outside the candidates, in probabilities and results of checks."""
+
+
+class CheckDone(Saved):
+    """Result of a recommended check and the probabilities before and after it."""
+
+    check: AdvisedCheck
+    """The check."""
+    result: str
+    """Description of its result."""
+    value: Number | None = None
+    """Measured value, in the unit of the quantity; None for a recording."""
+    std: Number | None = None
+    """Its standard uncertainty."""
+    before: dict[str, Number]
+    """Probability of each candidate before the check, and of a cause outside the candidates ("unexplained")."""
+    after: dict[str, Number]
+    """Probability of each candidate after the check."""
+    log10_bayes_factor: dict[str, Number] = {}
+    """Base-10 logarithm of the Bayes factor of each candidate against all others together; positive if the result
+    supports it.
+    """

@@ -1,0 +1,72 @@
+"""Size of the gap before and after correction, and the places where it may arise."""
+
+from typing import Any
+
+from dpr_lab.gap.result.gap_budget import GapBudget
+from dpr_lab.gap.result.saved import Number, Saved
+
+
+class ClosedShare(Saved):
+    """Share of the gap above the noise floor that the named effects close, on data not used for the fit."""
+
+    estimate: Number
+    """Share closed on the held-out runs; without any, on each run predicted from the other runs."""
+    interval90: tuple[Number, Number]
+    """90 % interval of the estimate."""
+    per_run: dict[str, Number]
+    """Run -> share of the gap that closes on it."""
+    held_out: dict[str, Number] = {}
+    """Share closed on whole recordings that were held out on request."""
+
+
+class Gap(Saved):
+    """Size of the gap before and after correction: rms of a reading above the noise, with exceptions."""
+
+    floor_rad: dict[str, Number]
+    """Joint -> noise floor, rad."""
+    before_rad: dict[str, Number]
+    """Joint -> rms above the noise of the bare model, rad."""
+    after_rad: dict[str, Number]
+    """Joint -> rms above the noise of the corrected model, rad."""
+    before_Nm: dict[str, Number]
+    """Joint -> rms of the torque that is missing in the bare model, N m at the assumed b."""
+    explained_share: Number
+    """Share of the excess chi2 of the bare model that the model explains."""
+    closed_held_out: ClosedShare
+    """Share that is closed on data that were not fitted."""
+    by_horizon: dict[str, dict[str, Number]] = {}
+    """Segment length s -> before, after -> rms above the noise, rad."""
+    free_run_rad: dict[str, dict[str, Number]] = {}
+    """Run -> before, after -> rms error of a free run from its release, rad."""
+    waterfall: list[dict[str, Any]] = []
+    """Effects in the order of their contribution: `effect`, and `gap_rad`, the gap with this effect and all before
+    it in the model: rms of a reading above the noise, over both joints, rad. `rms_rad`, sqrt(2) times that, is
+    kept for one version.
+    """
+    remainder_Nm: dict[str, Number] = {}
+    """Joint -> rms torque of a discrepancy term fitted to the residual of the model, N m; empty if that is noise."""
+    remainder_rad: dict[str, Number] = {}
+    """Joint -> rms encoder error of the discrepancy term, rad."""
+    budget: GapBudget | None = None
+    """Reproducible share of the gap, and its explained part; None in a file of an older version."""
+
+
+class Where(Saved):
+    """One location of the gap."""
+
+    site: str
+    """A joint, an encoder, or the base."""
+    coordinate: str
+    """Coordinate of the map: `angle`, `speed`, `time` or `load`."""
+    share: Number
+    """Share of the excess that a map at this location explains."""
+    sentence: str
+    """Description of the map."""
+    knots: list[Number] = []
+    """(n,) coordinates of the map, SI."""
+    values: list[Number] = []
+    """(n,) values of the map at the knots, in `unit`."""
+    std: list[Number] = []
+    """(n,) standard deviations of the values, in `unit`."""
+    unit: str = ""
+    """Unit of the values, SI."""

@@ -1,0 +1,23 @@
+"""What saved results consist of: frozen records, finite numbers, intervals."""
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+"""A finite number."""
+
+
+class Saved(BaseModel):
+    """A frozen record; unknown keys of a file are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True, populate_by_name=True)
+
+
+class Interval(Saved):
+    """A number with its 90 % interval."""
+
+    value: Number
+    """Value, SI."""
+    interval90: tuple[Number, Number]
+    """90 % interval, SI."""

@@ -1,0 +1,145 @@
+"""Moves that remove effects: what the recordings do not require, what does not carry over, what only compensates."""
+
+from collections.abc import Iterator
+
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.thresholds import (
+    THRESHOLDS,
+    at_noise_floor,
+    excess,
+    need,
+    scatter,
+    significance,
+)
+from dpr_lab.gap.which.fitted_sets import FittedSets
+from dpr_lab.gap.which.forms import own_share
+from dpr_lab.gap.which.search import Decision, Move, Proposal
+
+
+def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]:
+    """The smallest fitted set that explains nearly as much; it may lie on another branch of the search."""
+    adequate = [
+        model
+        for model in sets.fits.values()
+        if 0 < len(model.effects) < len(grown.effects)
+        and grown.key & sets.expected <= model.key
+        and excess(model) < THRESHOLDS.keeps * excess(grown)
+        and excess(model) - excess(grown) < THRESHOLDS.large * excess(sets.bare)
+        and (
+            _as_likely(sets, model, grown) if at_noise_floor(grown) else model.cost - grown.cost < scatter(model, grown)
+        )
+    ]
+    if adequate:
+        yield Proposal(min(adequate, key=lambda model: (len(model.effects), model.cost)))
+
+
+def _as_likely(sets: FittedSets, model: Hypothesis, grown: Hypothesis) -> bool:
+    return at_noise_floor(model) and model.cost - grown.cost < significance(sets.bare, model, grown)
+
+
+def _adequate(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    return Decision(True, "fewer effects explain nearly as much")
+
+
+def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """The set without its least necessary effect; a single effect is judged by its share of the whole gap."""
+    removable = sets.unexpected(current)
+    if len(current.effects) > 1 and removable:
+        needs = {name: need(sets.bare, current, sets.lacking(current, name)) for name in removable}
+        least = min(needs, key=lambda name: needs[name])
+        yield Proposal(sets.without(current, least), needs[least])
+
+
+def _not_needed(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    if proposal.value < 1:
+        return Decision(True, f"not necessary: {proposal.value:.2g} of the required increase")
+    chance = significance(sets.bare, proposal.model, current)
+    if proposal.model.cost - current.cost > chance:
+        return Decision(False, f"necessary: {proposal.value:.3g} times the required increase")
+    return Decision(True, f"the criterion grows by less than {chance:.3g}, which is not significant")
+
+
+def _without_each(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """The sets without one effect, for each effect in turn."""
+    for name in current.effects:
+        yield Proposal(sets.lacking(current, name))
+
+
+def _predicts_better(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    """Cross-validation: an effect that worsens the prediction of a run from the other runs is not a cause."""
+    less, tolerance = proposal.model, THRESHOLDS.chance * current.residuals.inflation
+    if excess(less) > excess(sets.bare):  # its fit diverged and predicts nothing
+        return Decision(False, "without it the fit does not converge")
+    if (current.predictive_loss - less.predictive_loss > tolerance).any():
+        return Decision(True, "without it, a run is predicted better from the other runs")
+    return Decision(False, "with it, no run is predicted worse")
+
+
+def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """While a residual remains: the set without the effect that contributes least beyond other forms of the rest.
+
+    An effect without which hardly any of the reduction remains is not proposed, because it compensates for nothing
+    else. All removed effects together may not increase the excess far above that of the best fitted set.
+    """
+    if at_noise_floor(current) or len(current.effects) < 2:
+        return
+    closest = min(map(excess, sets.fits.values()))
+    limit = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * excess(sets.bare))
+    shares: list[Proposal] = []
+    for name in sets.unexpected(current):
+        less = sets.without(current, name)
+        score = sets.test(less).of(name) if excess(less) <= limit else None
+        if score is not None:
+            shares.append(Proposal(less, own_share(sets.problem, less, sets.test(less), score)))
+    yield from sorted(shares, key=lambda proposal: proposal.value)[:1]
+
+
+def _makes_up_for_another_form(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    share = f"{proposal.value:.0%} of its reduction is explained by no other form of the remaining effects"
+    return Decision(proposal.value < THRESHOLDS.own_share, share)
+
+
+def _without_misleading(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    less = sets.predictive(current)
+    if less is not current:
+        yield Proposal(less)
+
+
+def _predicts_held_out_runs(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    return Decision(True, "held-out runs are predicted better without it")
+
+
+SMALLEST_ADEQUATE = Move(
+    "smallest adequate set",
+    "an earlier, smaller set that explains nearly as much replaces the current one",
+    _smaller_adequate,
+    _adequate,
+)
+DROP = Move(
+    "drop",
+    "backward elimination: an effect is removed if the excess chi-square hardly increases without it",
+    _without_least_needed,
+    _not_needed,
+    then="repeat",
+)
+CROSS_VALIDATION = Move(
+    "cross-validation",
+    "an effect is removed if it worsens the prediction of a run from the other runs",
+    _without_each,
+    _predicts_better,
+    then="repeat",
+)
+OWN_SHARE = Move(
+    "own share",
+    "while the residual exceeds the noise, an effect is removed if other functional forms of the remaining"
+    " effects explain the same residual",
+    _without_least_own,
+    _makes_up_for_another_form,
+    then="repeat",
+)
+HELD_OUT = Move(
+    "held-out runs",
+    "at the end, effects that worsen the prediction of held-out runs are removed",
+    _without_misleading,
+    _predicts_held_out_runs,
+)

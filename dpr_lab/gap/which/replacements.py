@@ -1,0 +1,259 @@
+"""Moves that replace effects: by simpler or richer forms, by several others, by alternatives."""
+
+from collections.abc import Iterator, Mapping
+
+from dpr_lab.effects import plausibility
+from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis, refit_with, refit_without
+from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
+from dpr_lab.gap.hypothesis.thresholds import (
+    THRESHOLDS,
+    at_noise_floor,
+    excess,
+    indifference,
+    significance,
+)
+from dpr_lab.gap.which.fitted_sets import EFFORT, FittedSets
+from dpr_lab.gap.which.search import Decision, Move, Proposal
+
+REPLACEMENTS = 2
+"""Number of candidates that are fitted in place of each effect."""
+
+
+def _richer(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """An effect replaced by a richer one that contains it, if the score test shows a contribution of the richer one."""
+    chance = THRESHOLDS.chance * current.residuals.inflation
+    test = sets.test(current)
+    for score in test.ranking:
+        inner = [name for name in score.effect.nested if name in current.effects]
+        if inner and score.gain > chance:
+            both = refit_with(sets.problem, current, test, score, iterations=EFFORT.fine)
+            richer = sets.keep(refit_without(sets.problem, both, inner[0], sets.bare))
+            yield Proposal(sets.escaped(richer) if current.cost - richer.cost > chance else richer)
+
+
+def _better_than_chance(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    chance = THRESHOLDS.chance * current.residuals.inflation
+    better = current.cost - proposal.model.cost > chance
+    return Decision(better, f"the criterion falls by {'more' if better else 'less'} than {chance:.3g}")
+
+
+def _simpler(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """An effect replaced by a simpler one that it contains."""
+    for name in current.effects:
+        for simpler in sets.library[name].nested:
+            if simpler in sets.library and simpler not in current.effects:
+                replaced = sets.replaced(current, name, simpler)
+                if replaced is not None:
+                    yield Proposal(replaced)
+
+
+def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    """While a residual remains, a richer form may merely compensate for it; it must then explain more."""
+    model, closed = proposal.model, at_noise_floor(current)
+    margin = indifference(sets.bare, current, share=THRESHOLDS.integrator if closed else THRESHOLDS.contained)
+    alike = at_noise_floor(model) if closed else excess(model) < THRESHOLDS.slow * excess(current)
+    if alike and model.cost - current.cost < margin:
+        return Decision(True, f"the criterion grows by less than {margin:.3g}")
+    return Decision(False, "explains less")
+
+
+def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """An effect replaced by a simpler one and another effect, which together have fewer parameters.
+
+    The additional parameters of a richer form may imitate a second cause; unequal friction in the two directions
+    imitates a zero offset.
+    """
+    for simpler in (proposal.model for proposal in _simpler(sets, current)):
+        fewer = len(current.fit.free) - len(simpler.fit.free)
+        score = next((score for score in sets.test(simpler).ranking if len(score.columns) < fewer), None)
+        if score is not None and score.gain > THRESHOLDS.chance * current.residuals.inflation:
+            yield Proposal(sets.with_one(simpler, score))
+
+
+def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """A curve replaced by others that together have fewer parameters, or joined by a simple effect that it follows.
+
+    A curve of many parameters follows on a small arc what a tilt, friction and drag do together, and is met first.
+    """
+    for name in sets.unexpected(current):
+        if name not in current.curves:
+            continue
+        model = sets.without(current, name)
+        if current.curves[name] > PENALTY.ordinary:
+            yield from _next_to(sets, model, name)
+        while True:
+            room = len(current.fit.free) - len(model.fit.free) - 1
+            ranking = (score for score in sets.test(model).ranking if score.effect.name != name)
+            score = next((score for score in ranking if len(score.columns) <= room), None)
+            if score is None or score.gain < THRESHOLDS.chance * current.residuals.inflation:
+                break
+            model = sets.with_one(model, score)
+            if sets.possible(model):
+                yield Proposal(model)
+
+
+def _next_to(sets: FittedSets, without_curve: Hypothesis, curve: str) -> Iterator[Proposal]:
+    """The curve next to the simple effect that best explains the same; fitted last, it takes only what is left."""
+    simple = next((score for score in sets.test(without_curve).ranking if len(score.columns) == 1), None)
+    if simple is not None and simple.gain > 0.0:
+        model = sets.with_one(without_curve, simple)
+        score = sets.test(model).of(curve)
+        if score is not None:
+            yield Proposal(sets.with_one(model, score))
+
+
+def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    model = proposal.model
+    better = model.cost < current.cost and at_noise_floor(model) >= at_noise_floor(current)
+    return Decision(better, f"fewer parameters explain {'more' if better else 'less'}")
+
+
+def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """While a residual remains: the best set with one effect replaced by another one or by another shape of it."""
+    if at_noise_floor(current) or not current.effects:
+        return
+    best = current
+    for name in sets.unexpected(current):
+        less = sets.without(current, name)
+        if sets.library[name].shapes:
+            best = min(best, sets.reshaped(current, name), key=_criterion)
+        for score in sets.test(less).ranking[:REPLACEMENTS]:
+            if score.effect.name != name:
+                other = sets.with_one(less, score)
+                best = min(best, other, key=_criterion) if sets.possible(other) else best
+    if best is not current:
+        yield Proposal(best)
+
+
+def _closer(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    model = proposal.model
+    if excess(current) >= THRESHOLDS.slow * excess(model):
+        return Decision(True, f"the excess shrinks by more than a factor of {THRESHOLDS.slow:g}")
+    if model.key == current.key:
+        return Decision(True, "the same effects in a better shape")
+    return Decision(False, f"the excess shrinks by less than a factor of {THRESHOLDS.slow:g}")
+
+
+def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """The best set of the same or smaller size among all sets that were fitted in comparisons with alternatives."""
+    fits = with_alternatives(sets, sets.predictive(current))
+    known = current.key & sets.expected
+    others = [
+        model
+        for model in fits.values()
+        if model.effects
+        and len(model.effects) <= len(current.effects)
+        and known <= model.key
+        and (sets.possible(model) or not sets.possible(current))
+    ]
+    best = min(others, key=_criterion, default=current)
+    if best.key != current.key:
+        yield Proposal(best)
+
+
+def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    best, chance = proposal.model, significance(sets.bare, current, proposal.model)
+    if at_noise_floor(best) < at_noise_floor(current):
+        return Decision(False, "the residual exceeds the noise")
+    if current.cost - best.cost > chance:
+        return Decision(True, f"the criterion falls by more than {chance:.3g}")
+    return Decision(False, f"the criterion falls by less than {chance:.3g}, which is not significant")
+
+
+def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """The set with one effect replaced by an indistinguishable one of a far more plausible size."""
+    chosen = sets.predictive(current)
+    margin = indifference(sets.bare, chosen)
+    for name in sets.unexpected(chosen):
+        less = sets.without(chosen, name)
+        test, own = sets.test(less), plausibility(chosen.fit.estimate.params, name)
+        score = test.shaped[name][0]
+        for other in test.ranking:
+            model = sets.fits.get(less.key | {other.effect.name})
+            if model is None or model.key == chosen.key or abs(model.cost - chosen.cost) > margin:
+                continue
+            alike = min(test.cosine(score, other), test.cosine(other, score)) > THRESHOLDS.indistinguishable
+            if alike:
+                yield Proposal(model, plausibility(model.fit.estimate.params, other.effect.name) / own)
+
+
+def _far_more_plausible(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    return Decision(
+        proposal.value > THRESHOLDS.likelier,
+        f"indistinguishable; the ratio of the prior probabilities of the sizes is {proposal.value:.2g}",
+    )
+
+
+def with_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[str], Hypothesis]:
+    """All fitted sets, including those with an alternative in place of each effect.
+
+    Alternatives are effects that the linear scores can hardly distinguish from the effect, or rank above it.
+    """
+    for name in chosen.effects:
+        less = sets.without(chosen, name)
+        test = sets.test(less)
+        for score in _indistinguishable(test, name):
+            sets.escaped(sets.with_one(less, score))
+        for score in test.ranking[:REPLACEMENTS]:
+            if score.effect.name != name and less.cost - score.gain < chosen.cost:
+                sets.with_one(less, score)
+    return sets.fits
+
+
+def _indistinguishable(test: ScoreTest, name: str) -> Iterator[Score]:
+    """Effects with the signature of another one that are neither a simpler nor a richer form of it."""
+    own = test.shaped[name][0]
+    for score in test.ranking:
+        form = score.effect.name in {name, *own.effect.nested} or name in score.effect.nested
+        if not form and score.gain > 0 and test.cosine(own, score) > THRESHOLDS.indistinguishable:
+            yield score
+
+
+def _criterion(model: Hypothesis) -> float:
+    return model.cost
+
+
+RICHER_FORM = Move(
+    "richer form", "an effect is replaced by a richer one that contains it", _richer, _better_than_chance
+)
+SIMPLER_FORM = Move(
+    "simpler form",
+    "an effect is replaced by a simpler one that it contains and that explains as much",
+    _simpler,
+    _as_good,
+    then="repeat",
+)
+SECOND_CAUSE = Move(
+    "second cause",
+    "an effect is replaced by a simpler one and a second effect that explain more with fewer parameters",
+    _second_cause,
+    _better_with_fewer_parameters,
+    then="repeat",
+)
+SEVERAL_CAUSES = Move(
+    "several causes",
+    "an effect of many parameters is replaced by others that explain more with fewer",
+    _several_for_one,
+    _better_with_fewer_parameters,
+    then="repeat",
+)
+EXCHANGE = Move(
+    "exchange",
+    "while the residual exceeds the noise, each effect is replaced in turn by other effects and other shapes",
+    _exchanged,
+    _closer,
+    then="repeat",
+)
+BETTER_ALTERNATIVE = Move(
+    "better alternative",
+    "alternatives of each effect are fitted; a set of the same or smaller size that explains more replaces"
+    " the current one",
+    _better_alternative,
+    _explains_more,
+)
+MORE_PLAUSIBLE = Move(
+    "more plausible size",
+    "of two indistinguishable effects, the one with the far more plausible size is named",
+    _more_plausible,
+    _far_more_plausible,
+)
