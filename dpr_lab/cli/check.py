@@ -54,14 +54,19 @@ def check(
 
 def show(updated: "Diagnosis", out: Path | None) -> None:
     """Print the last check on stdout: conclusion, then probabilities before and after."""
-    from dpr_lab.report.gap import tables
+    from dpr_lab.report.gap import check_tables, tables
     from dpr_lab.workflows.diagnose import RECORD
 
     done = updated.checks_done[-1]
     line(tables.sentence(updated))
     title = f"Check {done.check.id}: {done.result}"
-    table(title, tables.MOVED_COLUMNS, tables.moved_rows(done), note=tables.MOVED_NOTE)
+    table(title, check_tables.MOVED_COLUMNS, check_tables.moved_rows(done), note=check_tables.MOVED_NOTE)
     if updated.checks:
-        table("Remaining checks", tables.CHECK_COLUMNS, tables.check_rows(updated), note=tables.CHECK_NOTE)
+        table(
+            "Remaining checks",
+            check_tables.CHECK_COLUMNS,
+            check_tables.check_rows(updated),
+            note=check_tables.CHECK_NOTE,
+        )
     if out:
         line(f"diagnosis: {out / RECORD}")

@@ -131,7 +131,7 @@ def diagnose(
 
 def show(diagnosis: "Diagnosis") -> None:
     """Print the diagnosis, verdict first."""
-    from dpr_lab.report.gap import tables
+    from dpr_lab.report.gap import check_tables, tables
     from dpr_lab.report.gap.sections.trust import trust_words
     from dpr_lab.report.gap.sizes import scale_note
     from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences, summary_note
@@ -166,7 +166,12 @@ def show(diagnosis: "Diagnosis") -> None:
     if diagnosis.sensor_findings:
         table("Sensor faults", tables.FINDING_COLUMNS, tables.finding_rows(diagnosis))
     if diagnosis.checks:
-        table("Recommended checks", tables.CHECK_COLUMNS, tables.check_rows(diagnosis), note=tables.CHECK_NOTE)
+        table(
+            "Recommended checks",
+            check_tables.CHECK_COLUMNS,
+            check_tables.check_rows(diagnosis),
+            note=check_tables.CHECK_NOTE,
+        )
     if diagnosis.trust:
         for sentence in trust_words(diagnosis):
             line(sentence)

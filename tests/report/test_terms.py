@@ -1,6 +1,7 @@
 from pathlib import Path
 
 from dpr_lab.report import tables
+from dpr_lab.report.gap import check_tables
 from dpr_lab.report.gap import tables as gap_tables
 from dpr_lab.report.pages.page import PageTable, Section, page_html
 from dpr_lab.report.pages.terms import TERMS
@@ -9,7 +10,7 @@ from dpr_lab.report.pages.terms import TERMS
 def test_every_explained_term_is_a_column() -> None:
     columns = {
         column
-        for module in (tables, gap_tables)
+        for module in (tables, gap_tables, check_tables)
         for name, value in vars(module).items()
         if name.endswith("COLUMNS")
         for column in value

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from dpr_lab.acceptance.judge import Acceptance
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.report.gap import tables
+from dpr_lab.report.gap import check_tables, tables
 from dpr_lab.report.gap.acceptance import LIMIT_COLUMNS, RULE, answer_sentence, deciding_sentence, limit_rows
 from dpr_lab.report.gap.section import evidence_blocks
 from dpr_lab.report.gap.sections import SECTIONS
@@ -129,7 +129,7 @@ def _checks(diagnosis: Diagnosis) -> Iterator[Block]:
     """Probabilities before and after each check."""
     for done in diagnosis.checks_done:
         yield f"{done.check.id}: {in_words(done.check.text)} {done.result}"
-        yield PageTable(tables.MOVED_COLUMNS, tables.moved_rows(done), tables.MOVED_NOTE, "prose")
+        yield PageTable(check_tables.MOVED_COLUMNS, check_tables.moved_rows(done), check_tables.MOVED_NOTE, "prose")
 
 
 def _gap_reduction(diagnosis: Diagnosis) -> Iterator[Block]:

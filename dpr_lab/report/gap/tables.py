@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.checks.wording import bayes_factor
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.result.causes import NamedEffect, RivalEffect
-from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
+from dpr_lab.gap.result.checks import NONE_OF_THEM
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.screen.pieces import whole
@@ -29,16 +28,6 @@ STEP_COLUMNS = ("model", "gap (mrad)", "excess explained")
 STANDING_COLUMNS = ("effect", "alternatives", "probability", "cosine similarity", "how to distinguish")
 PLACE_COLUMNS = ("place", "coordinate", "share of the excess", "shape")
 CLOSED_COLUMNS = ("run", "gap reduction", "free run, bare model (mrad)", "free run, corrected model (mrad)")
-MOVED_COLUMNS = ("cause", "probability before", "probability after", "Bayes factor")
-MOVED_NOTE = (
-    "Bayes factor: ratio by which the result changes the odds of the cause. Above 1 it supports the cause, below 1 it"
-    " contradicts the cause. Above 20 or below 1/20 the evidence is strong."
-)
-CHECK_COLUMNS = ("check", "kind", "action", "expected result", "distinguished effects", "expected information (bits)")
-CHECK_NOTE = (
-    "Expected result: size and 90 % interval if the measured effect is the cause; otherwise about zero. To record the"
-    " result: dpr-lab check DIAGNOSIS.json CHECK RUN..., or for a measurement --value 'V UNIT' --std 'S UNIT'."
-)
 DETECTABLE_COLUMNS = ("effect", "minimum detectable size")
 HORIZON_COLUMNS = ("segment length (s)", "gap, bare model (mrad rms)", "gap, corrected model (mrad rms)")
 MAP_COLUMNS = ("place", "coordinate", "coordinate value", "quantity", "value", "90 % half width")
@@ -297,43 +286,6 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     }
     last = [unexplained[diagnosis.verdict]] if diagnosis.verdict in unexplained else []
     return [*map(in_words, diagnosis.advice), *last] or ["No further recording or check is needed."]
-
-
-def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:
-    """Probabilities before and after a check, the most probable cause first, in the columns `MOVED_COLUMNS`."""
-    ranked = sorted(done.after, key=lambda name: -done.after[name])
-    return [
-        (
-            "none of these effects" if name == NONE_OF_THEM else named(name),
-            f"{done.before[name]:.3f}",
-            f"{done.after[name]:.3f}",
-            bayes_factor(done, name),
-        )
-        for name in ranked
-    ]
-
-
-def check_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """The recommended checks, in the columns `CHECK_COLUMNS`."""
-    return [
-        (
-            check.id,
-            check.kind,
-            in_words(check.text),
-            _expected(check),
-            ", ".join(map(named, check.splits)),
-            f"{check.expected_bits:.2f}",
-        )
-        for check in diagnosis.checks
-    ]
-
-
-def _expected(check: AdvisedCheck) -> str:
-    """The expected result of a measurement with its interval."""
-    if check.quantity is None or check.expected is None:
-        return NONE
-    ends = check.expected.value, *check.expected.interval90
-    return size_words(check.measures, check.quantity.parameters[0], RADIANS, *ends)
 
 
 def place_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
