@@ -141,8 +141,8 @@ def _model(rig: Rig, ratios: Array, params: Array, noise: Array, driven: bool) -
 
 
 def _can_act(effect: Effect, driven: bool) -> bool:
-    """Whether an effect may act in any future release; one that happened once does not happen again."""
-    return not effect.event and not effect.absorbed_by and (driven or not effect.driven)
+    """Whether an effect may act in a planned release: its arm is clamped, and what happened once is over."""
+    return not (effect.event or effect.absorbed_by or effect.of_arm) and (driven or not effect.driven)
 
 
 def _noise_of(rig: Rig) -> Array:
