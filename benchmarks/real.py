@@ -1,10 +1,10 @@
-"""Diagnoses of recordings of real rigs that others made and published, as a page of the documentation.
+"""Diagnoses of published recordings of real rigs, as a page of the documentation.
 
-Every recording of a rig is held out once, and predicted from the others of that rig.
+Every recording of a rig is held out once and predicted from the others of that rig.
 
-    python benchmarks/real.py FOLDER                    print it
+    python benchmarks/real.py FOLDER                    print the page
     python benchmarks/real.py FOLDER --write            and write docs/real-rigs.md
-    python benchmarks/real.py FOLDER --only DFKI        the rigs of such a title alone, without the summary
+    python benchmarks/real.py FOLDER --only DFKI        print only the rigs whose title contains DFKI
 """
 
 import argparse
@@ -20,7 +20,7 @@ from _real import dfki_rig, geared, rezeroed
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
-from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects import effect_params
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -28,6 +28,9 @@ from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import free_runs
+from dpr_lab.report.gap.sizes import sizes_cell
+from dpr_lab.report.gap.tables import sentence
+from dpr_lab.report.words import named
 from dpr_lab.rig import PARAMETERS, Rig, load_rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
@@ -39,12 +42,12 @@ HANGING = ImportOptions(zero="hanging", unit=None, time_unit=None)
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """The model that the rig's own authors printed."""
+    """The model that the authors of the rig published."""
 
     Z: Mapping[str, float]
     """The nine parameters, SI."""
     effects: Mapping[str, Mapping[str, float]]
-    """What else it holds, by the effects of the library."""
+    """Further terms of the model: effect of the library -> its parameters."""
     words: str
 
 
@@ -86,13 +89,13 @@ class Fold:
 
     @property
     def of_reproducible(self) -> float | None:
-        """Share of what is reproducible in the fitted recordings that is explained; None where that is not known."""
+        """Explained share of the reproducible gap in the fitted recordings; None if unknown."""
         budget = self.diagnosis.gap.budget
         return budget.of_reproducible if budget else None
 
 
 def rigs(folder: Path) -> Iterator[RealRig]:
-    """Every rig of which there is a recording."""
+    """All rigs with a recording."""
     yield _multiarm(folder / "multiarm")
     yield _dfki(folder / "dfki_design_a")
     yield from _one_rod(folder)
@@ -106,9 +109,9 @@ def _multiarm(folder: Path) -> RealRig:
     Z |= {"c1": known["k1_Nms"], "c2": known["k2_Nms"], "J1": known["J1_kgm2"], "J2": known["J2_kgm2"]}
     return RealRig(
         "MultiArm pendulum, 80 s at 1 kHz",
-        "Kaheman et al. (2022), arXiv 2205.06231; data of dynamicslab/MultiArm-Pendulum, MIT. Rods on ball bearings,"
-        " cart fixed, one encoder per joint; the angles seem to be interpolated. The single recording is cut"
-        " into parts, of which every second one is held out.",
+        "Kaheman et al. (2022), arXiv 2205.06231; data of dynamicslab/MultiArm-Pendulum, MIT. The rods have ball"
+        " bearings and one encoder per joint, the cart is fixed; the angles seem to be interpolated. The single"
+        " recording is cut into parts; every second part is held out.",
         rig,
         [import_csv(file, rig, HANGING)],
         Published(Z, {}, "viscous friction at both joints"),
@@ -117,8 +120,8 @@ def _multiarm(folder: Path) -> RealRig:
 
 def _dfki(folder: Path) -> RealRig:
     files = sorted(folder.glob("*.csv"))
-    told = json.loads(files[0].with_suffix(".json").read_text(encoding="utf-8"))
-    rig, model = geared(rezeroed(dfki_rig(told))), told["known_parameters"]["model_1_0"]
+    sidecar = json.loads(files[0].with_suffix(".json").read_text(encoding="utf-8"))
+    rig, model = geared(rezeroed(dfki_rig(sidecar))), sidecar["known_parameters"]["model_1_0"]
     Z = {"l1": model["r1"], "l2": model["r2"], "m1": model["m1"], "m2": model["m2"], "mb": 0.0}
     Z |= {"c1": model["b1"], "c2": model["b2"]}
     Z |= {f"J{i}": model[f"I{i}_pivot"] - model[f"m{i}"] * model[f"r{i}"] ** 2 for i in (1, 2)}
@@ -128,11 +131,10 @@ def _dfki(folder: Path) -> RealRig:
     return RealRig(
         "DFKI double pendulum, design A",
         "dfki-ric-underactuated-lab/double_pendulum, BSD-3-Clause. Each joint has a geared motor with"
-        " zero"
-        " torque; encoders zeroed before each recording; two releases of 5 s at 200 Hz.",
+        " zero torque. The encoders are zeroed before each of the two releases of 5 s at 200 Hz.",
         rig,
         [import_csv(file, rig, HANGING) for file in files],
-        Published(Z, effects, "viscous and dry friction and rotor inertia at both joints"),
+        Published(Z, effects, "viscous and Coulomb friction and rotor inertia at both joints"),
     )
 
 
@@ -142,20 +144,20 @@ def _one_rod(folder: Path) -> Iterator[RealRig]:
         import_csv(folder / "multiarm" / f"sp_{name}.csv", arm, HANGING)
         for name in ("freeswing_1khz", "tail_to_stop_2khz")
     )
-    made = "dynamicslab/MultiArm-Pendulum, MIT. One arm on a bearing, the cart fixed"
-    yield RealRig("MultiArm, one arm, 55 s at 1 kHz", f"{made}; six pieces joined by its authors.", arm, [long])
-    yield RealRig("MultiArm, one arm, the last 7 s until it stops", f"{made}; 2 kHz.", arm, [tail])
+    source = "dynamicslab/MultiArm-Pendulum, MIT. One arm on a bearing; the cart is fixed"
+    yield RealRig("MultiArm, one arm, 55 s at 1 kHz", f"{source}. The authors joined six pieces.", arm, [long])
+    yield RealRig("MultiArm, one arm, the last 7 s until it stops", f"{source}. Recorded at 2 kHz.", arm, [tail])
     cart, counts = _drafted("pendule_pi", 0.4, 0.1, 4096), replace(HANGING, unit="counts")
     packets = [import_csv(file, cart, counts) for file in sorted((folder / "pendule_pi").glob("*.csv"))]
-    known = "francofusco/pendule_pi, BSD-3-Clause. One rod on a cart that is assumed fixed; counts of an"
-    known += " incremental encoder at 200 Hz, packets of 5 s."
+    known = "francofusco/pendule_pi, BSD-3-Clause. One rod on a cart that is assumed to be fixed. Counts of an"
+    known += " incremental encoder at 200 Hz, in packets of 5 s."
     yield RealRig("Pendule-Pi, one rod", known, cart, packets)
     rotary = _drafted("rotary", 0.124, 0.01225, 16384)
     swings = [import_csv(file, rotary, HANGING) for file in sorted((folder / "rotary_pendulum").glob("*.csv"))]
     known = (
-        "jensen-benard/rotary-inverted-pendulum, MIT. One rod of a rotary pendulum, released by hand, 1 kHz; no time"
+        "jensen-benard/rotary-inverted-pendulum, MIT. One rod of a rotary pendulum, released by hand, 1 kHz, without"
+        " time stamps."
     )
-    known += " stamps in the source."
     yield RealRig("Rotary pendulum, one rod", known, rotary, swings)
 
 
@@ -177,46 +179,45 @@ def _driven(folder: Path) -> Iterator[RealRig]:
         options = replace(HANGING, angles="relative", torque="measured")
         yield RealRig(
             f"DFKI double pendulum, design {design}, driven",
-            "dfki-ric-underactuated-lab/double_pendulum, BSD-3-Clause. Both joints driven by geared motors; torques as"
-            " the drives measure them; encoders zeroed before each recording.",
+            "dfki-ric-underactuated-lab/double_pendulum, BSD-3-Clause. Geared motors drive both joints and measure"
+            " their torques. The encoders are zeroed before each recording.",
             rig,
             [import_csv(file, rig, options) for file in files],
         )
 
 
 def diagnosed(real: RealRig) -> Iterator[Fold]:
-    """A diagnosis for each recording held out."""
+    """Diagnose the rig once for each held-out recording."""
     for fitted, unseen in real.folds:
-        began = time.process_time()
+        start_s = time.process_time()
         diagnosis = diagnose(fitted, real.rig, held_out=unseen)
         name = unseen[0].name if unseen else "every second part"
-        yield Fold(name, fitted, unseen, diagnosis, time.process_time() - began)
+        yield Fold(name, fitted, unseen, diagnosis, time.process_time() - start_s)
 
 
 def section(real: RealRig, folds: list[Fold]) -> str:
-    """What was found on one rig, next to the published model on the same held-out recordings."""
+    """Section of one rig: its diagnoses, compared with the published model on the same held-out recordings."""
     lines = [f"## {real.title}", "", real.known, ""]
     for fold in folds:
         low, high = fold.diagnosis.gap.closed_held_out.interval90
         compared = _compared(real, fold, real.published) if real.published else ([], [])
         lines += [
             *([f"### Held out: {fold.held_out}", ""] if len(folds) > 1 else []),
-            f"Verdict: **{fold.diagnosis.verdict.replace('_', ' ')}**. {fold.diagnosis.sentence}",
+            f"Verdict: **{fold.diagnosis.verdict.replace('_', ' ')}**. {sentence(fold.diagnosis)}",
             "",
             f"Explained excess chi-square of the fitted recordings: {_percent(fold.diagnosis.gap.explained_share)}. Gap"
             f" reduction on held-out data: {_percent(fold.closed)} (90 % interval {_percent(low)} to {_percent(high)})."
             f" Time: {fold.seconds:.0f} s on one core.",
             "",
             *compared[0],
-            *_table(["effect", "probability", "share", "size"], _effects(fold.diagnosis)),
-            "",
+            *_effects(fold.diagnosis),
             *compared[1],
         ]
     return "\n".join(lines)
 
 
-def summary(found: list[tuple[RealRig, list[Fold]]]) -> str:
-    """Every held-out recording in one row, and the median and the worst of all."""
+def summary(diagnoses: list[tuple[RealRig, list[Fold]]]) -> str:
+    """Table with a row for every held-out recording, and the median and the worst of all."""
     rows = [
         [
             real.title,
@@ -226,34 +227,34 @@ def summary(found: list[tuple[RealRig, list[Fold]]]) -> str:
             "" if fold.of_reproducible is None else _percent(fold.of_reproducible),
             f"{fold.seconds:.0f}",
         ]
-        for real, folds in found
+        for real, folds in diagnoses
         for fold in folds
     ]
-    every = [fold for _, folds in found for fold in folds]
-    known = [fold.of_reproducible for fold in every if fold.of_reproducible is not None]
-    closed, seconds = [fold.closed for fold in every], [fold.seconds for fold in every]
-    for word, of, slow in (("median", np.median, np.median), ("worst", np.min, np.max)):
-        of_known = _percent(float(of(known))) if known else ""
-        rows.append([f"**{word}**", "", "", _percent(float(of(closed))), of_known, f"{slow(seconds):.0f}"])
-    head = ["rig", "held out", "verdict", "gap closed on held-out data", "explained of what is reproducible", "CPU, s"]
+    all_folds = [fold for _, folds in diagnoses for fold in folds]
+    reproducible = [fold.of_reproducible for fold in all_folds if fold.of_reproducible is not None]
+    closed, seconds = [fold.closed for fold in all_folds], [fold.seconds for fold in all_folds]
+    for word, share, duration in (("median", np.median, np.median), ("worst", np.min, np.max)):
+        explained = _percent(float(share(reproducible))) if reproducible else ""
+        rows.append([f"**{word}**", "", "", _percent(float(share(closed))), explained, f"{duration(seconds):.0f}"])
+    head = ["rig", "held-out recording", "verdict", "gap reduction on held-out data"]
+    head += ["explained share of the reproducible gap", "CPU time, s"]
     return "\n".join(["## Summary", "", *_table(head, rows), ""])
 
 
 def _compared(real: RealRig, fold: Fold, published: Published) -> tuple[list[str], list[str]]:
-    """Ratios, and free runs on held-out recordings, next to those of the published model."""
+    """Table of ratios and table of free runs on held-out recordings, with the published model in one column."""
     _, unseen, _ = in_pieces(fold.fitted, fold.unseen)
-    base, found = base_parameters([published.Z[name] for name in PARAMETERS], real.rig.L1, real.rig.g), fold.diagnosis
-    at = Estimate.of(unknown_ratios(base), effect_params(published.effects), np.zeros((0, 4)))
-    theirs = free_runs(Recordings(tuple(record(run, real.rig) for run in unseen), real.rig), at).errors_rad
-    tried = [run.name for run in unseen if run.name in found.gap.free_run_rad]
-    errors = np.array([[theirs[name], *found.gap.free_run_rad[name].values()] for name in tried])
-    rows = [[name, *_four(row)] for name, row in zip(tried, errors, strict=True)]
+    base = base_parameters([published.Z[name] for name in PARAMETERS], real.rig.L1, real.rig.g)
+    diagnosis = fold.diagnosis
+    estimate = Estimate.of(unknown_ratios(base), effect_params(published.effects), np.zeros((0, 4)))
+    of_published = free_runs(Recordings(tuple(record(run, real.rig) for run in unseen), real.rig), estimate).errors_rad
+    names = [run.name for run in unseen if run.name in diagnosis.gap.free_run_rad]
+    errors = np.array([[of_published[name], *diagnosis.gap.free_run_rad[name].values()] for name in names])
+    rows = [[name, *_four(row)] for name, row in zip(names, errors, strict=True)]
     rows.append(["**median**", *_four(np.median(errors, axis=0))])
     head = ["recording", f"published ({published.words})", "bare model", "corrected model"]
-    ratio_table = _table(["ratio", "estimate", "90 % interval", "published"], _ratios(found, ratios(base)))
-    caption = (
-        "Rms error of the free run on held-out recordings, rad; the initial state is fitted to the first readings:"
-    )
+    ratio_table = _table(["ratio", "estimate", "90 % interval", "published"], _ratios(diagnosis, ratios(base)))
+    caption = "Rms error of the free run on held-out recordings, rad, from an initial state fitted to the first 0.3 s:"
     return [*ratio_table, ""], [caption, "", *_table(head, rows), ""]
 
 
@@ -269,59 +270,65 @@ def _table(head: list[str], rows: list[list[str]]) -> list[str]:
     return [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)]
 
 
-def _ratios(found: Diagnosis, published: Any) -> list[list[str]]:
+def _ratios(diagnosis: Diagnosis, published: Any) -> list[list[str]]:
     return [
-        [name, f"{v.value:.5g}", f"[{v.interval90[0]:.5g}, {v.interval90[1]:.5g}]", f"{theirs:.5g}"]
-        for name, theirs in zip(RATIOS, published.tolist(), strict=True)
-        for v in (found.ratios[name],)
+        [name, f"{ratio.value:.5g}", f"[{ratio.interval90[0]:.5g}, {ratio.interval90[1]:.5g}]", f"{value:.5g}"]
+        for name, value in zip(RATIOS, published.tolist(), strict=True)
+        for ratio in (diagnosis.ratios[name],)
     ]
 
 
-def _effects(found: Diagnosis) -> list[list[str]]:
-    return [
+def _effects(diagnosis: Diagnosis) -> list[str]:
+    """Table of the named effects; empty if there are none."""
+    rows = [
         [
-            f"{EFFECTS[effect.name].words} (`{effect.name}`)",
+            named(effect.name),
             _percent(effect.probability),
             _percent(effect.share),
-            ", ".join(f"{name} {v.value:.3g}" for name, v in effect.parameters.items()),
+            sizes_cell(diagnosis, effect),
         ]
-        for effect in found.effects
+        for effect in diagnosis.effects
     ]
+    return [*_table(["effect", "probability", "unique contribution", "size (90 % interval)"], rows), ""] if rows else []
 
 
 HEAD = """# Real rigs
 
-Recordings that others made and published. Every recording of a rig is held out once and predicted from the others of
-that rig. The page is written by `benchmarks/real.py`; no figure is made by hand. "Published" is the model that the
-authors of a rig printed, simulated here from their parameters on the same held-out recordings and from the same start
-as the others. Ratios under friction that the library lacks, or that a record cannot tell from the rods' own, may differ
-from the published ones by more than their intervals, which hold for the model that is fitted.
+This page lists diagnoses of recordings that other laboratories published. `benchmarks/real.py` computes all figures.
+Each recording of a rig is held out once and predicted from the others of the same rig.
+
+"Published" is the model of the authors of a rig. It is simulated with their parameters on the same held-out recordings
+and from the same initial state as the bare and the corrected model. A published ratio can lie outside the 90 %
+interval of the estimate. The interval holds for the fitted model only: it does not include the error that arises if
+the friction of the rig is not in the library, or if the record does not distinguish it from other parameters.
 """
 
-OPEN = """## Open questions
+OPEN = """## Limits of these diagnoses
 
-Rigs of which only a length and a mass are known are drafted as `dpr-lab rig new` drafts them; a single rod shows two
-ratios. What geared drives do beyond friction, rotor, torque constant, offset and delay leaves most driven records
-explained in part; their authors' models are compared in [benchmarks.md](benchmarks.md).
+- For the rigs with one rod, only a length and a mass are known. Their rig files were drafted with `dpr-lab rig new`.
+  One rod determines two ratios.
+- Most driven records are only partly explained. The library describes friction, rotor inertia, torque constant, torque
+  offset and delay of a geared drive, but no further property. [Benchmarks](benchmarks.md) compares the models of the
+  authors.
 """
 
 
 def main() -> None:
-    """Print the page, or write it too."""
+    """Print the page; with `--write` also save it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, help="of the recordings: multiarm, dfki_design_a ...")
-    parser.add_argument("--write", action="store_true", help="write the page of the documentation too")
-    parser.add_argument("--only", default="", help="print the rigs of such a title alone")
+    parser.add_argument("folder", type=Path, help="folder with the recordings: multiarm, dfki_design_a ...")
+    parser.add_argument("--write", action="store_true", help="also write the page of the documentation")
+    parser.add_argument("--only", default="", help="print only the rigs whose title contains this text")
     args = parser.parse_args()
-    found, sections = list[tuple[RealRig, list[Fold]]](), list[str]()
+    diagnoses, sections = list[tuple[RealRig, list[Fold]]](), list[str]()
     for real in rigs(args.folder):
         if args.only in real.title:
-            found.append((real, list(diagnosed(real))))
-            sections.append(section(*found[-1]))
+            diagnoses.append((real, list(diagnosed(real))))
+            sections.append(section(*diagnoses[-1]))
             print(sections[-1], flush=True)
-    print(summary(found))
+    print(summary(diagnoses))
     if args.write and not args.only:
-        PAGE.write_text("\n".join([HEAD, summary(found), *sections, OPEN]), encoding="utf-8")
+        PAGE.write_text("\n".join([HEAD, summary(diagnoses), *sections, OPEN]), encoding="utf-8")
 
 
 if __name__ == "__main__":

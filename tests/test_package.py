@@ -114,7 +114,7 @@ def test_the_tests_upgrade_the_environment_of_the_demo_and_nothing_is_installed_
 def test_the_readme_says_what_is_installed() -> None:
     """Within a tenth, or 5 MB: libraries grow from version to version."""
     told = {name: float(size) for name, size in re.findall(r"^\| `(\w+)` \|.*\| (\d+) \|$", README, flags=re.MULTILINE)}
-    (core,) = re.findall(r"The package and the libraries that it needs are (\d+) MB", README)
+    (core,) = re.findall(r"The package and the libraries that it needs take (\d+) MB", README)
     measured = {name: sum(added_mb(name).values()) for name in extras() if name in told}
     assert set(extras()) - set(told) <= {"fuzz"}
     assert float(core) == pytest.approx(sum(sizes_mb(requirements()).values()), rel=0.1)
