@@ -17,9 +17,10 @@ from _bars import at_least, options, show
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from dpr_lab.exports.corrected import corrected_model
 from dpr_lab.exports.into import WORDS, into_file
-from dpr_lab.exports.into.least_change import expressible, least_change
+from dpr_lab.exports.into.least_change import least_change
 from dpr_lab.exports.into.replay import Simulation
 from dpr_lab.exports.programs import Replay
+from dpr_lab.exports.refit import fitted_in_words
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.simulator_models import read_model
@@ -136,7 +137,7 @@ def trial(number: int) -> Result:
         diagnosis = diagnose(runs, rig)
         read = read_model(file)
         chain = double_pendulum(read, (), rig.g if read.gravity is None else None)
-        model = expressible(diagnosis, corrected_model(diagnosis, runs, rig), WORDS[read.format], runs, rig)
+        model = fitted_in_words(corrected_model(diagnosis, runs, rig), WORDS[read.format], runs, rig)
         least = least_change(diagnosis, model, rig, chain, runs)
         patched = into_file(least.model, rig, file)
         first = least.causes[0] if least.causes else None

@@ -1,11 +1,18 @@
-"""The model with the named effects: for `compare`, as a plain Python module, and as MJCF."""
+"""The model with the named effects: for `compare`, as a plain Python module, and as MJCF.
 
-from collections.abc import Sequence
+An amplitude whose interval contains zero is set to zero, so that a spring with an insignificant cubic term is a linear
+spring, which every format with springs can hold. The other values are then their conditional means in the joint normal
+distribution: x - C_xz C_zz^-1 z. An effect keeps its amplitudes if all of them are insignificant.
+"""
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
+from dpr_lab.exports.ensemble.sampled import signed
+from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.model import Covariance, EstimatedValue, FitSummary, Model, RigFacts, RunUsed, SearchRecord
 from dpr_lab.identification.prior_update import update_prior
@@ -25,7 +32,11 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Mode
         runs: the diagnosed runs
         rig: measured values and bounds of the nine parameters
     """
-    values = np.array([interval.value for interval in diagnosis.ratios.values()])
+    fitted = {name: interval.value for name, interval in diagnosis.ratios.items()} | {
+        f"{name}.{key}": value for name, own in diagnosis.model_effects.items() for key, value in own.items()
+    }
+    significant = _without_insignificant(diagnosis, fitted)
+    values = np.array([significant[name] for name in diagnosis.ratios])
     covariance = np.array(diagnosis.ratio_covariance)
     nine, base = update_prior(values, covariance, rig)
     factor = diagnosis.scale_b / base["b"].value
@@ -35,7 +46,7 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Mode
     std = np.sqrt(np.diag(covariance))
     scale = diagnosis.scale or scale_of(absolute["b"], diagnosis.unknowns, rig)
     ratios = {
-        name: EstimatedValue(value=interval.value, std=float(s), interval90=interval.interval90)
+        name: EstimatedValue(value=significant[name], std=float(s), interval90=interval.interval90)
         for (name, interval), s in zip(diagnosis.ratios.items(), std, strict=True)
     }
     nine, absolute = with_intervals(nine, absolute, ratios, scale, diagnosis.unknowns, rig)
@@ -72,7 +83,32 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Mode
             for run in runs
         ],
         p_over_b=diagnosis.p_over_b,
-        effects={name: values for name, values in diagnosis.model_effects.items() if not EFFECTS[name].event},
+        effects={
+            name: {key: significant[f"{name}.{key}"] for key in own}
+            for name, own in diagnosis.model_effects.items()
+            if not EFFECTS[name].event
+        },
         warnings=[] if diagnosis.verdict in ("named", "no_gap") else [diagnosis.sentence],
         version=__version__,
     )
+
+
+def _without_insignificant(diagnosis: Diagnosis, fitted: Mapping[str, float]) -> dict[str, float]:
+    """Values of ratios and effects (`effect.parameter`) without insignificant amplitudes."""
+    zero = [f"{effect.name}.{key}" for effect in diagnosis.effects for key in _insignificant(effect)]
+    posterior = next((part for part in diagnosis.posterior if set(part.effects) == set(diagnosis.model_effects)), None)
+    values = dict(fitted)
+    if zero and posterior is not None and set(zero) <= set(posterior.free):
+        places = [posterior.free.index(name) for name in zero]
+        covariance = np.array(posterior.covariance)
+        gain = covariance[:, places] @ np.linalg.pinv(covariance[np.ix_(places, places)], hermitian=True)
+        steps = gain @ np.array([fitted[name] for name in zero])
+        values |= {name: fitted[name] - float(step) for name, step in zip(posterior.free, steps, strict=True)}
+    return signed(values | dict.fromkeys(zero, 0.0))
+
+
+def _insignificant(effect: NamedEffect) -> set[str]:
+    """Amplitudes whose interval contains zero; none if no other amplitude is left."""
+    own = {p.name for p in EFFECTS[effect.name].amplitudes} & set(effect.parameters)
+    chance = {key for key in own if effect.parameters[key].interval90[0] <= 0 <= effect.parameters[key].interval90[1]}
+    return chance if chance != own else set()

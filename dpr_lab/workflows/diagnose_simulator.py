@@ -76,9 +76,10 @@ def diagnose_simulator(
     from dpr_lab.exports.bodies import left_out
     from dpr_lab.exports.corrected import corrected_model
     from dpr_lab.exports.into import WORDS, into_file
-    from dpr_lab.exports.into.least_change import expressible, least_change
+    from dpr_lab.exports.into.least_change import least_change
     from dpr_lab.exports.into.replay import replay_files
     from dpr_lab.exports.into.target import refuse_other_rig
+    from dpr_lab.exports.refit import fitted_in_words
     from dpr_lab.rig import load_rig
     from dpr_lab.simulator_models import read_model
     from dpr_lab.simulator_models.chain import double_pendulum
@@ -103,7 +104,7 @@ def diagnose_simulator(
         result = diagnose(replace(request, rig=file), on_event)
     runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
     model = corrected_model(result.diagnosis, runs, rig)
-    written = expressible(result.diagnosis, model, WORDS[read.format], runs, rig)
+    written = fitted_in_words(model, WORDS[read.format], runs, rig)
     least = least_change(result.diagnosis, written, rig, chain, runs)
     lost = left_out(model, written.effects, read.format)
     names = tuple(rod.joint.name for rod in chain.rods)

@@ -7,7 +7,8 @@ import pytest
 
 from dpr_lab.exports.corrected import corrected_model
 from dpr_lab.exports.into import WORDS, into_file
-from dpr_lab.exports.into.least_change import LeastChange, expressible, least_change
+from dpr_lab.exports.into.least_change import LeastChange, least_change
+from dpr_lab.exports.refit import fitted_in_words
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.simulator_models import read_model
@@ -36,7 +37,7 @@ def corrected(folder: Path, file: str, truth: str) -> tuple[LeastChange, str, Ri
     runs = recordings(truth, rig)
     diagnosis = diagnose(runs, rig)
     chain = double_pendulum(read_model(folder / "robot.xml"))
-    model = expressible(diagnosis, corrected_model(diagnosis, runs, rig), WORDS["MJCF"], runs, rig)
+    model = fitted_in_words(corrected_model(diagnosis, runs, rig), WORDS["MJCF"], runs, rig)
     least = least_change(diagnosis, model, rig, chain, runs)
     return least, into_file(least.model, rig, folder / "robot.xml").text.decode(), rig
 

@@ -1,9 +1,13 @@
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from dpr_lab.exports.corrected import corrected_model
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.exports.corrected import _without_insignificant, corrected_model
+from dpr_lab.gap.result.causes import EffectSize, NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.identification.compare import compare_run
 from dpr_lab.identification.model import Model, load_model
 from dpr_lab.rig import Rig
@@ -24,3 +28,31 @@ def test_compare_draws_the_effects(corrected: Model, two_runs, paper: Rig, tmp_p
     assert (full.segment_rms_rad < 1.1 * full.noise_rad).all()
     assert (bare.segment_rms_rad > 1.2 * bare.noise_rad).any()
     assert (full.free_run_rms_rad < 0.2 * bare.free_run_rms_rad).all()
+
+
+def test_without_an_insignificant_amplitude_the_other_values_are_those_of_a_fit_without_it():
+    """A linear regression with and without the column of the cubic term."""
+    rng = np.random.default_rng(29)
+    names = ["a/b", "spring_joint1.stiffness_Nm_per_rad", "spring_joint1.cubic_Nm_per_rad3"]
+    columns = rng.normal(size=(50, 3)) + rng.normal(size=(50, 1))
+    readings = columns @ [1.5, 0.08, 0.0] + 0.1 * rng.normal(size=50)
+    fitted = dict.fromkeys(RATIOS, 1.0) | dict(zip(names, np.linalg.lstsq(columns, readings)[0].tolist(), strict=True))
+    effects = {"spring_joint1": {name.partition(".")[2]: fitted[name] for name in names[1:]}}
+    covariance = np.linalg.inv(columns.T @ columns).tolist()
+    sizes = {
+        key: EffectSize(value=value, interval90=(low, 1.0))
+        for (key, value), low in zip(effects["spring_joint1"].items(), (0.01, -1.0), strict=True)
+    }
+    named = NamedEffect.model_construct(name="spring_joint1", parameters=sizes)
+    posterior = PosteriorComponent(
+        probability=1.0,
+        ratios={name: fitted[name] for name in RATIOS},
+        effects=effects,
+        free=names,
+        covariance=covariance,
+    )
+    diagnosis = Diagnosis.model_construct(effects=[named], posterior=[posterior], model_effects=effects)
+    significant = _without_insignificant(diagnosis, fitted)
+    assert significant[names[2]] == 0.0
+    assert [significant[name] for name in names[:2]] == pytest.approx(np.linalg.lstsq(columns[:, :2], readings)[0])
+    assert abs(significant[names[1]] - fitted[names[1]]) > 1e-3

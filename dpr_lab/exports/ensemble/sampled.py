@@ -67,7 +67,7 @@ def _drawn(model: Model, component: PosteriorComponent, rng: np.random.Generator
     root = _root(np.array(component.covariance).reshape(len(mean), len(mean)))
     for _ in range(tries):
         step = root @ rng.standard_normal(len(mean))
-        drawn = _signed(values | dict(zip(component.free, (mean + step).tolist(), strict=True)))
+        drawn = signed(values | dict(zip(component.free, (mean + step).tolist(), strict=True)))
         if _possible(drawn):
             return _with_values(model, component, drawn, _scale_factor(model, rng))
     raise RunError("hardly a draw from the posterior is physical: these recordings do not determine the model")
@@ -80,7 +80,7 @@ def _root(covariance: Array) -> Array:
     return scale[:, None] * vectors * np.sqrt(np.maximum(eigen, 0.0))
 
 
-def _signed(values: Mapping[str, float]) -> dict[str, float]:
+def signed(values: Mapping[str, float]) -> dict[str, float]:
     """Values of which those that cannot be negative are not."""
     positive = {
         f"{name}.{p.name}" for name, effect in EFFECTS.items() for p in effect.parameters if p.sign == "positive"

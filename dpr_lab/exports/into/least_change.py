@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.base import BASE, base_parameters, ratios
 from dpr_lab.effects import EFFECTS
 from dpr_lab.exports.bodies import words_of
-from dpr_lab.exports.refit import fitted_in_words
-from dpr_lab.gap.result.causes import EffectSize
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.compare import compare_run
 from dpr_lab.identification.model import Model, ParameterValue
@@ -91,7 +89,7 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
         chain: the double pendulum of the file
         runs: the diagnosed runs, to rank the causes
     """
-    effects = _without_chance(diagnosis, model).effects
+    effects: Mapping[str, dict[str, float]] = model.effects
     longer = sum(words.get("added_length", 0.0) for words in words_of(effects).values())
     own = _base_of(chain, longer)
     rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])  # visible only in a during a free swing
@@ -172,38 +170,6 @@ def _with_own_numbers(chain: ModelChain, base: Array, own: Array, longer: float)
         else:
             changed[places] = about + carried * length**2, (mass * centroid + carried * length) * chain.gravity
     return changed
-
-
-def expressible(diagnosis: Diagnosis, model: Model, words: frozenset[str], runs: Sequence[Run], rig: Rig) -> Model:
-    """The model with what the elements of a format express, refitted where something is lost.
-
-    Args:
-        diagnosis: the diagnosis, for the intervals of its effects
-        model: its corrected model
-        words: elements of the format
-        runs: the diagnosed runs
-        rig: the rig
-
-    Raises:
-        RunError: as for `fitted_in_words`.
-    """
-    return fitted_in_words(_without_chance(diagnosis, model), words, runs, rig)
-
-
-def _without_chance(diagnosis: Diagnosis, model: Model) -> Model:
-    """The model in which an amplitude whose interval contains zero is zero, unless it is the only one of its effect.
-
-    A spring whose cubic term is below its uncertainty is a linear spring, which the formats can contain.
-    """
-    sizes = {effect.name: effect.parameters for effect in diagnosis.effects}
-    effects = {name: _significant(name, values, sizes.get(name, {})) for name, values in model.effects.items()}
-    return model.model_copy(update={"effects": effects})
-
-
-def _significant(name: str, values: Mapping[str, float], sizes: Mapping[str, EffectSize]) -> dict[str, float]:
-    own = {p.name for p in EFFECTS[name].amplitudes}
-    chance = {key for key in own & set(sizes) if sizes[key].interval90[0] <= 0 <= sizes[key].interval90[1]}
-    return {key: 0.0 if key in chance and chance != own else value for key, value in values.items()}
 
 
 def _scaled(name: str, values: Mapping[str, float], factor: float) -> dict[str, float]:
