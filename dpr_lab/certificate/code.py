@@ -13,6 +13,9 @@ from dpr_lab.plugins.fingerprint import fingerprint
 from dpr_lab.plugins.installed import GROUPS, packages
 from dpr_lab.version import __version__
 
+CODE = ("dpr_lab", "code")
+LIBRARIES = ("python", "numpy", "scipy", "numba")
+
 
 def made_with() -> dict[str, str]:
     """Versions and hash of the running code, with the fields of `dpr_lab.certificate.document.MadeWith`."""
@@ -20,7 +23,7 @@ def made_with() -> dict[str, str]:
         "dpr_lab": ", ".join([__version__, *packages()]),
         "code": _hash(Path(__file__).parents[1], fingerprint(*GROUPS)),
         "python": platform.python_version(),
-        **{name: importlib.metadata.version(name) for name in ("numpy", "scipy", "numba")},
+        **{name: importlib.metadata.version(name) for name in LIBRARIES[1:]},
         "machine": f"{platform.system()} {platform.machine()}",
     }
 
@@ -35,10 +38,23 @@ def _hash(package: Path, added: str) -> str:
     return digest.hexdigest()
 
 
-def compare_code(certified: MadeWith, here: Mapping[str, str]) -> list[Verified]:
-    """Compare code and libraries with those of a certificate; the machine may differ."""
+def compare_code(
+    certified: MadeWith, here: Mapping[str, str], *, other_code: bool, same_libraries: bool
+) -> list[Verified]:
+    """Compare code and libraries with those of a certificate; the machine may differ.
+
+    Args:
+        certified: versions in the certificate
+        here: versions of the running code (`made_with`)
+        other_code: whether version and hash of the code may differ
+        same_libraries: whether Python and the libraries must be equal
+    """
+    code = "the certificate names other code; --other-code verifies its claims with this code"
+    reasons = {} if other_code else dict.fromkeys(CODE, code)
+    if same_libraries:
+        reasons |= dict.fromkeys(LIBRARIES, "the certificate names another version")
+    versions = [(name, getattr(certified, name), here[name], reason) for name, reason in reasons.items()]
     return [
-        Verified(f"made with: {name}", version, here[name], version == here[name])
-        for name, version in certified.model_dump().items()
-        if name != "machine"
+        Verified(f"made with: {name}", version, now, version == now, "" if version == now else reason)
+        for name, version, now, reason in versions
     ]

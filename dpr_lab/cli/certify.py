@@ -94,15 +94,19 @@ def verify(
             help="Fail unless the certificate is signed with this Ed25519 public key (extra `signing`).",
         ),
     ] = None,
-    same_code: Annotated[
-        bool, typer.Option("--same-code", help="Fail unless code and libraries match the certificate.")
+    other_code: Annotated[
+        bool,
+        typer.Option("--other-code", help="Accept a certificate made with other code, such as an older version."),
+    ] = False,
+    same_libraries: Annotated[
+        bool, typer.Option("--same-libraries", help="Fail unless Python, NumPy, SciPy and Numba match the certificate.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Repeat a certified diagnosis and compare every claim; exits with 1 if a claim does not hold.
 
-    The claims and their tolerances are rules of this program, not of the file. The declarations that no repetition can
-    confirm (choices, code, origin) are shown first.
+    The claims and their tolerances are rules of this program, not of the file. A certificate that names other code than
+    this fails, unless --other-code accepts it. What no repetition can confirm (choices, origin) is shown first.
 
     Example: dpr-lab verify certificate.json
     """
@@ -111,7 +115,9 @@ def verify(
     from dpr_lab.workflows.certify import verify as verify_certificate
 
     with Listener() as listener:
-        done = verify_certificate(certificate, listener, signed_by, same_code=same_code)
+        done = verify_certificate(
+            certificate, listener, signed_by, other_code=other_code, same_libraries=same_libraries
+        )
     if as_json:
         from dataclasses import asdict
 
@@ -142,6 +148,8 @@ def _show_verified(done: "VerifiedCertificate") -> None:
     line("Every claim holds under the choices above." if departures else "Every claim holds under the default choices.")
     if departures:
         line(f"Not the default: {', '.join(departures)}.")
+    if done.names_other_code:
+        line("The certificate names other code. Its claims hold with the running code; the named code was not run.")
 
 
 def _show_declared(title: str, declared: "Sequence[Declared]") -> None:

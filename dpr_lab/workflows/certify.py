@@ -43,6 +43,11 @@ class VerifiedCertificate:
         """Whether every line is valid."""
         return all(line.holds for line in self.lines)
 
+    @property
+    def names_other_code(self) -> bool:
+        """Whether the certificate names another version or hash of the code than the running one."""
+        return any(each.note for each in self.origin if each.name in ("made with: dpr_lab", "made with: code"))
+
 
 def certify(
     request: DiagnoseRequest,
@@ -100,17 +105,23 @@ def _certificate(request: DiagnoseRequest, folder: Path, claims: "Mapping[str, R
 
 
 def verify(
-    path: Path, on_event: OnEvent = ignore, signed_by: Path | None = None, *, same_code: bool = False
+    path: Path,
+    on_event: OnEvent = ignore,
+    signed_by: Path | None = None,
+    *,
+    other_code: bool = False,
+    same_libraries: bool = False,
 ) -> VerifiedCertificate:
     """Repeat a certified diagnosis and compare each claim that the policy requires.
 
-    The diagnosis is not repeated if files, seal, signature or, on request, the code are not valid.
+    The diagnosis is not repeated if files, seal, signature or code are not valid.
 
     Args:
         path: the certificate; its recordings are found by the paths in it
         on_event: called with the events
         signed_by: file of the Ed25519 public key that must have signed it
-        same_code: whether code and libraries must be those of the certificate
+        other_code: whether the certificate may name other code than the running code, as one of an older version does
+        same_libraries: whether Python and the libraries must be those of the certificate
 
     Raises:
         RunError: the file is not a certificate of this policy.
@@ -128,7 +139,7 @@ def verify(
     lines = [
         *certificate.compare_seal(),
         *compare_signature(certificate, trusted),
-        *(compare_code(certificate.made_with, here) if same_code else ()),
+        *compare_code(certificate.made_with, here, other_code=other_code, same_libraries=same_libraries),
         *(compare_recording(recording, path.parent) for recording in certificate.recordings),
         compare_rig(certificate, path.parent),
     ]

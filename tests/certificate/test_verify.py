@@ -43,7 +43,7 @@ def test_it_holds_on_a_copied_folder(copied: Path) -> None:
     assert certified.claims["verdict"].value == "named"
     assert certified.claims["named"].value == "coulomb_joint1"
     assert certified.claims["coulomb_joint1: torque_Nm"].value == pytest.approx(4e-3, rel=0.05)
-    done = verify(copied, same_code=True)
+    done = verify(copied, same_libraries=True)
     assert done.holds, done.lines
     assert {line.claim for line in done.lines} >= {"X1.mcap", "X2.mcap", "paper", *certified.claims}
 

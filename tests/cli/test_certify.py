@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from dpr_lab.certificate.document import Certificate
+
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 
@@ -36,7 +38,7 @@ def test_certify_and_verify_show_the_choices_first(cli: Callable, certified: tup
 
 
 def test_verify_says_the_same_for_programs(cli: Callable, certified: tuple[Path, str]) -> None:
-    done = cli("verify", certified[0], "--json", "--same-code")
+    done = cli("verify", certified[0], "--json", "--same-libraries")
     assert done.code == 0, done.err
     assert done.json["holds"] is True
     assert {"choices", "origin", "lines"} <= set(done.json)
@@ -58,6 +60,21 @@ def test_a_broken_certificate_ends_with_1_and_no_traceback(cli: Callable, certif
     assert done.code == 3
     assert "choices.seed" in done.err
     assert "Traceback" not in done.err
+
+
+def test_a_certificate_of_other_code_ends_with_1_unless_it_is_accepted(
+    cli: Callable, certified: tuple[Path, str]
+) -> None:
+    path = certified[0].with_name("other.json")
+    whole = json.loads(certified[0].read_text(encoding="utf-8"))
+    whole["made_with"]["code"] = "0" * 64
+    path.write_text(Certificate.model_validate_json(json.dumps(whole)).sealed().to_text(), encoding="utf-8")
+    done = cli("verify", path)
+    assert (done.code, "Does not hold: made with: code." in done.out) == (1, True)
+    assert "--other-code verifies its claims with this code" in " ".join(done.out.split())
+    done = cli("verify", path, "--other-code")
+    assert done.code == 0, done.out + done.err
+    assert "Its claims hold with the running code; the named code was not run." in done.out
 
 
 def test_an_older_certificate_says_so(cli: Callable, tmp_path: Path) -> None:
