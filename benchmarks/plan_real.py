@@ -20,7 +20,7 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.planning.knowledge import information_of_runs, known_before
-from dpr_lab.planning.objective import Objective
+from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv

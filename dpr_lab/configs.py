@@ -3,7 +3,7 @@
 import hashlib
 import tomllib
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -71,13 +71,30 @@ def parse_config(text: str, source: str, model: type[Model]) -> Model:
     try:
         return model.model_validate(table)
     except ValidationError as error:
-        raise ConfigError("\n".join(_sentence(source, fault) for fault in error.errors())) from error
+        raise ConfigError("\n".join(_sentence(source, fault, model) for fault in error.errors())) from error
 
 
-def _sentence(path: str, fault: "ErrorDetails") -> str:
+def _sentence(path: str, fault: "ErrorDetails", model: type[BaseModel]) -> str:
     key = ".".join(str(part) for part in fault["loc"]) or "the file"
     shown = "" if isinstance(fault["input"], dict) else f" = {fault['input']!r}"
-    return f"{path}: {key}{shown}: {fault_words(fault)}"
+    sentence = f"{path}: {key}{shown}: {fault_words(fault)}"
+    keys = _keys_of(model, fault["loc"][:-1])
+    return unknown_name(sentence, str(fault["loc"][-1]), keys) if fault["type"] == "extra_forbidden" else sentence
+
+
+def _keys_of(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
+    """Keys that a table of a file may have; tables of free names and lists lead to the tables in them."""
+    models = {model}
+    for part in place:
+        fields = [one.model_fields[part].annotation for one in models if part in one.model_fields]
+        models = {inner for field in fields for inner in _models_in(field)} or models
+    return sorted({key for one in models for key in one.model_fields})
+
+
+def _models_in(annotation: Any) -> set[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return {annotation}
+    return {inner for part in get_args(annotation) for inner in _models_in(part)}
 
 
 def fault_words(fault: "ErrorDetails") -> str:
@@ -85,6 +102,8 @@ def fault_words(fault: "ErrorDetails") -> str:
     kind = {"extra_forbidden": "unknown key", "missing": "is missing"}.get(fault["type"])
     if fault["type"] == "too_short":
         kind = f"has too few entries: at least {fault.get('ctx', {}).get('min_length', 1)}"
+    if fault["type"] in ("tuple_type", "list_type"):
+        kind = "must be a list in square brackets"
     text = str(fault["msg"]).removeprefix("Value error, ")
     return kind or text.replace("Input should be", "must be", 1)
 

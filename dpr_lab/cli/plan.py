@@ -12,6 +12,11 @@ if TYPE_CHECKING:
     from dpr_lab.planning.result import Plan, PlannedRelease
 
 
+HORIZON = "After the horizon the swing depends on how exactly the rods were placed; its information still counts."
+
+NOT_SEEN = "Not seen: undetectable at any size, or inseparable from an effect of the model."
+
+
 def plan(
     rig: RigName,
     runs: Annotated[
@@ -60,15 +65,16 @@ def plan(
 def show(made: "Plan") -> None:
     """Print a plan."""
     line(made.sentence)
-    columns = ("release", "what to record", "minutes", "horizon, s", "library, bits", "P(decided)")
-    table("What to record, in this order", columns, [_row(one) for one in made.releases])
+    columns = ("release", "what to record", "reason", "minutes", "horizon, s", "library, bits", "P(decided)")
+    if made.releases:
+        table("What to record, in this order", columns, [_row(one) for one in made.releases], note=HORIZON)
     if pairs := [(str(one.number), *pair.causes, f"{pair.bits:.2f}") for one in made.releases for pair in one.pairs]:
         table("Undecided causes", ("after release", "cause", "or", "expected bits"), pairs)
     if made.releases:
         last = made.releases[-1].ratio_std
         rows = [(name, f"{std:.2g}", f"{last[name]:.2g}") for name, std in made.ratio_std.items()]
         table("Standard deviation of each ratio", ("ratio", "now", "after the plan"), rows)
-    _show_detectable(made)
+        _show_detectable(made)
     if made.limits:
         rows = [
             (one.quantity, "" if one.reach is None else f"{one.reach:.2g}", one.unit, "yes" if one.decides else "no")
@@ -77,19 +83,21 @@ def show(made: "Plan") -> None:
         table("Limits that the rig must keep", ("quantity", "undecided within", "unit", "decided by the plan"), rows)
     for one in made.inseparable:
         line(f"No release separates {' from '.join(one.causes)}. {one.check}")
-    line(f"{made.minutes:.1f} minutes at the rig.")
+    if made.releases:
+        line(f"{made.minutes:.1f} minutes at the rig.")
 
 
 def _row(one: "PlannedRelease") -> tuple[str, ...]:
     decided = "" if one.decided is None else f"{one.decided:.2f}"
-    return (str(one.number), one.text, f"{one.minutes:.1f}", f"{one.horizon_s:.1f}", f"{one.library_bits:.2f}", decided)
+    figures = (f"{one.minutes:.1f}", f"{one.horizon_s:.1f}", f"{one.library_bits:.2f}", decided)
+    return (str(one.number), one.text, one.reason, *figures)
 
 
 def _show_detectable(made: "Plan", most: int = 12) -> None:
     """The amplitudes that the plan shows worst, relative to their typical size."""
     worst = sorted(made.detectable, key=lambda one: -(float("inf") if one.after is None else one.after / one.typical))
     rows = [(one.effect, one.parameter, _size(one.before), _size(one.after), one.unit) for one in worst[:most]]
-    note = f"{len(made.detectable)} amplitudes in all; those that show worst are listed."
+    note = f"{len(made.detectable)} amplitudes in all; those that show worst are listed. {NOT_SEEN}"
     table("Minimum detectable size", ("effect", "amplitude", "now", "after the plan", "unit"), rows, note=note)
 
 

@@ -36,6 +36,11 @@ class Search:
     quiet_deg: tuple[float, ...] = (5.0, 15.0, 40.0)
     """Amplitudes about hanging, of one rod and of both, that are tried besides: swings that come to rest."""
 
+    repeated: float = 0.5
+    """Share of its worth that a repeated release loses: what the model lacks shows in both alike."""
+    alike_rad: float = 0.5
+    """Distance of start poses at which most of that loss is gone."""
+
 
 SEARCH = Search()
 
@@ -66,6 +71,21 @@ def placements(release: CandidateRelease, std: float, count: int, rng: np.random
     """The release as a hand leaves it, some times."""
     off = std * rng.standard_normal((count, 2))
     return [replace(release, theta1=release.theta1 + a, theta2=release.theta2 + b) for a, b in off.tolist()]
+
+
+def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> float:
+    """Share of the worth of a release that remains next to earlier ones, 1 if none is similar."""
+    alike = [
+        np.exp(-0.5 * (_apart(release, other) / SEARCH.alike_rad) ** 2)
+        for other in made
+        if (other.mounting, other.added, other.signal) == (release.mounting, release.added, release.signal)
+    ]
+    return 1.0 - SEARCH.repeated * float(max(alike, default=0.0))
+
+
+def _apart(first: CandidateRelease, second: CandidateRelease) -> float:
+    """Distance of two start poses, whole turns apart, rad."""
+    return float(np.hypot(*((first.start - second.start + np.pi) % (2 * np.pi) - np.pi)[:2]))
 
 
 def mountings(rig: Rig, limits: PlanLimits) -> Iterator[tuple[Mounting, AddedMass | None]]:

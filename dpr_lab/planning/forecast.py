@@ -2,9 +2,9 @@ r"""When to stop: whether the causes are decided, and how probable it is that so
 
 A cause is decided if one effect of a class and of its alternatives has a probability of `SURE`. If cause t is the right
 one, further releases raise its log odds against each other cause j by a normal amount of mean d^2 / 2 and variance d^2
-(`dpr_lab.planning.criteria`). The probability of a decision is the share of draws, over the posterior of the causes and
-over that amount, in which one cause reaches `SURE`. A cause outside the library keeps its probability. What is found
-may still change with a further release: `holds` is the share of such forecasts that came true in campaigns.
+(`dpr_lab.planning.worth.criteria`). The probability of a decision is the share of draws, over the posterior of the
+causes and over that amount, in which one cause reaches `SURE`. A cause outside the library keeps its probability. What
+is found may still change with a further release: `holds` is the share of such forecasts that came true in campaigns.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from scipy import stats
 
 from dpr_lab.acceptance.judge import SURE
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.planning.criteria import OpenPairs
+from dpr_lab.planning.worth.criteria import OpenPairs
 
 Array = NDArray[np.float64]
 
@@ -29,6 +29,8 @@ class Stopping:
     """Releases without which nothing is decided: with one alone nothing was tested on another."""
     holds: float = 1.0
     """Share of forecast decisions that come true, by `trials campaign --plan`."""
+    likely: float = 0.9
+    """Probability of a decision from which so many releases are recommended."""
     draws: int = 256
     """Draws for each cause."""
     open: float = 0.05

@@ -27,6 +27,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.record import RATE_HZ, record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.planning.information import PresentModel
+from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -66,8 +67,8 @@ class Knowledge:
     """Probability of a cause outside the library."""
     diagnosis: Diagnosis | None = None
     """Of the runs so far; None without runs."""
-    runs: int = 0
-    """How many runs there are."""
+    made: tuple[CandidateRelease, ...] = ()
+    """The runs so far as releases."""
     places: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """Effect -> its columns among the unknowns."""
 
@@ -123,9 +124,15 @@ def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, driven: boo
         tuple(_causes(diagnosis)),
         diagnosis.probabilities.get(NONE_OF_THEM, 0.0),
         diagnosis,
-        len(runs),
+        tuple(_made(run) for run in runs),
         _places(model),
     )
+
+
+def _made(run: Run) -> CandidateRelease:
+    """A run as a release."""
+    _, theta1, theta2 = run.theta[np.searchsorted(run.t, 0.0)].tolist()
+    return CandidateRelease(theta1, theta2, run.duration, run.mounting, run.added_mass)
 
 
 def _model(rig: Rig, ratios: Array, params: Array, noise: Array, driven: bool) -> PresentModel:

@@ -10,14 +10,15 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.candidates import minutes
-from dpr_lab.planning.knowledge import known_after, known_before
+from dpr_lab.planning.forecast import decided
+from dpr_lab.planning.knowledge import Knowledge, known_after, known_before
 from dpr_lab.planning.limits import PlanLimits
-from dpr_lab.planning.objective import Objective
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import Plan
 from dpr_lab.planning.sequence import Planner
 from dpr_lab.planning.signals import driven_releases
 from dpr_lab.planning.summary import summed_up
+from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_runs
 
@@ -52,7 +53,7 @@ def plan(
         runs: recordings so far
         diagnosis: of these recordings; made here where it is left out
         limits: what can be reached, mounted and driven, and what it costs
-        budget_min: time at the rig, minutes; without it three releases are planned
+        budget_min: time at the rig, minutes; without it three releases are planned, none if the causes are decided
         count: how many releases, at most
         seed: of the poses that the search begins with
 
@@ -69,8 +70,16 @@ def plan(
     known = known_after(runs, rig, diagnosis, driven) if runs and diagnosis else known_before(rig, driven)
     objective = Objective.of(known, limits)
     planner = Planner(objective, limits, np.random.default_rng(seed), driven_releases(known.model, limits))
-    steps = planner.sequence(count or (LENGTH.usual if budget_min is None else LENGTH.most), budget_min)
+    usual = 0 if _enough(known, limits) else LENGTH.usual
+    most = count or (usual if budget_min is None else LENGTH.most)
+    steps = planner.sequence(most, budget_min) if most else []
     return summed_up(objective, steps, limits, time.perf_counter() - started)
+
+
+def _enough(known: Knowledge, limits: PlanLimits) -> bool:
+    """Whether nothing needs to be recorded: the causes are decided, and no limit needs a test."""
+    settled = known.diagnosis is not None and decided(known.diagnosis, len(known.made))
+    return settled and not (limits.effects or limits.ratios)
 
 
 def _refuse_small(budget_min: float, limits: PlanLimits) -> None:

@@ -31,6 +31,8 @@ class PlannedRelease(_Record):
     """Number in the sequence, from 1."""
     text: str
     """Instruction, in words."""
+    reason: str
+    """What it adds to the releases before it, in words."""
     theta1_rad: Number
     """Absolute angle of the inner rod at the release, at rest, 0 = upright."""
     theta2_rad: Number
@@ -158,8 +160,8 @@ class Plan(Shown, _Record):
         return self.sentence
 
     def _rows(self) -> list[Row]:
-        rows = [(str(one.number), one.text, f"{one.minutes:.1f}", f"{one.library_bits:.2f}") for one in self.releases]
-        return [("release", "what to record", "minutes", "library, bits"), *rows] if rows else []
+        rows = [(str(one.number), one.text, f"{one.minutes:.1f}", one.reason) for one in self.releases]
+        return [("release", "what to record", "minutes", "reason"), *rows] if rows else []
 
     def to_json(self) -> dict[str, Any]:
         """The plan as a plain object."""

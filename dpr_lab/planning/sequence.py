@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.planning.candidates import SEARCH, minutes, mountings, near, placements, spread_poses
+from dpr_lab.planning.candidates import SEARCH, minutes, mountings, near, novelty, placements, spread_poses
 from dpr_lab.planning.information import Informed, informed
 from dpr_lab.planning.limits import PlanLimits
-from dpr_lab.planning.objective import Objective
 from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.rig_tables import AddedMass, Mounting
 
 Array = NDArray[np.float64]
@@ -38,6 +38,29 @@ class SequenceStep:
 
 
 @dataclass(frozen=True, slots=True)
+class SequenceSoFar:
+    """What there is before the next release of a sequence."""
+
+    information: Array
+    """(k, k) of prior, runs and the releases chosen so far."""
+    made: tuple[CandidateRelease, ...]
+    """Runs and the releases chosen so far."""
+    mounted: Mounted
+    """What hangs on the rig."""
+    left: float
+    """Minutes that are left."""
+
+    def after(self, step: SequenceStep) -> "SequenceSoFar":
+        """After a release."""
+        return SequenceSoFar(
+            self.information + step.information,
+            (*self.made, step.release),
+            _mounted(step.release),
+            self.left - step.minutes,
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class Planner:
     """Searches for the next release."""
 
@@ -55,16 +78,16 @@ class Planner:
             budget_min: within so many minutes; None: no limit
         """
         known = self.objective.known
-        F, pool, steps = known.information, self._pool(), list[SequenceStep]()
+        pool, steps = self._pool(), list[SequenceStep]()
         mounted: Mounted = (known.rig.rods.mounting, known.rig.added_mass)
-        left = np.inf if budget_min is None else budget_min
+        now = SequenceSoFar(known.information, known.made, mounted, np.inf if budget_min is None else budget_min)
         for _ in range(count):
-            chosen = self._best(pool, F, mounted, left)
+            chosen = self._best(pool, now)
             if chosen is None:
                 break
             pool.append(Informed(chosen.release, chosen.information * known.inflation, chosen.horizon_s))
             steps.append(chosen)
-            F, left, mounted = F + chosen.information, left - chosen.minutes, _mounted(chosen.release)
+            now = now.after(chosen)
         return steps
 
     def _pool(self) -> list[Informed]:
@@ -82,9 +105,9 @@ class Planner:
     def _informed(self, releases: Sequence[CandidateRelease], durations: Sequence[float] = ()) -> list[Informed]:
         return informed([_bent(one) for one in releases], self.objective.known.model, durations)
 
-    def _best(self, pool: list[Informed], F: Array, mounted: Mounted, left: float) -> SequenceStep | None:
+    def _best(self, pool: list[Informed], now: SequenceSoFar) -> SequenceStep | None:
         """The best of the pool, refined; None where nothing fits the time that is left."""
-        ranked = self._ranked(pool, F, mounted, left)
+        ranked = self._ranked(pool, now)
         if not ranked:
             return None
         for width in (SEARCH.near_rad, SEARCH.near_rad / 2):
@@ -94,36 +117,34 @@ class Planner:
             ]
             refined = self._informed(tried)
             pool += refined
-            ranked = sorted([*ranked, *self._ranked(refined, F, mounted, left)], key=_rate, reverse=True)
-        return max((self._final(one, F, mounted, left) for one in ranked[: SEARCH.finalists]), key=_rate)
+            ranked = sorted([*ranked, *self._ranked(refined, now)], key=_rate, reverse=True)
+        return max((self._final(one, now) for one in ranked[: SEARCH.finalists]), key=_rate)
 
-    def _final(self, step: SequenceStep, F: Array, mounted: Mounted, left: float) -> SequenceStep:
+    def _final(self, step: SequenceStep, now: SequenceSoFar) -> SequenceStep:
         """The release at its best duration, its worth as simulation confirms it."""
-        averaged = self._averaged(step, F, mounted, left)
+        averaged = self._averaged(step, now)
         share = self.objective.simulated(averaged.release, averaged.information)
         return averaged if share is None else replace(averaged, worth=averaged.worth * min(share, 1.0), simulated=share)
 
-    def _near(self, release: CandidateRelease, width: float) -> list[CandidateRelease]:
-        return near(release, self.limits, width, SEARCH.neighbours, self.rng)
-
-    def _ranked(self, pool: Sequence[Informed], F: Array, mounted: Mounted, left: float) -> list[SequenceStep]:
+    def _ranked(self, pool: Sequence[Informed], now: SequenceSoFar) -> list[SequenceStep]:
         """The releases that fit the time left, the best first."""
-        before, f = self.objective.worth(F), self.objective.known.inflation
+        F, f = now.information, self.objective.known.inflation
+        before = self.objective.worth(F)
         steps = [
             SequenceStep(
                 one.release,
                 one.information / f,
                 one.horizon_s,
                 cost,
-                self.objective.worth(F + one.information / f) - before,
-                _price(cost, one.release, left),
+                novelty(one.release, now.made) * (self.objective.worth(F + one.information / f) - before),
+                _price(cost, one.release, now.left),
             )
             for one in pool
-            if (cost := minutes(one.release, mounted, self.limits)) <= left
+            if (cost := minutes(one.release, now.mounted, self.limits)) <= now.left
         ]
         return sorted(steps, key=_rate, reverse=True)
 
-    def _averaged(self, step: SequenceStep, F: Array, mounted: Mounted, left: float) -> SequenceStep:
+    def _averaged(self, step: SequenceStep, now: SequenceSoFar) -> SequenceStep:
         """The release at its best duration, what it shows averaged over starts as a hand leaves them."""
         release, times = step.release, self.limits.recording
         if release.torques is not None:
@@ -137,7 +158,7 @@ class Planner:
             Informed(rated[k].release, np.mean([one.information for one in rated[k::each]], axis=0), rated[k].horizon_s)
             for k in range(each)
         ]
-        return next(iter(self._ranked(averaged, F, mounted, left)), step)
+        return next(iter(self._ranked(averaged, now)), step)
 
 
 def _mounted(release: CandidateRelease) -> Mounted:

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from dpr_lab.effects import without_effect
 from dpr_lab.fitting.estimate import EFFECTS_BEGIN, Estimate, moved
 from dpr_lab.fitting.linearise import linearise
-from dpr_lab.planning.criteria import OpenPairs
 from dpr_lab.planning.information import laid_out
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.worth.criteria import OpenPairs
 
 Array = NDArray[np.float64]
 

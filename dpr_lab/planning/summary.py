@@ -1,6 +1,7 @@
 """The result of planning from a sequence of releases: what each adds, the forecast, and what no release decides."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -9,14 +10,15 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
-from dpr_lab.planning.criteria import detectable, library_bits, ratio_std
 from dpr_lab.planning.forecast import STOPPING, decided, decision_probability
-from dpr_lab.planning.goals import limit_forecasts
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.limits import PlanLimits
-from dpr_lab.planning.objective import Objective
 from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
 from dpr_lab.planning.sequence import SequenceStep
+from dpr_lab.planning.worth.criteria import detectable, library_bits, ratio_std
+from dpr_lab.planning.worth.goals import limit_forecasts
+from dpr_lab.planning.worth.objective import Objective
+from dpr_lab.planning.worth.reasons import Expected, Reason, only_ratios_sentence, reason
 from dpr_lab.shown import listed
 
 Array = NDArray[np.float64]
@@ -35,12 +37,16 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     """
     known = objective.known
     after = np.cumsum([known.information, *(step.information for step in steps)], axis=0)
-    releases = [_planned(k, step, after[k], objective) for k, step in enumerate(steps, 1)]
+    reasons = _reasons(objective, after)
+    releases = [
+        _planned(k, step, after[k], objective, why.text)
+        for k, (step, why) in enumerate(zip(steps, reasons, strict=True), 1)
+    ]
     stuck = _inseparable(objective, steps)
     state = _state(known, stuck)
     return Plan(
         state=state,
-        sentence=_sentence(state, known, releases, stuck),
+        sentence=_sentence(state, known, releases, stuck, only_ratios_sentence(reasons)),
         releases=releases,
         minutes=sum(one.minutes for one in releases),
         forecast=[one.decided for one in releases if one.decided is not None],
@@ -53,13 +59,24 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     )
 
 
-def _planned(number: int, step: SequenceStep, F: Array, objective: Objective) -> PlannedRelease:
+def _reasons(objective: Objective, after: Array) -> list[Reason]:
+    """Of each release, from (releases + 1, k, k) information before and after."""
+    expected = [Expected(objective.gain(F), ratio_std(objective.known, F)) for F in after]
+    first = len(objective.known.made) + 1
+    return [
+        reason(before, then, needed=1 < number <= STOPPING.fewest)
+        for number, (before, then) in enumerate(pairwise(expected), first)
+    ]
+
+
+def _planned(number: int, step: SequenceStep, F: Array, objective: Objective, why: str) -> PlannedRelease:
     release, known = step.release, objective.known
     share = 1.0 if step.simulated is None else min(step.simulated, 1.0)
     gained = [share * d2 for d2 in objective.gained(F)]
     planned = PlannedRelease(
         number=number,
         text=release.words if known.rig.arm.mode == "clamped" else f"{release.words}, arm clamped",
+        reason=why,
         theta1_rad=release.theta1,
         theta2_rad=float(release.start[1]),
         duration_s=release.duration_s,
@@ -120,25 +137,32 @@ def _inseparable(objective: Objective, steps: Sequence[SequenceStep]) -> list[In
 def _state(known: Knowledge, stuck: Sequence[Inseparable]) -> State:
     if known.diagnosis is None:
         return "first"
-    if decided(known.diagnosis, known.runs):
+    if decided(known.diagnosis, len(known.made)):
         return "enough"
     return "bench check" if stuck else "record"
 
 
-def _sentence(state: State, known: Knowledge, releases: Sequence[PlannedRelease], stuck: Sequence[Inseparable]) -> str:
+def _sentence(
+    state: State, known: Knowledge, releases: Sequence[PlannedRelease], stuck: Sequence[Inseparable], note: str
+) -> str:
     if state == "enough":
         return "Enough: the causes are decided. Further releases only make sizes and ratios more exact."
     if not releases:
         return "No release fits the budget."
     count = f"{len(releases)} release{'s' if len(releases) > 1 else ''}"
     if state == "first":
-        shown = f"{releases[-1].library_bits:.0%} of the differences between effects of the library"
-        return f"Before any recording: {count} are expected to show {shown}."
+        bits = releases[-1].library_bits
+        share = f"{bits:.0%} of" if bits < 0.995 else "nearly all"
+        shown = f"{share} the differences between effects of the library"
+        verb = "is" if len(releases) == 1 else "are"
+        return f"Before any recording: {count} {verb} expected to show {shown}.{note}"
     if state == "bench check":
         pairs = listed([f"{a} and {b}" for a, b in (one.causes for one in stuck)])
         return f"Nothing you can record on this rig separates {pairs}: do this bench check. {stuck[0].check}"
-    probability = releases[-1].decided or 0.0
-    return f"With {count} more the probability that the causes are decided is {probability:.2f}."
+    chances = [one.decided or 0.0 for one in releases]
+    number = next((k for k, chance in enumerate(chances, 1) if chance >= STOPPING.likely), len(chances))
+    more = f"{number} more release{'s' * (number > 1)}"
+    return f"With {more} the probability that the causes are decided is {chances[number - 1]:.2f}.{note}"
 
 
 def _assumptions(known: Knowledge) -> list[str]:

@@ -6,11 +6,11 @@ import pytest
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.identification.expected import Releases, ratio_information
-from dpr_lab.planning.criteria import OpenPairs, given
 from dpr_lab.planning.information import informed, laid_out
 from dpr_lab.planning.knowledge import Causes, Knowledge, known_before
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.simulation import simulated_distance
+from dpr_lab.planning.worth.criteria import OpenPairs, given
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import AddedMass, Pose
 

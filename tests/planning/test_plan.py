@@ -1,5 +1,6 @@
 """Plans: within limits and budget, the same for the same seed, and of use on simulated rigs."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +8,7 @@ import pytest
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.planning.candidates import mountings
-from dpr_lab.planning.criteria import OpenPairs
+from dpr_lab.planning.candidates import mountings, novelty
 from dpr_lab.planning.forecast import decided, decision_probability
 from dpr_lab.planning.information import informed, simulated_states
 from dpr_lab.planning.knowledge import known_after, known_before
@@ -16,6 +16,7 @@ from dpr_lab.planning.limits import PlanLimits, load_plan_limits
 from dpr_lab.planning.plan import plan
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.signals import driven_releases, write_signal
+from dpr_lab.planning.worth.criteria import OpenPairs
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from sim_device.plant.config import DriveConfig
@@ -110,6 +111,34 @@ def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
     assert decision_probability([pairs], [np.full((2, 2), d2)]) == pytest.approx(share, abs=0.02)
 
 
+def test_a_repeated_release_is_worth_less_and_a_plan_does_not_repeat_itself(paper: Rig) -> None:
+    release, turned = CandidateRelease(0.3, 0.4, 5.0), CandidateRelease(0.3 + 2 * np.pi, 0.4, 5.0)
+    assert novelty(release, ()) == 1.0
+    assert novelty(turned, [release]) == pytest.approx(0.5)
+    assert novelty(replace(release, theta1=1.8), [release]) > 0.99
+    assert novelty(replace(release, mounting="inner"), [release]) == 1.0
+    poses = np.array([[one.theta1_rad, one.theta2_rad] for one in plan(paper, limits=limits()).releases])
+    apart = (poses[:, None] - poses + np.pi) % (2 * np.pi) - np.pi
+    assert np.linalg.norm(apart, axis=2)[np.triu_indices(3, 1)].min() > 0.5
+
+
+def test_each_release_says_what_it_adds(paper: Rig) -> None:
+    first, second, third = plan(paper).releases
+    assert first.reason.startswith("shows effects that are not named so far (0.")
+    assert second.reason.startswith("tests on another swing what the first one shows")
+    shares = np.array([third.ratio_std[name] / std for name, std in second.ratio_std.items()])
+    assert third.reason == f"standard deviations of the ratios fall to {np.exp(np.log(shares).mean()):.2g} times"
+
+
+def test_once_the_causes_are_decided_nothing_is_planned_without_a_budget(
+    two_runs: list[Run], two_found: Diagnosis, paper: Rig
+) -> None:
+    settled = two_found.model_copy(update={"verdict": "no_gap", "effects": [], "rivals": [], "hints": []})
+    made = plan(paper, two_runs, settled, limits=limits())
+    assert (made.state, made.releases, made.minutes) == ("enough", [], 0.0)
+    assert len(plan(paper, two_runs, settled, limits=limits(), count=1).releases) == 1
+
+
 @pytest.mark.slow
 def test_a_plan_after_runs_speaks_of_the_open_causes(two_runs: list[Run], two_found: Diagnosis, paper: Rig) -> None:
     made = plan(paper, two_runs, two_found, limits=limits(), count=1)
@@ -131,7 +160,13 @@ def test_a_plan_after_runs_speaks_of_the_open_causes(two_runs: list[Run], two_fo
     [
         ("[poses]\ntheta1_rad = [3.0, 2.0]", "reversed or empty"),
         ("[poses]\ntheta1_rad = [0.0, 0.1]\ntheta2_rad = [3.0, 3.1]\nelbow_rad = [-0.1, 0.1]", "no pose fulfils"),
-        ("[poses]\ntheta3_rad = [0.0, 1.0]", "unknown key"),
+        ("[poses]\ntheta3_rad = [0.0, 1.0]", "unknown key; there are: elbow_rad, theta1_rad, theta2_rad"),
+        ("[recrding]\nlongest_s = 20.0", "recrding: unknown key; nearest of 9: recording"),
+        (
+            '[effects.coulomb_joint2]\ntorque_Nm = {mx = 1.0, unit = "N m"}',
+            "mx = 1.0: unknown key; there are: max, unit",
+        ),
+        ("[drive]\ntorque_Nm = 0.1", "drive.torque_Nm = 0.1: must be a list in square brackets"),
         ("[recording]\nlongest_s = 5.0", "shortest_s = 10 (default) is above longest_s = 5: give"),
         ("[recording]\nshortest_s = 9.0\nlongest_s = 5.0", "shortest_s = 9 is above longest_s = 5: give"),
         ('[rods]\nmounted = ["inner"]', "leaves out both"),

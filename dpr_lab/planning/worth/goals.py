@@ -14,9 +14,9 @@ from dpr_lab.acceptance.limits import Limits
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.planning.criteria import detectable, ratio_std
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.result import LimitForecast
+from dpr_lab.planning.worth.criteria import detectable, ratio_std
 
 Array = NDArray[np.float64]
 

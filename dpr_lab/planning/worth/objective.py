@@ -1,18 +1,37 @@
 """Worth of information for a plan: bits about open causes, the library and the ratios, weighed and added."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.acceptance.limits import Limits
-from dpr_lab.planning.criteria import WORTH, OpenPairs, cause_bits, library_bits, ratio_bits
-from dpr_lab.planning.goals import goal_bits
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.simulation import SIMULATED_FIT, simulated_distance
+from dpr_lab.planning.worth.criteria import WORTH, OpenPairs, cause_bits, library_bits, ratio_bits
+from dpr_lab.planning.worth.goals import goal_bits
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Gain:
+    """Bits by what they are about, before they are weighed."""
+
+    causes: Mapping[tuple[str, str], float]
+    """Of each open pair of causes."""
+    library: float
+    ratios: float
+    limits: float
+
+    @property
+    def weighed(self) -> float:
+        """Sum by the weights of a plan."""
+        library = WORTH.library if self.causes else 1.0
+        rest = WORTH.ratios * self.ratios + WORTH.limits * self.limits
+        return sum(self.causes.values()) + library * self.library + rest
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +85,11 @@ class Objective:
         of_each = (cause_bits(one, d2) for one, d2 in zip(self.pairs, gained, strict=True))
         return {pair: bits for one in of_each for pair, bits in one.items()}
 
+    def gain(self, F: Array) -> Gain:
+        """Bits with that information."""
+        ratios = ratio_bits(self.known, F) - self.ratios
+        return Gain(self.bits(F), library_bits(self.known, F), ratios, goal_bits(self.known, F, self.limits))
+
     def worth(self, F: Array) -> float:
         """Weighed sum of bits with that information."""
-        causes = sum(self.bits(F).values())
-        library = WORTH.library if self.pairs else 1.0
-        ratios = WORTH.ratios * (ratio_bits(self.known, F) - self.ratios)
-        limits = WORTH.limits * goal_bits(self.known, F, self.limits)
-        return causes + library * library_bits(self.known, F) + ratios + limits
+        return self.gain(F).weighed

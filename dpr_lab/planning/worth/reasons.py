@@ -1,0 +1,72 @@
+"""Why a release of a plan is recorded: what it adds, in words."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.planning.worth.objective import Gain
+from dpr_lab.shown import listed
+
+
+@dataclass(frozen=True, slots=True)
+class Noticeable:
+    """Bits from which a gain is worth a word."""
+
+    causes: float = 0.05
+    library: float = 0.02
+    limits: float = 0.1
+
+
+NOTICEABLE = Noticeable()
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """What some releases are expected to give."""
+
+    gain: Gain
+    ratio_std: NDArray[np.float64]
+    """(5,) standard deviations of the ratios."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """What a release adds to those before it."""
+
+    text: str
+    """In words."""
+    only_ratios: bool
+    """Whether it adds nothing noticeable but the exactness of the ratios."""
+
+
+def reason(before: Expected, after: Expected, needed: bool = False) -> Reason:
+    """Compare what is expected before and after a release.
+
+    Args:
+        before: before it
+        after: after it
+        needed: whether nothing is decided with the earlier releases alone
+    """
+    parts = ["tests on another swing what the first one shows"] if needed else []
+    causes = before.gain.causes
+    added = {pair: bits - causes.get(pair, 0.0) for pair, bits in after.gain.causes.items()}
+    if added and max(added.values()) >= NOTICEABLE.causes:
+        (first, second), bits = max(added.items(), key=lambda one: one[1])
+        parts.insert(0, f"separates {first} from {second} ({bits:.2f} bits)")
+    if (bits := after.gain.library - before.gain.library) >= NOTICEABLE.library:
+        parts.append(f"shows effects that are not named so far ({bits:.2f} bits)")
+    if after.gain.limits - before.gain.limits >= NOTICEABLE.limits:
+        parts.append("tests the limits more exactly")
+    share = float(np.exp(np.log(after.ratio_std / before.ratio_std).mean()))
+    return Reason("; ".join(parts) or f"standard deviations of the ratios fall to {share:.2g} times", not parts)
+
+
+def only_ratios_sentence(reasons: Sequence[Reason]) -> str:
+    """Which releases only make the ratios more exact, as a further sentence; empty if none does."""
+    numbers = [str(k) for k, one in enumerate(reasons, 1) if one.only_ratios]
+    if not numbers:
+        return ""
+    several = len(numbers) > 1
+    return f" Release{'s' * several} {listed(numbers)} only make{'' if several else 's'} the ratios more exact."
