@@ -68,9 +68,9 @@ class Acceptance:
     limits: tuple[JudgedLimit, ...]
     """Results in the order of the file."""
     recordings: tuple[str, ...] = ()
-    """Releases that are expected to decide limits that are not decidable yet, in the order of recording."""
+    """Releases that are expected to decide further limits, in the order of recording."""
     would_decide: tuple[str, ...] = ()
-    """Quantities of the limits that these releases decide if the value is half its limit or amid its range."""
+    """Quantities of these limits; the forecast assumes a value of half its limit, or at the centre of its range."""
 
 
 def judge(diagnosis: Diagnosis, limits: Limits, free_run_rad: Mapping[str, float] | None = None) -> Acceptance:
@@ -79,7 +79,7 @@ def judge(diagnosis: Diagnosis, limits: Limits, free_run_rad: Mapping[str, float
     Args:
         diagnosis: the diagnosis of the recordings, with its evidence
         limits: the limits of the rig
-        free_run_rad: run -> error of a free run over the horizon of the limit, rad; where there is such a limit
+        free_run_rad: run -> error of a free run over the horizon of the limit, rad; empty without such a limit
     """
     free = _free_run(diagnosis, limits, free_run_rad or {})
     judged = (*_effects(diagnosis, limits), *_ratios(diagnosis, limits), *free)
@@ -109,7 +109,7 @@ def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 
 def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float]) -> Iterator[JudgedLimit]:
-    """The median error over releases, whose logarithm is taken as normal between releases."""
+    """The median error over releases; its logarithm is assumed to be normal."""
     if (limit := limits.free_run) is None:
         return
     reason = f"the description of the recordings is probably wrong: {diagnosis.hints[0]}" if diagnosis.hints else ""
@@ -154,7 +154,7 @@ def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
             size = named.parameters.get(parameter)
             return size and (size.interval90_with_scale or size.interval90)
     if len(EFFECTS[effect].amplitudes) > 1 or diagnosis.evidence is None:
-        return None  # the score test gives each amplitude with the others at zero
+        return None  # the score test estimates each amplitude with the others at zero
     for tested in diagnosis.evidence.exclusions:
         if (tested.effect, tested.parameter) == (effect, parameter):
             spread = NORMAL_Q90 * tested.size / SIGMAS

@@ -91,7 +91,7 @@ class Limits(RigTable):
     ratios: dict[str, RatioLimit] = Field(default={})
     """Ratio -> its range."""
     free_run: FreeRunLimit | None = None
-    """Of the free-run error; None without a limit."""
+    """Limit of the free-run error; None without one."""
 
 
 def load_limits(path: Path) -> Limits:
@@ -109,7 +109,7 @@ def load_limits(path: Path) -> Limits:
 
 
 def refuse_other_limits(path: Path, limits: Limits) -> None:
-    """Refuse limits of effects, amplitudes and ratios that there are not, and other units.
+    """Refuse limits with unknown names of effects, amplitudes or ratios, or with another unit.
 
     Raises:
         ConfigError: a wrong name or unit; the message names it.

@@ -99,7 +99,7 @@ def added_base(added: AddedMass | None, L1: float, g: float) -> NDArray[np.float
 
 
 def added_to_run(setup: Setup, L1: float, g: float) -> NDArray[np.float64]:
-    """(6,) what a run adds to the base parameters: a known mass, and the inertia of an inner rod that is prescribed."""
+    """(6,) contributions of a run to the base parameters: a known mass, and the inertia of a prescribed inner rod."""
     added = added_base(setup.added, L1, g)
     added[0] += PRESCRIBED.inertia if setup.inner is not None else 0.0
     return added

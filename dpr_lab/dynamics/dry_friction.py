@@ -136,17 +136,17 @@ def slides_with_arm(
     directions: tuple[float, float],
     limits: Limits,
 ) -> tuple[float, float, float]:
-    """Directions in which an arm at rest and both joints of the rods go on, in the order arm, joint 1, joint 2.
+    """Directions in which a resting arm and both joints of the rods continue, in the order arm, joint 1, joint 2.
 
-    Whether the arm is held, or slides either way, the rods' joints follow from `slides`, without it or with it; of the
-    three cases the one counts that is consistent, of which there is one.
+    In each of three cases (arm held, or sliding in either direction) `slides` gives the directions of the rods' joints.
+    Exactly one case is consistent.
 
     Args:
         motion: with the arm at rest
         base: base parameters
-        terms: of all effects but the friction of joints at rest
+        terms: of all effects except the friction of joints at rest
         arm: the arm
-        torque0: all torques on it but friction at rest, N m
+        torque0: all torques on it except friction at rest, N m
         directions: of the rods' joints, as for `slides`
         limits: of the arm forward and backward; of both joints forward; of both backward, N m
     """

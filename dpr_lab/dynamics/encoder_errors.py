@@ -45,8 +45,8 @@ def with_encoder_errors(
     """(n, N, axes) readings of the same angles under many effects, without integration.
 
     Args:
-        angles: (N, axes) joint 1 absolute, joint 2 as its encoder has it, and perhaps the arm, rad
-        params: (n, SIZE) effects, of which those of encoders count
+        angles: (N, axes) joint 1 absolute, joint 2 as read by its encoder, and the arm if it moves, rad
+        params: (n, SIZE) effects; only encoder errors are used
         constants: the rig
         segments: instants of the readings
     """

@@ -65,13 +65,13 @@ def predict_batch(
         no run has a single rod
         params: (n, SIZE) effects, SI; or (n, runs, SIZE) if they differ between runs
         constants: the rig, `dpr_lab.dynamics.rig_constants.rig_constants`
-        segments: when the encoders are read, in device time, and the Runge-Kutta step of each
-        initial: (n, S, 4) theta1, theta2, omega1, omega2 where each segment starts (`segment_start`), rad and rad/s;
-            (n, S, 6) with theta0, omega0 of an arm that is free or driven
-        internal: (S, k) or (n, S, k) internal states of effects (`INTERNAL`) at each segment's start, where they are
-            not nan; none: all taken over from segment to segment. A derivative by the initial states alone needs them
-            held still, `internal_states` of the point of expansion.
-        arm: whether the arm's angle is wanted
+        segments: instants of the readings, in device time, and the Runge-Kutta step of each segment
+        initial: (n, S, 4) theta1, theta2, omega1, omega2 at the start of each segment (`segment_start`), rad and rad/s;
+        (n, S, 6) with theta0, omega0 of a free or driven arm
+        internal: (S, k) or (n, S, k) internal states of effects (`INTERNAL`) at the start of each segment. None, or
+        nan: those at the end of the previous segment. Derivatives with respect to the initial states need fixed values,
+        `internal_states` of the point of expansion.
+        arm: whether to return the arm's angle
 
     Returns:
         (n, N, 2) theta1 and the angle of joint 2 as read by its encoder (relative or absolute), rad; with `arm` (n, N,

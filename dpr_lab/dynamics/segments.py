@@ -41,7 +41,7 @@ class Segments:
 
     @property
     def states(self) -> int:
-        """Numbers of a row of initial states: 4, or 6 with theta0, omega0 of an arm that moves."""
+        """Number of components of an initial state: 4, or 6 with theta0, omega0 of a moving arm."""
         return 6 if self.arm_moves else 4
 
     @property

@@ -93,7 +93,7 @@ def motion_of(
 
 @subroutine
 def with_arm(motion: Motion, displacement0: float, direction0: float) -> Motion:
-    """A motion with what its arm has turned since the start of the step, rad, and the direction in which it slides."""
+    """A motion with the rotation of its arm since the start of the step, rad, and the arm's direction of sliding."""
     return Motion(
         motion.t, motion.theta0, motion.theta1, motion.theta2, motion.omega0, motion.omega1, motion.omega2,
         motion.sin1, motion.cos1, motion.sin2, motion.cos2, motion.displacement1, motion.displacement2, motion.force1,
@@ -151,13 +151,13 @@ def accelerations_at(
 
 
 class SteppedStage(NamedTuple):
-    """The motion of a stage, what acts, and what its accelerations follow from."""
+    """The motion of a stage, the contributions of effects, and the equations for the accelerations."""
 
     motion: Motion
     rods: ReducedRods
     terms: Terms
     torque0: float
-    """All torques on an arm that is free, N m."""
+    """All torques on a free arm, N m."""
 
 
 @subroutine
@@ -170,7 +170,7 @@ def _stage(
     drive: float,
     directions: tuple[float, float, float],
 ) -> SteppedStage:
-    """The stage, while joint 1, joint 2 and the arm slide in these directions or rest."""
+    """The stage, with given directions of sliding of joint 1, joint 2 and the arm; 0 for a joint at rest."""
     motion = motion_of(
         t,
         (x.theta0, x.theta1, x.theta2),
@@ -200,7 +200,7 @@ def _stage(
 
 @subroutine
 def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: float) -> tuple[float, float, float]:
-    """Directions in which joint 1, joint 2 and the arm go on: 1 or -1, and 0 for those that dry friction holds."""
+    """Directions in which joint 1, joint 2 and the arm continue: 1 or -1; 0 for those that Coulomb friction holds."""
     directions = _directions(x, model, mode)
     if directions[0] != 0.0 and directions[1] != 0.0 and directions[2] != 0.0:
         return directions

@@ -107,7 +107,7 @@ OF_FREE_SWINGS = {name: effect for name, effect in EFFECTS.items() if not (effec
 """The effects that free swings with a clamped arm can show."""
 
 OF_ARM = {name: effect for name, effect in EFFECTS.items() if effect.of_arm and effect not in (FREE_ARM, DRIVE_GAIN)}
-"""The effects at a free or driven arm that a rig may have; the arm itself and its drive's gain are no effects."""
+"""The effects at a free or driven arm that a rig may have; the arm itself and the gain of its drive are not effects."""
 
 SLICES = slices(EFFECTS.values())
 """Name of an effect -> slice of its parameters in the flat vector."""

@@ -1,4 +1,4 @@
-"""Dead zone of a drive: small commands move nothing."""
+"""Dead zone of a drive: small commands cause no torque."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.kernels import inlined

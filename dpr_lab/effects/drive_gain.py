@@ -1,4 +1,4 @@
-"""Gain of a drive whose constants are not known: part of every model of its recordings, and no fault."""
+"""Gain of a drive with unknown constants: part of every model of its recordings, and not a fault."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.kernels import inlined

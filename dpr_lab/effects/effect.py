@@ -229,7 +229,9 @@ class Effect:
     """Check on the rig that confirms it, or distinguishes it from its twins."""
     source: str
     joints: tuple[int, ...] = (0, 1)
-    """The joints (0, 1, `ARM`) whose angle and speed it may depend on; both of the rods where it belongs to none."""
+    """The joints (0, 1, `ARM`) whose angle and speed it may depend on; both joints of the rods if it belongs to
+    none.
+    """
     internal: tuple[InternalState, ...] = ()
     dissipative: bool = False
     """Whether it can only dissipate energy of the rods (presliding returns at most the stored energy)."""
@@ -289,7 +291,7 @@ class Effect:
 
     @property
     def of_arm(self) -> bool:
-        """Whether it acts at a free or driven arm alone."""
+        """Whether it acts only at a free or driven arm."""
         return self.stage in ("free_arm", "torque0", "drive0", "timing0", "encoder0")
 
     @property
@@ -351,8 +353,8 @@ def at_arm(effect: Effect, *, bench_check: str, equation: str = "", **fields: An
 
     Args:
         effect: at joint 1 or 2
-        bench_check: what to do at the arm
-        equation: where it is not the one of the other joint with another number
+        bench_check: the check at the arm
+        equation: None: that of the other joint with another number
         fields: other fields of `Effect` that differ
     """
     (joint,) = effect.joints

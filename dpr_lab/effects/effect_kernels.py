@@ -146,19 +146,19 @@ arm_model = scalar_stage("arm")
 """(constants, arm, params, active) -> ArmModel: inertia, friction and stiffness of the arm; `arm` without effects."""
 
 free_arm_model = scalar_stage("free_arm")
-"""The same of an arm that is free or driven."""
+"""The same for a free or driven arm."""
 
 arm_torques = scalar_stage("torque0")
 """(motion, torque0, params, active) -> torque on the arm, N m; `torque0` without effects."""
 
 arm_drives = scalar_stage("drive0")
-"""(motion, known0, torque0, params, active) -> the same with what a drive gives beyond its known torque."""
+"""(motion, known0, torque0, params, active) -> the same, with the difference between acting and known drive torque."""
 
 dry_limit0 = scalar_stage("dry0")
-"""(motion, push0, params, active) -> torque, N m, up to which dry friction holds an arm that is pushed so."""
+"""(motion, push0, params, active) -> limit, N m, up to which Coulomb friction holds the arm against a torque."""
 
 arm_delay = scalar_stage("timing0")
-"""(late0, params, active) -> s by which the arm is read earlier than joint 1; `late0` without effects."""
+"""(late0, params, active) -> lead of the arm's reading relative to joint 1, s; `late0` without effects."""
 
 arm_encoder_error = scalar_stage("encoder0")
 """(angle0, t, run, constants, params, active) -> rad added to the reading of the arm's encoder."""

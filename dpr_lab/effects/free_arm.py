@@ -1,4 +1,4 @@
-"""The arm itself, of a rig whose arm is free or driven: part of every model of such recordings, and no fault."""
+"""The arm itself, of a rig whose arm is free or driven: part of every model of such recordings, and not a fault."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import ArmModel, RigConstants

@@ -1,4 +1,4 @@
-"""Whether the kernels of a plugin's effect can be compiled, before they are compiled together with all others."""
+"""Test compilation of the kernels of a plugin's effect, before they are compiled together with all others."""
 
 import re
 from collections.abc import Callable, Iterator

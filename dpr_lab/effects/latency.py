@@ -34,7 +34,7 @@ LATENCY_JOINT2 = Effect(
 
 @inlined
 def later(delay_s: float) -> float:
-    """How much earlier than joint 1 the arm had the angle that is read, s."""
+    """Lead of the arm's reading relative to that of joint 1, s."""
     return delay_s
 
 

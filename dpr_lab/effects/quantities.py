@@ -27,7 +27,7 @@ class RigConstants(NamedTuple):
     relative2: float
     """1 if the encoder of joint 2 reads theta2 - theta1, 0 if it reads theta2."""
     counts_per_rev0: float
-    """Of the arm."""
+    """Counts per turn of the arm's encoder."""
 
 
 class BaseParameters(NamedTuple):
@@ -68,7 +68,7 @@ class Motion(NamedTuple):
     """
     direction2: float
     displacement0: float
-    """How far the arm has turned since the start of the step, rad."""
+    """Rotation of the arm since the start of the step, rad."""
     direction0: float
 
 

@@ -1,4 +1,4 @@
-"""Why an effect of a plugin cannot be used: what its kernel asks for and returns, units, names."""
+"""Reasons to refuse an effect of a plugin: arguments and results of its kernel, units, names."""
 
 import math
 from collections.abc import Iterator

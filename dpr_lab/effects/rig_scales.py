@@ -1,4 +1,4 @@
-"""What sizes of effects are compared with on a rig, and the largest size for each unit."""
+"""Reference values of a rig for the sizes of effects, and the largest size for each unit."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -8,7 +8,7 @@ from dpr_lab.effects.quantities import BaseParameters, RigConstants
 
 
 class RigScales(NamedTuple):
-    """What sizes at one joint are compared with."""
+    """Reference values for sizes at one joint."""
 
     gravity: float
     """Largest gravity torque about the joint, N m."""

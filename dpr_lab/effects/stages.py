@@ -227,4 +227,4 @@ class Requirements(NamedTuple):
     """Whether Coulomb friction can hold joint 1 at rest."""
     dry2: Any
     dry0: Any
-    """Dry friction can hold the arm at rest."""
+    """Whether Coulomb friction can hold the arm at rest."""

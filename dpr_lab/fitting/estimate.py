@@ -42,8 +42,9 @@ class DifferenceSteps:
     amplitude: float = 1e-3
     """Increment of an amplitude, relative to its typical size."""
     dry_arm: float = 0.1
-    """The same of dry friction of an arm: where its sign changes a step is divided, which moves the swing by more than
-    a thousandth of a friction does."""
+    """The same for Coulomb friction of an arm: where its direction changes, a step is divided, which changes the
+    swing more than a thousandth of the friction does.
+    """
     shape: float = 1e-5
     """The same for a shape parameter: a frequency error of 1e-3 gives a phase error after ten seconds."""
     least_ratio: float = 1e-2
@@ -182,9 +183,9 @@ def whole_of(ratios: Array) -> Array:
 def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tuple[int, ...]:
     """Indices of the unknowns that runs determine; the others keep their values.
 
-    Both rods free show the five ratios, and the inner one alone also p/b. Where joint 1 is prescribed the outer rod
-    shows d/b and c2/b. Without any swing of both, e1/b and c1/b stand for e and c over the inertia of what swings, d/b
-    for the outer rod's gravity where it hangs aside, and a/b for a second mounting.
+    Both rods free determine the five ratios, and the inner rod alone also p/b. With a prescribed joint 1 the outer rod
+    determines d/b and c2/b. Without a swing of both rods, e1/b and c1/b stand for e and c divided by the inertia of the
+    swinging part, d/b for the outer rod's gravity if it does not hang in line, and a/b for a second mounting.
     """
     every = list(setups)
     setups = [setup for setup in every if setup.inner is None]

@@ -130,7 +130,7 @@ def linearise(
     Q, R = np.linalg.qr(np.concatenate([J[:, :, -states:], slow], axis=1))
     Q = np.ascontiguousarray(Q[:, :-states])
     blind = np.abs(np.diagonal(R, axis1=1, axis2=2)).min(axis=1) < BLIND
-    R[lost | blind] = np.eye(states) / BLIND  # nothing says where its initial state lies: it stays
+    R[lost | blind] = np.eye(states) / BLIND  # nothing determines its initial state: it is kept
     of_free = J[:, :, :-states]
     onto = Q.transpose(0, 2, 1) @ of_free
     along = Q @ onto

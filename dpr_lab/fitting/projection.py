@@ -124,7 +124,7 @@ class ColumnSpace:
         return np.linalg.inv(_ridged(self.H)) * self.scale[:, None] * self.scale
 
     def cosine(self, direction: Array, own: Indices, others: Indices) -> float:
-        """Cosine between the response of the own columns along a direction (own,) and its projection on others."""
+        """Cosine between the response along a direction (own,) of own columns and its projection on others."""
         x = direction / self.scale[own]
         overlap = self.H[others][:, own] @ x
         length = float(x @ self.H[own][:, own] @ x)

@@ -188,7 +188,7 @@ def trajectory(
 
 
 def _followed(bases: Array, rig: RigConstants, grid: Segments, estimate: Estimate) -> FollowedSwing:
-    """The swings of two rods on an arm that is clamped or moves as prescribed."""
+    """The swings of two rods on an arm that is clamped or has a prescribed motion."""
     states, slopes = follow(estimate.ratios, grid, estimate.initial, rig, of=4)
     phi = slopes[:, :, len(RATIOS) :]
     lost = ~(np.isfinite(phi).all(axis=(1, 2)) & (np.abs(states) < FOLLOW.wildest).all(axis=1))
@@ -198,7 +198,7 @@ def _followed(bases: Array, rig: RigConstants, grid: Segments, estimate: Estimat
     own, pushes = bases[grid.run][owner], grid.pushes
     drive = pushes[:, :2] + (_prescribed_torques(own, rig, states, pushes[:, 2:]) if pushes[:, 2:].any() else 0.0)
     inverse, alpha = _accelerations(own, grid.held[owner], rig.L1, rig.g, states, drive)
-    phi[lost], inverse[lost] = np.eye(4), 0.0  # a swing that cannot be followed has no response
+    phi[lost], inverse[lost] = np.eye(4), 0.0  # a swing that cannot be simulated has no response
     return FollowedSwing(states, phi, inverse, alpha, pushes[:, :2], [0, 1], [2, 3])
 
 

@@ -155,9 +155,9 @@ def _located(fitted: Fitted) -> Located:
 def _selected(located: Located) -> Selected:
     """The selected set.
 
-    The noise of known torques is at first part of the model. The set that forward selection arrives at shows whether
-    that is so (`known_torques`); if not, the bare model is fitted and the effects are searched again. This is decided
-    before the set is refined, which takes most of the time, and once more for the final set.
+    The noise of known torques is initially part of the model. The set of forward selection shows whether this noise is
+    real (`known_torques`). If not, the bare model is fitted and the effects are searched again. This is decided before
+    the set is refined, which takes most of the time, and again for the final set.
     """
     located, draft = _settled(located, _drafted(located))
     selected = Selected.after(located, selection=refined(draft))
@@ -169,7 +169,7 @@ def _selected(located: Located) -> Selected:
 
 
 def _settled(located: Located, draft: Draft, most_changes: int = 2) -> tuple[Located, Draft]:
-    """The recordings with the noise and the course of their torques that a first set of effects requires."""
+    """The recordings with the torque noise, and torques between rows, that the first set of effects requires."""
     for _ in range(most_changes):
         other = with_other_noise(located.recordings, located.problem, draft.model)
         if other is None:

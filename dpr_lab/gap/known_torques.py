@@ -1,4 +1,4 @@
-"""What a fitted model shows of the known torques: how noisy they are, and how they act between two rows."""
+"""Properties of known torques according to a fitted model: their noise, and their values between two rows."""
 
 from dataclasses import dataclass, replace
 
@@ -15,10 +15,12 @@ from dpr_lab.gap.screen.recordings import Recordings
 
 @dataclass(frozen=True, slots=True)
 class RowRules:
-    """Signs of torques that change between rows."""
+    """Thresholds for torques that change between rows."""
 
     early: tuple[float, float] = (0.25, 0.75)
-    """Share of the interval of the rows by which such torques act too early if they are held: one half on average."""
+    """Fraction of the interval between rows by which such torques act too early if they are held; the average is one
+    half.
+    """
 
 
 RULES = RowRules()
@@ -27,7 +29,7 @@ RULES = RowRules()
 def with_likeliest_noise(
     recordings: Recordings, problem: Problem, model: Hypothesis, less: float = 0.8
 ) -> Recordings | None:
-    """The recordings with less noise of their measured torques, if a fitted model makes that more likely.
+    """The recordings with less noise of their measured torques, if a fitted model makes this more likely.
 
     Args:
         recordings: the runs
@@ -52,7 +54,7 @@ def with_other_noise(recordings: Recordings, problem: Problem, model: Hypothesis
 
 
 def acts_between_rows(recordings: Recordings, model: Hypothesis) -> bool:
-    """Whether known torques act half a row early, as samples do that are taken as held until the next row."""
+    """Whether known torques act half a row early, as samples do if they are interpreted as held until the next row."""
     if INPUT_DELAY.name not in model.effects or recordings.torques_sampled:
         return False
     early = -float(model.fit.estimate.params[param_index(INPUT_DELAY.name, "delay_s")])
@@ -62,5 +64,5 @@ def acts_between_rows(recordings: Recordings, model: Hypothesis) -> bool:
 
 
 def no_worse(held: Hypothesis, sampled: Hypothesis) -> bool:
-    """Whether sampled torques explain the recordings as well as held ones, but for chance."""
+    """Whether sampled torques explain the recordings as well as held ones, within chance."""
     return sampled.cost < held.cost + THRESHOLDS.chance * held.residuals.inflation

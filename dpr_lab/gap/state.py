@@ -75,7 +75,7 @@ class ScreenedRuns:
     request: Request
     recordings: Recordings
     unseen: Recordings
-    """Recordings that take no part in any fit; may be empty."""
+    """Recordings that are not used in any fit; may be empty."""
     cut: str
     """Pieces of a long record, one sentence; empty if it was not divided."""
 
@@ -88,7 +88,7 @@ class ScreenedRuns:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fitted(ScreenedRuns):
-    """The bare model, fitted. Disturbed stretches and outliers are no longer in the recordings."""
+    """The bare model, fitted. Disturbed intervals and outliers are no longer in the recordings."""
 
     problem: Problem
     """The segments of the fitted runs."""
@@ -113,7 +113,7 @@ class Selected(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Classified(Selected):
-    """The class of each selected effect: what these recordings cannot distinguish from it, with probabilities."""
+    """The class of each selected effect: effects that are indistinguishable in these recordings, with probabilities."""
 
     posteriors: tuple[EffectPosterior, ...]
 

@@ -54,8 +54,6 @@ class Comparison(Shown):
     horizon_s: float
     """Time until the uncertainty of the initial state alone moves the free run by 0.1 rad, s. Beyond it a comparison
     of free runs does not test the model.
-
-    Beyond it a sample-by-sample comparison of free runs does not test the model.
     """
     noise_rad: NDArray[np.float64]
     """(2,) noise floor by axis, rad."""

@@ -233,7 +233,7 @@ class Model(Shown, _Record):
 
     @property
     def _determined(self) -> "dict[str, EstimatedValue]":
-        """The ratios that the recordings determine; the others are the rig file's."""
+        """The ratios that the recordings determine; the others are taken from the rig file."""
         return {name: ratio for name, ratio in self.ratios.items() if ratio.fixed_by == "data"}
 
     def _rows(self) -> list[Row]:

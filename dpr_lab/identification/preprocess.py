@@ -27,7 +27,7 @@ def preprocess(run: Run, rig: Rig, every: int = 1) -> PreprocessedRun:
 
     Args:
         run: the recording
-        rig: the rig that it was recorded on
+        rig: the recorded rig
         every: decimation of the samples to keep; the noise is that of all samples
 
     Raises:

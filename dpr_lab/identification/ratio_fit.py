@@ -133,7 +133,7 @@ def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: fl
     Args:
         runs: the runs to fit
         rig: lengths, gravity, encoders
-        length: wanted length of a segment, s
+        length: nominal length of a segment, s
         step: longest Runge-Kutta step, s; a step of 5 ms has an error below a microradian over half a second
     """
     cuts = [(i, stretch) for i, prepared in enumerate(runs) for stretch in partition(prepared.run, length)]

@@ -1,4 +1,4 @@
-"""Ways to choose the next release of a sequential trial: by plan, from a fixed menu, or at random."""
+"""Selection of the next release of a sequential trial: by plan, from a fixed menu, or at random."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class SequentialSettings:
-    """What is the same for all strategies."""
+    """Settings common to all strategies."""
 
     duration_s: float = 10.0
     """Duration of every release."""
@@ -28,17 +28,17 @@ class SequentialSettings:
 SEQUENTIAL = SequentialSettings()
 
 LIMITS = PlanLimits(recording=RecordingTimes(shortest_s=SEQUENTIAL.duration_s, longest_s=SEQUENTIAL.duration_s))
-"""Of the plans: free swings of both rods, as those of the random poses."""
+"""Kinds of releases in a plan: free swings of both rods, as for the random poses."""
 
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What an experimenter has before the next release."""
+    """Runs and results before the next release."""
 
     rig: Rig
     runs: Sequence[Run]
     diagnosis: Diagnosis | None
-    """Of these runs; None before the first one."""
+    """Diagnosis of these runs; None before the first one."""
     rng: np.random.Generator
 
 
@@ -60,10 +60,10 @@ def from_menu(now: Situation) -> tuple[CandidateRelease, Plan | None]:
 
 
 def at_random(now: Situation) -> tuple[CandidateRelease, Plan | None]:
-    """Any pose, all equally probable."""
+    """A random pose, uniformly distributed."""
     theta1, theta2 = now.rng.uniform(0.0, 2 * np.pi, 2).tolist()
     return CandidateRelease(theta1, theta2, SEQUENTIAL.duration_s), None
 
 
 CHOOSERS: dict[str, Chooser] = {"plan": planned, "menu": from_menu, "random": at_random}
-"""Name of a strategy -> how it chooses the next release."""
+"""Name of a strategy -> function that selects the next release."""

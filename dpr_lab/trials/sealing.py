@@ -99,7 +99,7 @@ class HeldPlant:
     """A sealed plant whose truth is in the memory of another process."""
 
     public: dict[str, Any]
-    """What `seal` gives."""
+    """Result of `seal`."""
     _ask: Callable[[str], dict[str, Any]]
 
     def record(self, release: dict[str, Any]) -> dict[str, Any]:

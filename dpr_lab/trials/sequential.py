@@ -23,11 +23,11 @@ from dpr_lab.trials.truth import Truth, unsealed
 from dpr_lab.version import __version__
 
 Record = Callable[[CandidateRelease], Run]
-"""Record a release."""
+"""Records a release."""
 
 
 def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
-    """One sealed plant, by each strategy from the beginning.
+    """Run a sequential trial of one sealed plant with each strategy.
 
     Args:
         case: as of `run_case`; `strategies`, names of `CHOOSERS`
@@ -63,17 +63,17 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class SequentialLook:
-    """The diagnosis after one more release."""
+    """The diagnosis after an additional release."""
 
     release: CandidateRelease
     diagnosis: Diagnosis
-    """Of all runs so far."""
+    """Diagnosis of all runs so far."""
     decided: bool
-    """Whether that is enough."""
+    """Whether the causes are decided."""
     stated: float | None
-    """Probability of that, as the plan that led to this release stated it; None where there was no forecast."""
+    """Forecast of this probability by the plan that recommended the release; None without a forecast."""
     plan_seconds: float | None
-    """Processor time of that plan; None without one."""
+    """Processor time of the plan; None without one."""
 
 
 def played(
@@ -83,13 +83,13 @@ def played(
 
     Args:
         rig: the rig
-        choose: how the next release is chosen
-        record: makes it
-        rng: of what is chosen at random
-        most: recordings, at most
+        choose: function that selects the next release
+        record: function that records it
+        rng: random generator
+        most: maximum number of recordings
 
     Returns:
-        a look after each release
+        a `Look` after each release
     """
     runs: list[Run] = []
     looks: list[SequentialLook] = []
@@ -122,7 +122,7 @@ def _recorded(plant: HeldPlant, rig: Rig, release: CandidateRelease) -> Run:
 
 
 def _judged(looks: Sequence[SequentialLook], truth: Truth, rig: Rig) -> dict[str, Any]:
-    """What came of one strategy, as JSON values."""
+    """Result of one strategy, as JSON values."""
     outcomes = [score(k.diagnosis.to_json(), truth, rig, **truth.drawn, seconds=k.diagnosis.seconds) for k in looks]
     return {
         "recordings": len(looks) if looks[-1].decided else None,

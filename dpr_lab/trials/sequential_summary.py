@@ -16,15 +16,15 @@ Outcome = Mapping[str, Any]
 
 
 def read_strategies(folder: Path) -> list[dict[str, Outcome]]:
-    """Of each trial of a campaign's folder: strategy -> what came of it."""
+    """Results of the trials in the folder of a campaign, each as strategy -> result."""
     lines = (folder / TRIALS).read_text(encoding="utf-8").splitlines()
     return [json.loads(line)["strategies"] for line in lines if line]
 
 
 def sequential_summary(trials: Sequence[Mapping[str, Outcome]]) -> dict[str, dict[str, Any]]:
-    """Strategy -> what its trials show.
+    """Strategy -> summary of its trials.
 
-    A plant that stays undecided counts as one release more than the most that are made.
+    A plant that stays undecided counts as one release more than the maximum.
     """
     names = list(dict.fromkeys(name for trial in trials for name in trial))
     return {name: _of_strategy([trial[name] for trial in trials if name in trial]) for name in names}

@@ -38,7 +38,7 @@ class Drive(NamedTuple):
     torque0: NDArray[np.float64]
     """(B,) impulse up to each, N m s."""
     torque0_first: NDArray[np.int64]
-    """(runs + 1,) where the runs begin among those."""
+    """(runs + 1,) beginnings of the runs in these arrays."""
 
 
 def drive_of(setups: Sequence[Setup]) -> Drive:

@@ -88,13 +88,13 @@ def accelerate_held(w: NDArray[np.float64], rig: RigConstants, arm: bool) -> Non
 
 @subroutine
 def _mode(w: NDArray[np.float64], k: int, arm: bool) -> int:
-    """How the arm of lane k moves: not at all before the release, or where dry friction holds it."""
+    """Mode of the arm of lane k: held before the release, and where Coulomb friction holds it."""
     return CLAMPED if not arm or waits(w, k) or w[At.direction0 + k] == 0.0 else FREE
 
 
 @subroutine
 def find_spare0(w: NDArray[np.float64], active: NDArray[np.bool_], spare0: int) -> bool:
-    """Fill a row with limit less push of arms at rest, N m; return whether one is negative."""
+    """Fill a row with the margins (limit minus torque) of arms at rest, N m; return whether one is negative."""
     for k in range(LANES):
         w[At.limit0 + k] = 0.0
     add_dry_limit0(w, active)

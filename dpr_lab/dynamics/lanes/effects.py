@@ -76,13 +76,13 @@ add_dry_limits = lane_stage("dry")
 """(w, active): add the limits of Coulomb friction of joints under given torques to the limits."""
 
 add_arm_torques = lane_stage("torque0")
-"""(w, active): add to the row `torque0` what acts on the arm."""
+"""(w, active): add the torques of effects on the arm to the row `torque0`."""
 
 add_arm_drives = lane_stage("drive0")
-"""(w, active): add to the row `torque0` what the arm's drive gives beyond its known torque."""
+"""(w, active): add the difference between the acting and the known torque of the arm's drive to the row `torque0`."""
 
 add_dry_limit0 = lane_stage("dry0")
-"""(w, active): add to the limit of the arm the torques up to which dry friction holds it."""
+"""(w, active): add the limit of Coulomb friction of the arm."""
 
 hold_angle = lane_stage("play")
 """(w, active): replace the angle of joint 2 by the angle held by its encoder."""

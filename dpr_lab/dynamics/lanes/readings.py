@@ -98,7 +98,7 @@ class Candidates(NamedTuple):
     params: NDArray[np.float64]
     """(n, runs or 1, SIZE) effects."""
     initial: NDArray[np.float64]
-    """(n, S, 6) theta1, theta2, omega1, omega2, theta0, omega0; the last two nan where they are internal states."""
+    """(n, S, 6) theta1, theta2, omega1, omega2, theta0, omega0; the last two are nan if they are internal states."""
     internal: NDArray[np.float64]
     """(n, S, internal) internal states; nan if they are taken from the previous segment."""
 

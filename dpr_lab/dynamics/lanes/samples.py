@@ -56,7 +56,7 @@ def angle0(w: NDArray[np.float64], k: int, u: float) -> float:
 
 @subroutine
 def read_arm(w: NDArray[np.float64], k: int) -> float:
-    """theta0 of lane k at the share of its step, or earlier where its encoder is late: the same cubic carries on."""
+    """theta0 of lane k at the share of its step, or earlier if its encoder is late; the cubic is extrapolated."""
     late = w[At.late0 + k]
     return angle0(w, k, w[At.share + k] - (late / w[At.h + k] if late != 0.0 else 0.0))
 

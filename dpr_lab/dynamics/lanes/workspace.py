@@ -123,8 +123,8 @@ class At(IntEnum):
     # arm with prescribed motion: mean acceleration and mean squared speed over the step
     prescribed = auto()
     squared = auto()
-    # a free or driven arm: the known torque on it over the step, and all torques on it; how much earlier it is read;
-    # what it has turned since the start of the step, and for it what stands above of joints that slide or rest
+    # a free or driven arm: its known torque over the step, all torques on it, the lead of its readings, its rotation
+    # since the start of the step, and the rows above that describe sliding and resting joints
     drive0 = auto()
     torque0 = auto()
     late0 = auto()
@@ -191,7 +191,7 @@ def motion_at(w: NDArray[np.float64], k: int) -> Motion:
 
 @inlined
 def joint0_at(w: NDArray[np.float64], k: int) -> Joint:
-    """The arm's joint of lane k, as `joint0` of its motion: what that does not read is not loaded."""
+    """The arm's joint of lane k, as `joint0` of its motion, without loading unused values."""
     return Joint(
         w[At.stage_t + k], w[At.stage_theta0 + k], w[At.stage_omega0 + k], w[At.displacement0 + k], 0.0,
         w[At.direction0 + k],

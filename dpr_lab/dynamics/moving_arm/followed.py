@@ -1,4 +1,4 @@
-"""Swings with an arm that is free or driven, on a grid, with their sensitivity to the initial states."""
+"""Simulated swings with a free or driven arm, on a grid, with their sensitivity to the initial states."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -42,36 +42,36 @@ _INERTIA, _VISCOUS = (param_index(FREE_ARM.name, parameter.name) for parameter i
 
 @dataclass(frozen=True, slots=True)
 class FollowSettings:
-    """Derivatives of followed swings, and limits beyond which they are discarded."""
+    """Derivatives of simulated swings, and limits beyond which they are discarded."""
 
     step: float = 1e-5
     """Forward step of an initial state, rad and rad/s."""
     wildest: float = 1e6
-    """rad and rad/s that no swing reaches."""
+    """Limit that no swing reaches, rad and rad/s."""
     singular: float = 1e-9
     """Determinant of a sensitivity below which torques and initial states are indistinguishable."""
     order: tuple[int, ...] = (4, 0, 1, 5, 2, 3)
     """theta0, theta1, theta2, omega0, omega1, omega2 among the states."""
     weightless: float = 1e-6
-    """Inertia of a rod that is not there, over that of the one that is."""
+    """Inertia of a missing rod relative to that of the mounted one."""
 
 
 FOLLOW = FollowSettings()
 
 
 def followed_with_arm(bases: Array, rig: RigConstants, grid: Segments, params: Array, initial: Array) -> FollowedSwing:
-    """Follow swings with rods and arm; other effects are left out.
+    """Simulate swings with rods and arm; other effects are ignored.
 
     Args:
-        bases: (runs, 6) base parameters of what hangs there, SI; all runs have the same rods
+        bases: (runs, 6) base parameters of the mounted rods, SI; all runs have the same rods
         rig: its constants
         grid: the instants
-        params: (SIZE,) effects, of which the arm counts
+        params: (SIZE,) effects; only the arm is used
         initial: (segments, 6) initial states
     """
     a, b, d, e1, c1, c2 = bases[0]
     alone = grid.setups[0].alone
-    if alone:  # the two equal halves of a rod are one rod, and another one that weighs nothing
+    if alone:  # the two equal halves of a single rod: one rod, and another one without mass
         a, b, d = 2.0 * a, FOLLOW.weightless * a, 0.0
     inertia, viscous = params[_INERTIA], params[_VISCOUS]
     modes = [FREE if setup.arm_moves else CLAMPED for setup in grid.setups]
@@ -102,7 +102,7 @@ def followed_with_arm(bases: Array, rig: RigConstants, grid: Segments, params: A
 
 
 def _shifts() -> Array:
-    """(7, 6) no change, then a step of each number of an initial state."""
+    """(7, 6) no increment, then one for each component of an initial state."""
     return np.concatenate([np.zeros((1, 6)), FOLLOW.step * np.eye(6)])
 
 
@@ -118,7 +118,7 @@ def _mean_torque(t: Array, torques: Torques | None) -> Array:
 def _mass_matrices(
     states: Array, model: tuple[float, float, float, float, float], rig: RigConstants, moves: NDArray[np.bool_]
 ) -> Array:
-    """(n, 3, 3) mass matrices of theta1, theta2, theta0 (`dpr_lab.dynamics.arm`); the arm apart where it is clamped."""
+    """(n, 3, 3) mass matrices of theta1, theta2, theta0 (`dpr_lab.dynamics.arm`); a clamped arm is not coupled."""
     a, b, d, e1, inertia = model
     (sin1, sin2), (cos1, cos2) = np.sin(states[:, :2].T), np.cos(states[:, :2].T)
     M = np.zeros((len(states), 3, 3))

@@ -1,8 +1,8 @@
-"""Predictive bands of an ensemble of models for recordings, and how many of the readings they cover.
+"""Predictive bands of an ensemble of models for recordings, and the share of readings that they cover.
 
-Each model starts from a state drawn from what the first readings of the recording show with it, runs freely, and reads
-with the noise of the encoders. The band of an instant lies between quantiles over the models. Nothing beyond the
-predictability horizon counts, and nothing that the start states were fitted to.
+Each model starts from a random initial state, drawn from its distribution given the first readings. The model then runs
+freely, and the noise of the encoders is added. The band at an instant lies between quantiles over the models. Readings
+that were used for the initial states, and readings beyond the predictability horizon, are not compared.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
 """Calibration of the width of an ensemble by recordings: the error of an incomplete model exceeds the noise.
 
-The standard deviations of the posterior are multiplied by the smallest factor with which the predictive bands cover the
-readings of calibration runs as often as required.
+The standard deviations of the posterior are multiplied by the smallest factor for which the predictive bands cover the
+required share of the readings of calibration runs.
 """
 
 from collections.abc import Sequence
@@ -52,7 +52,7 @@ def calibrated(
         components: its posterior
         runs: the calibration runs
         rig: the rig
-        seed: of the draws
+        seed: seed of the random models
 
     Raises:
         RunError: the model cannot follow a run.

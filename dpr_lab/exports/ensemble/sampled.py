@@ -29,10 +29,10 @@ def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: in
         model: the corrected model
         components: its posterior
         n: number of models
-        seed: of the draws
+        seed: seed of the random numbers
 
     Raises:
-        RunError: hardly a draw lies within the bounds.
+        RunError: too few random models lie within the bounds.
     """
     rng = np.random.default_rng(seed)
     weights = np.array([component.probability for component in components])
@@ -41,10 +41,10 @@ def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: in
 
 
 def posterior_of(model: Model, diagnosis: Diagnosis | None) -> list[PosteriorComponent]:
-    """The posterior of a diagnosis; of a model without one, the covariance of its ratios.
+    """The posterior of a diagnosis; for a model without one, the covariance of its ratios.
 
     Raises:
-        RunError: the diagnosis is of a version that kept no posterior.
+        RunError: a diagnosis of an older version, without a posterior.
     """
     if diagnosis is not None:
         if not diagnosis.posterior:
@@ -74,14 +74,14 @@ def _drawn(model: Model, component: PosteriorComponent, rng: np.random.Generator
 
 
 def _root(covariance: Array) -> Array:
-    """A square root of a covariance, also of a singular one."""
+    """A square root of a covariance, which may be singular."""
     scale = np.sqrt(np.maximum(np.diag(covariance), np.finfo(np.float64).tiny))
     eigen, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     return scale[:, None] * vectors * np.sqrt(np.maximum(eigen, 0.0))
 
 
 def signed(values: Mapping[str, float]) -> dict[str, float]:
-    """Values of which those that cannot be negative are not."""
+    """Values with those entries set to zero that are negative and must not be."""
     positive = {
         f"{name}.{p.name}" for name, effect in EFFECTS.items() for p in effect.parameters if p.sign == "positive"
     }
@@ -90,13 +90,13 @@ def signed(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _possible(values: Mapping[str, float]) -> bool:
-    """Whether bodies can have these inertias and first moments."""
+    """Whether bodies with these inertias and first moments exist."""
     a, d = values["a/b"], values["d/b"]
     return a > d * d and d > 0 and values["e1/b"] > 0
 
 
 def _scale_factor(model: Model, rng: np.random.Generator) -> float:
-    """The drawn b over that of the model."""
+    """Ratio of the drawn b to that of the model."""
     z = float(rng.standard_normal())
     if model.scale is None:
         return 1.0

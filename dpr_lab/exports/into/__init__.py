@@ -24,7 +24,7 @@ WRITERS: dict[str, Writer] = {
     "robot": partial(into_description, name="URDF", read=read_urdf, editor=UrdfEditor()),
     "sdf": partial(into_description, name="SDFormat", read=read_sdf, editor=SdfEditor()),
 }
-"""Root element of a file -> what changes it."""
+"""Root element of a file -> function that changes the file."""
 
 
 WORDS: dict[str, frozenset[str]] = {"MJCF": MJCF_WORDS, "URDF": UrdfEditor.words, "SDFormat": SdfEditor.words}
@@ -38,7 +38,7 @@ def into_file(model: Model, rig: Rig, path: Path, joints: Sequence[str] = ()) ->
         model: the corrected or identified model
         rig: its rig, as `dpr-lab rig from` wrote it from this file
         path: the file
-        joints: of inner rod, outer rod and perhaps the arm; none: found
+        joints: of inner rod, outer rod and optionally the arm; none: detected
 
     Raises:
         ConfigError: the file cannot be read or changed, is of none of these formats, or its L1 or g is not that of the

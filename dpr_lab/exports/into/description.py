@@ -33,19 +33,19 @@ Read = Callable[[Path, bytes | None], SimulatorModel]
 
 
 class Editor(Protocol):
-    """A description format: its names of quantities, and how its elements hold numbers."""
+    """A description format: its names of quantities, and functions that read and write its numbers."""
 
     words: frozenset[str]
-    """Words of effects that it has."""
+    """Elements of effects that it supports."""
     joint_names: dict[str, str]
     """Quantity of a joint -> its name in the format."""
 
     def place(self, edit: XmlEdit, owner: int) -> Vector:
-        """(3,) coordinates of an element that has a place."""
+        """(3,) coordinates of an element that has a position."""
         ...
 
     def set_place(self, edit: XmlEdit, owner: int, label: str, place: Vector) -> None:
-        """Set them."""
+        """Set the coordinates."""
         ...
 
     def scale_inertia(self, edit: XmlEdit, inertial: int, label: str, factor: float) -> None:
@@ -57,7 +57,7 @@ class Editor(Protocol):
         ...
 
     def elbow_owner(self, joint: int, link: int) -> int:
-        """The element whose place is that of the outer joint."""
+        """The element whose position is that of the outer joint."""
         ...
 
 
@@ -65,12 +65,12 @@ class Editor(Protocol):
 class _File:
     path: Path
     name: str
-    """Of the format."""
+    """Name of the format."""
     read: Read
     editor: Editor
     joints: tuple[str, ...]
     gravity: float | None
-    """m/s^2, where the format holds none."""
+    """Default gravity, m/s^2, if the format does not contain it."""
 
     def model(self, edit: XmlEdit) -> SimulatorModel:
         return self.read(self.path, edit.text())
@@ -85,7 +85,7 @@ class _File:
         return XmlEdit(text, str(self.path))
 
     def joint(self, edit: XmlEdit, name: str) -> int:
-        """Index of a joint's element.
+        """Index of the element of a joint.
 
         Raises:
             ConfigError: it is not in the file itself.
@@ -96,7 +96,7 @@ class _File:
         return index
 
     def link(self, edit: XmlEdit, part: Part) -> int:
-        """Index of a link's element; errors as of `joint`."""
+        """Index of the element of a link; errors as of `joint`."""
         index = edit.find("link", name=part.name)
         if index is None:
             raise ConfigError(f"{self.path}: no <link name={part.name!r}> is in the file itself")
@@ -112,10 +112,10 @@ def into_description(
         model: the corrected or identified model
         rig: its rig, as `dpr-lab rig from` wrote it from this file
         path: the file
-        joints: of inner rod, outer rod and perhaps the arm; none: found
-        name: of the format
-        read: its reader
-        editor: how its elements hold numbers
+        joints: of inner rod, outer rod and optionally the arm; none: detected
+        name: name of the format
+        read: function that reads the file
+        editor: functions that read and write its numbers
 
     Raises:
         ConfigError: the file cannot be read or changed, or its L1 or g is not that of the rig.
@@ -189,7 +189,7 @@ def _with_body(file: _File, edit: XmlEdit, number: int, target: RodTarget) -> Xm
 def _moved(
     file: _File, edit: XmlEdit, owner: int, label: str, measure: Callable[[SimulatorModel], Vector], shift: Vector
 ) -> XmlEdit:
-    """Set the place of an element so that what it measures moves by a shift, (3,) in the world, m."""
+    """Move an element so that a position derived from it moves by a shift, (3,) in the world, m."""
     place = file.editor.place(edit, owner)
 
     def measured(at: Vector) -> Vector:

@@ -30,7 +30,7 @@ WORDS = frozenset({"friction", "stiffness", "rest_angle", "armature", "offset", 
 """Elements of effects that attributes of joints and bodies represent."""
 
 ATTRIBUTES = {"friction": "frictionloss", "rest": "springref"}
-"""Quantity of a joint -> its attribute, where it has another name."""
+"""Quantity of a joint -> its attribute, if the names differ."""
 
 
 @dataclass(frozen=True, slots=True)

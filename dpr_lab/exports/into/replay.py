@@ -1,8 +1,8 @@
-"""Recordings replayed with the numbers of the user's file, in MuJoCo.
+"""Replay of recordings in MuJoCo with the numbers of the user's file.
 
-A MJCF file whose only joints are those of the rods runs itself, with its own integrator. Its time step is at most
-0.5 ms, so that the model is compared and not the step. Other files run as two bodies with the numbers that were read:
-MuJoCo reads no SDFormat, and in a model with more joints these are held at zero.
+An MJCF file whose only joints are those of the rods is simulated itself, with its own integrator. Its time step is at
+most 0.5 ms, so that the error of the model dominates that of the step. Other files are simulated as two bodies with the
+numbers that were read, because MuJoCo cannot read SDFormat; further joints are fixed at zero.
 """
 
 from collections.abc import Sequence
@@ -34,15 +34,15 @@ class FileReplay:
     run: str
     until_s: float
     before_rad: float
-    """Of the user's file."""
+    """Error with the user's file."""
     after_rad: float
-    """Of the changed file; the difference to `lab_rad` is what the format cannot hold."""
+    """Error with the changed file; the difference from `lab_rad` is due to the format."""
     lab_rad: float
-    """Of the corrected model in dpr-lab."""
+    """Error of the corrected model in dpr-lab."""
 
     @property
     def errors_rad(self) -> tuple[float, float, float]:
-        """All three."""
+        """All three errors."""
         return self.before_rad, self.after_rad, self.lab_rad
 
 
@@ -55,7 +55,7 @@ def replay_files(
         before: the user's file
         after: text of the changed file
         joints: of the inner and the outer rod
-        model: the corrected model, which gives start states and horizons
+        model: the corrected model, which determines initial states and horizons
         rig: its rig
         runs: the recordings
 
@@ -74,19 +74,19 @@ def _errors(swing: Replay, files: Sequence["Simulation"]) -> FileReplay:
 
 @dataclass(frozen=True, slots=True)
 class Simulation:
-    """A file in MuJoCo."""
+    """A file loaded in MuJoCo."""
 
     model: Any
     joints: tuple[str, str]
     zero: Array
     """(2,) angles of the joints with the rods hanging, rad."""
     direction: Array
-    """(2,) 1 or -1."""
+    """(2,) signs of the joints, 1 or -1."""
     longest_step_s: float = 5e-4
 
     @classmethod
     def of(cls, path: Path, text: bytes | None, joints: Sequence[str], g: float) -> "Simulation":
-        """Of the user's file, or of another text in its place."""
+        """Load the user's file, or a changed text of it."""
         read = read_model(path, text)
         chain = double_pendulum(read, joints, g if read.gravity is None else None)
         names = chain.rods[0].joint.name, chain.rods[1].joint.name
@@ -129,7 +129,7 @@ def _compiled(text: str) -> Any:
 
 
 def _planar(chain: ModelChain) -> str:
-    """The double pendulum of a file, joints at zero upright and straight."""
+    """The double pendulum of a file; both joints are zero for upright rods."""
     length, rest = chain.rods[0].length or 0.0, [np.pi, 0.0]
     joints = [
         f'<joint name="joint{i + 1}" axis="0 1 0" damping="{rod.joint.damping!r}" frictionloss="{rod.joint.friction!r}"'

@@ -9,7 +9,7 @@ from dpr_lab.simulator_models.xml_edit import XmlEdit
 
 
 class SdfEditor:
-    """An `Editor`."""
+    """See `Editor`."""
 
     words = frozenset({"friction", "stiffness", "rest_angle", "offset", "added_length"})
     joint_names = {  # noqa: RUF012
@@ -70,12 +70,12 @@ class SdfEditor:
             edit.insert_texts(dynamics, f"{label}, dynamics", **missing)
 
     def elbow_owner(self, joint: int, link: int) -> int:
-        """As of `Editor`: the outer link, at whose frame its joint stands."""
+        """See `Editor`: the outer link, because the position of its joint is given in its frame."""
         return link
 
 
 def _pose(edit: XmlEdit, owner: int) -> list[str]:
-    """Position and rotation of an element as they are written."""
+    """Position and rotation of an element as written in the file."""
     pose = edit.child(owner, "pose")
     values = edit.tags[pose].text.split() if pose is not None else []
     return values or ["0", "0", "0", "0", "0", "0"]

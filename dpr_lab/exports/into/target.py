@@ -63,15 +63,15 @@ class PatchedModel:
 
 @dataclass(frozen=True, slots=True)
 class BodyChange:
-    """Change of the body of a joint."""
+    """Change of the body on a joint."""
 
     name: str
     mass: float
-    """kg; it stays."""
+    """Mass, kg; unchanged."""
     shift: Vector
-    """(3,) of its centroid in the world, m."""
+    """(3,) shift of its centroid in the world, m."""
     factor: float
-    """Of its inertia about its centroid."""
+    """Factor of its inertia about its centroid."""
 
     @property
     def moves(self) -> bool:
@@ -143,7 +143,7 @@ def body_change(
 
 
 def joint_values(chain: ModelChain, number: int, target: RodTarget) -> dict[str, tuple[float, float]]:
-    """Quantity of a joint -> its value in the file and the target's, of those that differ; SI."""
+    """Quantity of a joint -> its values in the file and in the target, if they differ; SI."""
     rod, words = chain.rods[number], target.words
     joint = rod.joint
     values = {
@@ -169,9 +169,9 @@ def refuse_overridden(
     Args:
         chain: of the changed file
         targets: target values of its rods
-        length: of the inner rod, m
-        words: elements that the format has
-        reason: the message where it differs
+        length: length of the inner rod, m
+        words: elements of the format
+        reason: the message if they differ
 
     Raises:
         ConfigError: something in the file overrides the numbers.
@@ -187,5 +187,5 @@ def refuse_overridden(
 
 
 def numbers(values: Vector | Sequence[float]) -> str:
-    """Numbers as they are written into a file."""
+    """Numbers as text for a file."""
     return " ".join(f"{float(value):.{PATCH.digits}g}" for value in np.asarray(values))

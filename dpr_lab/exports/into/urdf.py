@@ -10,7 +10,7 @@ INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 class UrdfEditor:
-    """An `Editor`."""
+    """See `Editor`."""
 
     words = frozenset({"friction", "offset", "added_length"})
     joint_names = {"damping": "damping", "friction": "friction"}  # noqa: RUF012

@@ -25,14 +25,14 @@ class ArmBodies:
     damping: float
     """Viscous friction of the arm, with the back-EMF of a voltage drive, N m s/rad."""
     stiffness: float
-    """N m/rad"""
+    """Stiffness of the arm's spring, N m/rad."""
     friction: float
-    """Dry friction of the arm, N m."""
+    """Coulomb friction of the arm, N m."""
     gain: float
     """Torque per input; zero without a drive."""
     gravity: float
     rods: tuple[Rod, ...]
-    """The inner rod, and the outer one where it is mounted."""
+    """The inner rod, and the outer rod if it is mounted."""
 
 
 def absolute_parameters(model: MovingArmModel) -> dict[str, float]:
@@ -63,7 +63,7 @@ def arm_bodies(model: MovingArmModel, rig: Rig, margin: float = 1.05) -> ArmBodi
     S2 = values["d"] / L1 if both else 0.0
     least2 = S2**2 / values["b"] if both else 0.0
     nominal1, nominal2 = rig.parameters["m1"].nominal, rig.parameters["m2"].nominal if both else 0.0
-    for share in (1.0, 0.5, 0.25, 0.0):  # smaller masses leave more of A to the arm
+    for share in (1.0, 0.5, 0.25, 0.0):  # smaller masses of the rods leave a larger inertia for the arm
         m2 = max(share * nominal2, margin * least2)
         S1, about1 = values["e1"] / model.rig.g - m2 * L1, values["a"] - m2 * L1**2
         if about1 <= 0.0:

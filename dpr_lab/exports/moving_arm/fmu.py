@@ -1,4 +1,4 @@
-"""A rig with a moving arm as an FMU for co-simulation: the input of the drive in, angles and speeds out."""
+"""A rig with a moving arm as an FMU for co-simulation; input: that of the drive; outputs: angles and speeds."""
 
 from dpr_lab.exports.fmu import built_unit
 from dpr_lab.exports.moving_arm.python_module import python_module

@@ -84,7 +84,7 @@ def _in_mujoco(file: Path, model: MovingArmModel, rig: Rig) -> Replay:
 
 
 def _in_sdf(file: Path, model: MovingArmModel, rig: Rig) -> Replay:
-    """MuJoCo with the same bodies, because no simulator that pip installs reads all of SDFormat."""
+    """Replay in MuJoCo with the same bodies, because no simulator from PyPI reads all of SDFormat."""
     same = file.with_name("same_bodies.xml")
     same.write_text(_xml(xml_files.mjcf)(model, rig), encoding="utf-8")
     return _in_mujoco(same, model, rig)

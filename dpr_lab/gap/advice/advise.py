@@ -52,7 +52,7 @@ def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[Effe
     """Checks that distinguish members of classes and the alternatives; empty if no question is open."""
     open_causes = list(_open_causes(posteriors))
     names = list(dict.fromkeys(name for about, causes, *_ in open_causes for name in (about, *causes)))
-    # What a release would show is predicted for a clamped arm; one that moves needs its input.
+    # the result of a release is predicted for a clamped arm; one that moves needs its input
     expected = expected_recordings(recordings, chosen, names) if names and not recordings.arm_moves else []
     steps: list[NextStep] = []
     for open_one in open_causes:

@@ -173,7 +173,7 @@ def magnitude(values: Array, covariance: Array) -> Interval | None:
 
 
 def has(name: str, measured: str, amplitude: str) -> bool:
-    """Whether an effect has the amplitude of another, as forms of one effect have, apart from their additions."""
+    """Whether an effect has the amplitude of another, as functional forms of one effect have, additions excepted."""
     if amplitude == EFFECTS[measured].adds and name in EFFECTS[measured].nested:
         return False
     return not {name, *EFFECTS[name].nested}.isdisjoint({measured, *EFFECTS[measured].nested})

@@ -43,8 +43,8 @@ class Calibration:
     remainder equals the noise.
     """
     far: float = 8.0
-    """Remainder in units of the noise from which its size is no further evidence: encoders of real rigs are finer than
-    their small causes.
+    """Remainder, in units of the noise, beyond which its size is no further evidence: encoders of real rigs are
+    finer than their small causes.
     """
     steepness: float = 2.0
     """Exponent with which that probability increases with the remaining share."""
@@ -146,7 +146,7 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
 
 
 def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
-    """Whether another effect is a curve that in place of the named effect only follows it by amplitudes that cancel."""
+    """Whether another effect is a curve that merely imitates the named effect, with amplitudes that cancel."""
     both = selection.fitted.get(selection.chosen.key | {other})
     instead = selection.fitted.get(without.key | {other})
     return both is not None and instead is not None and taking_over(both, instead) == other

@@ -1,4 +1,4 @@
-"""Assumptions on which a diagnosis rests, and what its recordings cannot show, as sentences."""
+"""Assumptions of a diagnosis, and effects that its recordings cannot show, as sentences."""
 
 from collections.abc import Mapping
 
@@ -87,7 +87,7 @@ def _scale(state: Advised) -> str:
 
 
 def _arm(state: Advised) -> str:
-    """What is taken for granted of an arm that moves."""
+    """Assumptions about an arm that moves."""
     rig, setups = state.recordings.rig, state.problem.segments.setups
     text = "The arm's angle is read, and its inertia and viscous friction are fitted"
     if not any(setup.torques and setup.torques.on_arm is not None for setup in setups):

@@ -41,7 +41,7 @@ def description(runs: Sequence[Run], rig: Rig, selection: Selection, carried: Tr
     if hint := _wrong_gravity(rig, selection):
         return Description(hint, True)
     if moves(runs):
-        return Description()  # other readings of an arm that moves are tried before (`misread.arm`)
+        return Description()  # other interpretations of a moving arm were tested before (`misread.arm`)
     open_ = not at_noise_floor(selection.chosen) or carried.withdrawn or carried.oversized
     if not (far_from_noise(selection.base) and open_):
         return Description()
@@ -52,7 +52,10 @@ def description(runs: Sequence[Run], rig: Rig, selection: Selection, carried: Tr
 
 
 def _wrong_gravity(rig: Rig, selection: Selection) -> str:
-    """Whether a g of the rig file that is not that of the earth appears as an error of L1: only g / L1 matters."""
+    """Question a g of the rig file that does not occur on earth, if it appears as an error of L1.
+
+    Only g / L1 is identifiable.
+    """
     chosen = [EFFECTS[name] for name in selection.chosen.effects if EFFECTS[name].corrects == "L1"]
     if rig.rig.on_earth(rig.g) or not chosen:
         return ""

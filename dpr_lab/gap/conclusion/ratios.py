@@ -28,7 +28,7 @@ def ratios(state: Advised) -> dict[str, Interval]:
 
 
 def determined(state: Advised) -> dict[str, Interval]:
-    """Ratios that the recordings determine, of what hung on the rig: to b, or to a of the inner rod alone.
+    """Ratios that the recordings determine with the mounted rods: to b, or to a if only the inner rod is mounted.
 
     A ratio of two fitted values moves with both; an unknown that is absolute here is divided by the assumed inertia.
     """
@@ -52,7 +52,7 @@ def determined(state: Advised) -> dict[str, Interval]:
 
 
 def ratio_covariance(state: Advised) -> NDArray[np.float64]:
-    """(5, 5) covariance; zero for ratios that no run determines, which are those of the rig file."""
+    """(5, 5) covariance; zero for ratios that no run determines and that are taken from the rig file."""
     free = state.selection.chosen.fit.free
     mine = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}
     whole = np.zeros((len(RATIOS), len(RATIOS)))

@@ -30,7 +30,7 @@ class VerdictRules:
     sure: float = 0.6
     """Minimum probability of the most probable class of a named set; the sentence gives that of the least probable."""
     rather: float = 0.5
-    """Probability below which the sentence adds that the effect is rather not the cause."""
+    """Probability below which the sentence adds that the effect is probably not the cause."""
     closes: float = 0.5
     """Minimum share of the gap that a set must close on held-out recordings to be the cause."""
     gap_from: float = 0.5
@@ -205,7 +205,7 @@ def _restrictions(carried: Transfer) -> str:
 
 
 def _doubt(cause: EffectPosterior) -> str:
-    """The probability of an effect that is rather not the cause although it explains a part of the gap."""
+    """The probability of an effect that is probably not the cause although it explains a part of the gap."""
     return "" if cause.probability >= RULES.rather else f" (probability only {cause.probability:.0%})"
 
 

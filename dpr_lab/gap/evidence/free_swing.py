@@ -42,7 +42,7 @@ class FreeSwing:
     by_start: Array
     """(n, 2, 4) Jacobian for the initial state; (n, 3, 6) with an arm that moves."""
     setup: Setup
-    """What hung on the rig, and what its arm did."""
+    """Mounted rods, and motion of the arm."""
 
     @property
     def head(self) -> NDArray[np.bool_]:
@@ -120,7 +120,7 @@ def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:
 
 
 def growth_rate(swing: FreeSwing, until: float) -> float:
-    """Largest finite-time rate at which an error of the angles at the start grows by then, 1/s.
+    """Largest finite-time growth rate of an initial error of the angles, 1/s.
 
     Source: largest singular value of the tangent map over a finite time; E. N. Lorenz (1965), Tellus 17, 321-333.
     """

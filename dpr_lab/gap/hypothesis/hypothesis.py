@@ -33,9 +33,9 @@ class Penalty:
     """Penalty of the parameters of a set, in chi2 units."""
 
     parameter: float = 9.0
-    """Of one parameter: the logarithm of some 1e4 samples (BIC)."""
+    """Penalty of one parameter: the logarithm of some 1e4 samples (BIC)."""
     curve: int = 4
-    """Number of amplitudes from which an effect is a curve, which on a small arc can follow a sum of other effects."""
+    """Number of amplitudes from which an effect is a curve, which on a small arc can imitate a sum of other effects."""
     ordinary: float = 0.1
     """Size of a curve relative to the limits of its amplitudes up to which it is not penalised: a typical eccentricity.
     """
@@ -89,7 +89,7 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
-    """Whether b is more than a mere scale: a mass or torque is known, or friction depends on the force on a joint."""
+    """Whether b is more than a scale factor: a mass or torque is known, or friction depends on the force on a joint."""
     weighs = problem.masses_weighed and any(EFFECTS[name].stage == "load" for name in effects)
     return weighs or any(setup.weighs for setup in problem.segments.setups)
 

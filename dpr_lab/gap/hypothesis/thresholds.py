@@ -25,11 +25,13 @@ class Thresholds:
     chance_at_floor: float = 90.0
     """The same for an additional effect if only noise remains."""
     consistent: float = 4.0
-    """Standard errors, by the scatter of segments, of a fall of chi2 that is no chance, more than noise being left."""
+    """Standard errors, estimated from the scatter of segments, by which chi2 must fall for a significant reduction
+    while a residual remains.
+    """
     fewest_segments: int = 10
-    """Segments that show the scatter of a fall."""
+    """Minimum number of segments for an estimate of their scatter."""
     takes_over: float = 2.0
-    """Factor by which a curve grows without another effect if it merely follows what that effect explains."""
+    """Factor by which the amplitudes of a curve grow if another effect is removed and the curve replaces it."""
     integrator: float = 5e-4
     """Fraction of the explained chi2 that is uncertain because of the integrator's steps."""
     integrator_at_floor: float = 5e-5
@@ -79,9 +81,10 @@ def far_from_noise(model: Hypothesis) -> bool:
 
 
 def taking_over(model: Hypothesis, less: Hypothesis) -> str | None:
-    """The curve that explains an effect of `model` in a smaller set `less`, by amplitudes that cancel; None without.
+    """The curve of the smaller set `less` that imitates an effect of `model` by amplitudes that cancel; None if none.
 
-    On a small arc an eccentricity of large harmonics follows a zero offset. It is no reason to do without the offset.
+    On a small arc an eccentricity with large harmonics imitates a zero offset. This does not make the offset
+    superfluous.
     """
     if less.cost <= model.cost:
         return None
@@ -97,7 +100,7 @@ def taking_over(model: Hypothesis, less: Hypothesis) -> str | None:
 def indifference(
     base: Hypothesis, at: Hypothesis, *, independent: float = THRESHOLDS.chance, share: float = THRESHOLDS.integrator
 ) -> float:
-    """Difference of cost below which two sets are equally good: chance, or the integrator's steps."""
+    """Difference of cost below which two sets are equally good: due to chance, or to the integrator's steps."""
     return max(independent * at.residuals.inflation, share * (base.residuals.chi2 - at.residuals.chi2))
 
 
@@ -118,10 +121,10 @@ def _significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> fl
 
 
 def scatter(before: Hypothesis, after: Hypothesis) -> float:
-    """Fall of chi2 that chance may cause by the scatter of the falls of segments; inf where there are too few.
+    """Reduction of chi2 that chance may cause, by its scatter between segments; inf for too few segments.
 
-    What small unknown effects leave is smooth along a segment. As so many pieces of noise it would hide a cause that
-    improves every segment. Segments are the independent pieces.
+    The residual due to small unknown effects is smooth along a segment. If it counted as noise of every reading, a
+    cause that improves every segment would not be significant. Segments are therefore the independent units.
     """
     falls = before.fit.linear.chi2_by_segment - after.fit.linear.chi2_by_segment
     if len(falls) < THRESHOLDS.fewest_segments or not np.isfinite(falls).all():

@@ -110,8 +110,9 @@ class Diagnosis(Shown, Saved):
     ratio_covariance: list[list[Number]]
     """(5, 5) covariance of the ratios, in their order."""
     determined: dict[str, Interval] = {}
-    """Ratios that the recordings determine, to b or, of the inner rod alone, to its a; A/b and c0/b of an arm that
-    moves. Those of `ratios` that are not among them are the rig file's. Empty in a file of an older version."""
+    """Ratios that the recordings determine, to b or, for the inner rod alone, to its a; A/b and c0/b of a moving
+    arm. All other entries of `ratios` are taken from the rig file. Empty in a file of an older version.
+    """
     chi2_per_dof: Number
     """Of the corrected model, over segments of 0.5 s."""
     exact_torques: bool = False

@@ -1,4 +1,4 @@
-"""Size of the gap before and after correction, and the places where it may arise."""
+"""Size of the gap before and after correction, and its possible locations."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What saved results consist of: frozen records, finite numbers, intervals."""
+"""Components of saved results: frozen records, finite numbers, intervals."""
 
 from typing import Annotated
 

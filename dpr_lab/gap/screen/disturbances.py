@@ -1,13 +1,14 @@
-"""What acts on the rods for a moment and is no property of the rig: a kick in mid-swing, a hand that pushes.
+"""Disturbances of the rods that are no property of the rig: a kick in mid-swing, a hand that pushes.
 
-Both show once the bare model follows the rest of a recording in short segments with free initial states.
+Both are visible after the bare model has been fitted to short segments with free initial states.
 
-    kick    One segment fits far worse than all others. Cut where the speed jumps, its two parts fit as well as those:
-            an effect of the rig acts all along a segment, and a cut in two leaves a sixteenth of what it does at least.
-    push    A segment fits worse by orders of magnitude and no cut helps, or the energy of the rods by the fitted ratios
-            rises at the beginning: rods that nothing drives only lose it.
+kick        A single segment fits far worse than all others. If it is cut where the speed jumps, both parts fit as well
+            as the other segments. An effect of the rig acts along the whole segment; a cut then leaves at least a
+            sixteenth of its chi2.
+push        A segment fits worse by orders of magnitude and no cut helps, or the energy of the rods, computed with the
+            fitted ratios, rises at the beginning: without a drive the energy only decreases.
 
-No segment spans a kick. What a hand did is left out.
+No segment spans a kick. Readings under a push are excluded.
 """
 
 from collections.abc import Sequence
@@ -31,42 +32,42 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class DisturbanceRules:
-    """From where on something acted on the rods."""
+    """Thresholds of the detection of disturbances."""
 
     outstanding: float = 8.0
-    """chi2 of a kicked segment over that of the worst undisturbed one;"""
+    """Ratio of chi2 of a kicked segment to that of the worst undisturbed one;"""
     pushed: float = 100.0
-    """the same where no cut helps, so that an effect of the rig might do it."""
+    """the same if no cut helps, so that an effect of the rig may be the cause."""
     visible: float = 25.0
-    """chi2 per reading of a disturbed segment, at least."""
+    """Minimum chi2 per reading of a disturbed segment."""
     most: float = 0.1
-    """Share of the segments of a recording that may be disturbed."""
+    """Maximum fraction of the segments of a recording that may be disturbed."""
     cut_off: float = 25.0
-    """Factor by which a cut at the kick must reduce chi2; what acts all along a segment falls by 16."""
+    """Factor by which a cut at the kick must reduce chi2; an effect along the whole segment falls by 16."""
     rises: float = 0.05
-    """Rise of energy over the largest above rest from which a hand pushed,"""
+    """Rise of the energy, relative to its maximum, from which a hand pushed,"""
     early: float = 0.3
-    """within this share of the recording; later nothing may rise by half as much."""
+    """within this fraction of the recording; later the energy may not rise by half as much."""
     alike: float = 1.5
-    """chi2 per reading on both sides of a kick over that of the worst undisturbed segment, at most."""
+    """Maximum chi2 per reading on both sides of a kick, relative to that of the worst undisturbed segment."""
     iterations: int = 15
-    """Of a fit of initial states."""
+    """Iterations of a fit of initial states."""
 
 
 RULES = DisturbanceRules()
 
 
 def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
-    """Recordings with breaks at kicks, and without what a hand did at the beginning.
+    """Split recordings at kicks, and exclude the readings under a push at the beginning.
 
-    Only free swings are judged: known torques and a moving arm bring energy in.
+    Only free swings are tested, because known torques and a moving arm supply energy.
 
     Args:
         recordings: the runs
-        ratios: (7,) of a fit in short segments that weighs outlying readings down
+        ratios: (7,) of a robust fit in short segments
 
     Returns:
-        the same object where nothing disturbed them
+        the same object if there are no disturbances
     """
     records = [_undisturbed(recordings, recording, ratios) for recording in recordings.records]
     same = all(one is recording for one, recording in zip(records, recordings.records, strict=True))
@@ -82,7 +83,7 @@ def _undisturbed(recordings: Recordings, recording: Record, ratios: Array) -> Re
         evidence = f"the rods gain energy until {until:.2g} s: a hand still pushes, these readings are left out"
         return _with(recording.only(recording.t >= until), [Disturbed(float(recording.t[0]), until, evidence)])
     disturbed = _outstanding(one, ratios)
-    # A kick where a segment begins shows in no segment, so they are cut elsewhere as well.
+    # A kick at the start of a segment is not visible in any segment, so the recording is also cut at other instants.
     later = recording.only(recording.t >= recording.t[0] + 0.5 * LENGTHS.first)
     for other in _outstanding(one.only([later]), ratios):
         if all(abs(other.since - one.since) > LENGTHS.first for one in disturbed):
@@ -92,7 +93,7 @@ def _undisturbed(recordings: Recordings, recording: Record, ratios: Array) -> Re
 
 @dataclass(frozen=True, slots=True)
 class Disturbed:
-    """An interval in which something acted on the rods; a kick has no length."""
+    """Interval of a disturbance; that of a kick has no length."""
 
     since: float
     until: float
@@ -100,13 +101,13 @@ class Disturbed:
 
 
 def _followed(one: Recordings, ratios: Array) -> tuple[Problem, Fit]:
-    """One recording in short segments, as the ratios follow it."""
+    """One recording in short segments, fitted with given ratios."""
     short, initial = one.cut(LENGTHS.first)
     return short, fit(short, Estimate.of(ratios, effect_params({}), initial), (), iterations=RULES.iterations)
 
 
 def _with(recording: Record, disturbed: Sequence[Disturbed]) -> Record:
-    """A recording without what is disturbed, and with breaks there."""
+    """A recording without its disturbed readings, with breaks at the disturbances."""
     findings = [Finding("disturbance", recording.run.name, None, one.since, one.evidence) for one in disturbed]
     outside = np.all([(recording.t < one.since) | (recording.t >= one.until) for one in disturbed], axis=0)
     at = np.array([one.since for one in disturbed])
@@ -128,7 +129,7 @@ def energies(problem: Problem, at: Fit) -> Array:
 
 
 def _pushed_until(problem: Problem, at: Fit) -> float | None:
-    """The start of the first segment from which on the energy only falls, if it rose before; else None."""
+    """Start of the first segment from which the energy only decreases, if it rose before; otherwise None."""
     energy = energies(problem, at)
     begins = problem.t[problem.segments.offsets[:-1]]
     if len(energy) < 4 or not np.isfinite(energy).all():
@@ -143,7 +144,7 @@ def _pushed_until(problem: Problem, at: Fit) -> float | None:
 
 
 def _outstanding(one: Recordings, ratios: Array) -> list[Disturbed]:
-    """Kicks and pushes, by the segments that fit far worse than all others."""
+    """Kicks and pushes, detected by segments that fit far worse than all others."""
     short, followed = _followed(one, ratios)
     edges, chi2 = short.segments.offsets, followed.linear.chi2_by_segment
     level = np.where(np.isfinite(chi2), chi2, np.inf) / np.diff(edges)
@@ -167,7 +168,7 @@ def _outstanding(one: Recordings, ratios: Array) -> list[Disturbed]:
 
 
 def _kick(one: Recordings, short: Problem, followed: Fit, s: int, others: float) -> float | None:
-    """Instant at which a cut lets a segment fit as well as the others; None where no cut does."""
+    """Instant at which a cut lets a segment fit as well as the others; None if there is none."""
     (recording,) = one.records
     first, last = (int(i) for i in short.segments.offsets[s : s + 2])
     begin, end = np.searchsorted(recording.t, [short.t[first], short.t[last - 1]]).tolist()

@@ -1,4 +1,4 @@
-"""Sign and unit of the input of a driven arm, and the sign of its angle: tried and named, as wrong zeros are."""
+"""Sign and unit of the input of a driven arm, and sign of its angle: alternatives are tested and named."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -20,16 +20,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class InputRules:
-    """From where on another sign or unit is the likely cause."""
+    """Thresholds from which another sign or unit is the likely cause."""
 
     still: float = 6.0
-    """Range of the arm's angle, in standard deviations of a reading, below which it stands still."""
+    """Range of the arm's angle, in standard deviations of a reading, below which the arm does not move."""
     suspicious: float = 20.0
-    """Reduced chi-square from which the other sign of the arm's angle is tried."""
+    """Reduced chi-square from which the other sign of the arm's angle is tested."""
     better: float = 4.0
-    """Factor by which chi-square must fall with it."""
+    """Factor by which the other sign must reduce chi-square."""
     off: float = 0.5
-    """Distance of the logarithm (base 10) of the gain from that of a unit's factor, at most."""
+    """Maximum distance of the logarithm (base 10) of the gain from that of a unit's factor."""
 
 
 RULES = InputRules()
@@ -39,18 +39,20 @@ UNITS = {
     "current": {-3.0: "mA", 3.0: "kA"},
     "voltage": {-3.0: "mV", 3.0: "kV"},
 }
-"""Kind of input -> logarithm of the fitted gain over the rig file's -> unit that the column seems to hold."""
+"""Kind of input -> logarithm of the ratio of the fitted gain to that of the rig file -> unit that the column seems
+to have.
+"""
 
 
 def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
-    """Make sure that arm and input of the recordings have the sign and unit that they are said to have.
+    """Refuse recordings whose arm or input has another sign or unit than stated.
 
     Args:
         recordings: the runs
         start: (7,) ratios, b and p/b to start from
 
     Raises:
-        RunError: an arm that is said to move stands still.
+        RunError: the arm does not move, although it is described as moving.
         IdentificationError: another sign or unit explains the recordings; it is named.
     """
     if not recordings.arm_moves:
@@ -96,7 +98,7 @@ def _refuse_still(recordings: Recordings) -> None:
 
 
 def _fitted(recordings: Recordings, start: Array) -> Fit:
-    """The bare model with a free gain, in short segments, from the unit of the input that comes nearest."""
+    """The bare model with a free gain, fitted to short segments, from the most similar unit of the input."""
     problem, initial = recordings.cut(LENGTHS.first)
     at = Estimate.of(start, recordings.start_params, initial)
     if recordings.driven_arm and recordings.rig.motor:

@@ -81,9 +81,9 @@ class Record:
     step: float
     """Maximum step of an integrator for these rods, s."""
     setup: Setup
-    """What hung on the rig, what drove it, and what its arm did."""
+    """Mounted rods, known torques, and motion of the arm."""
     kicks: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    """Breaks at which something kicked the rods, so that no free run goes on there, s."""
+    """Breaks at which the rods were kicked, so that no free run continues across them, s."""
 
     def without(self, t: Array, off: NDArray[np.bool_]) -> "Record":
         """The record without the readings of some axes at some instants t (n,), each with a finding."""

@@ -36,13 +36,12 @@ class SegmentLengths:
     """Length at which effects are distinguished: four to seven times as sensitive as the first, and Gauss-Newton still
     converges."""
     steady: float = 2.0
-    """The same of a rod alone, which no chaos limits: what builds up over swings, as friction and a zero
-    error do, stands out against what does not repeat;"""
+    """The same of a single rod. It is not chaotic, and the influence of friction accumulates over several swings;"""
     steady_parts: int = 5
-    """but at least so many segments of each recording, which show its scatter,"""
+    """with at least this number of segments in each recording, to estimate their scatter,"""
     growths: float = 7.0
-    """and, of a driven rod, at most so many times sqrt(L1 / (1.5 g)), in which a deviation upright grows by a factor e:
-    a torque may keep it there.
+    """and for a driven rod at most this number of times sqrt(L1 / (1.5 g)), in which a deviation from upright grows
+    by a factor e, because a torque may keep the rod there.
     """
 
 
@@ -77,7 +76,7 @@ class Recordings:
     torque_noise_Nm: tuple[float, float] = (np.inf, np.inf)
     """Upper limit of the standard deviation of the measured torques of joints 1 and 2, from a fit."""
     torques_sampled: bool = False
-    """Whether known torques are samples of a course that changes between rows, not held from row to row."""
+    """Whether known torques are samples of a continuous signal, not held from row to row."""
 
     @property
     def constants(self) -> RigConstants:
@@ -120,7 +119,7 @@ class Recordings:
 
     @property
     def always(self) -> tuple[str, ...]:
-        """Effects that every fit frees: what the rig file is unsure of, and the arm with its drive."""
+        """Effects that are free in every fit: uncertain constants of the rig file, and the arm with its drive."""
         unsure = [name for name, effect in EFFECTS.items() if effect.corrects in self.rig.unsure]
         arm = [FREE_ARM.name] if self.arm_moves else []
         gain = [DRIVE_GAIN.name] if self.driven_arm and not drive_gain(self.rig).known else []
@@ -128,7 +127,7 @@ class Recordings:
 
     @property
     def start_params(self) -> Array:
-        """(SIZE,) parameters of effects to start from: none, but an arm that moves."""
+        """(SIZE,) initial parameters of effects: only those of a moving arm."""
         inertia, viscous = arm_start(self.rig)
         arm = {FREE_ARM.name: {"inertia_kgm2": inertia, "viscous_Nms": viscous}}
         return effect_params(arm if self.arm_moves else {})
@@ -141,7 +140,7 @@ class Recordings:
         return replace(self, records=tuple(records), torques_sampled=True)
 
     def _widened(self, values: Array) -> Array:
-        """(n, axes) readings or weights, with nothing of an arm that is clamped where that of another run moves."""
+        """(n, axes) readings or weights; nan or zero for a clamped arm if the arm of another run moves."""
         missing = (3 if self.arm_moves else 2) - values.shape[1]
         return np.pad(values, ((0, 0), (0, missing))) if missing else values
 
@@ -192,7 +191,7 @@ class Recordings:
 
 
 def _initial_states(record: Record, stretches: Sequence[slice], relative2: bool, guess: InitialGuess = GUESS) -> Array:
-    """(stretches, states) states where segments start, by cubics through the readings; at rest if released.
+    """(stretches, states) initial states of segments from cubics through the readings; at rest after a release.
 
     Returns:
         theta1, theta2, omega1, omega2, rad and rad/s

@@ -228,7 +228,7 @@ def _late(run: Run, t: Array, joints: Array, settings: ScreenSettings) -> tuple[
     finding = Finding(name, run.name, None, float(t[late][0]), f"{evidence}; these readings are excluded")
     if share > settings.repeating or name == "periodic_delay":
         return late, [finding]
-    others, findings = _late(run, t[~late], joints[~late], settings)  # a delay that the repeated ones hide
+    others, findings = _late(run, t[~late], joints[~late], settings)  # a delay that repeated readings hide
     late[~late] = others
     return late, [finding, *findings]
 

@@ -64,7 +64,7 @@ def equivalent_length(whole: Array, setup: Setup, rig: Rig) -> float:
 
 
 def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
-    """What contradicts the time stamps of a recording of one rod; empty without a contradiction."""
+    """Contradiction between gravity and the time stamps of a recording of one rod; empty if there is none."""
     setup = record.run.setup
     if not (setup.alone and setup.free) or record.arm_moves:
         return ""

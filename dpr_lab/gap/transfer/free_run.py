@@ -77,7 +77,7 @@ def free_runs(recordings: Recordings, at: Estimate, length_s: float = FREE_RUN.l
     Args:
         recordings: the recordings; if one has few first readings, `MIN_SAMPLES` of them are fitted
         at: ratios and effects for the simulation
-        length_s: from the beginning to where the free run is compared, s
+        length_s: compared length from the beginning, s
     """
     items = tuple(
         record.only(slice(cut(record.t, np.inf, record.breaks)[0].start, None)) for record in recordings.records

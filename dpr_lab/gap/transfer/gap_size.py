@@ -19,7 +19,7 @@ from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 Array = NDArray[np.float64]
 
 HORIZONS_S = (0.25, 0.5, 1.0, 2.0)
-"""Segment lengths for which the gap is given: from lengths at which no model fails to the onset of chaos."""
+"""Segment lengths for which the gap is given: from lengths at which every model fits to the onset of chaos."""
 
 TWO_DIGITS = GaussNewton(converged=1e-3, converged_frozen=1e-4)
 """Tolerance of the fit: a gap by horizon is given with two digits."""

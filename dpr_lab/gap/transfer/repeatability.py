@@ -130,7 +130,7 @@ def split(
 
 
 def _fitted_to_all(everything: Recordings, known: Problem, *models: Fit) -> tuple[Problem, Fit, Fit]:
-    """The models fitted to all recordings, from where they are fitted to some, which come first."""
+    """The models fitted to all recordings, starting from their fits to the first of them."""
     problem, initial = everything.cut(everything.working_length)
     refitted = []
     for model in models:
@@ -191,7 +191,7 @@ class _Parts:
 
     @classmethod
     def of(cls, problem: Problem, at: Fit, fold: NDArray[np.int64], followed: NDArray[np.bool_]) -> Self:
-        """The model alone, where its segments can be followed."""
+        """The model alone, for segments that can be simulated."""
         inside = [at.free[i] for i in at.inside]
         A = at.linear.A[:, :, at.inside] * np.array([PRIOR * parameter.size for parameter in inside])
         A, e = np.where(followed[:, None, None], A, 0.0), np.where(followed[:, None], at.linear.e, 0.0)

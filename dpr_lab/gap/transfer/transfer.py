@@ -208,7 +208,7 @@ def _helps(unseen: Unseen, fall: Array) -> bool:
 
 
 def _of_fitted(closed: GapReduction, selection: Selection) -> float:
-    """What all effects close, over what they close in the fitted recordings: a remainder lowers the share of each."""
+    """Share of the gap closed on held-out data, relative to that in the fitted recordings; of all effects together."""
     excess = np.array([[selection.base.residuals.excess], [selection.chosen.residuals.excess]])
     return float(np.clip(closed.estimate / max(share(excess), TRANSFER.kept), 0.0, 1.0))
 

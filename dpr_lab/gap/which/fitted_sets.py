@@ -185,13 +185,13 @@ class FittedSets:
         return self.escaped(hypothesis(self.problem, short.effects, long))
 
     def _lengthened(self, near: Fit, initial: NDArray[np.float64], iterations: int) -> Fit:
-        """Continue a fit to short segments; initial states that it lacks are taken from `initial`."""
+        """Continue a fit to short segments; missing initial states are taken from `initial`."""
         cut, _ = self.short()
         initial_states = carried(cut.segments, near.estimate.initial, self.problem.segments, initial)
         return fit(self.problem, near.estimate.changed(initial=initial_states), near.free, iterations=iterations)
 
     def escaped(self, model: Hypothesis) -> Hypothesis:
-        """Fit the same set again where a few segments, or long ones, may cause a local minimum."""
+        """Fit the same set again if a few segments, or long ones, may cause a local minimum."""
         if not at_noise_floor(model):
             model = self._better(without_outstanding(self.problem, model.fit), model)
         if not at_noise_floor(model) and model.effects:
@@ -207,7 +207,7 @@ class FittedSets:
         return hypothesis(self.problem, model.effects, other) if other.chi2 < model.fit.chi2 else model
 
     def lacking(self, model: Hypothesis, effect: str) -> Hypothesis:
-        """The set without one effect, and without a curve that would take over what the effect explains."""
+        """The set without one effect, and without a curve that would imitate the removed effect."""
         less = self.without(model, effect)
         curve = taking_over(model, less)
         return less if curve is None else self.without(less, curve)
@@ -235,7 +235,7 @@ class FittedSets:
         return self.keep(smaller)
 
     def _stuck(self, smaller: Hypothesis, model: Hypothesis) -> bool:
-        """Whether single segments held a smaller set, fitted before, in a local minimum that a larger set has left."""
+        """Whether a few segments kept an earlier fit of a smaller set in a local minimum that a larger set has left."""
         if (smaller.key, model.key) in self._left or at_noise_floor(smaller):
             return False
         here, there = relative_chi2(smaller.fit), relative_chi2(model.fit)
@@ -261,9 +261,9 @@ class FittedSets:
         return replaced
 
     def _handed_over(self, model: Hypothesis, effect: str, other: str) -> Hypothesis:
-        """The set with another effect in place of one, started at its amplitudes of the same names.
+        """The set with another effect in place of one, started at amplitudes of the same names.
 
-        Rods that hardly move stick at the smallest Coulomb friction, so that its derivative at zero leads nowhere.
+        Rods that hardly move stick at the smallest Coulomb friction, so its derivative at zero is no search direction.
         """
         params = model.fit.estimate.params.copy()
         values = named_params(params)[effect]

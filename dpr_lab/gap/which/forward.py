@@ -35,7 +35,9 @@ class Beam:
     exceeded: float = 2.0
     """Largest ratio of a fitted reduction to the predicted one, far from the noise; 1.7 was observed."""
     as_promising: float = 0.5
-    """Fraction of the reduction that reached the noise, which the score of another effect needs to be fitted too."""
+    """Fraction of the reduction to the noise floor that the score of another effect must predict for it to be fitted
+    too.
+    """
     same_gain: float = 1e-3
     """Relative difference of reductions within which only one of several nearly indistinguishable effects is fitted."""
 
@@ -104,7 +106,7 @@ def _worth_its_price(sets: FittedSets, current: Hypothesis, proposal: Proposal) 
 
 
 def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
-    """The next best sets, near the best one, that are not other forms of it."""
+    """The next best sets that are close to the best one and not other forms of it."""
     apart = [model for model in others if not _contains(sets, model, best)]
     return [model for model in apart[: BEAM.sets - 1] if excess(model) < BEAM.worse * excess(best)]
 

@@ -1,7 +1,7 @@
 """The moves of the search besides forward selection, and their order; `MOVES`, at the end, lists them.
 
-A move consists of a generator of proposed sets and a rule that accepts or rejects them. It stands next to these: moves
-that remove effects in `removals`, moves that replace them in `replacements`.
+A move consists of a generator of proposed sets and a rule that accepts or rejects them. Moves that remove effects are
+in `removals`, moves that replace them in `replacements`.
 
 The criterion is the held-out chi-square plus the penalty of the parameters (`Hypothesis.cost`). The reduction that is
 not significant, and the increase of the excess from which an effect is necessary, are defined in

@@ -1,4 +1,4 @@
-"""Moves that remove effects: what the recordings do not require, what does not carry over, what only compensates."""
+"""Moves that remove effects: not required by the recordings, not transferable, or merely compensating."""
 
 from collections.abc import Iterator
 

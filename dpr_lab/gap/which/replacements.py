@@ -71,9 +71,9 @@ def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 
 
 def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """A curve replaced by others that together have fewer parameters, or joined by a simple effect that it follows.
+    """A curve replaced by effects with fewer parameters in total, or combined with a simple effect that it imitates.
 
-    A curve of many parameters follows on a small arc what a tilt, friction and drag do together, and is met first.
+    On a small arc a curve of many parameters imitates a tilt, friction and drag together, and is selected first.
     """
     for name in sets.unexpected(current):
         if name not in current.curves:
@@ -93,7 +93,7 @@ def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal
 
 
 def _next_to(sets: FittedSets, without_curve: Hypothesis, curve: str) -> Iterator[Proposal]:
-    """The curve next to the simple effect that best explains the same; fitted last, it takes only what is left."""
+    """The curve combined with the simple effect that explains most of it; the curve fits only the remainder."""
     simple = next((score for score in sets.test(without_curve).ranking if len(score.columns) == 1), None)
     if simple is not None and simple.gain > 0.0:
         model = sets.with_one(without_curve, simple)

@@ -39,7 +39,7 @@ class Selection:
     without: Mapping[str, Hypothesis]
     """The selected set without one of its effects, for each effect."""
     lacking: Mapping[str, Hypothesis]
-    """The same, also without a curve that would take over what the effect explains (`thresholds.taking_over`)."""
+    """The same, also without a curve that would imitate the removed effect (`thresholds.taking_over`)."""
     tests_without: Mapping[str, ScoreTest]
     """The score test on each set of `without`."""
     path: tuple[tuple[str, Hypothesis], ...]
@@ -47,7 +47,7 @@ class Selection:
     expected: frozenset[str] = frozenset()
     """Effects that the rig is known to have; they stay in the model at any size."""
     impossible: frozenset[frozenset[str]] = frozenset()
-    """Those of the fitted sets with an effect of a size that no rig has."""
+    """Fitted sets with an effect of an impossible size."""
     misleading: tuple[str, ...] = ()
     """Effects that worsen the prediction of held-out runs and are therefore not in the selected set."""
     trace: tuple[TracedTrial, ...] = ()

@@ -48,7 +48,7 @@ class EnergySettings:
     refined: int = 5
     """Number of pairs of zeros that are refined, the best first."""
     zero_rows: int = 800
-    """Number of rows for that."""
+    """Number of rows used in the search for zeros."""
     friction: float = 100.0
     """Factor by which a viscous coefficient, which is poorly known, may exceed the value of the rig file."""
 

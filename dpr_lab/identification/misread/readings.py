@@ -179,7 +179,7 @@ _PARTS = {2: "half", 4: "a quarter", 8: "an eighth"}
 
 
 def _paced(factor: float) -> Misreading:
-    """Times multiplied by a factor: 2, 4 or 8 as of a video in slow motion whose frame rate nobody wrote down."""
+    """Times multiplied by 2, 4 or 8, as for a video in slow motion with an unknown frame rate."""
     if factor > 1:
         part = _PARTS[round(factor)]
         cause = f"the swing is {part} as fast as its time stamps (import with {part} the --rate-hz, or check t)"

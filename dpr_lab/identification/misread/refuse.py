@@ -28,13 +28,13 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
         RunError: a run without enough samples or motion in any interpretation.
     """
     if moves(runs):
-        return  # `dpr_lab.gap.screen.input` asks for the signs and units of arm and input
+        return  # signs and units of arm and input are tested in `dpr_lab.gap.screen.input`
     ratio_fit, refused = _as_read(runs, rig)
     possible = ratio_fit is not None and not impossible(ratio_fit.ratios, rig)
     if ratio_fit is not None and possible and residual(ratio_fit) < SETTINGS.suspicious:
         return
     chi2 = np.inf if ratio_fit is None else ratio_fit.chi2_per_dof
-    if not possible:  # impossible masses may fit to the noise: another reading need not fit better
+    if not possible:  # impossible masses may fit to the noise; another interpretation need not fit better
         chi2 = max(chi2, SETTINGS.explained * SETTINGS.better)
     causes = [reading.cause for reading, _ in better_readings(runs, rig, chi2)]
     if causes:

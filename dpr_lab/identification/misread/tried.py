@@ -117,7 +117,7 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
         runs: the runs with the given interpretation
         rig: rig of the recordings
     """
-    # over as short a time as the other interpretations, what a model lacks adds up to less
+    # over the same short time as the other interpretations, in which the model error accumulates less
     first = min(_chi2(runs, rig, quick=quick) for quick in (False, True))
     explained = better_readings(runs, rig, first)
     if explained:
@@ -130,7 +130,7 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
 
 
 def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
-    """Reduced chi-square of the rods as they are read; infinite if their beginning shows no motion."""
+    """Reduced chi-square of the rods in the given interpretation; infinite if their beginning shows no motion."""
     try:
         ratio_fit = fitted(runs, rig, quick=quick)
     except RunError:
@@ -141,8 +141,8 @@ def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
 def better_readings(runs: Sequence[Run], rig: Rig, chi2_per_dof: float) -> list[tuple[Misreading, RatioFit]]:
     """Other interpretations that explain the runs far better, best first, without those far worse than the best.
 
-    Where the swing is read slower, segments of the same length hold less of it: the residual accumulates less, in
-    chi2 with the fourth power.
+    In an interpretation with slower times, segments of the same length contain less of the swing. The residual then
+    accumulates less, in chi2 with the fourth power.
 
     Args:
         runs: the runs with the given interpretation
@@ -151,7 +151,7 @@ def better_readings(runs: Sequence[Run], rig: Rig, chi2_per_dof: float) -> list[
     """
     limit = max(min(SETTINGS.explained, chi2_per_dof / SETTINGS.better), chi2_per_dof / SETTINGS.far_better)
     good: list[tuple[Misreading, RatioFit]] = []
-    for tried in (readings(rig), other_zeros(runs, rig)):  # zeros that are anywhere explain also what these do
+    for tried in (readings(rig), other_zeros(runs, rig)):  # zeros at any angle also explain these mistakes
         good = good or [
             (reading, other)
             for reading, other in _otherwise(tried, runs, rig, limit)
@@ -186,10 +186,11 @@ def fitted(
 
     Args:
         runs: the runs in one interpretation
-        rig: that they were recorded on
+        rig: the recorded rig
         quick: whether fewer samples and iterations are enough
         worst: reduced chi-square above which the fit stops after the first segments
-        time_factor: by which the times were multiplied; slower swings are fitted for longer, to the same samples
+        time_factor: by which the times were multiplied; slower swings are fitted over a longer time, to the same
+        samples
     """
     with np.errstate(all="ignore"):
         try:
@@ -240,10 +241,10 @@ def _preprocessed(
 
 
 def _slowness(run: Run, rig: Rig) -> float:
-    """How many times slower than rods of this length theta1 swings, at least 1 and at most 8, as in slow motion.
+    """Ratio of the observed period of theta1 to that of rods of this length, from 1 to 8, as in slow motion.
 
-    It is the mean time between two passages through the middle of its range, over half the period of a mass point at
-    L1. What a rod does within a tenth of its range is no passage.
+    The observed half period is the mean time between two passages through the middle of the range; that of the rods is
+    half the period of a mass point at L1. A motion within a tenth of the range is not a passage.
     """
     angle, t = run.swing.theta[:, 1], run.swing.t
     away = (angle - 0.5 * (angle.max() + angle.min())) / max(float(np.ptp(angle)), 1e-12)

@@ -1,4 +1,4 @@
-"""What may be wrong with recordings of a moving arm or with their description: tried, and named."""
+"""Tests of recordings of a moving arm for faults and for mistakes in their description."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,30 +24,30 @@ class DoubtSettings:
     better: float = 4.0
     """Factor by which the other sign must fit better."""
     unit: float = 30.0
-    """Factor between the fitted gain and that of the rig file from which another unit of the input is meant."""
+    """Ratio of the fitted gain to that of the rig file from which another unit of the input is the likely cause."""
     hardly_rad: float = 0.05
-    """Range of theta0 below which a free arm may be held, by its cable or by dry friction."""
+    """Range of theta0 below which a free arm may be held by its cable or by Coulomb friction."""
     contact_s: float = 0.006
     """Time over which a stop changes the speed of the arm."""
     sudden: float = 4.0
-    """Change of speed at a stop, in those that 90 % of all instants stay below."""
+    """Change of speed at a stop, relative to the 90 % quantile of all changes."""
     strong: float = 0.3
-    """The same over the largest speed."""
+    """The same relative to the largest speed."""
     apart: float = 0.02
-    """How near the end of its range the arm is at a stop, over the range."""
+    """Distance of the arm from the end of its range at a stop, relative to the range."""
 
 
 DOUBTS = DoubtSettings()
 
 
 def failures(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording], rig: Rig) -> list[str]:
-    """Sentences on what is wrong, the cause first; empty for a fit to be trusted.
+    """Sentences on probable faults, the cause first; empty if the fit is reliable.
 
     Args:
-        fit: of the recordings as they are described
+        fit: fit of the recordings with the given description
         misfit: its reduced chi-square at the noise of the readings
-        recordings: that were fitted
-        rig: that they were recorded on
+        recordings: the fitted recordings
+        rig: the recorded rig
     """
     if misfit > DOUBTS.doubted and (mirrored := _mirrored_fit(fit, misfit, recordings, rig)):
         return [mirrored]
@@ -67,7 +67,7 @@ def _unconverged(recordings: Sequence[ArmRecording]) -> str:
 
 
 def _mirrored_fit(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording], rig: Rig) -> str:
-    """A sentence where the recordings fit much better with the arm turning the other way; else empty."""
+    """A sentence if the recordings fit much better with the opposite sign of theta0; otherwise empty."""
     other = fit_moving_arm([_mirrored(one) for one in recordings], rig)
     other_misfit = other.misfit or other.chi2_per_dof
     if not DOUBTS.better * other_misfit < misfit:
@@ -89,7 +89,7 @@ def _mirrored(recording: ArmRecording) -> ArmRecording:
 
 
 def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
-    """Sign and unit of the input."""
+    """Mistakes in sign and unit of the input."""
     unknowns, motor = fit.problem.unknowns, rig.motor
     if "gain" not in unknowns.free or motor is None:
         return []
@@ -111,7 +111,7 @@ def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
 
 
 def stop_sentence(recording: ArmRecording) -> str:
-    """A sentence where the arm's speed changes at once at the same end of its range, twice or more; else empty."""
+    """A sentence if the arm's speed jumps twice or more at the same end of its range; otherwise empty."""
     run = recording.run
     if run.arm_mode == "clamped" or np.ptp(run.theta[:, 0]) < DOUBTS.hardly_rad:
         return ""
@@ -125,7 +125,7 @@ def stop_sentence(recording: ArmRecording) -> str:
 
 
 def stops(t: Array, theta0: Array) -> list[tuple[str, float, list[float]]]:
-    """Stops of an arm: which end of its range, at which angle (rad), and the instants of its contacts (s).
+    """Stops of an arm: end of the range, angle (rad), and instants of the contacts (s).
 
     Args:
         t: (n,) s

@@ -109,7 +109,7 @@ def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFi
 
 
 def _start(problem: ArmProblem, initial: Array, settings: ArmFitSettings) -> Array:
-    """(12,) values of the rig file; without the input where that fits better, as its unit or sign may be wrong."""
+    """(12,) values of the rig file; with a gain of zero if that fits better: the unit or sign may be wrong."""
     start = problem.unknowns.start
     if "gain" not in problem.unknowns.free:
         return start
@@ -169,7 +169,7 @@ def fit_segments(
             gained = (now - then) / max(now, 1e-300)
             p, initial, residuals, now = trial, states, new, then
             by_unknowns, by_states = problem.slopes(p, initial)
-            # A small gain of a step that was held back says nothing: the valley of a long segment is curved.
+            # a small reduction by a damped step is no sign of convergence: the valley of a long segment is curved
             if damping <= settings.damping and gained < settings.converged * len(step) / max(problem.dof, 1):
                 converged = True
                 break

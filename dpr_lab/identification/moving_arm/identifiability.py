@@ -94,7 +94,7 @@ ARM_INSTRUMENTS = (
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ArmIdentifiability(Shown):
-    """Information of recordings with a moving arm and of measured values together, and what remains free."""
+    """Information of recordings with a moving arm and of measured values together, and free directions."""
 
     arm: tuple[str, ...]
     """Modes of the arm in the recordings."""
@@ -165,8 +165,8 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
     """Identifiability of a rig with a free or driven arm.
 
     Args:
-        runs: recordings; none: releases simulated from the poses of the rig with the values of the rig file, where a
-        driven rig without poses starts hanging
+        runs: recordings; none: releases simulated from the poses of the rig with the values of the rig file; a driven
+        rig without poses starts hanging
         rig: bounds, measured values and motor
 
     Raises:

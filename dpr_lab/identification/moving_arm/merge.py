@@ -1,4 +1,4 @@
-"""Merge neighbouring segments where the model follows: longer ones carry more information."""
+"""Merging of neighbouring segments while the model follows them: longer segments contain more information."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,15 +29,15 @@ MERGE = ArmMergeSettings()
 def merged(
     problem: ArmProblem, p: Array, initial: Array, recordings: Sequence[ArmRecording], rig: Rig, near_rad: float
 ) -> tuple[ArmProblem, Array] | None:
-    """Segments of which neighbours are merged, and their initial states; None where none can be.
+    """Merged segments and their initial states; None if no segments can be merged.
 
     Args:
-        problem: the segments as they are
+        problem: the current segments
         p: (12,) fitted parameters
         initial: (segments, 6) fitted initial states
-        recordings: that the segments are of
-        rig: that they were recorded on
-        near_rad: how near the free run of the first segment stays to the readings of the second, rad
+        recordings: the recordings of the segments
+        rig: the recorded rig
+        near_rad: maximum distance of the free run of the first segment from the readings of the second, rad
     """
     cuts = problem.cuts
     pairs = {
@@ -68,7 +68,7 @@ def _following(
     near_rad: float,
     step: float,
 ) -> tuple[set[int], set[int]]:
-    """Segments whose free run follows the next one, and those that are integrated without an error that counts."""
+    """Segments whose free run follows the next one, and segments with a negligible error of the integration."""
     if not pairs:
         return set(), set()
     coarse, fine = (problem_of(recordings, rig, list(pairs.values()), h) for h in (step, step / 2))

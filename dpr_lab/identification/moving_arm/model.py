@@ -68,7 +68,7 @@ class MovingArmModel(Shown, BaseModel):
     runs: list[RunUsed]
     """Runs used in the identification."""
     notes: list[str] = []
-    """Combinations that the recordings cannot separate, and the contribution of the rig file."""
+    """Combinations that the recordings cannot separate, and the values that the rig file contributes."""
     warnings: list[str] = []
     """Warnings on the interpretation of the values."""
     failures: list[str] = []

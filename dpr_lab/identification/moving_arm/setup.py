@@ -1,4 +1,4 @@
-"""What drives the arm of a run, as the effects of a diagnosis have it: a torque on the arm, of known scale or not."""
+"""Input of the arm of a run as a diagnosis uses it: a torque on the arm, of known or unknown scale."""
 
 from dataclasses import dataclass, replace
 
@@ -14,16 +14,16 @@ from dpr_lab.setup import Setup, Torques
 
 @dataclass(frozen=True, slots=True)
 class DriveGain:
-    """Torque on the arm over the input."""
+    """Ratio of the torque on the arm to the input."""
 
     value: float
-    """N m over the unit of the input; arbitrary where the rig file says nothing."""
+    """N m over the unit of the input; arbitrary without data in the rig file."""
     known: bool
-    """Whether it rests on measured constants, or on none: an input that is a torque."""
+    """Whether it follows from measured constants, or from the unit: an input that is a torque."""
 
 
 def drive_gain(rig: Rig) -> DriveGain:
-    """The gain of the drive by the rig file."""
+    """The gain of the drive according to the rig file."""
     motor, value = rig.motor, nominal_gain(rig)
     if motor is None or value == 0.0:
         return DriveGain(float(rod_inertias(rig.nominal, rig)[1]), False)
@@ -32,13 +32,13 @@ def drive_gain(rig: Rig) -> DriveGain:
 
 
 def rods_measured(rig: Rig) -> bool:
-    """Whether all parameters that make up the inertia of the rods were measured."""
+    """Whether all parameters that determine the inertia of the rods were measured."""
     names = ("l1", "m1", "J1") if rig.rods.mounted != "both" else ("l2", "m2", "J2")
     return all(rig.parameters[name].measured is not None for name in names)
 
 
 def arm_start(rig: Rig) -> tuple[float, float]:
-    """Total inertia, kg m^2, and viscous friction, N m s/rad, of the arm to start from."""
+    """Initial values for the arm: total inertia, kg m^2, and viscous friction, N m s/rad."""
     masses = MASSES if rig.rods.mounted == "both" else ("m1",)
     carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
     total = best(rig.arm.A, 2.0 * carried)
@@ -46,9 +46,10 @@ def arm_start(rig: Rig) -> tuple[float, float]:
 
 
 def setup_of(run: Run, rig: Rig) -> Setup:
-    """Mounting and known inputs of a run, with what its arm does.
+    """Mounting, known inputs, and mode of the arm of a run.
 
-    An arm that is driven by an acceleration is taken to move as its encoder says: its torque is not known.
+    An arm that is driven by an acceleration has a prescribed motion, that of its encoder, because its torque is
+    unknown.
 
     Raises:
         RunError: a driven arm without its input in the rig file.

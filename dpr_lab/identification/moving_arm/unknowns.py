@@ -23,7 +23,7 @@ GAINS = {"torque": "1/{}", "current": "kt/{}", "voltage": "kt/(R {})"}
 """Name of the gain of each input, divided by the scale."""
 
 UNIT_NAMES = {"torque": ("N m", "mN m"), "current": ("A", "mA"), "voltage": ("V", "mV")}
-"""Unit of each input, and a thousandth of it."""
+"""Unit of each input, and the unit a thousand times smaller."""
 
 
 @dataclass(frozen=True, slots=True)
