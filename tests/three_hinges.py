@@ -9,7 +9,7 @@ FRAME = (L0, L1, G)
 MODEL = """
 <mujoco>
   <compiler angle="radian"/>
-  <option timestep="0.0005" gravity="0 0 {g!r}" integrator="RK4"/>
+  <option timestep="0.0005" gravity="{gx!r} {gy!r} {g!r}" integrator="RK4"/>
   <worldbody><body>
     <joint type="hinge" axis="0 0 1" damping="{c0!r}" stiffness="{k0!r}"/>
     <inertial pos="0 0 0" mass="1e-6" diaginertia="{J0!r} {J0!r} {J0!r}"/>
@@ -29,12 +29,16 @@ MODEL = """
 """
 
 
-def three_hinges(mujoco, Z, arm, start, t, push, frame=FRAME):
-    """(n, 3) theta0, theta1, theta2 of a swing at even instants, with a torque on the arm held between them."""
+def three_hinges(mujoco, Z, arm, start, t, push, frame=FRAME, across=(0.0, 0.0)):
+    """(n, 3) theta0, theta1, theta2 of a swing at even instants, with a torque on the arm held between them.
+
+    `across` is the horizontal part of gravity, m/s^2, along the arm at its zero and across it.
+    """
     names = ("l1", "l2", "m1", "m2", "mb", "c1", "c2", "J1", "J2")
     values = dict(zip(names, map(float, Z), strict=True))
     of_arm = {"J0": arm.J0, "c0": arm.c0, "k0": arm.k0}
-    model = mujoco.MjModel.from_xml_string(MODEL.format(**values, **of_arm, L0=frame[0], L1=frame[1], g=-frame[2]))
+    gravity = {"gx": across[0], "gy": across[1], "g": -frame[2]}
+    model = mujoco.MjModel.from_xml_string(MODEL.format(**values, **of_arm, L0=frame[0], L1=frame[1], **gravity))
     data = mujoco.MjData(model)
     data.qpos[:] = start[0], start[1], start[2] - start[1]
     data.qvel[:] = start[3], start[4], start[5] - start[4]

@@ -7,6 +7,7 @@ from dpr_lab.dynamics.segments import Segments
 from dpr_lab.dynamics.step import RigModel
 from dpr_lab.effects.effect_kernels import (
     active_effects,
+    arm_delay,
     arm_encoder_error,
     encoder_errors,
     held_angle,
@@ -24,11 +25,17 @@ def read_at(t: float, model: RigModel) -> tuple[float, float]:
 
 
 @njit
+def arm_lateness(model: RigModel) -> float:
+    """How much earlier than joint 1 the arm had the angle that is read, s."""
+    return arm_delay(0.0, model.params, model.active)
+
+
+@njit
 def apply_encoder_errors(angles: NDArray[np.float64], t: NDArray[np.float64], run: int, model: RigModel) -> None:
-    """Add the errors of the encoders of joints 1 and 2 to (n, >= 2) angles, in place.
+    """Add the errors of the encoders to (n, 2) or (n, 3) angles, in place.
 
     Args:
-        angles: joint 1 absolute, joint 2 as read by its encoder, rad
+        angles: joint 1 absolute, joint 2 as read by its encoder, and perhaps the arm, rad
         t: (n,) device time since the release, s
         run: number of the release, from 0
         model: the rig and its effects; only encoder errors are used
@@ -37,6 +44,8 @@ def apply_encoder_errors(angles: NDArray[np.float64], t: NDArray[np.float64], ru
         angle1, angle2 = angles[k, 0], angles[k, 1]
         error1, error2 = encoder_errors(angle1, angle2, t[k], run, model.constants, model.params, model.active)
         angles[k, 0], angles[k, 1] = angle1 + error1, angle2 + error2
+        if angles.shape[1] > 2:
+            angles[k, 2] += arm_encoder_error(angles[k, 2], t[k], run, model.constants, model.params, model.active)
 
 
 def with_encoder_errors(

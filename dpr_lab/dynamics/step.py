@@ -30,8 +30,9 @@ from dpr_lab.effects.effect_kernels import (
     internal_after,
     load_torques,
     required_by,
+    whole_torques,
 )
-from dpr_lab.effects.quantities import NOTHING, ArmModel, BaseParameters, Motion, RigConstants, Terms, plus
+from dpr_lab.effects.quantities import NOTHING, ArmModel, BaseParameters, Motion, RigConstants, Terms, plus, torques
 from dpr_lab.effects.stages import Requirements
 from dpr_lab.kernels import subroutine
 
@@ -146,7 +147,7 @@ def accelerations_at(
 ) -> tuple[float, float, float]:
     """(alpha0, alpha1, alpha2), rad/s^2, of a state after displacements since its internal states, rad."""
     directions = directions_at(t, x, model, mode, drive)
-    rods = _stage(t, x, (displacement1, displacement2), model, mode, drive, directions).rods
+    rods = _stage(t, x, (0.0, displacement1, displacement2), model, mode, drive, directions).rods
     return held(rods, directions[0], directions[1])
 
 
@@ -164,7 +165,7 @@ class SteppedStage(NamedTuple):
 def _stage(
     t: float,
     x: RigState,
-    displacements: tuple[float, float],
+    displacements: tuple[float, float, float],
     model: RigModel,
     mode: int,
     drive: float,
@@ -175,19 +176,22 @@ def _stage(
         t,
         (x.theta0, x.theta1, x.theta2),
         (x.omega0, x.omega1, x.omega2),
-        displacements,
+        (displacements[1], displacements[2]),
         (0.0, 0.0),
         (directions[0], directions[1]),
     )
-    motion = with_arm(motion, 0.0, directions[2])
+    motion = with_arm(motion, displacements[0], directions[2])
     base, constants, terms, torque0 = model.base, model.constants, NOTHING, drive
     if model.required.torque:
         terms = effect_torques(motion, base, constants, x.internal, model.params, model.active)
     if mode == FREE:
         if model.required.torque0:
-            torque0 = arm_torques(motion, torque0, model.params, model.active)
+            torque0 = arm_torques(motion, torque0, x.internal, model.params, model.active)
         if model.required.drive0:
             torque0 = arm_drives(motion, drive, torque0, model.params, model.active)
+        if model.required.whole0:
+            torque0, torque1, torque2 = whole_torques(motion, base, constants, torque0, model.params, model.active)
+            terms = plus(terms, torques(torque1, torque2))
     mode = CLAMPED if directions[2] == 0.0 else mode
     rods = reduced_rods(motion, base, terms, model.arm, mode, torque0)
     if model.required.load:
@@ -204,7 +208,7 @@ def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: floa
     directions = _directions(x, model, mode)
     if directions[0] != 0.0 and directions[1] != 0.0 and directions[2] != 0.0:
         return directions
-    stage = _stage(t, x, (0.0, 0.0), model, mode, drive, directions)
+    stage = _stage(t, x, (0.0, 0.0, 0.0), model, mode, drive, directions)
     motion, rods = stage.motion, stage.rods
     forward = dry_limits(motion, 1.0, 1.0, model.params, model.active)
     backward = dry_limits(motion, -1.0, -1.0, model.params, model.active)
@@ -260,14 +264,14 @@ def _runge_kutta(
 ) -> TriedStep:
     """One classical Runge-Kutta step of h; accelerations and margins at its end are those of the last stage."""
     resting = directions[0] == 0.0 or directions[1] == 0.0 or directions[2] == 0.0
-    reached = _stage(t, x, (0.0, 0.0), model, mode, drive, directions)
+    reached = _stage(t, x, (0.0, 0.0, 0.0), model, mode, drive, directions)
     first = _spare(reached, model, directions) if resting else (math.inf, math.inf, math.inf)
     k0, k1, k2 = held(reached.rods, directions[0], directions[1])
     p0, p1, p2 = x.omega0, x.omega1, x.omega2
     turn0, turn1, turn2, sum0, sum1, sum2 = p0, p1, p2, k0, k1, k2
     for stage in range(3):
         ahead, weight = (0.5 * h, 2.0) if stage < 2 else (h, 1.0)
-        displacements = ahead * p1, ahead * (p2 - p1)
+        displacements = ahead * p0, ahead * p1, ahead * (p2 - p1)
         state = RigState(
             x.theta0 + ahead * p0, x.theta1 + ahead * p1, x.theta2 + ahead * p2,
             x.omega0 + ahead * k0, x.omega1 + ahead * k1, x.omega2 + ahead * k2, x.internal,
@@ -279,7 +283,9 @@ def _runge_kutta(
         sum0, sum1, sum2 = sum0 + weight * k0, sum1 + weight * k1, sum2 + weight * k2
     last = _spare(reached, model, directions) if resting else (math.inf, math.inf, math.inf)
     sixth = h / 6.0
-    internal = internal_after(x.internal, sixth * turn1, sixth * (turn2 - turn1), model.params, model.active)
+    internal = internal_after(
+        x.internal, sixth * turn0, sixth * turn1, sixth * (turn2 - turn1), model.params, model.active
+    )
     end = RigState(
         x.theta0 + sixth * turn0, x.theta1 + sixth * turn1, x.theta2 + sixth * turn2,
         x.omega0 + sixth * sum0, x.omega1 + sixth * sum1, x.omega2 + sixth * sum2, internal,

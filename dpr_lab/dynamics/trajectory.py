@@ -10,13 +10,24 @@ from dpr_lab.dynamics.dry_friction import direction_of
 from dpr_lab.dynamics.lanes.effects import add_drives, add_torques
 from dpr_lab.dynamics.lanes.workspace import LANES, WORKSPACE, At
 from dpr_lab.dynamics.step import motion_of, with_arm
-from dpr_lab.effects.effect_kernels import EFFECT_OF, active_effects, arm_drives, arm_model, arm_torques
+from dpr_lab.effects.effect_kernels import (
+    AT_RELEASE,
+    EFFECT_OF,
+    STEPPED,
+    active_effects,
+    arm_drives,
+    arm_model,
+    arm_torques,
+    whole_torques,
+)
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import HELD_ARM, BaseParameters, RigConstants
 from dpr_lab.effects.stages import StageName
 from dpr_lab.kernels import njit, subroutine
 
 Array = NDArray[np.float64]
+
+_AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
 
 
 def effect_torques_along(
@@ -192,22 +203,34 @@ def arm_effects_along(
     Returns:
         (n, 3, k) generalised torques on theta1, theta2, theta0, N m
     """
+    named, rig = with_gravity(base, constants.L1, constants.g), RigConstants(*map(float, constants))
     params, torques = _c(params), np.zeros((len(t), 3, len(params)))
-    _arm_effects(_c(t), _c(theta), _c(omega), _c(drive), params, active_effects(params), torques)
+    _arm_effects(_c(t), _c(theta), _c(omega), _c(drive), named, rig, params, active_effects(params), torques)
     return torques
 
 
 @njit
 def _arm_effects(
-    t: Array, theta: Array, omega: Array, drive: Array, params: Array, active: NDArray[np.bool_], torques: Array
+    t: Array,
+    theta: Array,
+    omega: Array,
+    drive: Array,
+    base: BaseParameters,
+    rig: RigConstants,
+    params: Array,
+    active: NDArray[np.bool_],
+    torques: Array,
 ) -> None:
     for i in range(len(t)):
         thetas, omegas = (theta[i, 2], theta[i, 0], theta[i, 1]), (omega[i, 2], omega[i, 0], omega[i, 1])
         motion = motion_of(t[i], thetas, omegas, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
         motion = with_arm(motion, 0.0, direction_of(omega[i, 2]))
         for c in range(len(params)):
-            own = arm_torques(motion, 0.0, params[c], active[c])
-            torques[i, 2, c] = arm_drives(motion, drive[i, 2], own, params[c], active[c])
+            own = arm_torques(motion, 0.0, _AT_RELEASE, params[c], active[c])
+            own = arm_drives(motion, drive[i, 2], own, params[c], active[c])
+            torques[i, 2, c], torques[i, 0, c], torques[i, 1, c] = whole_torques(
+                motion, base, rig, own, params[c], active[c]
+            )
 
 
 TrajectoryTorques = Callable[[Array, NDArray[np.int64], Array, Array, Array, Array, Array, RigConstants, Array], Array]
@@ -218,8 +241,9 @@ TRAJECTORY_TORQUES: Mapping[StageName, TrajectoryTorques] = {
     "arm": arm_torques_along,
     "torque0": arm_effects_along,
     "drive0": arm_effects_along,
+    "whole0": arm_effects_along,
 }
 """Stage of an effect -> function of its torques along a trajectory, for the supported stages."""
 
-OF_ARM: tuple[StageName, ...] = ("torque0", "drive0")
+OF_ARM: tuple[StageName, ...] = ("torque0", "drive0", "whole0")
 """Stages whose torques need the motion of the arm as well."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.effects.air_drag import AIR_DRAG_BOTH, AIR_DRAG_OUTER
 from dpr_lab.effects.arm_compliance import ARM_COMPLIANCE
+from dpr_lab.effects.axis_tilt import AXIS_TILT_JOINT0
 from dpr_lab.effects.backlash import BACKLASH_JOINT2
 from dpr_lab.effects.base_tilt import BASE_TILT
 from dpr_lab.effects.base_vibration import BASE_VIBRATION
@@ -29,7 +30,7 @@ from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.effects.friction_curve import FRICTION_CURVE, FRICTION_CURVE_JOINT0
 from dpr_lab.effects.friction_drift import FRICTION_DRIFT
 from dpr_lab.effects.hard_stop import HARD_STOP_JOINT0
-from dpr_lab.effects.hysteresis import HYSTERESIS
+from dpr_lab.effects.hysteresis import HYSTERESIS, HYSTERESIS_JOINT0
 from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.effects.latency import LATENCY_JOINT0, LATENCY_JOINT2
 from dpr_lab.effects.load_friction import LOAD_FRICTION
@@ -99,6 +100,8 @@ EFFECTS: dict[str, Effect] = {
         TORQUE_RIPPLE_JOINT0,
         DEAD_ZONE_JOINT0,
         SATURATION_JOINT0,
+        HYSTERESIS_JOINT0,
+        AXIS_TILT_JOINT0,
     )
 }
 EFFECTS |= plugin_rows("effects", Effect, EFFECTS, lambda _, effect: effect.name, refusal)

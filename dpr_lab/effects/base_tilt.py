@@ -24,6 +24,7 @@ BASE_TILT = Effect(
         f"level the base, which tilts by {1e3 * abs(params['tilt_rad']):.3g} mrad, or tilt gravity in the simulator"
     ),
     site="base",
+    presumes_still_arm=True,
     stage="torque",
     kernel=tilted,
     exported=lambda params: {"tilt": params["tilt_rad"]},

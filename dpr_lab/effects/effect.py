@@ -241,6 +241,8 @@ class Effect:
     """
     potential: bool = False
     """Whether its torque is a function of the joint's angle alone."""
+    presumes_still_arm: bool = False
+    """Whether it describes only rigs whose arm does not move."""
     event: bool = False
     """Whether it occurs once in one recording and is not a property of the rig."""
     twins: tuple[str, ...] = ()
@@ -292,7 +294,7 @@ class Effect:
     @property
     def of_arm(self) -> bool:
         """Whether it acts only at a free or driven arm."""
-        return self.stage in ("free_arm", "torque0", "drive0", "timing0", "encoder0")
+        return self.stage in ("free_arm", "torque0", "drive0", "whole0", "timing0", "encoder0")
 
     @property
     def shapes(self) -> tuple[EffectParameter, ...]:

@@ -130,7 +130,7 @@ def _sliding() -> Any:
     for i, (effect, state) in enumerate(stepped_states()):
         names[f"sliding{i}"] = state.sliding
         values.append(f"sliding{i}(speed{effect.joints[0] + 1})" if state.sliding else repr(state.at_release))
-    return compiled(["def sliding_states(speed1, speed2):", f"    return ({', '.join(values)},)"], names)
+    return compiled(["def sliding_states(speed0, speed1, speed2):", f"    return ({', '.join(values)},)"], names)
 
 
 effect_torques = scalar_stage("torque")
@@ -149,10 +149,15 @@ free_arm_model = scalar_stage("free_arm")
 """The same for a free or driven arm."""
 
 arm_torques = scalar_stage("torque0")
-"""(motion, torque0, params, active) -> torque on the arm, N m; `torque0` without effects."""
+"""(motion, torque0, internal, params, active) -> torque on the arm, N m; `torque0` without effects."""
 
 arm_drives = scalar_stage("drive0")
 """(motion, known0, torque0, params, active) -> the same, with the difference between acting and known drive torque."""
+
+whole_torques = scalar_stage("whole0")
+"""(motion, base, constants, torque0, params, active) -> torque on the arm, `torque0` without effects, and on theta1 and
+theta2, N m.
+"""
 
 dry_limit0 = scalar_stage("dry0")
 """(motion, push0, params, active) -> limit, N m, up to which Coulomb friction holds the arm against a torque."""
@@ -176,12 +181,12 @@ input_delay = scalar_stage("input")
 """(late, params, active) -> delay of the known torques, s; `late` without effects."""
 
 internal_after = scalar_stage("transition")
-"""(old_internal, displacement1, displacement2, params, active) -> internal states after displacements of the joints,
-rad.
+"""(old_internal, displacement0, displacement1, displacement2, params, active) -> internal states after displacements of
+the joints, rad.
 """
 
 internal_sliding = _sliding()
-"""(speed1, speed2) -> internal states of joints that have slid for a long time, rad/s."""
+"""(speed0, speed1, speed2) -> internal states of joints that have slid for a long time, rad/s."""
 
 
 _REQUIRED_BY: dict[str, Callable[[Effect], bool]] = {

@@ -1,6 +1,6 @@
 """Presliding (Dahl) friction: before sliding, a bearing or a cable is elastic like a spring."""
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, InternalState, pair, shape
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, InternalState, at_arm, pair, shape
 from dpr_lab.effects.elementary import exp, tanh
 from dpr_lab.effects.quantities import SMOOTHING, Joint
 from dpr_lab.kernels import inlined
@@ -54,4 +54,12 @@ HYSTERESIS = pair(
         " amplitude decreases, and the rod oscillates before it stops; after a light push at rest it springs back."
     ),
     source="Dahl (1968), A solid friction model, Aerospace Corporation TOR-0158(3107-18)-1, with exponent 1.",
+)
+
+HYSTERESIS_JOINT0 = at_arm(
+    HYSTERESIS[0],
+    bench_check=(
+        "Push the arm lightly with the motor's wires apart and let it go: with presliding it springs back, and only a"
+        " firmer push moves it for good. Coulomb friction alone holds it where it is."
+    ),
 )

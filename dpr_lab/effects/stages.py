@@ -14,6 +14,7 @@ an argument or a local variable, the lane version a row of the workspace.
     free_arm    constants                          the same of an arm that is free or driven
     torque0     joint                              torque on a free or driven arm, N m
     drive0      joint, torque                      N m added to the known torque on the arm
+    whole0      motion, base, constants            torques on theta0, theta1, theta2 of a rig with such an arm, N m
     dry0        joint                              torque of dry friction of an arm that just begins to slide, N m
     timing      t                                  s added to the instant at which each of `joints` is read
     timing0                                        s by which the arm is read earlier than joint 1
@@ -34,8 +35,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 StageName = Literal[
-    "torque", "load", "arm", "free_arm", "torque0", "timing", "timing0", "encoder", "encoder0", "play", "drive",
-    "drive0", "input",
+    "torque", "load", "arm", "free_arm", "torque0", "whole0", "timing", "timing0", "encoder", "encoder0", "play",
+    "drive", "drive0", "input",
 ]  # fmt: skip
 """Stage at which the kernel of an effect is called."""
 
@@ -48,7 +49,7 @@ class Stage:
     """Quantities of the effects of one stage, and the combination of their contributions.
 
     Expressions contain names in braces, which each version replaces by its own notation. `#` stands for the number of
-    the joint (1 or 2), `@` for the index of the internal state, `name_3` for element 3 of an array.
+    the joint, `@` for the index of the internal state, `name_3` for element 3 of an array.
     """
 
     arguments: str
@@ -125,7 +126,7 @@ STAGES: dict[str, Stage] = {
     "arm": _held_arm(),
     "free_arm": _held_arm(),
     "torque0": Stage(
-        arguments="motion, torque0",
+        arguments="motion, torque0, internal",
         quantities={"joint": "{joint0}"},
         results={"torque0": "{torque0}"},
         combine=_each("{torque0} += x"),
@@ -137,6 +138,12 @@ STAGES: dict[str, Stage] = {
         results={"torque0": "{torque0}"},
         combine=_each("{torque0} += x"),
         returns="{torque0}",
+    ),
+    "whole0": Stage(
+        arguments="motion, base, constants, torque0",
+        quantities={"motion": "{motion}", "base": "{base}", "constants": "{constants}"},
+        results={"torque0": "{torque0}", "torque1": "0.0", "torque2": "0.0"},
+        combine=lambda joint, arguments: ("{torque0} += x[0]", "{torque1} += x[1]", "{torque2} += x[2]"),
     ),
     "dry0": Stage(
         arguments="motion, push0",
@@ -186,7 +193,7 @@ STAGES: dict[str, Stage] = {
         returns="{late}",
     ),
     "transition": Stage(
-        arguments="old_internal, displacement1, displacement2",
+        arguments="old_internal, displacement0, displacement1, displacement2",
         quantities={"displacement": "{displacement#}"},
         results={"moved_@": "{old_internal_@}"},
         combine=_each("{moved_@} = x"),
@@ -217,6 +224,7 @@ class Requirements(NamedTuple):
     play: Any
     drive: Any
     drive0: Any
+    whole0: Any
     prescribed: Any
     """Whether the arm has a prescribed motion; set by the setup of a run, not by an effect."""
     stepped: Any

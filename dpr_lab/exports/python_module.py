@@ -32,6 +32,7 @@ from dpr_lab.effects.effect_kernels import (
     load_torques,
     reading_shifts,
     required_by,
+    whole_torques,
 )
 from dpr_lab.effects.quantities import HELD_ARM, ArmModel, BaseParameters, RigConstants
 from dpr_lab.effects.stages import Requirements
@@ -47,6 +48,7 @@ FOLDED = {
     "free_arm_model": free_arm_model,
     "arm_torques": arm_torques,
     "arm_drives": arm_drives,
+    "whole_torques": whole_torques,
     "dry_limit0": dry_limit0,
     "reading_shifts": reading_shifts,
     "encoder_errors": encoder_errors,

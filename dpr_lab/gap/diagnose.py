@@ -268,6 +268,7 @@ def applicable(library: Mapping[str, Effect], problem: Problem) -> dict[str, Eff
         and name not in fixed
         and of_stage.get(effect.stage, True)
         and (moves or not effect.of_arm)
+        and not (moves and effect.presumes_still_arm)
         and not (arm_known and effect.stage == "arm")  # the arm's motion is prescribed, or computed
     }
 

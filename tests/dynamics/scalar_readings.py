@@ -47,7 +47,7 @@ def read_segments(base, params, constants, segments, initial, internal=None):
 def _begins(start: NDArray[np.float64], now: float) -> NDArray[np.float64]:
     internal = AT_RELEASE.copy()
     if now > 0.0:
-        _put(internal_sliding(start[2], start[3] - start[2]), internal)
+        _put(internal_sliding(0.0, start[2], start[3] - start[2]), internal)
     return internal
 
 
@@ -186,7 +186,7 @@ def _hand_over(
 ) -> None:
     """The internal states at the share u of the step from x to y; what the encoder holds is that of the step's end."""
     displacement1, displacement2 = u * (y.theta1 - x.theta1), u * (y.theta2 - x.theta2 - y.theta1 + x.theta1)
-    _put(internal_after(x.internal, displacement1, displacement2, model.params, model.active), after)
+    _put(internal_after(x.internal, 0.0, displacement1, displacement2, model.params, model.active), after)
     after[LAG] = lag
     after[ARM] = hermite(u, h, x.theta0, x.omega0, y.theta0, y.omega0)
     after[ARM + 1] = x.omega0 + u * (y.omega0 - x.omega0)

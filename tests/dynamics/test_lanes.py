@@ -31,7 +31,7 @@ TIMES = [T, T + 0.15, T[:17] + 0.3, T + 0.05, T[:1] + 4.9, T + 1.0]  # from befo
 SEGMENTS = segments(TIMES, [0, 0, 0, 1, 1, 2], SETUPS)
 RNG = np.random.default_rng(11)
 INITIAL = np.column_stack([RNG.uniform(-3, 3, (6, 2)), RNG.normal(0, 4, (6, 2))])
-REMEMBERING = [name for name, effect in EFFECTS.items() if effect.internal]
+REMEMBERING = [name for name, effect in OF_FREE_SWINGS.items() if effect.internal]
 ABSOLUTE = CONSTANTS._replace(relative2=0.0)
 EXACT = 1e-12
 
@@ -77,10 +77,10 @@ def test_pairs_with_internal_states_pass_them_on():
 
 
 def test_internal_states_that_are_held_still():
-    given = RNG.uniform(-1, 1, (6, len(INTERNAL))) * [1, 1, 1e-3, 1e-3, 1e-2]
+    given = RNG.uniform(-1, 1, (6, len(INTERNAL))) * [1, 1, 1e-3, 1e-3, 1e-2, 1]
     for _ in compare(np.array([typical(*REMEMBERING)]), internal=given):
         pass
-    for _ in compare(np.array([typical("hysteresis_joint1")]), internal=given * [1, 1, 1, 0, 0]):  # its arm is held
+    for _ in compare(np.array([typical("hysteresis_joint1")]), internal=given * [1, 1, 1, 0, 0, 1]):  # its arm is held
         pass
 
 

@@ -1,19 +1,22 @@
 """What every effect at a free or driven arm keeps to, and what the lanes make of an arm."""
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dpr_lab.dynamics.arm import FREE
+from dpr_lab.dynamics.arm import FREE, ArmParameters
 from dpr_lab.dynamics.base import whole_parameters
 from dpr_lab.dynamics.moving_arm.swing import arm_segments, swing_segments
 from dpr_lab.dynamics.prediction import predict
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
+from dpr_lab.dynamics.simulate import simulate_arm
 from dpr_lab.effects import EFFECTS, OF_ARM, effect_params, param_index
 from dpr_lab.effects.mounted import effects_of_run
 from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
+from tests.three_hinges import three_hinges
 
 RIG = load_rig("paper")
 CONSTANTS = rig_constants(RIG)
@@ -40,17 +43,22 @@ def typical(effect, factor=1.0):
     return {effect.name: {p.name: 10 * factor * p.typical for p in effect.amplitudes} | SHAPES.get(effect.name, {})}
 
 
+def held_torque():
+    """Instants and mean torques of the steps of a driven record."""
+    t = 1e-3 * np.arange(round(1e3 * T[-1]) + 1)
+    return t, np.append(np.diff(np.interp(t, *driven().setups[0].torques.arm_knots)) / np.diff(t), 0.0)
+
+
 each_effect = pytest.mark.parametrize("effect", OF_ARM.values(), ids=OF_ARM)
 
 
 def test_the_lanes_move_an_arm_as_the_equation_of_the_whole_rig_does():
     p = [*BASE[:6], INERTIA, VISCOUS, 0.0, 0.0, 1.0, CONSTANTS.L0]
-    before = 1e-3 * np.arange(round(1e3 * T[-1]) + 1)
-    mean = np.diff(np.interp(before, *driven().setups[0].torques.arm_knots)) / np.diff(before)
+    before, mean = held_torque()
     whole = swing_segments(
         p,
         (CONSTANTS.L1, CONSTANTS.g),
-        arm_segments([before], [FREE], [np.append(mean, 0.0)], 1e-3),
+        arm_segments([before], [FREE], [mean], 1e-3),
         START[:, [4, 0, 1, 5, 2, 3]],
     )[20::5]
     found = read({})
@@ -63,6 +71,30 @@ def test_acts_and_stays_finite(effect):
     change = read(typical(effect)) - read({})
     assert np.isfinite(change).all()
     assert 1e-6 < np.abs(change).max() < 3.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [n for n, e in OF_ARM.items() if e.stage in ("torque0", "drive0", "whole0")])
+def test_the_lanes_and_the_scalar_steps_agree(name):
+    carried = sum(RIG.nominal[2:5]) * CONSTANTS.L0**2
+    arm, effects = ArmParameters(INERTIA - carried, VISCOUS, mode="free"), typical(EFFECTS[name])
+    t, torque = held_torque()
+    frame, start = (CONSTANTS.L0, CONSTANTS.L1, CONSTANTS.g), START[0, [4, 0, 1, 5, 2, 3]]
+    alone = simulate_arm(RIG.nominal, frame, arm, start, t, 1e-3, effect_params(effects), torque, CONSTANTS)[20::5]
+    np.testing.assert_allclose(read(effects)[:, [2, 0]], alone[:, :2], atol=1e-7)
+
+
+def test_a_tilted_axis_is_gravity_that_mujoco_tilts():
+    Z, frame, arm = RIG.nominal, (0.3, CONSTANTS.L1, CONSTANTS.g), ArmParameters(0.05, 0.02, mode="free")
+    t, torque = 0.005 * np.arange(200), 0.3 * np.sin(0.02 * np.arange(200))
+    start, tilt = np.array([0.7, 2.0, 1.5, 0.4, 0.3, -0.2]), {"along_rad": 0.004, "across_rad": -0.007}
+    push = (frame[2] * tilt["along_rad"], frame[2] * tilt["across_rad"])
+    expected = three_hinges(mujoco, Z, arm, start, t, torque, frame, push)
+    effects = effect_params({"axis_tilt_joint0": tilt})
+    found = simulate_arm(Z, frame, arm, start, t, 1e-3, effects, torque)[:, :3]
+    upright = simulate_arm(Z, frame, arm, start, t, 1e-3, None, torque)[:, :3]
+    assert np.abs(found - upright).max() > 0.01
+    np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(found - upright).max())
 
 
 @each_effect

@@ -49,7 +49,7 @@ def null_space_of_mujoco(rig, kind, names):
         J0 = x["A"] - (x["m1"] + x["m2"] + x["mb"]) * rig.L0**2
         rods = {name: x[name] for name in Z}
         model = mujoco.MjModel.from_xml_string(
-            MODEL.format(**rods, J0=J0, c0=x["c0"], k0=0.0, L0=rig.L0, L1=rig.L1, g=-rig.g)
+            MODEL.format(**rods, J0=J0, c0=x["c0"], k0=0.0, L0=rig.L0, L1=rig.L1, gx=0.0, gy=0.0, g=-rig.g)
         )
         data, rows = mujoco.MjData(model), []
         for *state, u in states.tolist():

@@ -81,6 +81,11 @@ add_arm_torques = lane_stage("torque0")
 add_arm_drives = lane_stage("drive0")
 """(w, active): add the difference between the acting and the known torque of the arm's drive to the row `torque0`."""
 
+add_whole_torques = lane_stage("whole0")
+"""(w, constants, active): add to the rows `torque0`, `torque1`, `torque2` what acts on an arm that moves and its
+rods.
+"""
+
 add_dry_limit0 = lane_stage("dry0")
 """(w, active): add the limit of Coulomb friction of the arm."""
 

@@ -303,7 +303,8 @@ def _reset_internal(
     for n in range(len(internal)):
         internal[n] = AT_RELEASE[n]
     if segment_start(float(segments.t[segments.offsets[s]])) > 0.0:
-        for n, value in enumerate(internal_sliding(initial[2], initial[3] - initial[2])):
+        speed0 = 0.0 if np.isnan(initial[5]) else initial[5]
+        for n, value in enumerate(internal_sliding(speed0, initial[2], initial[3] - initial[2])):
             internal[STEPPED[n]] = value
 
 
@@ -361,6 +362,7 @@ def _hand_over(
     for k in range(LANES):
         turn1 = w[At.theta1 + k] - w[At.old_theta1 + k]
         turn2 = w[At.theta2 + k] - w[At.old_theta2 + k] - turn1
+        w[At.displacement0 + k] = w[At.share + k] * (w[At.theta0 + k] - w[At.old_theta0 + k])
         w[At.displacement1 + k], w[At.displacement2 + k] = w[At.share + k] * turn1, w[At.share + k] * turn2
     displaced(w, active)
     for k in range(LANES):

@@ -29,6 +29,7 @@ from dpr_lab.dynamics.lanes.effects import (
     add_drives,
     add_load_friction,
     add_torques,
+    add_whole_torques,
     displaced,
 )
 from dpr_lab.dynamics.lanes.workspace import LANES, At, arm_at, base_at, constants_at, motion_at, terms_at, waits
@@ -165,7 +166,7 @@ def _accelerate(
     if required.prescribed:
         add_prescribed(w, rig)
     if required.arm:
-        _add_arm(w, active, required)
+        _add_arm(w, rig, active, required)
     _accelerate_all(w, rig, required.arm, held, resting)
     if required.load:
         _find_forces(w, rig)
@@ -174,14 +175,16 @@ def _accelerate(
 
 
 @subroutine
-def _add_arm(w: NDArray[np.float64], active: NDArray[np.bool_], required: Requirements) -> None:
-    """All torques on the arm."""
+def _add_arm(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], required: Requirements) -> None:
+    """All torques on the arm, and those on the rods that come with them."""
     for k in range(LANES):
         w[At.torque0 + k] = w[At.drive0 + k]
     if required.torque0:
         add_arm_torques(w, active)
     if required.drive0:
         add_arm_drives(w, active)
+    if required.whole0:
+        add_whole_torques(w, rig, active)
 
 
 @subroutine
@@ -257,7 +260,8 @@ def _finish(w: NDArray[np.float64]) -> None:
 def _finish_arm(w: NDArray[np.float64]) -> None:
     for k in range(LANES):
         sixth = w[At.h + k] / 6.0
-        w[At.theta0 + k] += sixth * w[At.turn0 + k]
+        w[At.displacement0 + k] = sixth * w[At.turn0 + k]
+        w[At.theta0 + k] += w[At.displacement0 + k]
         w[At.omega0 + k] += sixth * w[At.sum0 + k]
 
 
