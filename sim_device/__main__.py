@@ -70,6 +70,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--draw", action="store_true", help="draw the true parameters around the plant file's, from the seed")
     add("--draw-effects", metavar="KIND[:LEVEL[:EFFECT,...]]", help=DRAW_HELP)
+    add("--arm", choices=("free", "driven"), help="arm of a plant drawn by --seal (default: as in the rig file)")
     add("--baud", type=_whole, help="bit/s of the line (default: 921600 for serial, 1000000 for CAN)")
     add("--uid", type=_uid, default=0x51D0_0000_0001, help="the device's number, hexadecimal")
     add("--drift-ppm", type=float, default=0.0, help="error of the device's crystal (default: %(default)s)")

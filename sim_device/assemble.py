@@ -15,7 +15,7 @@ from sim_device.links.byte_link import Framing, SerialCodec
 from sim_device.links.link import DeviceLink
 from sim_device.links.open_link import open_link
 from sim_device.options import SEALED_FILE, SEALED_PLANT, SEALED_TORQUES, Options
-from sim_device.plant.arm_drive import ArmDrive
+from sim_device.plant.arm_drive import ArmDrive, arm_drive_of
 from sim_device.plant.config import PlantConfig, load_plant
 from sim_device.plant.drives import JointDrives, load_drives
 from sim_device.plant.hidden import HiddenPlant, plant_of
@@ -84,7 +84,7 @@ def _drives(options: Options, plant: PlantConfig) -> JointDrives | ArmDrive | No
     if plant.arm_drive is not None:
         if options.torques is not None:
             raise ConfigError(f"--torques: plant {plant.name} has a driven arm, whose joints have no drives besides")
-        return ArmDrive(plant.arm_drive, plant.seed)
+        return arm_drive_of(plant)
     sealed = Path(options.rig).parent / SEALED_TORQUES
     table = options.torques or (sealed if options.plant == SEALED_PLANT and sealed.is_file() else None)
     if table is not None:

@@ -20,6 +20,8 @@ class Options:
     """Draw the true parameters around the plant file's, from the seed."""
     draw_effects: str | None = None
     """Draw parameters and effects: a text for `sim_device.trials.request.parse_request`, such as `single:clear`."""
+    arm: str | None = None
+    """Mode of the arm of a drawn plant, `free` or `driven`; None for that of the rig file."""
     baud: int | None = None
     """Bits per second of the line; None for 921600 (serial) and 1000000 (CAN)."""
     uid: int = 0x51D0_0000_0001

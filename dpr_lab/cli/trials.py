@@ -9,7 +9,7 @@ import typer
 from dpr_lab.cli.checks import complete_rig
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 from dpr_lab.cli.listing import Listing
-from dpr_lab.trials.sealing import DRAWN, Kind, Level
+from dpr_lab.trials.sealing import DRAWN, ON_ARM, Kind, Level, TrialArm
 
 if TYPE_CHECKING:
     from dpr_lab.trials.protocol import Opened, Trial
@@ -35,13 +35,26 @@ HIDDEN = (
 )
 
 RigName = Annotated[
-    str,
+    str | None,
     typer.Option(
-        help="Rig file or name of a built-in rig: the centre of the random rigs.", autocompletion=complete_rig
+        help="Rig file or name of a built-in rig: the centre of the random rigs. Default: paper; driven_double with"
+        " --arm.",
+        autocompletion=complete_rig,
     ),
 ]
 PlantName = Annotated[
-    str, typer.Option(help="Plant file: the centre of the random plants; read by the simulated device only.")
+    str | None,
+    typer.Option(
+        help="Plant file: the centre of the random plants; read by the simulated device only. Default: that of the"
+        " default rig."
+    ),
+]
+ArmMode = Annotated[
+    TrialArm | None,
+    typer.Option(
+        help="The arm moves by itself, or a motor drives it: the hidden effects are those of joint 0 and of the drive."
+        " Kinds: single, pair, triple, clean, dirty."
+    ),
 ]
 Size = Annotated[
     Level, typer.Option(help="Visibility: a gap of at least twice the noise (clear), or about equal to it (subtle).")
@@ -50,13 +63,19 @@ Folder = Annotated[Path, typer.Argument(help="Folder written by `trials draw`.")
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 
 
+def _centre(name: str | None, arm: TrialArm | None) -> str:
+    """Name of a rig or plant, or its default."""
+    return name or ("paper" if arm is None else "driven_double")
+
+
 @app.command()
 def draw(
     out: Annotated[Path, typer.Option(help="New folder for the trial.")],
     kind: Annotated[Kind, typer.Option(help=f"Hidden effect: {HIDDEN}. Any: the kind is hidden too.")] = Kind.ANY,
     level: Size = Level.CLEAR,
-    rig: RigName = "paper",
-    plant: PlantName = "paper",
+    arm: ArmMode = None,
+    rig: RigName = None,
+    plant: PlantName = None,
     seed: Annotated[
         int | None,
         typer.Option(
@@ -78,7 +97,8 @@ def draw(
     from dpr_lab.workflows.trial import draw as draw_trial
 
     with Listener() as listener:
-        trial = draw_trial(TrialRequest(PlantRequest(kind, level, seed, rig, plant), out), listener)
+        wanted = PlantRequest(kind, level, seed, _centre(rig, arm), _centre(plant, arm), arm)
+        trial = draw_trial(TrialRequest(wanted, out), listener)
     if as_json:
         emit({"trial": str(out), "seal": trial.seal, "asked": trial.asked, "runs": [str(run) for run in trial.runs]})
         return
@@ -184,8 +204,9 @@ def campaign(
         typer.Option(metavar="<kind>", help=f"Hidden effect, may be repeated: {HIDDEN}. Default: all kinds in turn."),
     ] = None,
     level: Size = Level.CLEAR,
-    rig: RigName = "paper",
-    plant: PlantName = "paper",
+    arm: ArmMode = None,
+    rig: RigName = None,
+    plant: PlantName = None,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the first trial; each further trial uses the next number.")
     ] = 1,
@@ -220,7 +241,9 @@ def campaign(
 
     if scheduler is not None and (warning := exposure(scheduler)):
         say(warning)
-    tried_on = Campaign(tuple(kind or DRAWN), level, seed, rig, plant, tuple(CHOOSERS) if plan else ())
+    kinds = tuple(kind or (DRAWN if arm is None else ON_ARM))
+    strategies = tuple(CHOOSERS) if plan else ()
+    tried_on = Campaign(kinds, level, seed, _centre(rig, arm), _centre(plant, arm), arm, strategies)
     with Listener() as listener:
         done = run_campaign(CampaignRequest(tried_on, n, out, jobs or os.cpu_count() or 1, scheduler), listener)
     if as_json:

@@ -21,7 +21,7 @@ from dpr_lab.rig import load_rig
 from dpr_lab.trials.case import run_case
 from dpr_lab.trials.protocol import read_json
 from dpr_lab.trials.score import TrialOutcome, read_outcome
-from dpr_lab.trials.sealing import Kind, Level
+from dpr_lab.trials.sealing import Kind, Level, TrialArm
 from dpr_lab.trials.sequential import run_sequential_case
 from dpr_lab.trials.workers import Case, Done, on_cluster, on_this_machine
 from dpr_lab.version import __version__
@@ -40,6 +40,8 @@ class Campaign:
     """Rig file or built-in name: centre of the random rigs."""
     plant: str = "paper"
     """Plant file or built-in name: centre of the random plants; every worker needs access to the file."""
+    arm: TrialArm | None = None
+    """Mode of the arm; None: that of the rig file."""
     strategies: tuple[str, ...] = ()
     """Names of `CHOOSERS`: each plant is recorded release by release until decided, by each strategy. Empty: each
     plant is recorded once from each pose of the rig file."""
@@ -56,6 +58,7 @@ class Campaign:
             "level": self.level,
             "rig": path.read_text(encoding="utf-8"),
             "plant": self.plant,
+            "arm": self.arm,
             "version": __version__,
             **({"strategies": list(self.strategies)} if self.strategies else {}),
         }

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import DprError
 from dpr_lab.rig import Rig, parse_rig
-from dpr_lab.run import Run
+from dpr_lab.run import Run, as_mounted
 from dpr_lab.storage.reader import full_turns
 from dpr_lab.trials.score import score
 from dpr_lab.trials.sealing import Kind, Level, PlantRequest, sealed_in_memory
@@ -24,7 +24,7 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
     """Seal, record, diagnose, reveal and score one plant.
 
     Args:
-        case: `kind`, `level`, `seed`; `rig`, the text of a rig file; `plant`, a name or a file on this machine;
+        case: `kind`, `level`, `seed`, `arm`; `rig`, the text of a rig file; `plant`, a name or a file on this machine;
         `version` of the calling program
 
     Returns:
@@ -42,7 +42,7 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
             f"this worker has dpr-lab {__version__}, but the campaign uses {case['version']}: install the same version"
         )
     numba.set_num_threads(1)
-    request = PlantRequest(Kind(case["kind"]), Level(case["level"]), case["seed"], plant=case["plant"])
+    request = PlantRequest(Kind(case["kind"]), Level(case["level"]), case["seed"], plant=case["plant"], arm=case["arm"])
     with sealed_in_memory(request, case["rig"]) as plant:
         sealed = plant.public
         rig = parse_rig(sealed["rig"])
@@ -61,7 +61,8 @@ def run_of(recording: dict[str, Any], rig: Rig) -> Run:
     return Run(
         name=pose,
         t=t,
-        theta=theta - full_turns(rig, pose, t, theta),
+        theta=as_mounted(theta - full_turns(rig, pose, t, theta), rig.rods.mounting, pose),
+        mounting=rig.rods.mounting,
         counts=counts,
         pose=pose,
         rig_name=rig.name,
@@ -72,8 +73,10 @@ def run_of(recording: dict[str, Any], rig: Rig) -> Run:
         torque_kind=recording.get("torque_kind", ""),
         torques=_rows(recording.get("torques")),
         commanded=_rows(recording.get("commanded")),
+        arm_mode=recording.get("arm_mode", "clamped"),
+        arm_input=_rows(recording.get("arm_input")),
     )
 
 
-def _rows(values: list[list[float]] | None) -> NDArray[np.float64] | None:
+def _rows(values: list[Any] | None) -> NDArray[np.float64] | None:
     return None if values is None else np.array(values)

@@ -44,6 +44,10 @@ DRAWN: tuple[Kind, ...] = tuple(kind for kind in Kind if kind not in (Kind.ANY, 
 """Kinds of free swings, from which `ANY` chooses."""
 
 
+ON_ARM: tuple[Kind, ...] = (Kind.SINGLE, Kind.PAIR, Kind.TRIPLE, Kind.CLEAN, Kind.DIRTY)
+"""Kinds of plants with a free or driven arm."""
+
+
 class Level(StrEnum):
     """Visibility of the hidden content."""
 
@@ -51,6 +55,15 @@ class Level(StrEnum):
     """A gap of at least twice the noise."""
     SUBTLE = "subtle"
     """A gap of about the size of the noise."""
+
+
+class TrialArm(StrEnum):
+    """Mode of the arm of a plant."""
+
+    FREE = "free"
+    """It moves by itself; effects at joint 0 are drawn."""
+    DRIVEN = "driven"
+    """A motor drives it with a reported input; effects at joint 0 and of the drive are drawn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +80,8 @@ class PlantRequest:
     """Rig file or built-in name: centre of the random rig."""
     plant: str = "paper"
     """Plant file or built-in name: centre of the random plant; never read here."""
+    arm: TrialArm | None = None
+    """Mode of the arm; None: that of the rig file."""
 
 
 def seal(request: PlantRequest, folder: Path, *, direct: bool = False) -> dict[str, Any]:
@@ -91,7 +106,8 @@ def seal(request: PlantRequest, folder: Path, *, direct: bool = False) -> dict[s
 
 def _words(request: PlantRequest) -> list[str]:
     seed = [] if request.seed is None else ["--seed", str(request.seed)]
-    return ["--plant", request.plant, "--draw-effects", f"{request.kind}:{request.level}", *seed]
+    arm = [] if request.arm is None else ["--arm", request.arm]
+    return ["--plant", request.plant, "--draw-effects", f"{request.kind}:{request.level}", *seed, *arm]
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,7 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
     if case["version"] != __version__:
         raise DprError(f"this worker has dpr-lab {__version__}, the campaign is of {case['version']}: install the same")
     numba.set_num_threads(1)
-    request = PlantRequest(Kind(case["kind"]), Level(case["level"]), case["seed"], plant=case["plant"])
+    request = PlantRequest(Kind(case["kind"]), Level(case["level"]), case["seed"], plant=case["plant"], arm=case["arm"])
     with sealed_in_memory(request, case["rig"], direct=False) as plant:
         rig = parse_rig(plant.public["rig"])
         results = {

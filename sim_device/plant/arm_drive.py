@@ -3,26 +3,37 @@
 It is a part of the rig: no message starts, stops or changes it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.dynamics.simulate import as_state
+from dpr_lab.dynamics.step import RigState
+from dpr_lab.effects.input_delay import INPUT_DELAY
 from firmware_protocol.messages import ArmQuantity, TorqueKind
-from sim_device.plant.config import ArmDriveConfig
+from sim_device.plant.config import ArmDriveConfig, PlantConfig
 from sim_device.plant.encoders import standard_noise
 from sim_device.random_streams import RandomStream
+
+Array = NDArray[np.float64]
+
+Move = Callable[[RigState, Array, Array], Array]
+"""(state at t[0], t (n,), torques (n - 1, 1) of the arm, N m) -> (n, 6 + internal) states."""
 
 
 @dataclass(frozen=True, slots=True)
 class ArmDrive:
     """A motor at the arm, controlled by the board at its ticks; its input is constant from one tick to the next.
 
-    tau0 = gear kt i gain + offset, with i the current, or i = (u - ke gear omega0) / R of a voltage u
+    tau0 = gear kt i, with i the current, or i = (u - ke gear omega0) / R of a voltage u
     """
 
     config: ArmDriveConfig
     seed: int
+    delay_s: float = 0.0
+    """Delay between the input and its effect, which the board does not report."""
 
     @property
     def kinds(self) -> tuple[TorqueKind, ...]:
@@ -39,42 +50,88 @@ class ArmDrive:
         """Resolution of its input, N m, A or V."""
         return self.config.unit_micro * 1e-6
 
-    def exerted(self, first: int, count: int, rate_hz: float) -> NDArray[np.float64]:
-        """(count, 1) torque of the arm from the ticks `first`, ... since the release on, N m.
+    def block(
+        self, move: Move, state: RigState, t: Array, ticks: int, rate_hz: float, asked: Array
+    ) -> tuple[Array, Array]:
+        """Move the rig over some ticks.
 
-        The back-EMF, which acts as friction of the arm, is not included.
+        Args:
+            move: moves it under torques of the arm; the back-EMF acts there as friction
+            state: at t[0]
+            t: (n,) instants, equally many from each tick to the next
+            ticks: number of ticks
+            rate_hz: ticks per second of the device
+            asked: inputs that the program requested at all earlier ticks since the release
+
+        Returns:
+            (n, 6 + internal) states, and `asked` with the inputs of these ticks
         """
-        given = self._given(first, count, rate_hz) * self.unit
-        return (given * self.config.torque_per_input * self.config.gain + self.config.offset_Nm)[:, None]
+        first, looks = len(asked), (len(t) - 1) // ticks
+        if self.config.program != "pd":
+            asked = np.append(asked, self._program(np.arange(first, first + ticks) / rate_hz))
+            return move(state, t, np.repeat(self._acting(asked, ticks, rate_hz), looks)[:, None]), asked
+        states = [np.array([[*state[:6], *state.internal]])]
+        for tick in range(ticks):
+            asked = np.append(asked, self._controlled(state, len(asked) / rate_hz))
+            torques = np.repeat(self._acting(asked, 1, rate_hz), looks)[:, None]
+            part = move(state, t[tick * looks : (tick + 1) * looks + 1], torques)
+            state = as_state(part[-1])
+            states.append(part[1:])
+        return np.concatenate(states), asked
 
-    def reported(self, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.int64]:
-        """(count, kinds) content of ARM_INPUT at these ticks, in units; `release` is the number of the release."""
-        noise = standard_noise(self.seed, RandomStream.DRIVES, release, first, count)[:, 0] * self.config.noise
-        given = self._given(first, count, rate_hz) + np.rint(noise / self.unit)
-        commanded = np.rint(self._asked(np.arange(first, first + count) / rate_hz) / self.unit)
-        by_kind = {TorqueKind.MEASURED: given.astype(np.int64), TorqueKind.COMMANDED: commanded.astype(np.int64)}
-        return np.stack([by_kind[kind] for kind in self.kinds], axis=1)
+    def reported(self, release: int, first: int, asked: Array) -> NDArray[np.int64]:
+        """(n, kinds) content of ARM_INPUT at ticks from `first` on at which the program requested `asked`, in units."""
+        noise = standard_noise(self.seed, RandomStream.DRIVES, release, first, len(asked))[:, 0] * self.config.noise
+        by_kind = {
+            TorqueKind.MEASURED: self._given(asked) + np.rint(noise / self.unit),
+            TorqueKind.COMMANDED: np.rint(asked / self.unit),
+        }
+        return np.stack([by_kind[kind].astype(np.int64) for kind in self.kinds], axis=1)
 
-    def _given(self, first: int, count: int, rate_hz: float) -> NDArray[np.float64]:
-        """(count,) input that acts, delayed and limited by the driver, in units."""
-        asked = self._asked(np.arange(first, first + count) / rate_hz - self.config.delay_s)
+    def logged(self, asked: Array) -> Array:
+        """(n,) input that the board reports first, without noise."""
+        return self._given(asked) * self.unit if TorqueKind.MEASURED in self.kinds else asked
+
+    def _given(self, asked: Array) -> Array:
+        """Inputs within the limit of the driver, in units."""
         return np.rint(np.clip(asked, -self.config.limit, self.config.limit) / self.unit)
 
-    def _asked(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n,) input that the program requests at times since the release, s; none before it."""
+    def _acting(self, asked: Array, count: int, rate_hz: float) -> Array:
+        """(count,) torque of the last ticks, N m: of the delayed input, its mean over a tick."""
+        whole, part = divmod(self.delay_s * rate_hz, 1.0)
+        given = np.append(np.zeros(int(whole) + 1), self._given(asked[-count - int(whole) - 1 :]))
+        late = len(given) - count - int(whole)
+        now, before = given[late:][:count], given[late - 1 :][:count]
+        return self.config.torque_per_input * self.unit * ((1.0 - part) * now + part * before)
+
+    def _controlled(self, state: RigState, t: float) -> float:
+        """Input of the controller, which turns the arm towards the program's angle."""
+        return float(self.config.kp * (self._program(t) - state.theta0) - self.config.kd * state.omega0)
+
+    def _program(self, t: Array | float) -> Array:
+        """Input, or angle of the arm, that the program requests at times since the release, s."""
+        t = np.asarray(t, dtype=np.float64)
         low, high = self.config.rates_hz
-        if self.config.program == "sines":
-            shape = (np.sin(2 * np.pi * low * t) + np.sin(2 * np.pi * high * t)) / 2
-        elif self.config.program == "chirp":
+        if self.config.program == "chirp":
             swept = low * t + (high - low) * t**2 / (2 * self.config.sweep_s)
             shape = np.sin(2 * np.pi * np.where(t < self.config.sweep_s, swept, high * t))
-        else:
+        elif self.config.program == "prbs":
             bits = pseudo_random_bits(9)
-            shape = bits[np.floor(np.maximum(t, 0.0) * 2 * high + 1e-9).astype(int) % len(bits)]
-        return np.where(t >= 0.0, self.config.amplitude * shape, 0.0)
+            shape = bits[np.floor(t * 2 * high + 1e-9).astype(int) % len(bits)]
+        else:
+            shape = (np.sin(2 * np.pi * low * t) + np.sin(2 * np.pi * high * t)) / 2
+        return self.config.amplitude * shape
 
 
-def pseudo_random_bits(order: int) -> NDArray[np.float64]:
+def arm_drive_of(plant: PlantConfig) -> ArmDrive | None:
+    """The drive of a plant's arm with its hidden delay; None without a drive."""
+    if plant.arm_drive is None:
+        return None
+    delay = plant.effects.get(INPUT_DELAY.name, {}).get("delay_s", 0.0)
+    return ArmDrive(plant.arm_drive, plant.seed, delay)
+
+
+def pseudo_random_bits(order: int) -> Array:
     """(2^order - 1,) maximum-length sequence of -1 and 1, by the polynomial x^9 + x^4 + 1 for order 9."""
     register, bits = [1] * order, []
     for _ in range(2**order - 1):

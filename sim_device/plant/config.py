@@ -115,11 +115,15 @@ class ArmDriveConfig(_Table):
     gear: Positive = 1.0
     """Gear ratio: turns of the motor per turn of the arm."""
     limit: Positive
-    """Maximum input of the driver."""
-    program: Literal["sines", "chirp", "prbs"] = "sines"
-    """Two sines, a sweep of one, or a pseudo-random binary sequence."""
+    """Maximum input of the driver; what exceeds it is cut off."""
+    program: Literal["sines", "chirp", "prbs", "pd"] = "sines"
+    """Two sines, a sweep of one, a pseudo-random binary sequence, or a controller whose arm follows two sines."""
     amplitude: Positive
-    """Amplitude of the program, in units of the input."""
+    """Amplitude of the program, in units of the input; of `pd` the amplitude of the angle, rad."""
+    kp: NotNegative = 0.0
+    """Gain of the controller `pd`, units of the input per rad of the arm's deviation;"""
+    kd: NotNegative = 0.0
+    """and per rad/s of its speed."""
     rates_hz: tuple[Positive, Positive] = (0.5, 1.3)
     """Frequencies of the sines, or initial and final frequency of the sweep; half the second is the bit rate of a
     sequence.
@@ -128,14 +132,8 @@ class ArmDriveConfig(_Table):
     """Duration of the sweep."""
     tells: Annotated[tuple[Literal["measured", "commanded"], ...], Field(min_length=1)] = ("measured", "commanded")
     """Inputs that the board sends."""
-    delay_s: NotNegative = 0.0
-    """Delay between the command of an input and its effect."""
     noise: NotNegative = 0.0
     """Standard deviation of the measured input."""
-    gain: Finite = 1.0
-    """Ratio of the acting torque to that from the constants above: error of the torque constant."""
-    offset_Nm: Finite = 0.0
-    """Torque that acts from the release on and is not reported."""
     unit_micro: Annotated[int, Field(gt=0, lt=1 << 32)] = 100
     """Resolution of the input: uN m, uA or uV."""
 
@@ -147,7 +145,7 @@ class ArmDriveConfig(_Table):
     @property
     def back_emf(self) -> float:
         """Friction of the arm caused by the back-EMF of a voltage drive, N m s/rad."""
-        return self.ke * self.kt * self.gear**2 / self.R * self.gain if self.input == "voltage" else 0.0
+        return self.ke * self.kt * self.gear**2 / self.R if self.input == "voltage" else 0.0
 
 
 class PlantConfig(_Table):
@@ -155,7 +153,8 @@ class PlantConfig(_Table):
 
     Fields of the file: `name`, `seed`, `[parameters]` with one value for each of `PARAMETERS` (SI), `[arm]`,
     `[arm_drive]` for a driven arm, `[effects.NAME]` or at most one `[foreign.NAME]` with the parameters of the effect,
-    `[mount]`, `[encoders]`, `[drives]`, `[hand]`.
+    `[mount]`, `[encoders]`, `[drives]`, `[hand]`. Effects at joint 0 need an arm that moves, those of its drive
+    `[arm_drive]`.
     """
 
     name: Annotated[str, Field(min_length=1)]
@@ -181,6 +180,8 @@ class PlantConfig(_Table):
             raise ValueError('[arm] mode = "driven" and [arm_drive] go together')
         if self.foreign and self.arm.mode == "driven":
             raise ValueError("[foreign] plants have no driven arm: remove [foreign], or the mode of the arm")
+        if self.mount and self.arm.mode == "driven":
+            raise ValueError("[mount] plants have no driven arm: remove [mount], or the mode of the arm")
         return self
 
     @property

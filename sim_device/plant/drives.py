@@ -46,20 +46,20 @@ class JointDrives:
         return tuple(kind for kind in TorqueKind if kind.name.lower() in self.config.tells)
 
     @property
-    def unit_Nm(self) -> float:
+    def unit(self) -> float:
         """Resolution of their torques, N m."""
         return self.config.unit_uNm * 1e-6
 
     def exerted(self, first: int, count: int, rate_hz: float) -> NDArray[np.float64]:
         """(count, 2) acting torques from the ticks `first`, `first` + 1, ... since the release on, N m."""
-        asked = self._asked(first, count, rate_hz, self.config.delay_s) * np.float64(self.unit_Nm)
+        asked = self._asked(first, count, rate_hz, self.config.delay_s) * np.float64(self.unit)
         return asked * np.array(self.config.gain) + np.array(self.config.offset_Nm)
 
     def reported(self, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.int64]:
         """(count, kinds, 2) torques that TORQUE reports for these ticks, in units; `release` is the release number."""
         commanded = self._asked(first, count, rate_hz, 0.0)
         noise = standard_noise(self.seed, RandomStream.DRIVES, release, first, count)[:, :2] * self.config.noise_Nm
-        given = self._asked(first, count, rate_hz, self.config.delay_s) + np.rint(noise / self.unit_Nm)
+        given = self._asked(first, count, rate_hz, self.config.delay_s) + np.rint(noise / self.unit)
         by_kind = {TorqueKind.MEASURED: given.astype(np.int64), TorqueKind.COMMANDED: commanded}
         return np.stack([by_kind[kind] for kind in self.kinds], axis=1)
 
@@ -67,7 +67,7 @@ class JointDrives:
         """(count, 2) rows of the table at the ticks, in units, for a table with this delay."""
         t = np.arange(first, first + count) / rate_hz - later_s
         row = np.searchsorted(self.t, t + SLACK_S, side="right")
-        units = np.rint(np.concatenate([np.zeros((1, 2)), self.joints]) / self.unit_Nm).astype(np.int64)
+        units = np.rint(np.concatenate([np.zeros((1, 2)), self.joints]) / self.unit).astype(np.int64)
         return units[row]
 
 

@@ -4,13 +4,14 @@ import math
 from collections.abc import Callable, Iterator
 from functools import cached_property
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.arm import CLAMPED, ArmParameters
 from dpr_lab.dynamics.base import RATIOS, base_parameters, loaded, ratios
-from dpr_lab.dynamics.encoder_errors import apply_encoder_errors, held_along, read_at
+from dpr_lab.dynamics.encoder_errors import apply_encoder_errors, arm_lateness, held_along, read_at
 from dpr_lab.dynamics.rig_constants import constants_of_run, rig_constants
 from dpr_lab.dynamics.simulate import as_state, at_release, integrate, rig_model
 from dpr_lab.dynamics.step import RigModel, RigState, model_with
@@ -20,7 +21,7 @@ from dpr_lab.effects.mounted import effects_of_run
 from dpr_lab.effects.spring import SPRING
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import JOINTS, PARAMETERS, Rig
-from dpr_lab.setup import Setup
+from dpr_lab.setup import Setup, Torques
 from sim_device.plant.config import PlantConfig
 from sim_device.plant.mount import AT_REST, Yielding
 
@@ -33,11 +34,14 @@ BLOCK_TIME = 1.0
 LOOK = 5e-4
 """Interval at which an encoder with play or delay, or a mount that yields, is evaluated, s."""
 
-Driven = Callable[[int, int], NDArray[np.float64]]
+Driven = Callable[..., Any]
 """(first, count) -> (count, 2) torques of joints 1 and 2 from each of these ticks to the next, N m.
 
-(count, 1) torque of the arm if the arm is driven.
+If the arm is driven: `ArmDrive.block` at the rate of the device.
 """
+
+UNSEEN = Torques(np.zeros(1), np.zeros((1, 2)), on_arm=np.zeros(1))
+"""Torques of a driven arm whose course is not needed: it has the effects of its drive."""
 
 CONSTANT = [param_index(effect.name, "constant_Nm") for effect in SPRING]
 """Position of a joint's constant torque in the parameters: the torque of a drive between two ticks."""
@@ -52,6 +56,17 @@ NO_ROD = 1e-9
 """Mass, kg, and inertia, kg m^2, of a missing outer rod; with zero, joint 2 would have no equation."""
 
 Theta = NDArray[np.float64]
+
+
+class Block(NamedTuple):
+    """A part of a swing."""
+
+    t: Theta
+    """(n,) true times since the release, s; the last one is that of the next block's first."""
+    states: Theta
+    """(n, 6 + internal) states, as of `RigState`."""
+    asked: Theta
+    """(ticks,) inputs that the program of the arm requested; zeros without a drive."""
 
 
 def hung(Z: NDArray[np.float64], setup: Setup) -> NDArray[np.float64]:
@@ -78,7 +93,9 @@ class Plant:
     def __init__(self, config: PlantConfig, rig: Rig) -> None:
         self.config = config
         self._frame = (rig.L0, rig.L1, rig.g)
-        self._setup = Setup(rig.rods.mounting, rig.added_mass)
+        driven = UNSEEN if config.arm_drive is not None else None
+        moves = config.arm.mode != "clamped"
+        self._setup = Setup(rig.rods.mounting, rig.added_mass, torques=driven, arm_moves=moves)
         Z = config.Z if rig.added_mass is None else loaded(config.Z, rig.added_mass)
         masses = dict(zip(PARAMETERS[2:5], config.Z[2:5].tolist(), strict=True))
         self._Z, self._constants = (
@@ -89,6 +106,8 @@ class Plant:
         """True seconds per second of the device's clock, according to the clock effect."""
         self.delay = 0.0
         """Delay of the reading of joint 2 after that of joint 1, s."""
+        self.arm_delay = 0.0
+        """Delay of the reading of the arm after that of joint 1, s."""
         self.has_play = False
         """Whether the encoder of joint 2 has play."""
         self.mount: Yielding | None = None
@@ -96,17 +115,28 @@ class Plant:
         if config.mount is not None:
             _, _, d, e1, *_ = base_parameters(hung(Z, self._setup), rig.L1, rig.g).tolist()
             self.mount = Yielding(config.mount, (e1 / rig.g, d / rig.L1))
+        if idle := [name for name in config.effects if not self._can_act(name)]:
+            lacking = "[arm_drive]" if moves else "an arm that moves"
+            raise ConfigError(f"plant {config.name}: effects: {', '.join(idle)} need {lacking}")
         if config.effects:
             self._look_for_effects_on_reading()
+
+    def _can_act(self, name: str) -> bool:
+        """Whether the arm has what an effect acts on."""
+        if name not in EFFECTS or not EFFECTS[name].of_arm:
+            return True  # unknown names are refused with the parameters
+        return self._setup.torques is not None if EFFECTS[name].driven else self._setup.arm_moves
 
     def _look_for_effects_on_reading(self) -> None:
         model, _ = self._moving
         self.pace = read_at(1.0, model)[0]
         self.delay = float(np.subtract(*read_at(0.0, model)))
+        self.arm_delay = arm_lateness(model)
         self.has_play = model.required.play
-        if not abs(self.delay) < BLOCK_TIME:
+        if not max(abs(self.delay), abs(self.arm_delay)) < BLOCK_TIME:
             effects = self.config.effects
-            late = [f"{name}.{p}" for name in effects if EFFECTS[name].stage == "timing" for p in effects[name]]
+            timing = [name for name in effects if EFFECTS[name].stage in ("timing", "timing0")]
+            late = [f"{name}.{p}" for name in timing for p in effects[name]]
             raise ConfigError(f"plant {self.config.name}: effects: {', '.join(late)} must be below {BLOCK_TIME:g} s")
 
     @cached_property
@@ -165,7 +195,7 @@ class Plant:
 
     def driven_on(self, state: RigState, t: Theta, torques: Theta) -> NDArray[np.float64]:
         """Like `goes_on`, under torques (n - 1, ...) that are constant from each instant to the next, N m."""
-        if self.config.arm_drive is not None:
+        if self.config.arm_drive is not None:  # torques (n - 1, 1) of the arm
             return integrate(*self._moving, state, t, MAX_STEP, np.append(torques[:, 0], 0.0))
         changes = 1 + np.flatnonzero((np.diff(torques, axis=0) != 0).any(axis=1))
         (model, mode), ripple = self._driven, np.array(self.config.drives.ripple)
@@ -206,10 +236,10 @@ class Plant:
 
     def misread(self, theta: Theta, t: Theta, run: int) -> Theta:
         """(n, 3) angles with encoder errors at the device times `t` (n,) since the release number `run`."""
-        angles = np.column_stack([theta[:, 1], self.joint2(theta[:, 1], theta[:, 2])])
+        angles = np.column_stack([theta[:, 1], self.joint2(theta[:, 1], theta[:, 2]), theta[:, 0]])
         if self.config.effects:
             apply_encoder_errors(angles, t, run, self._moving[0])
-        return self.with_joint2(np.column_stack([theta[:, 0], angles[:, 0]]), angles[:, 1])
+        return self.with_joint2(angles[:, [2, 0]], angles[:, 1])
 
     def reveal(self) -> dict[str, dict[str, object]]:
         """The truth, to be revealed after an identification."""
@@ -236,7 +266,7 @@ class Swing:
         self._blocks = _shown(plant, theta, omega, rate_hz, driven)
         self.first = 0
         """Earliest tick that can still be read."""
-        self._theta = next(self._blocks)
+        self._rows = next(self._blocks)
 
     def theta(self, first: int, count: int) -> Theta:
         """(count, 3) angles at the ticks `first`, `first` + 1, ... since the release, rad.
@@ -244,32 +274,42 @@ class Swing:
         Raises:
             ValueError: `first` lies before the last read tick; a swing is read forwards.
         """
+        return self._read(first, count)[:, :JOINTS]
+
+    def asked(self, first: int, count: int) -> Theta:
+        """(count,) inputs that the program of the arm requested at these ticks; zeros without a drive."""
+        return self._read(first, count)[:, JOINTS]
+
+    def _read(self, first: int, count: int) -> Theta:
         if first < self.first:
             raise ValueError(f"the swing was read up to tick {self.first}, not back to {first}")
-        while self.first + len(self._theta) < first + count:
-            self._theta = np.concatenate([self._theta, next(self._blocks)])
-            passed = min(first - self.first, len(self._theta))
-            self.first, self._theta = self.first + passed, self._theta[passed:]
-        return self._theta[first - self.first :][:count]
+        while self.first + len(self._rows) < first + count:
+            self._rows = np.concatenate([self._rows, next(self._blocks)])
+            passed = min(first - self.first, len(self._rows))
+            self.first, self._rows = self.first + passed, self._rows[passed:]
+        return self._rows[first - self.first :][:count]
 
 
 def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Driven | None) -> Iterator[Theta]:
-    """Blocks of angles, (ticks, 3), with the delay and play of the encoder of joint 2."""
+    """Blocks of angles and requested input, (ticks, 4), with the delays and the play of the encoders."""
     rate_hz /= plant.pace
-    if plant.delay == 0.0 and not plant.has_play:
+    if plant.delay == 0.0 and plant.arm_delay == 0.0 and not plant.has_play:
         looks = 1 if plant.mount is None else _fine(rate_hz)
         blocks = _blocks(plant, theta, omega, rate_hz, looks, driven)
-        yield from (states[:-1:looks, :JOINTS] for _, states in blocks)
+        yield from (np.column_stack([states[:-1:looks, :JOINTS], asked]) for _, states, asked in blocks)
     looks = _fine(rate_hz)
     blocks = _blocks(plant, theta, omega, rate_hz, looks, driven)
     hold = float(plant.joint2(theta[1], theta[2]))
     around = [next(blocks), next(blocks)]
     this = 0
     while True:
-        t, states = around[this]
+        t, states, asked = around[this]
         angle2 = plant.held(_joint2_at(plant, around, t - plant.delay), hold)
         hold = float(angle2[-2])
-        yield plant.with_joint2(states[:-1, :JOINTS], angle2[:-1])[::looks]
+        seen = plant.with_joint2(states[:-1, :JOINTS], angle2[:-1])[::looks]
+        if plant.arm_delay:
+            seen[:, 0] = _seen_at(around, lambda rows: rows[:, 0], t[:-1:looks] - plant.arm_delay)
+        yield np.column_stack([seen, asked])
         around = [*around[-2:], next(blocks)]
         this = 1
 
@@ -279,23 +319,28 @@ def _fine(rate_hz: float) -> int:
     return max(1, math.ceil(1.0 / (rate_hz * LOOK)))
 
 
-def _joint2_at(plant: Plant, blocks: list[tuple[Theta, Theta]], t: Theta) -> Theta:
+def _joint2_at(plant: Plant, blocks: list[Block], t: Theta) -> Theta:
     """(n,) angle of joint 2 at the true times `t`; before the release it is constant."""
+    return _seen_at(blocks, lambda of: plant.joint2(of[:, 1], of[:, 2]), t)
+
+
+def _seen_at(blocks: list[Block], angle: Callable[[Theta], Theta], t: Theta) -> Theta:
+    """(n,) a linear function of angles (m, 3) at the true times `t`; before the release it is constant."""
     from scipy.interpolate import CubicHermiteSpline  # slow to import, and few plants need it
 
-    at = np.concatenate([times[:-1] for times, _ in blocks])
-    states = np.concatenate([block[:-1] for _, block in blocks])
-    angle, speed = (plant.joint2(states[:, 1 + i], states[:, 2 + i]) for i in (0, JOINTS))
-    return CubicHermiteSpline(at, angle, speed)(np.maximum(t, 0.0))
+    at = np.concatenate([block.t[:-1] for block in blocks])
+    states = np.concatenate([block.states[:-1] for block in blocks])
+    spline = CubicHermiteSpline(at, angle(states[:, :JOINTS]), angle(states[:, JOINTS : 2 * JOINTS]))
+    return spline(np.maximum(t, 0.0))
 
 
 def _blocks(
     plant: Plant, theta: Theta, omega: Theta, rate_hz: float, looks: int, driven: Driven | None
-) -> Iterator[tuple[Theta, Theta]]:
-    """Blocks of true times and states, each from the end of the previous one, with `looks` instants per tick."""
+) -> Iterator[Block]:
+    """Blocks of a swing, each from the end of the previous one, with `looks` instants per tick."""
     ticks = max(1, round(BLOCK_TIME * rate_hz))
     own = np.arange(ticks * looks + 1) / (rate_hz * looks)
-    state, first, moved = plant.start(theta, omega), 0, AT_REST
+    state, first, moved, asked = plant.start(theta, omega), 0, AT_REST, np.zeros(0)
     while True:
         t = first / rate_hz + own
         if plant.mount is not None:
@@ -303,7 +348,9 @@ def _blocks(
             states = plant.driven_on(state, t, torques)
         elif driven is None:
             states = plant.goes_on(state, t)
+        elif plant.config.arm_drive is not None:
+            states, asked = driven(plant.driven_on, state, t, ticks, asked=asked)
         else:
             states = plant.driven_on(state, t, np.repeat(driven(first, ticks), looks, axis=0))
-        yield t, states
+        yield Block(t, states, asked[first:] if len(asked) else np.zeros((len(states) - 1) // looks))
         state, first = as_state(states[-1]), first + ticks

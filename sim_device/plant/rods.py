@@ -17,6 +17,7 @@ from sim_device.plant.drives import JointDrives
 from sim_device.plant.encoders import NoisyEncoders
 from sim_device.plant.hidden import HiddenPlant, HiddenSwing
 from sim_device.plant.operator import HABITS, HeldRods, placement, release_speed
+from sim_device.plant.plant import Swing
 from sim_device.random_streams import RandomStream
 
 Counts = NDArray[np.int64]
@@ -83,7 +84,10 @@ class SimulatedRods:
         theta = self._held.theta(np.array([at]))[0]
         self._release += 1
         omega = release_speed(self._config.hand, self._config.seed, self._release)
-        driven = None if self._drives is None else partial(self._drives.exerted, rate_hz=rate_hz)
+        driven = None
+        if self._drives is not None:
+            act = self._drives.block if isinstance(self._drives, ArmDrive) else self._drives.exerted
+            driven = partial(act, rate_hz=rate_hz)
         self._swing = self._plant.let_go(theta, omega, rate_hz * self._clock_rate, self._release, driven)
         self._released_at, self._rate_hz = at, rate_hz
         self._at_release = self._read(theta[None], RandomStream.SWING, self._release, 0)[0]
@@ -110,6 +114,10 @@ class SimulatedRods:
         """
         if self._drives is None:
             return np.zeros((count, 0), dtype=np.int64)
+        if isinstance(self._drives, ArmDrive):
+            if first is None or not isinstance(self._swing, Swing):
+                return 0 * self._drives.reported(self._release, 0, np.zeros(count))
+            return self._drives.reported(self._release, first, self._swing.asked(first, count))
         if first is None:
             return 0 * self._drives.reported(self._release, 0, count, self._rate_hz)
         return self._drives.reported(self._release, first, count, self._rate_hz)

@@ -9,14 +9,18 @@ from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
 from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.effects.encoder_offset import ENCODER_OFFSET_JOINT1, ENCODER_OFFSET_JOINT2
 from dpr_lab.effects.wrong_length import WRONG_LENGTH
+from dpr_lab.errors import ConfigError
 from dpr_lab.rig import MASSES, Rig
 from dpr_lab.rig_tables import Parameter
 from sim_device.plant.config import EncoderConfig, MountConfig, PlantConfig
 from sim_device.plant.foreign import FOREIGN, FORMS, OUTSIDE
 from sim_device.random_streams import RandomStream, generator
 from sim_device.trials.driven import drawn_fault, driven
+from sim_device.trials.moving_arm import DRAW as ARM_DRAW
+from sim_device.trials.moving_arm import drawn_arm, visible_on_arm, within_reach
+from sim_device.trials.noiseless import plant_gap
 from sim_device.trials.parameters import drawn
-from sim_device.trials.request import LEVELS, EffectRequest
+from sim_device.trials.request import LEVELS, ON_ARM, EffectRequest
 from sim_device.trials.sizing import Coefficients, sized
 
 LARGEST = 40.0
@@ -56,6 +60,8 @@ def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfi
     if wanted.kind == "driven":
         return driven(plant, drawn_fault(base.seed, wanted))
     rng = generator(base.seed, RandomStream.DRAW)
+    if plant.arm.mode != "clamped":
+        return _on_arm(wanted, drawn_arm(plant, rng), rig, rng)
     effects = wanted.effects or _chosen(wanted, rng)
     if wanted.kind == "dirty":
         plant = plant.model_copy(update={"encoders": dirty(rng)})
@@ -65,6 +71,29 @@ def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfi
     for name, share in zip(effects, shares, strict=False):
         plant = _with_effect(plant, rig, name, gap * share, rng)
     return _with_background(plant, rig, rng) if wanted.kind == "background" else plant
+
+
+def _on_arm(wanted: EffectRequest, plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> PlantConfig:
+    """The plant, whose arm moves, with effects at joint 0 or of its drive that its recordings show."""
+    if wanted.kind not in ON_ARM:
+        raise ConfigError(f"draw {wanted.kind}: with an arm that moves there are the kinds {', '.join(ON_ARM)}")
+    if wanted.kind == "dirty":
+        plant = plant.model_copy(update={"encoders": dirty(rng)})
+    bare, none = plant, wanted.kind == "clean" or (wanted.kind == "dirty" and rng.random() < 0.5)
+    names = list(wanted.effects) or rng.permutation(visible_on_arm(plant)).tolist()
+    lower, upper = LEVELS[wanted.level]
+    smallest = min(wanted.shares)
+    largest = _log_uniform(rng, lower, min(upper, LARGEST * smallest)) / smallest
+    for share in () if none else wanted.shares:
+        before = plant
+        while plant is before and names:
+            name = names.pop(0)
+            with_it = _with_effect(plant, rig, name, largest * share, rng)
+            only = bare.model_copy(update={"effects": {name: with_it.effects[name]}})
+            visible = bool(wanted.effects) or plant_gap(only, rig) > ARM_DRAW.reached * largest * share
+            if visible and not any(alike(name, other) for other in plant.effects):
+                plant = with_it
+    return plant
 
 
 def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> PlantConfig:
@@ -178,9 +207,9 @@ def _relatives(name: str) -> set[str]:
 def _with_effect(plant: PlantConfig, rig: Rig, name: str, gap: float, rng: np.random.Generator) -> PlantConfig:
     """The plant with one more effect that alone causes the requested gap, as nearly as its swings permit."""
     table, unit = ("foreign", _foreign_unit) if name in FOREIGN else ("effects", _library_unit)
-    return plant.model_copy(
-        update={table: {**getattr(plant, table), name: sized(plant, rig, name, unit(name, rng), gap)}}
-    )
+    bare = plant.model_copy(update={"effects": {}, "foreign": {}})
+    coefficients = within_reach(bare, rig, unit(name, rng), rng)
+    return plant.model_copy(update={table: {**getattr(plant, table), name: sized(plant, rig, name, coefficients, gap)}})
 
 
 def _foreign_unit(name: str, rng: np.random.Generator) -> Coefficients:

@@ -64,9 +64,8 @@ def gap_size(
             return float("inf")
         expected = _as_read(swings - HANGING, relative).reshape(wanted.shape)
         columns = _as_read(slopes, relative).reshape(*wanted.shape, -1) / noise[:, None]
-        shift, start_shifts, left = _solved(
-            ((wanted - expected) / noise).reshape(len(pieces), -1), columns.reshape(len(pieces), 2 * length, -1)
-        )
+        rest = ((wanted - expected) / noise).reshape(len(pieces), -1)
+        shift, start_shifts, left = eliminated(rest, columns.reshape(len(pieces), 2 * length, -1), len(RATIOS))
         values, starts = values + shift, starts + start_shifts
     return float(np.sqrt(np.mean(left**2)))
 
@@ -87,19 +86,20 @@ def _as_read(columns: Array, relative: bool) -> Array:
     return read
 
 
-def _solved(rest: Array, slope: Array) -> tuple[Array, Array, Array]:
-    """Least squares with the initial states eliminated: change of ratios and of initial states, and residual.
+def eliminated(rest: Array, slope: Array, common: int, rcond: float | None = None) -> tuple[Array, Array, Array]:
+    """Least squares with the initial states eliminated: change of parameters and of initial states, and residual.
 
     Args:
         rest: (segments, m) residual
-        slope: (segments, m, 5 + 4) its derivatives with respect to ratios and initial state
+        slope: (segments, m, common + states) its derivatives with respect to parameters and initial state
+        common: number of parameters
+        rcond: share of the largest singular value below which a direction counts as not determined
     """
-    common = len(RATIOS)
     Q, R = np.linalg.qr(slope[:, :, common:])
     shared, free = slope[:, :, :common], np.einsum("smk,sm->sk", Q, rest)
     crossed = np.einsum("smk,smj->skj", Q, shared)
     projected = shared - np.einsum("smk,skj->smj", Q, crossed)
     within = rest - np.einsum("smk,sk->sm", Q, free)
-    shift, *_ = np.linalg.lstsq(projected.reshape(-1, common), within.ravel(), rcond=None)
+    shift, *_ = np.linalg.lstsq(projected.reshape(-1, common), within.ravel(), rcond=rcond)
     start_shifts = np.linalg.solve(R, (free - crossed @ shift)[:, :, None])[:, :, 0]
     return shift, start_shifts, within - projected @ shift

@@ -9,6 +9,7 @@ from dpr_lab.dynamics.base import base_parameters, ratios
 from dpr_lab.rig import Rig
 from sim_device.plant.config import PlantConfig
 from sim_device.plant.hidden import plant_of
+from sim_device.trials.arm_gap import arm_gap
 from sim_device.trials.gap_size import MEASURE, gap_size
 
 Array = NDArray[np.float64]
@@ -22,6 +23,8 @@ def plant_gap(config: PlantConfig, rig: Rig) -> float:
     Raises:
         ConfigError: effects that the plant cannot have.
     """
+    if config.arm.mode != "clamped":
+        return arm_gap(config, rig)
     frame = (rig.rig.L1, rig.rig.g)
     truth = ratios(base_parameters(config.Z, *frame))
     readings = [noiseless(config, rig, number) for number in range(1, len(rig.poses) + 1)]

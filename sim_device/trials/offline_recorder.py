@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_mounted
+from sim_device.plant.arm_drive import ArmDrive
 from sim_device.plant.config import PlantConfig
 from sim_device.plant.drives import JointDrives
 from sim_device.plant.hidden import plant_of
@@ -19,7 +20,7 @@ def record(
     rig: Rig,
     duration: float = 10.0,
     rate_hz: int | None = None,
-    drives: JointDrives | None = None,
+    drives: JointDrives | ArmDrive | None = None,
     before: int = 0,
 ) -> list[Run]:
     """One run from each of the rig's poses, as dpr-lab would have recorded it.
@@ -32,7 +33,7 @@ def record(
         rig: the rig on which it is mounted
         duration: duration of each swing, s
         rate_hz: samples per second; None for that of the rig file
-        drives: drives of its joints; None for free swings
+        drives: drives of its joints or of its arm; None for free swings
         before: number of earlier releases, whose operator errors and noise are not repeated
 
     Raises:
@@ -46,7 +47,13 @@ def record(
 
 
 def _released(
-    rods: SimulatedRods, rig: Rig, number: int, pose: str, duration: float, rate_hz: int, drives: JointDrives | None
+    rods: SimulatedRods,
+    rig: Rig,
+    number: int,
+    pose: str,
+    duration: float,
+    rate_hz: int,
+    drives: JointDrives | ArmDrive | None,
 ) -> Run:
     rods.place(number, 0.0)
     before = np.arange(-round(REST * rate_hz), 0)
@@ -59,8 +66,10 @@ def _released(
     torques = {}
     for k, kind in enumerate(() if drives is None else drives.kinds):
         assert drives is not None
-        given = np.array([row[k] for row in torque_rows])[sent] * drives.unit_Nm
-        torques[kind.name.lower()] = np.concatenate([np.zeros((len(rest), 2)), given])
+        given = np.array([row[k] for row in torque_rows])[sent] * drives.unit
+        torques[kind.name.lower()] = np.concatenate([np.zeros((len(rest), *given.shape[1:])), given])
+    arm_input = next(iter(torques.values())) if isinstance(drives, ArmDrive) else None
+    torques = {} if isinstance(drives, ArmDrive) else torques
     theta = _near(rig.theta(counts), rig.poses[pose].theta, len(rest))
     return Run(
         name=pose,
@@ -73,6 +82,8 @@ def _released(
         rig_sha256=rig.sha256,
         rate_hz=rate_hz,
         added_mass=rig.added_mass,
+        arm_mode=rig.arm.mode,
+        arm_input=arm_input,
         lost={"tick_gap": int(count - sent.sum())},
         torque_kind=next(iter(torques), ""),
         torques=next(iter(torques.values()), None),

@@ -12,6 +12,8 @@
     background   one effect, three to six small ones near or below the noise, in one of three trials a fault of
                  the logger; only on request
 
+Plants whose arm is free or driven have effects at joint 0 and of its drive, and the kinds `ON_ARM`.
+
 Sizes are drawn by the gap that they cause (`sim_device.trials.gap_size`): at least twice the noise for `clear`, half to
 one and a half times the noise for `subtle`.
 """
@@ -39,6 +41,9 @@ ANY = "any"
 FREE_SWINGS: tuple[Kind, ...] = tuple(kind for kind in KINDS if kind not in ("driven", "background"))
 """The kinds that `ANY` may select."""
 
+ON_ARM: tuple[Kind, ...] = ("single", "pair", "triple", "clean", "dirty")
+"""The kinds of plants with a free or driven arm."""
+
 SHARES: dict[Kind, tuple[float, ...]] = {"pair": (1.0, 0.2), "triple": (1.0, 0.45, 0.2)}
 """Gap of each effect relative to that of the largest, such that the smallest is clear."""
 
@@ -60,10 +65,10 @@ class EffectRequest:
         return SHARES.get(self.kind, (1.0,))
 
 
-def with_kind(text: str, seed: int) -> str:
+def with_kind(text: str, seed: int, kinds: tuple[Kind, ...] = FREE_SWINGS) -> str:
     """The request, with a kind drawn from the seed in place of `any`."""
     kind, colon, rest = text.partition(":")
-    return f"{generator(seed, RandomStream.KIND).choice(FREE_SWINGS) if kind == ANY else kind}{colon}{rest}"
+    return f"{generator(seed, RandomStream.KIND).choice(kinds) if kind == ANY else kind}{colon}{rest}"
 
 
 def parse_request(text: str) -> EffectRequest:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import EffectParameter
+from dpr_lab.effects.saturation import SATURATION_JOINT0
 from dpr_lab.rig import Rig
 from sim_device.plant.config import PlantConfig
 from sim_device.plant.foreign import FOREIGN
@@ -35,6 +36,8 @@ def sized(plant: PlantConfig, rig: Rig, name: str, unit: Coefficients, gap: floa
 
     If no size causes that gap, they are the nearest ones.
     """
+    if name == SATURATION_JOINT0.name:
+        return unit  # a drive gives nothing beyond its limit
     table = "foreign" if name in FOREIGN else "effects"
     bare = plant.model_copy(update={"effects": {}, "foreign": {}})
     most = FOREIGN[name].most / abs(unit[FOREIGN[name].amplitude.name]) if name in FOREIGN else math.inf

@@ -12,14 +12,16 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from sim_device.options import Options
+from sim_device.plant.arm_drive import ArmDrive, arm_drive_of
 from sim_device.plant.config import PlantConfig, load_plant
 from sim_device.plant.drives import JointDrives
 from sim_device.plant.hidden import plant_of
 from sim_device.trials.draw import described, draw_plant
 from sim_device.trials.driven import drawn_drives
+from sim_device.trials.moving_arm import with_arm
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import SPREAD, weighed
-from sim_device.trials.request import ANY, parse_request, with_kind
+from sim_device.trials.request import ANY, FREE_SWINGS, ON_ARM, parse_request, with_kind
 from sim_device.trials.seal import keep, salted, seal
 from sim_device.trials.toml import toml_text
 
@@ -36,8 +38,8 @@ class DrawnTrial:
     """Rig according to its rig file; its numbers come from a separate stream and are rounded like those of scales."""
     kept: dict[str, Any]
     """`truth` and `salt`."""
-    drives: JointDrives | None = None
-    """Drives of its joints; None for free swings."""
+    drives: JointDrives | ArmDrive | None = None
+    """Drives of its joints or of its arm; None for free swings."""
 
     def report(self, direct: bool) -> dict[str, Any]:
         """Report of a drawn trial: `seal`; `rig`, the rig file as TOML text; `runs`, if requested."""
@@ -56,11 +58,13 @@ def drawn_trial(options: Options, around: Rig) -> DrawnTrial:
         ConfigError: the request is impossible.
     """
     seed, public = (secrets.randbits(SEED_BITS) if options.seed is None else options.seed for _ in range(2))
-    wanted = parse_request(with_kind(options.draw_effects or ANY, seed))
-    base, rig = weighed(load_plant(options.plant, public), around, SPREAD.scales_step)
+    around, base = with_arm(around, load_plant(options.plant, public), options.arm)
+    kinds = FREE_SWINGS if around.arm.mode == "clamped" else ON_ARM
+    wanted = parse_request(with_kind(options.draw_effects or ANY, seed, kinds))
+    base, rig = weighed(base, around, SPREAD.scales_step)
     plant, rig = draw_plant(wanted, base.model_copy(update={"seed": seed}), rig), described(wanted, rig)
     drawn = {"kind": wanted.kind, "level": wanted.level, "seed": seed}
-    drives = drawn_drives(plant) if wanted.kind == "driven" else None
+    drives = drawn_drives(plant) if wanted.kind == "driven" else arm_drive_of(plant)
     return DrawnTrial(plant, rig, salted(plant_of(plant, rig), drawn), drives)
 
 
@@ -79,7 +83,7 @@ def sealed_trial(options: Options, folder: Path, direct: bool = False) -> dict[s
         ConfigError: the request is impossible, or the folder exists already.
     """
     trial = drawn_trial(options, load_rig(options.rig))
-    keep(trial.plant, trial.kept, folder, trial.drives)
+    keep(trial.plant, trial.kept, folder, trial.drives if isinstance(trial.drives, JointDrives) else None)
     return trial.report(direct)
 
 
@@ -121,6 +125,8 @@ def _as_json(run: Run) -> dict[str, Any]:
         "t": run.t.tolist(),
         "counts": [] if run.counts is None else run.counts.tolist(),
         **_torques(run),
+        **({"arm_mode": run.arm_mode} if run.arm_mode != "clamped" else {}),
+        **({"arm_input": run.arm_input.tolist()} if run.arm_input is not None else {}),
     }
 
 

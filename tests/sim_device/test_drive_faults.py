@@ -30,7 +30,7 @@ def test_a_faulty_drive_acts_otherwise_than_it_tells() -> None:
     config = DriveConfig(tells=("measured",), gain=(1.1, 1.0), offset_Nm=(0.0, -0.02))
     drives = JointDrives(*table, config, 1)
     assert np.allclose(drives.exerted(0, 2, 1000.0), [[0.11, 0.18]] * 2)
-    assert np.allclose(drives.reported(0, 0, 2, 1000.0)[:, 0] * drives.unit_Nm, [[0.1, 0.2]] * 2)
+    assert np.allclose(drives.reported(0, 0, 2, 1000.0)[:, 0] * drives.unit, [[0.1, 0.2]] * 2)
 
 
 def test_chance_draws_every_fault_and_none() -> None:

@@ -1,0 +1,159 @@
+"""Gap of a plant whose arm is free or driven: residual of an effect-free model, as in `sim_device.trials.gap_size`."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import whole_parameters
+from dpr_lab.dynamics.prediction import predict_batch
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.dynamics.segments import Segments, segments
+from dpr_lab.effects import effect_params, param_index
+from dpr_lab.effects.free_arm import FREE_ARM
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.rig import Rig
+from dpr_lab.setup import Setup, Torques
+from sim_device.plant.arm_drive import arm_drive_of
+from sim_device.plant.config import PlantConfig
+from sim_device.plant.plant import Plant
+from sim_device.trials.gap_size import MEASURE, eliminated
+
+Array = NDArray[np.float64]
+
+ARM = [param_index(FREE_ARM.name, parameter.name) for parameter in FREE_ARM.amplitudes]
+"""Indices of inertia and friction of the arm."""
+
+STEP = 1e-6
+"""Step of the differences: relative for parameters, rad and rad/s for initial states."""
+
+DURATION_S = 5.0
+"""Duration of each release."""
+
+SHARES = (0.1, 0.2, 0.4, 0.7, 1.0, 1.0, 1.0, 1.0)
+"""Share of each segment that an iteration of Gauss-Newton fits: under steps of torque the first states are far off."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmRelease:
+    """A release of a plant without noise."""
+
+    readings: Array
+    """(n, 3) theta1, joint 2 as read by its encoder, and theta0, rad."""
+    torque: Array | None
+    """(n,) torque on the arm as logged, N m."""
+
+
+def arm_gap(config: PlantConfig, rig: Rig) -> float:
+    """Root mean square residual of noiseless readings after the best effect-free fit, in units of the noise.
+
+    The fit has the base parameters, inertia and friction of the arm and, for each segment of `MEASURE.window`, a free
+    initial state; it starts at the truth. It is infinite if the plant's swing or the fit diverges.
+    """
+    releases = [noiseless_arm(config, rig, number) for number in range(1, len(rig.poses) + 1)]
+    if not all(np.isfinite(release.readings).all() for release in releases):
+        return float("inf")
+    length = round(MEASURE.window * MEASURE.rate_hz)
+    laid_out, wanted = _laid_out(releases, rig, length)
+    base = whole_parameters(config.Z, rig.L1, rig.g)
+    masses = config.Z[2:5] if rig.rods.mounting == "both" else config.Z[[2, 4]]
+    back_emf = 0.0 if config.arm_drive is None else config.arm_drive.back_emf
+    arm = [config.arm.J0 + float(masses.sum()) * rig.L0**2, config.arm.c0 + back_emf]
+    values, starts = np.array([*base, *arm]), np.array([_start(piece, rig) for piece in wanted])
+    sigma, rods, left = _noise(config, rig), _moving(rig), np.array([np.inf])
+    for share in SHARES:
+        part = np.s_[:, : round(share * length), rods.axes]
+        expected, slopes = _linearised(values, starts, laid_out, rig_constants(rig), rods)
+        if not (np.isfinite(expected).all() and np.isfinite(slopes).all()):
+            return float("inf")
+        rest = ((wanted - expected.reshape(wanted.shape)) / sigma)[part].reshape(len(wanted), -1)
+        columns = (slopes.reshape(*wanted.shape, -1) / sigma[:, None])[part].reshape(*rest.shape, -1)
+        shift, start_shifts, left = eliminated(rest, columns, len(rods.parameters), rcond=1e-6)
+        values[rods.parameters] *= 1.0 + shift
+        starts[:, rods.states] += start_shifts
+        if 1 not in rods.states:
+            starts[:, 1] = starts[:, 0]  # a single rod
+    return float(np.sqrt(np.mean(left**2)))
+
+
+def noiseless_arm(config: PlantConfig, rig: Rig, number: int) -> ArmRelease:
+    """A release from the pose of that number, from 1, without noise and rounding."""
+    plant, pose, drive = Plant(config, rig), list(rig.poses.values())[number - 1], arm_drive_of(config)
+    ticks = np.arange(round(DURATION_S * MEASURE.rate_hz))
+    driven = None if drive is None else partial(drive.block, rate_hz=MEASURE.rate_hz)
+    swing = plant.let_go(pose.theta, np.zeros(3), MEASURE.rate_hz, number, driven)
+    asked = swing.asked(0, len(ticks))
+    theta = plant.misread(swing.theta(0, len(ticks)), ticks / MEASURE.rate_hz, number - 1)
+    readings = np.column_stack([theta[:, 1], plant.joint2(theta[:, 1], theta[:, 2]), theta[:, 0]])
+    if drive is None:
+        return ArmRelease(readings, None)
+    return ArmRelease(readings, drive.logged(asked) * drive.config.torque_per_input)
+
+
+@dataclass(frozen=True, slots=True)
+class MovingParts:
+    """Indices of what the mounted rods show."""
+
+    parameters: list[int]
+    """Among a, b, d, e1, c1, c2, p, and the arm's inertia and friction."""
+    states: list[int]
+    """Among theta1, theta2, omega1, omega2, theta0, omega0."""
+    axes: list[int]
+    """Among theta1, joint 2, theta0."""
+
+
+def _moving(rig: Rig) -> MovingParts:
+    if rig.rods.mounting == "both":
+        return MovingParts([0, 1, 2, 3, 4, 5, 7, 8], [0, 1, 2, 3, 4, 5], [0, 1, 2])
+    return MovingParts([0, 3, 4, 7, 8], [0, 2, 4, 5], [0, 2])
+
+
+def _laid_out(releases: list[ArmRelease], rig: Rig, length: int) -> tuple[Segments, Array]:
+    """Segments of all releases, and (segments, length, 3) their readings."""
+    setups, times, runs, wanted = [], [], [], []
+    for run, release in enumerate(releases):
+        t = np.arange(len(release.readings)) / MEASURE.rate_hz
+        torques = None if release.torque is None else Torques(t, np.zeros((len(t), 2)), on_arm=release.torque)
+        setups.append(Setup(rig.rods.mounting, torques=torques, arm_moves=True))
+        for k in range(length, len(t) - length + 1, length):  # a later segment starts at its first reading
+            times.append(t[k : k + length])
+            runs.append(run)
+            wanted.append(release.readings[k : k + length])
+    return segments(times, runs, setups, step=MEASURE.step), np.array(wanted)
+
+
+def _start(piece: Array, rig: Rig) -> Array:
+    """(6,) approximate state at the first of some readings."""
+    theta = piece[:3].copy()
+    if rig.encoders.joint2 == "relative":
+        theta[:, 1] += theta[:, 0]
+    if rig.rods.mounting != "both":
+        theta[:, 1] = theta[:, 0]
+    omega = (-3 * theta[0] + 4 * theta[1] - theta[2]) * MEASURE.rate_hz / 2
+    return np.array([theta[0, 0], theta[0, 1], omega[0], omega[1], theta[0, 2], omega[2]])
+
+
+def _linearised(
+    values: Array, starts: Array, laid_out: Segments, constants: RigConstants, moving: MovingParts
+) -> tuple[Array, Array]:
+    """(N, 3) readings and (N, 3, k) their derivatives by ln of the parameters and by the states of each segment."""
+    many = 1 + len(moving.parameters) + len(moving.states)
+    candidates, initial = np.tile(values, (many, 1)), np.tile(starts, (many, 1, 1))
+    for row, place in enumerate(moving.parameters, 1):
+        candidates[row, place] *= 1.0 + STEP
+    for row, place in enumerate(moving.states, 1 + len(moving.parameters)):
+        initial[row, :, place] += STEP
+        if place == 0 and 1 not in moving.states:
+            initial[row, :, 1] += STEP
+    params = np.tile(effect_params({}), (many, 1))
+    params[:, ARM] = candidates[:, 7:]
+    read = predict_batch(candidates[:, :7], params, constants, laid_out, initial, arm=True)
+    return read[0], np.moveaxis(read[1:] - read[0], 0, -1) / STEP
+
+
+def _noise(config: PlantConfig, rig: Rig) -> Array:
+    """(3,) standard deviation of encoders 1, 2 and 0 including their rounding, rad."""
+    noise = np.broadcast_to(np.asarray(config.encoders.noise_counts, dtype=np.float64), 3)
+    sigma = np.abs(rig.radians_per_count) * np.sqrt(noise**2 + config.encoders.step_counts**2 / 12)
+    return sigma[[1, 2, 0]]

@@ -1,0 +1,115 @@
+"""A simulated arm with hidden effects at joint 0 and of its motor, and the programs of its device."""
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import OF_ARM
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig import Rig, load_rig
+from sim_device.plant.arm_drive import arm_drive_of
+from sim_device.plant.config import ArmConfig, PlantConfig, load_plant
+from sim_device.plant.plant import Plant
+from sim_device.plant.rods import SimulatedRods
+from tests.arm_engine import Plant as OtherPlant
+from tests.arm_engine import swing as other_swing
+
+RATE = 500
+TICKS = 500
+SIZES = {
+    "coulomb_joint0": {"torque_Nm": 0.02},
+    "spring_joint0": {"stiffness_Nm_per_rad": 0.1, "constant_Nm": 0.02},
+    "torque_scale_joint0": {"excess": 0.2},
+    "torque_offset_joint0": {"offset_Nm": 0.02},
+    "dead_zone_joint0": {"width_Nm": 0.02},
+    "saturation_joint0": {"share": 1.0, "limit_Nm": 0.008},
+    "input_delay": {"delay_s": 0.008},
+}
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return load_rig("furuta")
+
+
+def plant_with(effects: dict[str, dict[str, float]], **drive: object) -> PlantConfig:
+    """The plant `furuta` with hidden effects and another drive."""
+    plant = load_plant("furuta")
+    assert plant.arm_drive is not None
+    still = plant.hand.model_copy(update={"placement_std": 0.0, "release_speed_std": 0.0})
+    changed = {"effects": effects, "hand": still, "arm_drive": plant.arm_drive.model_copy(update=drive)}
+    return PlantConfig.model_validate(plant.model_copy(update=changed).model_dump())
+
+
+def released(plant: PlantConfig, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3) readings, rad, and (n, kinds) reported inputs of a release from the first pose."""
+    drive = arm_drive_of(plant)
+    rods = SimulatedRods(Plant(plant, rig), rig, drives=drive)
+    rods.place(1, 0.0)
+    rods.let_go(0.0, RATE)
+    theta = rig.theta(rods.swing_counts(0, TICKS))
+    return theta, rods.torques(0, TICKS) * (drive.unit if drive else 1.0)
+
+
+def by_mujoco(plant: PlantConfig, rig: Rig, torque: np.ndarray, name: str) -> np.ndarray:
+    """The same release by MuJoCo under the logged torque, with the fault written again."""
+    rod = {key: plant.parameters[key] for key in ("l1", "m1", "c1", "J1")}
+    drive, size = plant.arm_drive, dict(plant.effects.get(name, {}))
+    assert drive is not None
+    if name == "spring_joint0":
+        stiffness = size["stiffness_Nm_per_rad"]
+        size = {"stiffness": stiffness, "rest": size["constant_Nm"] / stiffness}
+    other = OtherPlant(
+        rod, plant.arm.J0 + plant.parameters["mb"] * rig.L0**2, plant.arm.c0 + drive.back_emf, rig.L0, rig.L1,
+        fault=name, size=size,
+    )  # fmt: skip
+    start = np.array([0.0, 2.0, 2.0, 0.0, 0.0, 0.0])
+    return other_swing(other, start, np.arange(TICKS) / RATE, torque)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SIZES)
+def test_a_hidden_fault_of_the_arm_acts_as_mujoco_says_and_is_not_reported(rig: Rig, name: str) -> None:
+    clean, logged = released(plant_with({}, noise=0.0), rig)
+    plant = plant_with({name: SIZES[name]}, noise=0.0)
+    faulty, reported = released(plant, rig)
+    np.testing.assert_array_equal(reported, logged)
+    assert plant.arm_drive is not None
+    expected = by_mujoco(plant, rig, logged[:, 0] * plant.arm_drive.torque_per_input, name)
+    acts = np.abs(faulty - clean)[:, :2].max()
+    assert acts > 0.02
+    assert np.abs(faulty - expected)[:, :2].max() < max(0.02 * acts, 4e-3)
+
+
+def test_the_encoder_of_the_arm_is_late_scaled_and_off(rig: Rig) -> None:
+    clean, _ = released(plant_with({}), rig)
+    late, _ = released(plant_with({"latency_joint0": {"delay_s": 0.004}}), rig)
+    np.testing.assert_allclose(late[2:, 0], clean[:-2, 0], atol=6e-3)
+    np.testing.assert_allclose(late[:, 1], clean[:, 1], atol=6e-3)
+    read, _ = released(
+        plant_with({"encoder_scale_joint0": {"excess": 0.1}, "encoder_offset_joint0": {"offset_rad": 0.3}}), rig
+    )
+    np.testing.assert_allclose(read[:, 0], 1.1 * clean[:, 0] + 0.3, atol=6e-3)
+
+
+def test_a_controller_in_the_device_turns_the_arm_along_its_program(rig: Rig) -> None:
+    program = {"program": "pd", "amplitude": 0.5, "kp": 40.0, "kd": 1.0, "rates_hz": (0.5, 0.8), "limit": 10.0}
+    theta, reported = released(plant_with({}, **program), rig)
+    t = np.arange(TICKS) / RATE
+    asked = 0.25 * (np.sin(2 * np.pi * 0.5 * t) + np.sin(2 * np.pi * 0.8 * t))
+    assert np.abs(theta[:, 0] - asked).max() < 0.15
+    speed = np.gradient(theta[:, 0], t)
+    expected = 40.0 * (asked - theta[:, 0]) - 1.0 * speed
+    assert np.corrcoef(reported[:, 1], expected)[0, 1] > 0.9
+    assert 0.5 < np.abs(reported).max() < 10.0
+
+
+def test_a_clamped_arm_has_no_effects_and_a_free_one_no_drive(rig: Rig) -> None:
+    plant = load_plant("furuta")
+    for mode, name, lacking in (
+        ("clamped", "coulomb_joint0", "an arm that moves"),
+        ("free", "dead_zone_joint0", "arm_drive"),
+    ):
+        assert name in OF_ARM
+        changed = {"arm": ArmConfig(mode=mode), "arm_drive": None, "effects": {name: SIZES[name]}}
+        with pytest.raises(ConfigError, match=lacking):
+            Plant(plant.model_copy(update=changed), rig)
