@@ -1,14 +1,17 @@
-"""Sealed trials: MJCF and URDF models with one planted error of a drawn size, recorded in MuJoCo.
+"""Sealed trials: MJCF, URDF and SDFormat models with one planted error of a drawn size.
 
     python benchmarks/simulator_models.py [--trials 40] [--first 0] [--quick] [--json]
 
 Of each: whether the first cause is the planted one, and the error of free runs of the corrected file from poses that
 were not recorded. Kind, size and format of a trial follow from its number; the diagnosis sees file and recordings.
+MJCF and URDF run in MuJoCo, SDFormat in Drake, which has no Coulomb friction. A gear shows only in driven rods: in its
+trials the motors follow known inputs, and the recordings have their torques by the gears of the file.
 """
 
 import sys
 import tempfile
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,19 +21,17 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from dpr_lab.exports.corrected import corrected_model
 from dpr_lab.exports.into import WORDS, into_file
 from dpr_lab.exports.into.least_change import least_change
-from dpr_lab.exports.into.replay import Simulation
-from dpr_lab.exports.programs import Replay
 from dpr_lab.exports.refit import fitted_in_words
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.rig import Rig, load_rig
+from dpr_lab.rig import load_rig
 from dpr_lab.simulator_models import read_model
 from dpr_lab.simulator_models.chain import double_pendulum
 from dpr_lab.workflows.rig_from import rig_from_model
-from tests.exports.planted_errors import recordings
+from tests.exports.planted_errors import controls, recordings, swing
 
 RIGHT = {
     "friction1": 0.0, "friction2": 0.0, "armature2": 0.0, "damping1": 0.002, "damping2": 0.001, "stiffness1": 0.0,
-    "stiffness2": 0.0, "centroid1": 0.12, "centroid2": 0.125, "length": 0.3,
+    "stiffness2": 0.0, "centroid1": 0.12, "centroid2": 0.125, "length": 0.3, "gear1": 10.0, "gear2": 5.0,
 }  # fmt: skip
 """Numbers of the robot that every trial starts from, SI."""
 
@@ -45,16 +46,25 @@ PLANTED = {
     "centroid1": ("centroid of the body along the rod", "shoulder", (0.128, 0.14)),
     "centroid2": ("centroid of the body along the rod", "elbow", (0.132, 0.145)),
     "length": ("length error, inner rod", "shoulder", (0.308, 0.325)),
+    "gear1": ("gear of the motor", "shoulder", (10.6, 13.0)),
+    "gear2": ("gear of the motor", "elbow", (3.8, 4.7)),
 }
 """Number -> quantity and joint of the first cause, and between which true values it is drawn."""
 
-IN_URDF = ("friction1", "friction2", "damping1", "damping2", "centroid1", "centroid2", "length")
+JOINTS = (1, "shoulder"), (2, "elbow")
+KINDS = {
+    "xml": tuple(PLANTED),
+    "urdf": ("friction1", "friction2", "damping1", "damping2", "centroid1", "centroid2", "length"),
+    "sdf": ("stiffness1", "stiffness2", "damping1", "damping2", "centroid1", "centroid2", "length"),
+}
+"""Format -> planted errors that it can hold and its engine simulates."""
 STARTS = ((np.pi - 1.5, np.pi - 0.4), (2.3, 3.6))
 """Absolute angles of held-out releases, rad."""
 
 
-def mjcf(n: dict[str, float]) -> str:
-    """The robot as MJCF."""
+def mjcf(n: dict[str, float], driven: bool = False) -> str:
+    """The robot as MJCF; motors only where it is driven."""
+    motors = "".join(f'<motor joint="{name}" gear="{n[f"gear{j}"]}"/>' for j, name in JOINTS)
     joints = [
         f'axis="0 1 0" damping="{n[f"damping{j}"]}" frictionloss="{n[f"friction{j}"]}"'
         f' stiffness="{n[f"stiffness{j}"]}" armature="{n["armature2"] if j == 2 else 0}"'
@@ -73,7 +83,7 @@ def mjcf(n: dict[str, float]) -> str:
         <inertial pos="0 0 {-n["centroid2"]}" mass="0.15" diaginertia="0.0008 0.0008 0.00002"/>
       </body>
     </body>
-  </worldbody>
+  </worldbody>{f"<actuator>{motors}</actuator>" if driven else ""}
 </mujoco>
 """
 
@@ -97,7 +107,26 @@ def urdf(n: dict[str, float]) -> str:
 """
 
 
-FORMATS = {"xml": mjcf, "urdf": urdf}
+def sdf(n: dict[str, float]) -> str:
+    """The robot as SDFormat."""
+
+    def rod(j: int, link: str, above: str, pose: str, mass: float, inertia: tuple[float, float, float]) -> str:
+        tensor = "".join(f"<{key}>{value}</{key}>" for key, value in zip(("ixx", "iyy", "izz"), inertia, strict=True))
+        spring = f"<spring_reference>0</spring_reference><spring_stiffness>{n[f'stiffness{j}']}</spring_stiffness>"
+        return f"""
+  <link name="{link}">{pose}
+    <inertial><pose>0 0 {-n[f"centroid{j}"]} 0 0 0</pose><mass>{mass}</mass>
+      <inertia>{tensor}</inertia></inertial></link>
+  <joint name="{JOINTS[j - 1][1]}" type="revolute"><parent>{above}</parent><child>{link}</child>
+    <axis><xyz>0 1 0</xyz><dynamics><damping>{n[f"damping{j}"]}</damping>{spring}</dynamics></axis></joint>"""
+
+    upper = rod(1, "upper", "world", "<pose>0 0 1 0 0 0</pose>", 0.3, (0.002, 0.0021, 0.0005))
+    elbow = f"<pose relative_to='upper'>0 0 {-n['length']} 0 0 0</pose>"
+    lower = rod(2, "lower", "upper", elbow, 0.15, (0.0008, 0.0008, 0.00002))
+    return f"""<sdf version="1.9"><world name="lab"><gravity>0 0 -9.81</gravity><model name="own">
+  <!-- drawn > weighed: "keep" me -->{upper}{lower}
+</model></world></sdf>
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,41 +151,37 @@ class Result:
 def trial(number: int) -> Result:
     """Plant, record, diagnose, correct, run freely."""
     rng = np.random.default_rng([29, number])
-    form = "urdf" if number % 3 == 2 else "xml"
-    kind = str(rng.choice(IN_URDF if form == "urdf" else list(PLANTED)))
+    form = ("xml", "xml", "urdf", "sdf")[number % 4]
+    kind = str(rng.choice(KINDS[form]))
     quantity, joint, (low, high) = PLANTED[kind]
     size = float(rng.uniform(low, high))
-    truth = mjcf(RIGHT | {kind: size})
+    gears = (RIGHT["gear1"], RIGHT["gear2"]) if kind.startswith("gear") else None
+    write = {"xml": partial(mjcf, driven=gears is not None), "urdf": urdf, "sdf": sdf}[form]
+    text, truth = write(RIGHT), write(RIGHT | {kind: size})
     with tempfile.TemporaryDirectory() as folder:
-        file, true_file = Path(folder) / f"robot.{form}", Path(folder) / "truth.xml"
-        file.write_text(FORMATS[form](RIGHT), encoding="utf-8")
-        true_file.write_text(truth, encoding="utf-8")
+        file = Path(folder) / f"robot.{form}"
+        file.write_text(text, encoding="utf-8")
         rig_from_model(file, Path(folder) / "rig.toml", g=9.81)
         rig = load_rig(Path(folder) / "rig.toml")
-        runs = recordings(truth, rig)
+        runs = recordings(truth, rig, gears=gears)
         diagnosis = diagnose(runs, rig)
         read = read_model(file)
         chain = double_pendulum(read, (), rig.g if read.gravity is None else None)
         model = fitted_in_words(corrected_model(diagnosis, runs, rig), WORDS[read.format], runs, rig)
         least = least_change(diagnosis, model, rig, chain, runs)
         patched = into_file(least.model, rig, file)
-        first = least.causes[0] if least.causes else None
-        free = [_free_runs(path, text, rig) for path, text in ((true_file, None), (file, None), (file, patched.text))]
-    before, after = (1e3 * float(np.sqrt(np.mean((some - free[0]) ** 2))) for some in free[1:])
+    first = least.causes[0] if least.causes else None
+    t = np.arange(0, 3, 0.005)
+    inputs = None if gears is None else controls(len(runs), t)
+    true, *errors = (
+        np.array([swing(own, rig, start, t, controls=inputs) for start in STARTS])
+        for own in (truth, text, patched.text.decode())
+    )
+    before, after = (1e3 * float(np.sqrt(np.mean((own - true) ** 2))) for own in errors)
     right = first is not None and (first.quantity, first.joint) == (quantity, joint)
     named = f"{first.quantity}, {first.joint}" if first else "none"
     changed = ", ".join(f"{change.element} {change.attribute}" for change in patched.changes)
     return Result(kind, size, form, named, right, before, after, changed)
-
-
-def _free_runs(path: Path, text: bytes | None, rig: Rig) -> np.ndarray:
-    t = np.arange(0, 3, 0.005)
-    simulation = Simulation.of(path, text, (), rig.g)
-    still = {"measured": np.zeros((len(t), 2)), "simulated": np.zeros((len(t), 2)), "noise_rad": np.zeros(2)}
-    starts = [np.array([*start, 0.0, 0.0]) for start in STARTS]
-    return np.array(
-        [simulation.angles(Replay("", t, start=0.0, x0=x0, torques=np.zeros((1, 2)), **still)) for x0 in starts]
-    )
 
 
 def main() -> None:

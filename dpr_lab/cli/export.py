@@ -152,17 +152,32 @@ def _into(
         line(f"{into.name} already has the numbers of the model")
     for effect, reason in done.lost.items():
         line(f"not in the file: {in_words(effect)}: {reason}")
+    for effect in done.passive:
+        line(f"not in the file, but in {done.passive_file}: {in_words(effect)}")
     show_replays(into.name, done.replays)
     line(f"model: {done.file}")
     line(f"difference: {done.diff_file}")
+    if done.passive_file:
+        line(f"passive forces for MuJoCo, which {done.file.name} needs: {done.passive_file}")
 
 
 def show_replays(name: str, replays: "Sequence[FileReplay]") -> None:
     """Errors of the user's file before and after, by recording."""
     if replays:
-        columns = ("run", "until, s", "before, mrad", "after, mrad", "corrected model in dpr-lab, mrad")
-        rows = [(each.run, f"{each.until_s:.3g}", *(f"{1e3 * rad:.3g}" for rad in each.errors_rad)) for each in replays]
-        note = "Free runs; what the last column is better is the cost of effects that the file cannot hold."
+        kinds = {
+            "before": "before_rad",
+            "after": "after_rad",
+            "with passive forces": "passive_rad",
+            "dpr-lab": "lab_rad",
+        }
+        if replays[0].passive_rad is None:
+            del kinds["with passive forces"]
+        columns = ("run", "until, s", *(f"{name}, mrad" for name in kinds))
+        rows = [
+            (each.run, f"{each.until_s:.3g}", *(f"{1e3 * getattr(each, kind):.3g}" for kind in kinds.values()))
+            for each in replays
+        ]
+        note = "Free runs. The error after minus that of dpr-lab is the cost of effects that the file cannot contain."
         table(f"Replayed with the numbers of {name}", columns, rows, note=note)
 
 

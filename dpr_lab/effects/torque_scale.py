@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, Words, at_arm, pair
 from dpr_lab.kernels import inlined
 
 
@@ -12,10 +12,16 @@ def rescaled(torque: float, excess: float) -> float:
     return excess * torque
 
 
+def gear(params: Params) -> Words:
+    """Gear of the drive's motor over the one with which the known torques were computed."""
+    return {"gear": 1.0 + params["excess"]}
+
+
 _JOINT1, _JOINT2 = pair(
     "torque_scale",
     words="torque constant error, joint {j}",
     kernel=rescaled,
+    exported=gear,
     equation="(1 + x) tau acts at joint {j}, with tau the known torque",
     parameters=(EffectParameter("excess", "1", 0.05, most=0.9),),
     site="drive",

@@ -85,12 +85,12 @@ def left_out(model: Model, expressed: Collection[str], program: str) -> dict[str
 def _reason(name: str, values: Mapping[str, float], program: str) -> str:
     if name not in EFFECTS:
         return "unknown effect in this version of dpr-lab"
+    if EFFECTS[name].driven:
+        return "the inputs of the model are the acting torques, without drives"
     if words := words_of({name: values}).get(name):
         return f"{program} has no element for {' and '.join(words)}"
     if EFFECTS[name].stage in ("timing", "encoder", "play"):
         return f"{program} describes bodies, but not encoder readings"
-    if EFFECTS[name].driven:
-        return "the inputs of the model are the acting torques, without drives"
     return f"{program} has no element for it"
 
 

@@ -6,6 +6,8 @@ integrator.
 """
 
 import math
+from collections.abc import Collection
+from dataclasses import dataclass
 from functools import partial
 from xml.etree.ElementTree import Element
 
@@ -37,14 +39,22 @@ _CALLBACK = '''
 import mujoco
 
 FRICTION = {friction!r}  # of the effects called here, what the engine gives the joints already, N m
-FIRST = {first!r}  # place of joint 1 among the engine's coordinates
-GRAVITY = None  # of a file that says none
+JOINTS = {joints!r}
+UPRIGHT = {upright!r}  # theta1 and theta2 - theta1 where these joints are at zero, rad
+SIGN = {sign!r}  # -1 for a joint that turns against theta
+GRAVITY = {gravity!r}  # of a file that says none
+
+
+def coordinates(data):
+    """theta1, theta2 - theta1 and their speeds in the engine."""
+    first, second = (data.joint(name) for name in JOINTS)
+    turns = (UPRIGHT[0] + SIGN[0] * float(first.qpos[0]), UPRIGHT[1] + SIGN[1] * float(second.qpos[0]))
+    return *turns, SIGN[0] * float(first.qvel[0]), SIGN[1] * float(second.qvel[0])
 
 
 def passive(model, data):
-    """Torques of the effects that MJCF has no words for; for mujoco.set_mjcb_passive, once the model is loaded."""
-    theta1, turn2 = data.qpos[FIRST : FIRST + 2].tolist()
-    omega1, turning2 = data.qvel[FIRST : FIRST + 2].tolist()
+    """Torques of the effects that the file cannot contain; for mujoco.set_mjcb_passive, once the model is loaded."""
+    theta1, turn2, omega1, turning2 = coordinates(data)
     directions = math.copysign(1.0, omega1) if omega1 else 0.0, math.copysign(1.0, turning2) if turning2 else 0.0
     angles, speeds = (0.0, theta1, theta1 + turn2), (0.0, omega1, omega1 + turning2)
     motion = motion_of(data.time, angles, speeds, (0.0, 0.0), (0.0, 0.0), directions)
@@ -55,22 +65,24 @@ def passive(model, data):
         forces = joint_forces(motion, held(rods, *directions), MODEL.base, MODEL.constants)
         motion = under_load(motion, *forces)
         terms = plus(terms, load_torques(motion, MODEL.base, MODEL.constants, START, None, None))
-    data.qfrc_passive[FIRST] += terms.torque1 + terms.torque2 + directions[0] * FRICTION[0]
-    data.qfrc_passive[FIRST + 1] += terms.torque2 + directions[1] * FRICTION[1]
+    data.joint(JOINTS[0]).qfrc_passive[0] += SIGN[0] * (terms.torque1 + terms.torque2 + directions[0] * FRICTION[0])
+    data.joint(JOINTS[1]).qfrc_passive[0] += SIGN[1] * (terms.torque2 + directions[1] * FRICTION[1])
 
 
 class EngineSwing(Swing):
     """The rig in MuJoCo; for `simulate(..., kind=EngineSwing)` and `readings(..., kind=EngineSwing)`."""
 
-    file = "{xml}"
+    file = {file!r}
+    compiled = None  # a model to use instead of the file
 
     def __init__(self, x0, t=0.0, run=0):
         super().__init__(x0, t, run)
         mujoco.set_mjcb_passive(None)
-        self.model = mujoco.MjModel.from_xml_path(self.file)
+        self.model = self.compiled or mujoco.MjModel.from_xml_path(self.file)
         self.data = mujoco.MjData(self.model)
-        self.data.qpos[FIRST:] = self.x.theta1, self.x.theta2 - self.x.theta1
-        self.data.qvel[FIRST:] = self.x.omega1, self.x.omega2 - self.x.omega1
+        turns, speeds = (self.x.theta1, self.x.theta2 - self.x.theta1), (self.x.omega1, self.x.omega2 - self.x.omega1)
+        for name, turn, speed, upright, sign in zip(JOINTS, turns, speeds, UPRIGHT, SIGN):
+            self.data.joint(name).qpos[0], self.data.joint(name).qvel[0] = sign * (turn - upright), sign * speed
         self.model.opt.integrator, self.longest = mujoco.mjtIntegrator.mjINT_RK4, min(self.model.opt.timestep, 5e-4)
         if GRAVITY is not None:
             self.model.opt.gravity[:] = 0.0, 0.0, -GRAVITY
@@ -79,13 +91,28 @@ class EngineSwing(Swing):
         count = max(1, math.ceil(h / self.longest - 1e-9))
         self.model.opt.timestep, self.data.time = h / count, self.t
         self.model.dof_solref[:, 0] = 2.0 * h / count  # dry friction as hard as the step allows
-        self.data.qfrc_applied[FIRST:] = torque1, torque2
+        for name, sign, torque in zip(JOINTS, SIGN, (torque1, torque2)):
+            self.data.joint(name).qfrc_applied[0] = sign * torque
         mujoco.set_mjcb_passive(passive)
         mujoco.mj_step(self.model, self.data, count)
         mujoco.set_mjcb_passive(None)
-        (theta1, turn2), (omega1, turning2) = self.data.qpos[FIRST:].tolist(), self.data.qvel[FIRST:].tolist()
+        theta1, turn2, omega1, turning2 = coordinates(self.data)
         return self.x._replace(theta1=theta1, theta2=theta1 + turn2, omega1=omega1, omega2=omega1 + turning2)
 '''
+
+
+@dataclass(frozen=True, slots=True)
+class EngineFile:
+    """The file whose joints a module of passive forces acts on; by default that of `mjcf`."""
+
+    name: str = XML
+    joints: tuple[str, str] = ("joint1", "joint2")
+    upright: tuple[float, float] = (0.0, 0.0)
+    """theta1 and theta2 - theta1 where its joints are at zero, rad."""
+    sign: tuple[float, float] = (1.0, 1.0)
+    """-1 for a joint that turns against theta."""
+    gravity: float | None = None
+    """Gravity, m/s^2, of a file that contains none."""
 
 
 def mjcf(model: Model, rig: Rig) -> str:
@@ -120,16 +147,32 @@ def mjcf(model: Model, rig: Rig) -> str:
     return text_of(root)
 
 
-def passive(model: Model, rig: Rig) -> str:
-    """Module with the passive force of the effects without an MJCF element, and the encoder readings."""
-    expressed = in_words(model, rig, WORDS)
+def passive(
+    model: Model, rig: Rig, expressed: Collection[str] | None = None, engine_file: EngineFile | None = None
+) -> str:
+    """Module with the passive force of the effects that a file cannot contain, and the encoder readings.
+
+    Args:
+        model: the corrected model
+        rig: its rig
+        expressed: effects that the file contains; None: those of `mjcf`
+        engine_file: the file; None: that of `mjcf`
+    """
+    expressed = in_words(model, rig, WORDS) if expressed is None else expressed
+    place = EngineFile() if engine_file is None else engine_file
     called = [name for name in model.effects if name in EFFECTS and name not in expressed]
     more = {"motion_of": motion_of, "under_load": under_load, "joint_forces": joint_forces, "held": held, "plus": plus}
     more |= {"reduced_rods": reduced_rods, "called_torques": effect_torques}
     text = module_text(model, rig, more, {"called_torques": partial(of_effects, effects=called)})
-    first = 1 if any("arm" in words for words in expressed.values()) else 0
     friction = rest_friction({name: model.effects[name] for name in called}, rig)
-    return text + _CALLBACK.format(friction=friction, first=first, xml=XML)
+    return text + _CALLBACK.format(
+        friction=friction,
+        joints=place.joints,
+        upright=place.upright,
+        sign=place.sign,
+        gravity=place.gravity,
+        file=place.name,
+    )
 
 
 def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float]:

@@ -89,7 +89,7 @@ def in_mujoco(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
 def in_urdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
     """MuJoCo, which can read URDF."""
     file.with_name(CALLBACK).write_text(passive(model, rig), encoding="utf-8")
-    return _engine(file, {"passive": None, "GRAVITY": model.rig.g, "FIRST": 0})
+    return _engine(file, {"passive": None, "GRAVITY": model.rig.g})
 
 
 def in_sdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
@@ -98,7 +98,7 @@ def in_sdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
     held = model.model_copy(update={"effects": {name: model.effects[name] for name in expressed}})
     file.with_name(XML).write_text(mjcf(held, rig), encoding="utf-8")
     file.with_name(CALLBACK).write_text(passive(model, rig), encoding="utf-8")
-    return _engine(file.with_name(XML), {"passive": None, "FIRST": 0})
+    return _engine(file.with_name(XML), {"passive": None})
 
 
 def _engine(file: Path, other: Mapping[str, Any]) -> Callable[[Replay], Array]:

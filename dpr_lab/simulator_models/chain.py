@@ -6,7 +6,7 @@ to joint 2, the outer rod from joint 2 to its centroid.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -67,6 +67,8 @@ class ChainRod:
     """(3,) unit vector along the rod, all joints at zero."""
     offset: float = 0.0
     """Distance of the centroid across the rod, m."""
+    gear: float | None = None
+    """Gear of the only motor on its joint; None without one, or if other actuators act on the joint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +145,10 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
         terms.append(JointTerm(inner.name, "distance of the centroid from the axis of the inner rod", rod1.offset, "m"))
     rod2 = _outer(groups[1], outer, plane, e, angle1)
     _driven(model, joints, notes)
-    return ModelChain((rod1, rod2), float(sum(part.mass for part in at_elbow)), g, e, arm, tuple(terms), tuple(notes))
+    rods = tuple(replace(rod, gear=_gear(model, rod.joint)) for rod in (rod1, rod2))
+    return ModelChain(
+        (rods[0], rods[1]), float(sum(part.mass for part in at_elbow)), g, e, arm, tuple(terms), tuple(notes)
+    )
 
 
 def _pull(model: SimulatorModel, gravity: float | None, notes: list[str]) -> Vector:
@@ -365,6 +370,12 @@ def _driven(model: SimulatorModel, joints: Sequence[ModelJoint], notes: list[str
         if joint.limits is not None:
             lower, upper = joint.limits
             notes.append(f"joint {joint.name!r}: stops at {lower:.6g} and {upper:.6g} rad")
+
+
+def _gear(model: SimulatorModel, joint: ModelJoint) -> float | None:
+    own = [actuator for actuator in model.actuators if actuator.joint == joint.name]
+    motor = len(own) == 1 and own[0].kind == "motor"
+    return own[0].gear if motor and own[0].gear and math.isfinite(own[0].gear) else None
 
 
 def _arm(joint: ModelJoint, groups: Sequence[Sequence[Part]], up: Vector, e: Vector, notes: list[str]) -> ChainArm:

@@ -117,7 +117,7 @@ def diagnose_simulator(
     old, new = (text.splitlines(keepends=True) for text in (before, after))
     diff = "".join(unified_diff(old, new, str(simulator), f"corrected {simulator.name}", n=1))
     unseen = read_runs(request.held_out, rig, ignore, request.any_clock, request.torque) or runs
-    replays = replay_files(simulator, patched.text, names, model, rig, unseen) if _runs_here() else []
+    replays = replay_files(simulator, patched, names, model, rig, unseen) if _runs_here() else []
     done = replace(done, changes=patched.changes, diff=diff, lost=lost | patched.lost, replays=tuple(replays))
     return _written(done, request.out, after) if request.out else done
 

@@ -26,13 +26,18 @@ class ExportedInto:
     """Unified diff of both files."""
     changes: "tuple[ChangedAttribute, ...]"
     lost: dict[str, str]
-    """Effect -> reason why the file cannot contain it."""
+    """Effect -> reason why neither the file nor the module of passive forces can contain it."""
+    passive: tuple[str, ...] = ()
+    """Effects that only the module of passive forces contains."""
+    passive_file: Path | None = None
+    """This module, for MuJoCo; None without such effects."""
     replays: "tuple[FileReplay, ...]" = ()
     """Errors before and after on the recordings to check."""
 
     def to_json(self) -> dict[str, Any]:
         """Output of `dpr-lab export --into --json`."""
-        return {"schema": 1, **asdict(self), "file": str(self.file), "diff_file": str(self.diff_file)}
+        passive = {"passive_file": str(self.passive_file) if self.passive_file else None}
+        return {"schema": 1, **asdict(self), "file": str(self.file), "diff_file": str(self.diff_file), **passive}
 
 
 def export_into(
@@ -62,6 +67,7 @@ def export_into(
     """
     from dpr_lab.exports.into import into_file
     from dpr_lab.exports.into.replay import replay_files
+    from dpr_lab.exports.mjcf import CALLBACK
     from dpr_lab.identification.model import load_model
     from dpr_lab.rig import load_rig
     from dpr_lab.whole_file import write_text
@@ -80,6 +86,10 @@ def export_into(
     diff_file = out / f"{into.name}.diff"
     write_text(file, text)
     write_text(diff_file, diff)
+    added = patched.passive
+    module = out / CALLBACK if added.module else None
+    if module is not None:
+        write_text(module, added.module)
     runs = read_runs(check, loaded_rig, on_event)
-    replays = replay_files(into, patched.text, joints, loaded, loaded_rig, runs) if runs else []
-    return ExportedInto(file, diff_file, diff, patched.changes, patched.lost, tuple(replays))
+    replays = replay_files(into, patched, joints, loaded, loaded_rig, runs) if runs else []
+    return ExportedInto(file, diff_file, diff, patched.changes, patched.lost, added.effects, module, tuple(replays))

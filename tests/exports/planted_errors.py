@@ -1,6 +1,8 @@
-"""MJCF models with one planted error, and recordings of the true model in MuJoCo."""
+"""MJCF models with one planted error, and recordings of the true model in MuJoCo, or in Drake for SDFormat."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
 
 import mujoco
 import numpy as np
@@ -82,30 +84,64 @@ SOFTENED = "frictionloss missing, shoulder"
 """Named as Stribeck friction, because MuJoCo softens dry friction (`solref`, `solimp`)."""
 
 
-def swing(text: str, rig: Rig, start: tuple[float, float], t: Array, step: float = 2.5e-4) -> Array:
-    """(n, 2) absolute angles of the rods after a release in MuJoCo, rad."""
+def swing(
+    text: str, rig: Rig, start: tuple[float, float], t: Array, step: float = 2.5e-4, controls: Array | None = None
+) -> Array:
+    """(n, 2) absolute angles of the rods after a release, rad; (n, 2) `controls` of the motors hold until the next."""
+    if text.startswith("<sdf"):
+        return swing_in_drake(text, rig, start, t)
     model = mujoco.MjModel.from_xml_string(text)  # type: ignore[attr-defined]
-    model.opt.timestep = step
+    model.opt.timestep, model.opt.integrator = step, mujoco.mjtIntegrator.mjINT_RK4  # type: ignore[attr-defined]
     data = mujoco.MjData(model)  # type: ignore[attr-defined]
     data.qpos[:] = rig.positions([0.0, *start])[1:] / COUNTS
     angles = []
-    for _ in t:
+    for i in range(len(t)):
         angles.append(rig.theta([0.0, *(data.qpos * COUNTS)])[1:])
+        if controls is not None:
+            data.ctrl[:] = controls[i]
         mujoco.mj_step(model, data, round((t[1] - t[0]) / step))  # type: ignore[attr-defined]
     return np.array(angles)
 
 
-def recordings(text: str, rig: Rig, seconds: float = 10.0, rate_hz: int = 200) -> list[Run]:
-    """A release from each of `STARTS`, with encoders of 14 bits."""
+def swing_in_drake(text: str, rig: Rig, start: tuple[float, float], t: Array) -> Array:
+    """The same in Drake, which reads SDFormat but ignores its Coulomb friction."""
+    plant = import_module("pydrake.multibody.plant").MultibodyPlant(0.0)
+    import_module("pydrake.multibody.parsing").Parser(plant).AddModelsFromString(text, "sdf")
+    plant.Finalize()
+    simulator = import_module("pydrake.systems.analysis").Simulator(plant)
+    simulator.get_mutable_integrator().set_target_accuracy(1e-9)
+    context = simulator.get_mutable_context()
+    plant.SetPositions(context, rig.positions([0.0, *start])[1:] / COUNTS)
+    angles = []
+    for instant in t - t[0]:
+        simulator.AdvanceTo(instant)
+        angles.append(rig.theta([0.0, *(plant.GetPositions(context) * COUNTS)])[1:])
+    return np.array(angles)
+
+
+def controls(seed: int, t: Array) -> Array:
+    """(n, 2) sums of sines for the motors of shoulder and elbow, with gears of about 10 and 5, zero before t = 0."""
+    rng = np.random.default_rng([29, seed])
+    hz, phase = rng.uniform(0.3, 3.0, (3, 2)), rng.uniform(0, 2 * np.pi, (3, 2))
+    waves = np.sin(2 * np.pi * hz * t[:, None, None] + phase).sum(axis=1)
+    return np.where(t[:, None] >= 0, waves * [0.012, 0.006], 0.0)
+
+
+def recordings(
+    text: str, rig: Rig, seconds: float = 10.0, rate_hz: int = 200, gears: Sequence[float] | None = None
+) -> list[Run]:
+    """A release from each of `STARTS`, with encoders of 14 bits; where `gears` of the file are given, under torques."""
     runs = []
     for number, start in enumerate(STARTS):
         rng = np.random.default_rng(number)
         t = np.arange(-rate_hz, round(seconds * rate_hz) + 1) / rate_hz
         theta = np.zeros((len(t), 3))
         theta[t < 0, 1:] = start
-        theta[t >= 0, 1:] = swing(text, rig, start, t[t >= 0])
+        inputs = controls(number, t)
+        theta[t >= 0, 1:] = swing(text, rig, start, t[t >= 0], controls=None if gears is None else inputs[t >= 0])
         counts = np.rint(rig.positions(theta) + rng.normal(0, 0.3, theta.shape)).astype(np.int64)
-        runs.append(Run(f"r{number}", t, rig.theta(counts), counts, None, rig.name, "", rate_hz))
+        run = Run(f"r{number}", t, rig.theta(counts), counts, None, rig.name, "", rate_hz)
+        runs.append(run if gears is None else replace(run, torques=inputs * gears, torque_kind="commanded"))
     return runs
 
 

@@ -136,8 +136,9 @@ def test_a_longer_rod_moves_the_elbow(start: tuple[Path, Rig]) -> None:
 
 def test_effects_without_an_attribute_are_listed(start: tuple[Path, Rig]) -> None:
     path, rig = start
-    patched = into_mjcf(model_of(rig, {"air_drag_both": {}, "latency_joint2": {}}, rig.name), rig, path)
-    assert set(patched.lost) == {"air_drag_both", "latency_joint2"}
+    effects = {"air_drag_both": {}, "latency_joint2": {}, "input_delay": {}}
+    patched = into_mjcf(model_of(rig, effects, rig.name), rig, path)
+    assert (set(patched.lost), patched.passive.effects) == ({"input_delay"}, ("air_drag_both", "latency_joint2"))
 
 
 def test_a_model_of_another_rig_is_refused(start: tuple[Path, Rig], paper: Rig) -> None:

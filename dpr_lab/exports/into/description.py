@@ -13,6 +13,7 @@ import numpy as np
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports.bodies import bodies, in_words, left_out
+from dpr_lab.exports.into.passive import PassiveForces, passive_forces
 from dpr_lab.exports.into.target import (
     PatchedModel,
     RodTarget,
@@ -132,7 +133,9 @@ def into_description(
         changes += edit.changes
         edit = file.editable(edit.text())
         chain = file.chain(file.model(edit))
-    targets = rod_targets(chain, made)
+    in_mujoco = name == "URDF"  # MuJoCo does not read SDFormat
+    added = passive_forces(model, rig, expressed, chain, path.name, model.rig.g) if in_mujoco else PassiveForces()
+    targets = rod_targets(chain, made, added.friction)
     for number, target in enumerate(targets):
         edit = _with_body(file, edit, number, target)
         changes += edit.changes
@@ -146,7 +149,7 @@ def into_description(
             edit = file.editable(edit.text())
     reason = f"{path}: the changed file does not contain the written numbers when it is read again: change it by hand"
     refuse_overridden(file.chain(file.model(edit)), targets, made.rods[0].length, editor.words, reason)
-    return PatchedModel(edit.text(), tuple(changes), left_out(model, expressed, name))
+    return PatchedModel(edit.text(), tuple(changes), left_out(model, {*expressed, *added.effects}, name), added)
 
 
 def _part(model: SimulatorModel, joint: str) -> Part:

@@ -4,6 +4,11 @@ A free swing determines only ratios of the base parameters. The common scale s o
 therefore free unless recordings or measured values determine it, and is chosen such that as many base parameters of the
 file as possible are unchanged: with u the estimated base parameters at b = 1 and x those of the file, x_i is unchanged
 if |s u_i / x_i - 1| is within its tolerance, and s is one of x_i / u_i.
+
+If known torques alone determine the scale, they were computed with the gears of the file. A common factor s / b of all
+torques is then as possible as the inverse factor of all masses, inertias and frictions. The gears, which change by
+s / b (1 + x_j) with the error x_j of the torque constant of joint j, therefore count like the base parameters, and s is
+one of x_i / u_i, b and b / (1 + x_j).
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -14,6 +19,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import BASE, base_parameters, ratios
 from dpr_lab.effects import EFFECTS
+from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.exports.bodies import words_of
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.compare import compare_run
@@ -93,10 +99,15 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     longer = sum(words.get("added_length", 0.0) for words in words_of(effects).values())
     own = _base_of(chain, longer)
     rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])  # visible only in a during a free swing
-    total = _base(own + rotor, model, diagnosis)
+    gears = _gear_factors(effects, diagnosis, runs)
+    total = _base(own + rotor, model, diagnosis, np.array(list(gears.values())))
     base = _with_own_numbers(chain, np.where(total == own + rotor, own, total - rotor), own, longer)
     factor = base[1] / model.base["b"].value
     effects = {name: _as_in_file(diagnosis, chain, name, _scaled(name, v, factor)) for name, v in effects.items()}
+    for name, gain in gears.items():
+        effects[name] = {"excess": factor * gain - 1}
+        if abs(factor * gain - 1) < _same_gear(diagnosis):
+            del effects[name]
     effects |= _unseen(diagnosis, chain, effects)
     file = {name: {key: 0.0 for key in values} | _in_file(chain, name) for name, values in effects.items()}
     for name in list(effects):
@@ -134,21 +145,53 @@ def _base_of(chain: ModelChain, longer: float) -> Array:
     return base_parameters([values[name] for name in PARAMETERS], (inner.length or 0.0) + longer, chain.gravity)
 
 
-def _base(own: Array, model: Model, diagnosis: Diagnosis) -> Array:
-    """(6,) base parameters: those of the file if compatible, the others as estimated, at one scale."""
+def _gear_factors(
+    effects: Mapping[str, Mapping[str, float]], diagnosis: Diagnosis, runs: Sequence[Run]
+) -> dict[str, float]:
+    """Error of the torque constant of each driven joint -> acting torque over known torque at the estimated b.
+
+    Empty if something else than the torques determines the scale.
+    """
+    driven = [run.torques for run in runs if run.torques is not None]
+    weighed = any(run.added_mass is not None for run in runs)
+    if not driven or weighed or diagnosis.scale is None or diagnosis.scale.fixed_by != "data":
+        return {}
+    names = {j: f"torque_scale_joint{j + 1}" for j in (0, 1) if any(np.any(torques[:, j]) for torques in driven)}
+    return {name: 1.0 + effects.get(name, {}).get("excess", 0.0) for name in names.values()}
+
+
+def _base(own: Array, model: Model, diagnosis: Diagnosis, gears: Array) -> Array:
+    """(6,) base parameters: those of the file if compatible, the others as estimated, at one scale.
+
+    Args:
+        own: (6,) of the file
+        model: the corrected model
+        diagnosis: the diagnosis
+        gears: `_gear_factors`
+    """
     u = np.insert(model.ratio_values, 1, 1.0)
     std = np.insert(np.sqrt(np.diag(np.array(diagnosis.ratio_covariance))), 1, 0.0)
     tolerance = np.maximum(CHANGE.same, CHANGE.stds * std / u)
     floor = CHANGE.idle * np.sqrt(own[1] * own[3])  # a file without damping; both in N m s
     x = np.where(own > 0, own, floor)
-    b = model.base["b"].value
-    scales = [b] if diagnosis.scale is not None and diagnosis.scale.known else (x / u)[:4].tolist()
+    b, scale = model.base["b"].value, diagnosis.scale
+    scales: list[float] = [] if scale is not None and scale.known and not len(gears) else (x / u)[:4].tolist()
+    scales += [] if scale is None or not scale.known else [b, *(b / gears).tolist()]
 
     def stays(s: float) -> NDArray[np.bool_]:
         return np.abs(s * u / x - 1) < tolerance
 
-    s = max(scales, key=lambda scale: (np.sum(stays(scale)), -np.abs(np.log(scale * u / x)[:4]).sum()))
+    def unchanged(s: float) -> int:
+        return int(np.sum(stays(s)) + np.sum(np.abs(s / b * gears - 1) < _same_gear(diagnosis)))
+
+    s = max(scales, key=lambda scale: (unchanged(scale), -np.abs(np.log(scale * u / x)[:4]).sum()))
     return np.where(stays(s), own, s * u)
+
+
+def _same_gear(diagnosis: Diagnosis) -> float:
+    """Relative difference within which a gear is unchanged."""
+    low, high = diagnosis.scale.interval90 if diagnosis.scale else (1.0, 1.0)
+    return max(CHANGE.same, CHANGE.stds * float(np.log(high / low)) / (2 * NORMAL_Q90))
 
 
 def _with_own_numbers(chain: ModelChain, base: Array, own: Array, longer: float) -> Array:
@@ -272,6 +315,9 @@ def _effect_rows(
 ) -> list[ModelCause]:
     """Differences of an effect from the file."""
     number, term = _term(name)
+    gain, gear = words_of({name: values}).get(name, {}).get("gear"), chain.rods[number].gear
+    if gain is not None and gear is not None:
+        return [_cause(chain, number, "gear of the motor", gear, gear * gain, "", name)] if gain != 1.0 else []
     rows = []
     for key, after in values.items():
         if after != file.get(key, 0.0):

@@ -7,9 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports.bodies import bodies, in_words, left_out
+from dpr_lab.exports.into.passive import passive_forces
 from dpr_lab.exports.into.target import (
+    PATCH,
     PatchedModel,
     RodTarget,
     body_change,
@@ -26,8 +29,8 @@ from dpr_lab.simulator_models.mjcf import CompiledMjcf, compile_mjcf
 from dpr_lab.simulator_models.tree import SimulatorModel
 from dpr_lab.simulator_models.xml_edit import XmlEdit
 
-WORDS = frozenset({"friction", "stiffness", "rest_angle", "armature", "offset", "added_length"})
-"""Elements of effects that attributes of joints and bodies represent."""
+WORDS = frozenset({"friction", "stiffness", "rest_angle", "armature", "offset", "added_length", "gear"})
+"""Elements of effects that attributes of joints, bodies and motors represent."""
 
 ATTRIBUTES = {"friction": "frictionloss", "rest": "springref"}
 """Quantity of a joint -> its attribute, if the names differ."""
@@ -83,17 +86,23 @@ def into_mjcf(model: Model, rig: Rig, path: Path, joints: Sequence[str] = ()) ->
     """
     file = _read(path, joints)
     refuse_other_rig(file.chain, model.rig.L1, model.rig.g, path)
-    expressed = in_words(model, rig, WORDS)
+    expressed = {
+        name: words
+        for name, words in in_words(model, rig, WORDS).items()
+        if "gear" not in words or file.chain.rods[EFFECTS[name].joints[0]].gear is not None
+    }
     made = bodies(model, rig, expressed)
     edits = [XmlEdit(path.read_bytes(), str(path))]
     if longer := sum(words.get("added_length", 0.0) for words in expressed.values()):
         _lengthen(edits[0], file, longer)
         file = _read(path, file.joints, edits[0].text())
         edits.append(XmlEdit(edits[0].text(), str(path)))
-    targets = rod_targets(file.chain, made)
+    added = passive_forces(model, rig, expressed, file.chain, path.name)
+    targets = rod_targets(file.chain, made, added.friction)
     for number, target in enumerate(targets):
         _set_body(edits[-1], file, number, target)
         _set_joint(edits[-1], file, number, target)
+        _set_gear(edits[-1], file, number, target)
     text = edits[-1].text()
     reason = (
         f"{path}: its defaults or compiler options (inertiafromgeom, settotalmass) override the changed numbers:"
@@ -101,7 +110,7 @@ def into_mjcf(model: Model, rig: Rig, path: Path, joints: Sequence[str] = ()) ->
     )
     refuse_overridden(_read(path, file.joints, text).chain, targets, made.rods[0].length, WORDS, reason)
     changes = tuple(change for edit in edits for change in edit.changes)
-    return PatchedModel(text, changes, left_out(model, expressed, "MJCF"))
+    return PatchedModel(text, changes, left_out(model, {*expressed, *added.effects}, "MJCF"), added)
 
 
 def _set_body(edit: XmlEdit, file: _File, number: int, target: RodTarget) -> None:
@@ -136,6 +145,24 @@ def _set_joint(edit: XmlEdit, file: _File, number: int, target: RodTarget) -> No
         for name, (_, after) in joint_values(file.chain, number, target).items()
     }
     edit.set(file.tags(edit, number)[0], f"joint {file.chain.rods[number].joint.name}", **changed)
+
+
+def _set_gear(edit: XmlEdit, file: _File, number: int, target: RodTarget) -> None:
+    """Set the gear of the motor of a joint; the other five numbers of the attribute stay.
+
+    Raises:
+        ConfigError: the motor is not in the file itself.
+    """
+    rod = file.chain.rods[number]
+    if rod.gear is None or target.gear is None or abs(target.gear - rod.gear) <= PATCH.negligible * abs(rod.gear):
+        return
+    name = rod.joint.name
+    motors = (i for i, tag in enumerate(edit.tags) if tag.attributes.get("joint") == name)
+    index = next((i for i in motors if edit.tags[edit.tags[i].parent].tag == "actuator"), None)
+    if index is None:
+        raise ConfigError(f"{file.path}: the motor of joint {name!r} is not in the file itself: move it into this file")
+    rest = edit.tags[index].attributes.get("gear", "").split()[1:]
+    edit.set(index, f"motor of joint {name}", gear=" ".join([numbers([target.gear]), *rest]))
 
 
 def _lengthen(edit: XmlEdit, file: _File, longer: float) -> None:

@@ -5,7 +5,9 @@ most 0.5 ms, so that the error of the model dominates that of the step. Other fi
 numbers that were read, because MuJoCo cannot read SDFormat; further joints are fixed at zero.
 """
 
-from collections.abc import Sequence
+import runpy
+import tempfile
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -15,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.exports.into.target import PatchedModel
+from dpr_lab.exports.mjcf import CALLBACK
 from dpr_lab.exports.programs import Replay
 from dpr_lab.exports.replay import release
 from dpr_lab.identification.model import Model
@@ -39,21 +43,18 @@ class FileReplay:
     """Error with the changed file; the difference from `lab_rad` is due to the format."""
     lab_rad: float
     """Error of the corrected model in dpr-lab."""
-
-    @property
-    def errors_rad(self) -> tuple[float, float, float]:
-        """All three errors."""
-        return self.before_rad, self.after_rad, self.lab_rad
+    passive_rad: float | None = None
+    """Error with the changed file and the module of passive forces; None without such a module."""
 
 
 def replay_files(
-    before: Path, after: bytes, joints: Sequence[str], model: Model, rig: Rig, runs: Sequence[Run]
+    before: Path, after: PatchedModel, joints: Sequence[str], model: Model, rig: Rig, runs: Sequence[Run]
 ) -> list[FileReplay]:
     """Replay recordings with the user's file and with the changed one.
 
     Args:
         before: the user's file
-        after: text of the changed file
+        after: the changed file
         joints: of the inner and the outer rod
         model: the corrected model, which determines initial states and horizons
         rig: its rig
@@ -63,13 +64,15 @@ def replay_files(
         ConfigError: MuJoCo is not installed, or cannot simulate a file.
     """
     swings = [release(run, rig, model) for run in runs]
-    files = [Simulation.of(before, text, joints, rig.g) for text in (None, after)]
-    return [_errors(swing, files) for swing in swings]
-
-
-def _errors(swing: Replay, files: Sequence["Simulation"]) -> FileReplay:
-    before, after = (swing.error(file.angles(swing)) ** 0.5 for file in files)
-    return FileReplay(swing.run, float(swing.t[-1]), before, after, swing.lab**0.5)
+    file, patched = (Simulation.of(before, text, joints, rig.g) for text in (None, after.text))
+    gain = patched.gear / file.gear  # the known torques are those of the user's file
+    forced = patched.with_module(after.passive.module, rig, gain) if after.passive.module else None
+    replays = []
+    for swing in swings:
+        errors = swing.error(file.angles(swing)) ** 0.5, swing.error(patched.angles(swing, gain)) ** 0.5
+        passive = swing.error(forced(swing)) ** 0.5 if forced else None
+        replays.append(FileReplay(swing.run, float(swing.t[-1]), *errors, swing.lab**0.5, passive))
+    return replays
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +85,8 @@ class Simulation:
     """(2,) angles of the joints with the rods hanging, rad."""
     direction: Array
     """(2,) signs of the joints, 1 or -1."""
+    gear: Array
+    """(2,) gears of the motors; 1 without a motor."""
     longest_step_s: float = 5e-4
 
     @classmethod
@@ -92,16 +97,18 @@ class Simulation:
         names = chain.rods[0].joint.name, chain.rods[1].joint.name
         zero = np.array([rod.hanging for rod in chain.rods])
         direction = np.array([float(rod.direction) for rod in chain.rods])
+        gear = np.array([rod.gear or 1.0 for rod in chain.rods])
         if read.format == "MJCF":
             model = compile_mjcf(path, text).model
             if model.nv == 2:
-                return cls(model, names, zero, direction)
-        return cls(_compiled(_planar(chain)), ("joint1", "joint2"), np.array([np.pi, 0.0]), np.ones(2))
+                return cls(model, names, zero, direction, gear)
+        return cls(_compiled(_planar(chain)), ("joint1", "joint2"), np.array([np.pi, 0.0]), np.ones(2), gear)
 
-    def angles(self, swing: Replay) -> Array:
-        """(n, 2) angles of the rods at the instants of a replay, rad."""
+    def angles(self, swing: Replay, gain: Array | float = 1.0) -> Array:
+        """(n, 2) angles of the rods at the instants of a replay, rad; (2,) `gain` multiplies the known torques."""
         mujoco = import_module("mujoco")
         data = mujoco.MjData(self.model)
+        self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)  # the torques are applied here
         step = min(float(self.model.opt.timestep), self.longest_step_s)
         self.model.opt.timestep = step
         at = [int(self.model.joint(name).qposadr[0]) for name in self.joints]
@@ -112,12 +119,31 @@ class Simulation:
         path = np.empty((n + 1, 2))
         for i in range(n + 1):
             path[i] = data.qpos[at]
-            data.qfrc_applied[at] = self.direction * swing.driven(swing.start + i * step, None)
+            data.qfrc_applied[at] = self.direction * gain * swing.driven(swing.start + i * step, None)
             mujoco.mj_step(self.model, data)
         relative = self.direction * (path - self.zero)
         times = swing.start + step * np.arange(n + 1)
         theta = np.column_stack([np.pi + relative[:, 0], np.pi + relative.sum(axis=1)])
         return np.column_stack([np.interp(swing.t, times, column) for column in theta.T])
+
+    def with_module(self, module: str, rig: Rig, gain: Array) -> Callable[[Replay], Array]:
+        """`angles` with a module of passive forces."""
+        with tempfile.TemporaryDirectory() as folder:
+            (Path(folder) / CALLBACK).write_text(module, encoding="utf-8")
+            names = runpy.run_path(str(Path(folder) / CALLBACK))
+        kind, readings = names["EngineSwing"], names["readings"]
+        kind.compiled = self.model
+        upright = np.pi - self.direction[0] * self.zero[0], -self.direction[1] * self.zero[1]
+        readings.__globals__.update(JOINTS=self.joints, UPRIGHT=upright, SIGN=tuple(self.direction.tolist()))
+
+        def angles(swing: Replay) -> Array:
+            def torques(t: float, state: object) -> list[float]:
+                return (gain * swing.driven(t, state)).tolist()
+
+            read = readings(swing.x0, swing.t, start=swing.start, kind=kind, torques=torques)
+            return rig.encoders.joint_angles.to_rods(read)
+
+        return angles
 
 
 def _compiled(text: str) -> Any:

@@ -15,6 +15,7 @@ import numpy as np
 from dpr_lab.effects.effect import Words
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports.bodies import Bodies
+from dpr_lab.exports.into.passive import PassiveForces
 from dpr_lab.simulator_models.chain import ModelChain, double_pendulum
 from dpr_lab.simulator_models.tree import SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_edit import ChangedAttribute
@@ -49,6 +50,8 @@ class RodTarget:
     """Inertia about the centroid."""
     damping: float
     words: Words
+    gear: float | None
+    """Gear of the motor of its joint; None without one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +61,9 @@ class PatchedModel:
     text: bytes
     changes: tuple[ChangedAttribute, ...]
     lost: dict[str, str]
-    """Effect -> reason why the file cannot contain it."""
+    """Effect -> reason why neither the file nor the module of passive forces can contain it."""
+    passive: PassiveForces
+    """Effects that only the module of passive forces contains."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,17 +103,25 @@ def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None
             )
 
 
-def rod_targets(chain: ModelChain, made: Bodies) -> tuple[RodTarget, RodTarget]:
-    """Centroids and inertias that give the moments of the corrected model with the masses of the file."""
+def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> tuple[RodTarget, RodTarget]:
+    """Centroids and inertias that give the moments of the corrected model with the masses of the file.
+
+    Args:
+        chain: the double pendulum of the file
+        made: bodies of the corrected model
+        friction: Coulomb friction at rest of passive forces, which the joints also get, N m
+    """
     rods, length = made.rods, made.rods[0].length
     tips = (rods[1].mass + made.tip_mass) - (chain.rods[1].mass + chain.elbow_mass), 0.0
     targets = []
-    for own, rod, moved in zip(chain.rods, rods, tips, strict=True):
+    for own, rod, moved, held in zip(chain.rods, rods, tips, friction, strict=True):
         moment = rod.mass * rod.centroid + moved * length
         about = rod.inertia + rod.mass * (rod.centroid**2 + rod.offset**2) + moved * length**2
         centroid, offset = moment / own.mass, rod.mass * rod.offset / own.mass
         inertia = about - own.mass * (centroid**2 + offset**2)
-        targets.append(RodTarget(centroid, offset, inertia, rod.damping, rod.words))
+        gear = None if own.gear is None else own.gear * rod.words.get("gear", 1.0)
+        words = {**rod.words, "friction": rod.words.get("friction", 0.0) + held} if held else rod.words
+        targets.append(RodTarget(centroid, offset, inertia, rod.damping, words, gear))
     return targets[0], targets[1]
 
 
@@ -180,6 +193,7 @@ def refuse_overridden(
     for rod, target in zip(chain.rods, targets, strict=True):
         pairs += [(math.hypot(rod.centroid, rod.offset), math.hypot(target.centroid, target.offset))]
         pairs += [(rod.inertia, target.inertia), (rod.joint.damping, target.damping)]
+        pairs += [(rod.gear or 0.0, target.gear or 0.0)]
         of_joint = {name: float(getattr(rod.joint, name)) for name in ("friction", "armature", "stiffness")}
         pairs += [(own, target.words.get(name, 0.0)) for name, own in of_joint.items() if name in words]
     if any(abs(own - wanted) > PATCH.reached * abs(wanted) for own, wanted in pairs):

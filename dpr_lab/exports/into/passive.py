@@ -1,0 +1,71 @@
+"""Passive forces in MuJoCo for the effects that the user's MJCF or URDF file cannot contain.
+
+The module is that of `export --to mjcf` (`dpr_lab.exports.mjcf`), at the joints of the user's file. It adds torques, so
+effects that change inertias, and compliant arms, remain out of it. Coulomb friction at rest is the engine's: the joints
+of the file get that of the added effects, and the module subtracts it while a joint moves.
+"""
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.dynamics.step import motion_of
+from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects.effect_kernels import AT_RELEASE, STEPPED, active_effects, effect_torques
+from dpr_lab.effects.quantities import BaseParameters
+from dpr_lab.exports.mjcf import EngineFile, passive, rest_friction
+from dpr_lab.exports.python_module import known_effects
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig
+from dpr_lab.simulator_models.chain import ModelChain
+
+STAGES = ("torque", "load", "timing", "encoder", "play")
+"""Stages of effects that the module contains."""
+
+
+@dataclass(frozen=True, slots=True)
+class PassiveForces:
+    """Effects that are added to a file, and the module that adds them."""
+
+    effects: tuple[str, ...] = ()
+    friction: tuple[float, float] = (0.0, 0.0)
+    """Coulomb friction at rest of these effects, N m."""
+    module: str = field(default="", repr=False)
+    """Source of the module; empty without effects."""
+
+
+def passive_forces(
+    model: Model, rig: Rig, expressed: Collection[str], chain: ModelChain, file: str, gravity: float | None = None
+) -> PassiveForces:
+    """Effects of a model that are not expressed in a file, as passive forces.
+
+    Args:
+        model: the corrected model
+        rig: its rig
+        expressed: effects that the file contains
+        chain: the double pendulum of the file
+        file: name of the file
+        gravity: m/s^2, for a file that contains none
+    """
+    known = {name: values for name, values in known_effects(model.effects).items() if name not in expressed}
+    added = {n: v for n, v in known.items() if EFFECTS[n].stage in STAGES and not _adds_inertia(n, v, model, rig)}
+    if not added:
+        return PassiveForces()
+    contained = {*expressed, *(set(model.effects) - set(added))}
+    inner, outer = chain.rods
+    upright = math.pi - inner.direction * inner.hanging, -outer.direction * outer.hanging
+    sign = float(inner.direction), float(outer.direction)
+    place = EngineFile(file, (inner.joint.name, outer.joint.name), upright, sign, gravity)
+    return PassiveForces(tuple(added), rest_friction(added, rig), passive(model, rig, contained, place))
+
+
+def _adds_inertia(name: str, values: Mapping[str, float], model: Model, rig: Rig) -> bool:
+    """Whether an effect contributes to the mass matrix."""
+    params = effect_params({name: values})
+    base = {key: model.base[key].value for key in ("a", "b", "d", "e1", "c1", "c2")}
+    known = BaseParameters(e2=base["d"] * model.rig.g / model.rig.L1, **base)
+    moving = motion_of(0.1, (0.0, 1.0, 2.0), (0.0, 1.0, -1.0), (0.1, 0.1), (1.0, 1.0), (1.0, -1.0))
+    internal = tuple(AT_RELEASE[list(STEPPED)].tolist())
+    terms = effect_torques(moving, known, rig_constants(rig), internal, params, active_effects(params))
+    return any((terms.a, terms.b, terms.coupling))
