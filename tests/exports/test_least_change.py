@@ -29,12 +29,14 @@ ATTRIBUTES = {
 }
 
 
-def corrected(folder: Path, file: str, truth: str) -> tuple[LeastChange, str, Rig]:
-    """Causes, the corrected file and the rig."""
+def corrected(
+    folder: Path, file: str, truth: str, gears: tuple[float, float] | None = None
+) -> tuple[LeastChange, str, Rig]:
+    """Causes, the corrected file and the rig; where gears are given, the motors are driven."""
     (folder / "robot.xml").write_text(file, encoding="utf-8")
     rig_from_model(folder / "robot.xml", folder / "rig.toml")
     rig = load_rig(folder / "rig.toml")
-    runs = recordings(truth, rig)
+    runs = recordings(truth, rig, gears=gears)
     diagnosis = diagnose(runs, rig)
     chain = double_pendulum(read_model(folder / "robot.xml"))
     model = fitted_in_words(corrected_model(diagnosis, runs, rig), WORDS["MJCF"], runs, rig)
@@ -62,6 +64,23 @@ def test_a_planted_error_is_the_first_cause_and_the_corrected_file_closes_the_ga
     assert 'drawn > weighed: "keep" me' in text
     before, after = (held_out_error(file, planted.truth, rig) for file in (planted.before, text))
     assert after < 0.1 * before
+
+
+MOTORS = '</worldbody><actuator><motor joint="shoulder" gear="10"/><motor joint="elbow" gear="5"/></actuator>'
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize(("joint", "before", "true"), [("shoulder", "10", "11.8"), ("elbow", "5", "4.2")])
+def test_a_wrong_gear_is_the_only_change(tmp_path: Path, joint: str, before: str, true: str) -> None:
+    """Both drives are in the recordings, so that only the ratio of their torque constants is identifiable."""
+    file = ROBOT.replace("</worldbody>", MOTORS)
+    truth = file.replace(f'gear="{before}"', f'gear="{true}"')
+    least, text, _ = corrected(tmp_path, file, truth, (10.0, 5.0))
+    (cause,) = least.causes
+    assert (cause.quantity, cause.joint) == ("gear of the motor", joint)
+    assert cause.after == pytest.approx(float(true), rel=2e-3)
+    assert changed(file, text) == ["gear"]
 
 
 RIGHT = {

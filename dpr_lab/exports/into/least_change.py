@@ -105,7 +105,7 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     factor = base[1] / model.base["b"].value
     effects = {name: _as_in_file(diagnosis, chain, name, _scaled(name, v, factor)) for name, v in effects.items()}
     for name, gain in gears.items():
-        effects[name] = {"excess": factor * gain - 1}
+        effects[name] = {"excess": float(factor * gain - 1)}
         if abs(factor * gain - 1) < _same_gear(diagnosis):
             del effects[name]
     effects |= _unseen(diagnosis, chain, effects)

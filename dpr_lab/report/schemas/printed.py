@@ -66,6 +66,8 @@ class PrintedReplay(BaseModel):
     after_rad: float
     """Error with the changed file, rad."""
     lab_rad: float
+    passive_rad: float | None = None
+    """Error with the changed file and the module of passive forces, rad; null without such a module."""
     """Error of the corrected model in dpr-lab, rad."""
 
 
