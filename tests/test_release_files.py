@@ -31,6 +31,17 @@ def test_jobs_are_bounded_and_read_only(name: str) -> None:
     assert "secrets." not in (ROOT / ".github/workflows" / name).read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("name", ["ci.yml", "publish.yml"])
+def test_actions_are_pinned_by_commit_and_keep_no_credentials(name: str) -> None:
+    uses = re.findall(r"uses: (.*)", (ROOT / ".github/workflows" / name).read_text(encoding="utf-8"))
+    assert uses
+    assert all(re.fullmatch(r"[\w./-]+@[0-9a-f]{40} # v\d+\.\d+\.\d+", use) for use in uses)
+    steps = [step for job in workflow(name)["jobs"].values() for step in job["steps"]]
+    checkouts = [step for step in steps if step.get("uses", "").startswith("actions/checkout@")]
+    assert checkouts
+    assert all(step["with"]["persist-credentials"] is False for step in checkouts)
+
+
 def test_only_the_job_that_publishes_may_ask_for_an_identity() -> None:
     document = workflow("publish.yml")
     assert document[True]["push"] == {"tags": ["v*"]}  # YAML 1.1 reads the key `on` as true
