@@ -45,6 +45,47 @@ def test_plotjuggler_shows_keys_of_run_files() -> None:
     assert int(column.attrib["count"]) == len(areas) == len(column.attrib["sizes"].split(";"))
 
 
+def test_plotjuggler_finds_what_its_loader_asks_for() -> None:
+    """Elements and attributes that PlotJuggler 3 reads: `PlotDocker::restoreSplitter`, `PlotWidget::xmlLoadState`."""
+    root = ElementTree.fromstring(VIEWERS["plotjuggler"][1]().encode())
+    (tabs,) = root.findall("tabbed_widget")
+    assert tabs.get("parent") == "main_window"
+    assert [child.tag for child in tabs] == ["Tab", "currentTabIndex"]
+    (column,) = tabs.findall("Tab/Container/DockSplitter")
+    assert column.get("orientation") in ("-", "|")
+    assert sum(map(float, column.attrib["sizes"].split(";"))) == pytest.approx(1.0, abs=1e-4)
+    for area in column:
+        assert area.tag == "DockArea"
+        (plot,) = area
+        assert (plot.get("mode"), plot.get("style")) == ("TimeSeries", "Lines")
+        assert {child.tag for child in plot} == {"limitY", "curve"}
+        assert all(re.fullmatch("#[0-9a-f]{6}", curve.attrib["color"]) for curve in plot.iter("curve"))
+
+
+def test_foxglove_finds_what_its_panels_ask_for() -> None:
+    """Keys of layouts that Foxglove exports, and of the settings of its panels Plot and Raw Messages."""
+    document = json.loads(VIEWERS["foxglove"][1]())
+    assert set(document) == {"configById", "globalVariables", "userNodes", "playbackConfig", "layout"}
+    for name, panel in document["configById"].items():
+        kind, _, identifier = name.partition("!")
+        assert identifier
+        if kind == "RawMessages":
+            assert panel["topicPath"] in SCHEMAS
+            continue
+        assert kind == "Plot"
+        assert panel["xAxisVal"] == "timestamp"
+        assert {path["timestampMethod"] for path in panel["paths"]} == {"receiveTime"}
+
+    def shares(node: Any) -> None:
+        if not isinstance(node, str):
+            assert node["direction"] in ("row", "column")
+            assert 0 < node["splitPercentage"] < 100
+            shares(node["first"])
+            shares(node["second"])
+
+    shares(document["layout"])
+
+
 @pytest.mark.parametrize("viewer", VIEWERS)
 def test_the_command_writes_a_layout_once(viewer: str, tmp_path: Path) -> None:
     from typer.testing import CliRunner
