@@ -62,7 +62,7 @@ def required_claims(diagnosis: Diagnosis) -> dict[str, RequiredClaim]:
     if diagnosis.scale is not None:
         required |= {
             "scale of torques fixed by": _text(diagnosis.scale.fixed_by),
-            "b, kg m^2": _scale(diagnosis.scale),
+            f"{diagnosis.scale.inertia}, kg m^2": _scale(diagnosis.scale),
         }
     for effect in diagnosis.effects:
         required |= {f"{effect.name}: {name}": claim for name, claim in _effect_claims(effect, diagnosis.scale)}
@@ -80,7 +80,7 @@ def _effect_claims(effect: NamedEffect, scale: Scale | None) -> Iterator[tuple[s
         parameter = parameters.get(name)  # None: derived from other parameters
         yield name, _size(size, parameter.typical if parameter else abs(size.value))
         if size.ratio is not None and size.ratio_interval90 is not None and scale is not None and parameter is not None:
-            operator = "/ b" if parameter.scale_power > 0 else "* b"
+            operator = f"{'/' if parameter.scale_power > 0 else '*'} {scale.inertia}"
             typical = scale.ratio(parameter.typical, parameter.scale_power)
             yield f"{name} {operator}, {size.ratio_unit}", _number(size.ratio, size.ratio_interval90, typical)
 

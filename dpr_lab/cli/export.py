@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
     from dpr_lab.exports.into.replay import FileReplay
     from dpr_lab.workflows.export import ExportResult
-    from dpr_lab.workflows.export_moving_arm import ArmExportResult
 
 
 def export(
@@ -85,16 +84,13 @@ def export(
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.export import ExportRequest
     from dpr_lab.workflows.export import export as export_model
-    from dpr_lab.workflows.export_moving_arm import ArmExportResult, export_moving_arm
 
     formats = tuple(dict.fromkeys(names_in(to or "mjcf,python,urdf,sdf") or ()))
     request = ExportRequest(model, rig, formats, out, tuple(check or ()), torque)
     with Listener() as listener:
-        done = export_moving_arm(request, listener) or export_model(request, listener)
+        done = export_model(request, listener)
     if as_json:
         emit(done.to_json())
-    elif isinstance(done, ArmExportResult):
-        _show_moving_arm(done)
     else:
         _show(done)
     if done.refused:
@@ -199,22 +195,6 @@ def _show(done: "ExportResult") -> None:
             line(f"{name}: without {in_words(effect)}: {reason}")
         if name in done.instead:
             line(f"{name}: refitted with {in_words(', '.join(done.instead[name])) or 'no effect'} instead")
-    line(scaled_unit(done.scale_sentence))
-    for sentence in done.refused.values():
-        say(sentence)
-    for name, path in done.files.items():
-        say(f"{name}: {path}")
-
-
-def _show_moving_arm(done: "ArmExportResult") -> None:
-    from dpr_lab.report.digits import scaled_unit
-
-    if done.own_rad is not None:
-        rows = [["dpr-lab's own simulation", f"{1e3 * done.own_rad:.3g}", ""]]
-        rows += [
-            [name, f"{1e3 * error:.3g}", f"{1e3 * done.away_rad[name]:.2g}"] for name, error in done.error_rad.items()
-        ]
-        table("Replayed from segment to segment", ["where", "error, mrad", "largest difference, mrad"], rows)
     line(scaled_unit(done.scale_sentence))
     for sentence in done.refused.values():
         say(sentence)

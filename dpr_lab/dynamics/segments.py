@@ -74,10 +74,15 @@ class Segments:
         return means
 
     def turning_as_one(self, initial: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(..., S, 4) initial states, with one speed for rods that turn as one."""
+        """(..., S, 4) initial states, with one speed for rods that turn as one, and one angle for a rod alone.
+
+        The halves of a rod alone are in line: an arm that moves feels where each of them is.
+        """
         if self.held.any():
+            alone = np.array([setup.alone for setup in self.setups])[self.run]
             initial = initial.copy()
             initial[..., self.held, 3] = initial[..., self.held, 2]
+            initial[..., alone, 1] = initial[..., alone, 0]
         return initial
 
     @property

@@ -377,7 +377,6 @@ def at_arm(effect: Effect, *, bench_check: str, equation: str = "", **fields: An
             "twins": tuple(map(renamed, effect.twins)),
             "nested": tuple(map(renamed, effect.nested)),
             "bench_check": bench_check,
-            "exported": None,
             **fields,
         },
     )

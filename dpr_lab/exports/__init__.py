@@ -11,11 +11,10 @@ from typing import Any
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.exports import mjcf, sdf, urdf
-from dpr_lab.exports.bodies import in_words, left_out
+from dpr_lab.exports.bodies import AnyModel, in_words, left_out
 from dpr_lab.exports.fmu import fmu
 from dpr_lab.exports.programs import Program, in_fmu, in_mujoco, in_python, in_sdf, in_urdf
 from dpr_lab.exports.python_module import python_module
-from dpr_lab.identification.model import Model
 from dpr_lab.plugins.rows import plugin_rows
 from dpr_lab.rig import Rig
 
@@ -28,7 +27,7 @@ class ExportFormat:
     """Name of the program."""
     main: str
     """Name of the main file."""
-    files: Callable[[Model, Rig, Mapping[str, str]], Mapping[str, str | bytes]]
+    files: Callable[[AnyModel, Rig, Mapping[str, str]], Mapping[str, str | bytes]]
     """Function of model, rig and lost effects: name of each file -> content."""
     runs_in: Program
     """Program that replays recordings with the written files."""
@@ -39,14 +38,14 @@ class ExportFormat:
     optional: bool = False
     """Whether it requires optional packages; `diagnose --out` then does not write it."""
 
-    def lost(self, model: Model, rig: Rig) -> dict[str, str]:
+    def lost(self, model: AnyModel, rig: Rig) -> dict[str, str]:
         """Effect -> why the format cannot express it."""
         expressed = set(in_words(model, rig, self.words))
         expressed |= {name for name in model.effects if name in EFFECTS and EFFECTS[name].stage in self.calls}
         return left_out(model, expressed, self.program)
 
     def written(
-        self, model: Model, rig: Rig, lost: Mapping[str, str] | None = None, check: Mapping[str, Any] | None = None
+        self, model: AnyModel, rig: Rig, lost: Mapping[str, str] | None = None, check: Mapping[str, Any] | None = None
     ) -> dict[str, str | bytes]:
         """Name of each file -> content; with a JSON file of the lost effects, if any.
 
@@ -62,7 +61,10 @@ class ExportFormat:
         return dict(self.files(model, rig, lost)) | losses
 
 
-_ALL = ("torque", "load", "arm", "timing", "encoder", "play")
+_ALL = (
+    "torque", "load", "arm", "timing", "encoder", "play", "torque0", "drive0", "timing0", "encoder0", "input",
+    "whole0",
+)  # fmt: skip
 
 FORMATS: dict[str, ExportFormat] = {
     "python": ExportFormat(

@@ -1,63 +1,21 @@
 """The corrected rig as rigid bodies on hinges, with elements that simulators share (`Words` of effects)."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
-from typing import Any
 
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.effects.effect import Words
 from dpr_lab.effects.effect_kernels import active_effects, arm_model
 from dpr_lab.effects.quantities import HELD_ARM
-from dpr_lab.exports.python_module import known_effects
+from dpr_lab.exports.module_parts import known_effects
+from dpr_lab.exports.moving_arm.bodies import arm_bodies
+from dpr_lab.exports.rigid_bodies import Arm, Bodies, rod_about_joint, words_of_joint
 from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 
+AnyModel = Model | MovingArmModel
 Effects = Mapping[str, Mapping[str, float]]
-
-THIN = 1e-12
-"""Inertia of a thin rod about its own axis, kg m^2, because simulators require a positive value."""
-
-
-@dataclass(frozen=True, slots=True)
-class Rod:
-    """A rod in its own frame: joint at the origin, z along the rod, rotation about y; SI."""
-
-    length: float
-    mass: float
-    centroid: float
-    """Distance of the centroid along the rod."""
-    offset: float
-    """Distance of the centroid across the rod, along x."""
-    inertia: float
-    """Inertia about its centroid."""
-    damping: float
-    """Viscous friction of its joint."""
-    words: Words
-    """Additional elements of its joint."""
-
-
-@dataclass(frozen=True, slots=True)
-class Arm:
-    """A compliant arm that turns about the vertical; SI."""
-
-    length: float
-    inertia: float
-    """Inertia without the rods."""
-    damping: float
-    stiffness: float
-
-
-@dataclass(frozen=True, slots=True)
-class Bodies:
-    """Bodies of the rig: both rods, the parts at joint 2, and gravity."""
-
-    rods: tuple[Rod, Rod]
-    tip_mass: float
-    """Mass of the encoder at joint 2, kg."""
-    gravity: float
-    tilt: float
-    arm: Arm | None
 
 
 def words_of(effects: Effects) -> dict[str, Words]:
@@ -71,13 +29,15 @@ def words_of(effects: Effects) -> dict[str, Words]:
     return expressed
 
 
-def in_words(model: Model, rig: Rig, known: frozenset[str]) -> dict[str, Words]:
+def in_words(model: AnyModel, rig: Rig, known: frozenset[str]) -> dict[str, Words]:
     """Effects of a model that a program with these elements can express."""
     expressed = {name: words for name, words in words_of(model.effects).items() if known.issuperset(words)}
+    if isinstance(model, MovingArmModel):  # gravity of a simulator tilts all directions, the effect that of the rods
+        return {name: words for name, words in expressed.items() if not {"arm", "tilt"} & set(words)}
     return {name: words for name, words in expressed.items() if "arm" not in words or arm_of(model, rig) is not None}
 
 
-def left_out(model: Model, expressed: Collection[str], program: str) -> dict[str, str]:
+def left_out(model: AnyModel, expressed: Collection[str], program: str) -> dict[str, str]:
     """Effect -> reason why the program cannot express it."""
     return {name: _reason(name, model.effects[name], program) for name in model.effects if name not in expressed}
 
@@ -94,12 +54,17 @@ def _reason(name: str, values: Mapping[str, float], program: str) -> str:
     return f"{program} has no element for it"
 
 
-def bodies(model: Model, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
+def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     """Rigid bodies with the motion of equation (1), docs/theory.md, and the effects that the format supports.
 
     Their masses are those of the model at the scale of its base parameters; a swing depends only on the base
     parameters.
+
+    Raises:
+        ConfigError: no bodies move as a model with a moving arm.
     """
+    if isinstance(model, MovingArmModel):
+        return arm_bodies(model, rig, expressed)
     z = {name: parameter.value for name, parameter in model.parameters.items()}
     a, b, d, e1 = (model.base[name].value for name in ("a", "b", "d", "e1"))
     scale = b / (z["J2"] + z["m2"] * z["l2"] ** 2)
@@ -111,19 +76,17 @@ def bodies(model: Model, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     constants = rig_constants(rig)
     lengths = (length, rig.L2 or 2 * z["l2"])
     masses, moments = (m1, m2), (moment1, moment2)
-    felt = (constants.m1, constants.m2)
-    rods = []
-    for j, about_joint in enumerate((a - (m2 + mb) * length**2, b)):
-        words = _of_joint(expressed, j)
-        across = felt[j] * words.get("offset", 0.0)
-        more = felt[j] * words.get("offset", 0.0) ** 2
-        centroid, offset = moments[j] / masses[j], across / masses[j]
-        inertia = about_joint + more - masses[j] * (centroid**2 + offset**2)
-        damping = model.base[f"c{j + 1}"].value
-        rods.append(Rod(lengths[j], masses[j], centroid, offset, inertia, damping, words))
+    felt, inertias = (constants.m1, constants.m2), (a - (m2 + mb) * length**2, b)
+    rods = tuple(
+        rod_about_joint(
+            lengths[j], masses[j], moments[j], inertias[j], model.base[f"c{j + 1}"].value, felt[j],
+            words_of_joint(expressed, j),
+        )
+        for j in range(2)
+    )  # fmt: skip
     tilt = sum(words.get("tilt", 0.0) for words in every)
     arm = arm_of(model, rig) if any("arm" in words for words in every) else None
-    return Bodies((rods[0], rods[1]), mb, model.rig.g, tilt, arm)
+    return Bodies(rods, mb, model.rig.g, tilt, arm)
 
 
 def arm_of(model: Model, rig: Rig) -> Arm | None:
@@ -135,13 +98,4 @@ def arm_of(model: Model, rig: Rig) -> Arm | None:
     alone = held.inertia - scale * (z["m1"] + z["m2"] + z["mb"]) * rig.rig.L0**2
     if held is HELD_ARM or not 0.0 < alone < float("inf"):
         return None
-    return Arm(rig.rig.L0, alone, held.friction, held.stiffness)
-
-
-def _of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]:
-    """Elements of the effects of one joint; no two effects may use the same element."""
-    words_of_joint: dict[str, Any] = {}
-    for name, words in expressed.items():
-        if EFFECTS[name].joints == (joint,):
-            words_of_joint |= words
-    return words_of_joint
+    return Arm(rig.rig.L0, alone, held.friction, {"stiffness": held.stiffness, "rest_angle": 0.0})

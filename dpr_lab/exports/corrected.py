@@ -8,10 +8,13 @@ distribution: x - C_xz C_zz^-1 z. An effect keeps its amplitudes if all of them 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
+from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.ensemble.sampled import signed
+from dpr_lab.exports.moving_arm.corrected import corrected_arm_model, has_moving_arm
 from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.model import Covariance, EstimatedValue, FitSummary, Model, RigFacts, RunUsed, SearchRecord
@@ -24,7 +27,7 @@ from dpr_lab.version import __version__
 AXES = {"joint1": "theta1", "joint2": "theta2"}
 
 
-def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model:
+def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyModel:
     """The diagnosed model as `model.json`, with its effects in the table `effects`.
 
     Args:
@@ -32,11 +35,15 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Mode
         runs: the diagnosed runs
         rig: measured values and bounds of the nine parameters
     """
-    fitted = {name: interval.value for name, interval in diagnosis.ratios.items()} | {
-        f"{name}.{key}": value for name, own in diagnosis.model_effects.items() for key, value in own.items()
-    }
-    significant = _without_insignificant(diagnosis, fitted)
-    values = np.array([significant[name] for name in diagnosis.ratios])
+    if has_moving_arm(diagnosis):
+        return corrected_arm_model(diagnosis, *significant_values(diagnosis), runs, rig)
+    return corrected_rods(diagnosis, runs, rig)
+
+
+def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model:
+    """The model of a diagnosis without a moving arm; arguments as of `corrected_model`."""
+    unknown, effects = significant_values(diagnosis)
+    values = unknown[: len(RATIOS)]
     covariance = np.array(diagnosis.ratio_covariance)
     nine, base = update_prior(values, covariance, rig)
     factor = diagnosis.scale_b / base["b"].value
@@ -45,9 +52,10 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Mode
     }
     std = np.sqrt(np.diag(covariance))
     scale = diagnosis.scale or scale_of(absolute["b"], diagnosis.unknowns, rig)
+    scale = scale.as_inertia("b", absolute["b"].value / scale.b)
     ratios = {
-        name: EstimatedValue(value=significant[name], std=float(s), interval90=interval.interval90)
-        for (name, interval), s in zip(diagnosis.ratios.items(), std, strict=True)
+        name: EstimatedValue(value=value, std=float(s), interval90=interval.interval90)
+        for (name, interval), value, s in zip(diagnosis.ratios.items(), values.tolist(), std, strict=True)
     }
     nine, absolute = with_intervals(nine, absolute, ratios, scale, diagnosis.unknowns, rig)
     gap = diagnosis.gap
@@ -83,14 +91,23 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Mode
             for run in runs
         ],
         p_over_b=diagnosis.p_over_b,
-        effects={
-            name: {key: significant[f"{name}.{key}"] for key in own}
-            for name, own in diagnosis.model_effects.items()
-            if not EFFECTS[name].event
-        },
+        effects={name: own for name, own in effects.items() if not EFFECTS[name].event},
         warnings=[] if diagnosis.verdict in ("named", "no_gap") else [diagnosis.sentence],
         version=__version__,
     )
+
+
+def significant_values(diagnosis: Diagnosis) -> tuple[NDArray[np.float64], dict[str, dict[str, float]]]:
+    """(7,) ratios, b and p/b, and the effects, without insignificant amplitudes."""
+    fitted = {name: interval.value for name, interval in diagnosis.ratios.items()} | {
+        f"{name}.{key}": value for name, own in diagnosis.model_effects.items() for key, value in own.items()
+    }
+    values = _without_insignificant(diagnosis, fitted)
+    unknown = diagnosis.unknowns
+    unknown[: len(RATIOS)] = [values[name] for name in RATIOS]
+    return unknown, {
+        name: {key: values[f"{name}.{key}"] for key in own} for name, own in diagnosis.model_effects.items()
+    }
 
 
 def _without_insignificant(diagnosis: Diagnosis, fitted: Mapping[str, float]) -> dict[str, float]:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.errors import RunError
+from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.programs import Replay
 from dpr_lab.exports.refit import bare_model
-from dpr_lab.exports.replay import release
+from dpr_lab.exports.replay import replays
 from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.transfer.out_of_sample import share
-from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -49,8 +49,8 @@ class Yardstick:
 
     rig: Rig
     runs: tuple[Run, ...]
-    model: Model
-    bare: Model
+    model: AnyModel
+    bare: AnyModel
     own: tuple[Replay, ...]
     """Swings of the corrected model, up to the predictability horizon."""
     before: tuple[Replay, ...]
@@ -61,16 +61,14 @@ class Yardstick:
         """Rms error of the bare model, rad."""
         return _rms([swing.lab for swing in self.before])
 
-    def held_against(self, model: Model) -> tuple[Model, tuple[Replay, ...]]:
+    def held_against(self, model: AnyModel) -> tuple[AnyModel, tuple[Replay, ...]]:
         """Model to write and its replays: the bare model if the refitted model is worse over the whole swing.
 
         A fit over segments of half a second does not exclude this.
         """
         if model is self.model:
             return model, self.own
-        swings = tuple(
-            release(run, self.rig, model, float(own.t[-1])) for run, own in zip(self.runs, self.own, strict=True)
-        )
+        swings = replays(self.runs, self.rig, model, self.own)
         if _rms([swing.lab for swing in swings]) > self.bare_rad:
             return self.bare, self.before
         return model, swings
@@ -83,14 +81,14 @@ class Yardstick:
             squares: mean square error of each in a program, rad^2; default: that of dpr-lab
         """
         squares = [swing.lab for swing in swings] if squares is None else squares
-        floor = np.array([float(np.mean(swing.noise_rad**2)) for swing in swings])
+        floor = np.array([float(np.nanmean(swing.noise_rad**2)) for swing in swings])
         closed = share(np.array([[swing.lab for swing in self.before], squares]) - floor)
         by_run = {swing.run: square**0.5 for swing, square in zip(swings, squares, strict=True)}
         return Replayed(_rms(squares), closed, by_run)
 
 
-def yardstick(model: Model, runs: Sequence[Run], rig: Rig) -> Yardstick:
-    """Replay runs with a corrected model and without its effects.
+def yardstick(model: AnyModel, runs: Sequence[Run], rig: Rig) -> Yardstick:
+    """Replay runs with a corrected model and without its effects; a model that has none is its own reference.
 
     Args:
         model: the corrected model
@@ -104,10 +102,9 @@ def yardstick(model: Model, runs: Sequence[Run], rig: Rig) -> Yardstick:
         raise RunError("no run can be replayed")
     pieces, held_out, _ = in_pieces(runs, [])
     seen = tuple((held_out or pieces)[: REPLAY_RULE.most])
-    own = tuple(release(run, rig, model) for run in seen)
-    bare = bare_model(model, runs, rig)
-    before = tuple(release(run, rig, bare, float(swing.t[-1])) for run, swing in zip(seen, own, strict=True))
-    return Yardstick(rig, seen, model, bare, own, before)
+    own = replays(seen, rig, model)
+    bare = bare_model(model, runs, rig) if model.effects else model
+    return Yardstick(rig, seen, model, bare, own, replays(seen, rig, bare, own))
 
 
 def _rms(squares: Sequence[float]) -> float:

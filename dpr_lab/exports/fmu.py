@@ -1,18 +1,21 @@
 """The corrected model as a functional mock-up unit for co-simulation, FMI 3.0 or 2.0.
 
-Inputs are the joint torques; outputs are angles, speeds and encoder readings. The unit contains the Python module, so
-it requires a Python with numpy. Sources: FMI 3.0 specification, sec. 4, and 2.0.4, sec. 4 (Modelica Association, 2022).
+Inputs are the joint torques, or the input of a moving arm's drive; outputs are angles, speeds and encoder readings. The
+unit contains the Python module, so it requires a Python with numpy. Sources: FMI 3.0 specification, sec. 4, and 2.0.4,
+sec. 4 (Modelica Association, 2022).
 """
 
 import importlib.util
 import subprocess
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
 from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.exports.python_module import python_module
 from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 
 BUILDERS = {"3.0": "pythonfmu3", "2.0": "pythonfmu"}
@@ -21,25 +24,27 @@ BUILDERS = {"3.0": "pythonfmu3", "2.0": "pythonfmu"}
 _SLAVE = '''
 from pythonfmu3 import Fmi3Causality, Fmi3Slave, Fmi3Variability, Float64 as Real
 
-OUTPUTS = ("theta1", "theta2", "omega1", "omega2", "encoder1", "encoder2")
+INPUTS, STATES = {inputs!r}, {states!r}
+OUTPUTS = (*STATES, {encoders})
+STARTS = tuple(f"{{name}}_start" for name in STATES)
 
 
-class DoublePendulum(Fmi3Slave):
-    """Joint torques in, N m; angles, speeds and encoder readings out, rad and rad/s."""
+class {name}(Fmi3Slave):
+    """{inputs_words} in; angles, speeds and encoder readings out, rad and rad/s."""
 
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
-        self.description = f"double pendulum corrected by dpr-lab. {SCALE}"
-        for name in (*OUTPUTS, "time", "torque1", "torque2"):
+        self.description = f"{what} dpr-lab. {{SCALE}}"
+        for name in (*OUTPUTS, *STARTS, "time", *INPUTS):
             setattr(self, name, 0.0)
-        self.theta1_start, self.theta2_start, self.omega1_start, self.omega2_start = math.pi, math.pi, 0.0, 0.0
+        self.theta1_start = self.theta2_start = math.pi
         self.max_step = 1e-3
         continuous = Fmi3Variability.continuous
         if hasattr(Fmi3Causality, "independent"):
             self.register_variable(Real("time", causality=Fmi3Causality.independent, variability=continuous))
-        for name in ("torque1", "torque2"):
+        for name in INPUTS:
             self.register_variable(Real(name, causality=Fmi3Causality.input, variability=continuous, start=0.0))
-        for name in ("theta1_start", "theta2_start", "omega1_start", "omega2_start", "max_step"):
+        for name in (*STARTS, "max_step"):
             self.register_variable(
                 Real(
                     name,
@@ -53,12 +58,12 @@ class DoublePendulum(Fmi3Slave):
         self.swing = None
 
     def exit_initialization_mode(self):
-        self.swing = Swing((self.theta1_start, self.theta2_start, self.omega1_start, self.omega2_start), self.time)
+        self.swing = {kind}([getattr(self, name) for name in STARTS], self.time)
         self.show()
 
     def show(self):
-        self.theta1, self.theta2, self.omega1, self.omega2 = self.swing.state().tolist()
-        self.encoder1, self.encoder2 = self.swing.read(self.swing.t)
+        for name, value in zip(OUTPUTS, [*self.swing.state().tolist(), *self.swing.read(self.swing.t)]):
+            setattr(self, name, value)
         self.time = self.swing.t
 
     def do_step(self, current_time, step_size):
@@ -66,24 +71,62 @@ class DoublePendulum(Fmi3Slave):
             self.swing.t = self.swing.began = self.swing.followed = current_time
         count = max(1, math.ceil(step_size / self.max_step - 1e-9))
         for _ in range(count):
-            self.swing.step(step_size / count, self.torque1, self.torque2)
+            self.swing.step(step_size / count, *[getattr(self, name) for name in INPUTS])
         self.show()
         return bool(np.isfinite(self.swing.state()).all())
 '''
 
 
-def fmu(model: Model, rig: Rig, standard: str = "3.0") -> bytes:
+@dataclass(frozen=True, slots=True)
+class UnitPorts:
+    """Inputs and states of a unit, and the class of the module that steps it."""
+
+    name: str
+    kind: str
+    inputs: tuple[str, ...]
+    states: tuple[str, ...]
+    inputs_words: str
+    what: str
+
+    @property
+    def encoders(self) -> tuple[str, ...]:
+        """Names of the encoder readings."""
+        return tuple(f"encoder{name[-1]}" for name in self.states if name.startswith("theta"))
+
+    @property
+    def starts(self) -> tuple[str, ...]:
+        """Names of the initial state."""
+        return tuple(f"{name}_start" for name in self.states)
+
+
+PORTS = UnitPorts(
+    "DoublePendulum", "Swing", ("torque1", "torque2"), ("theta1", "theta2", "omega1", "omega2"), "Joint torques, N m,",
+    "double pendulum corrected by",
+)  # fmt: skip
+ARM_PORTS = UnitPorts(
+    "MovingArm", "ArmSwing", ("drive",), ("theta0", "theta1", "theta2", "omega0", "omega1", "omega2"),
+    "The input of the arm's drive, in its own unit,", "rods on a moving arm, identified by",
+)  # fmt: skip
+
+
+def ports_of(model: Model | MovingArmModel) -> UnitPorts:
+    """The ports of a model's unit."""
+    return ARM_PORTS if isinstance(model, MovingArmModel) else PORTS
+
+
+def fmu(model: Model | MovingArmModel, rig: Rig, standard: str = "3.0") -> bytes:
     """The corrected model as an FMU of a version of the standard.
 
     Raises:
         ConfigError: the required package is not installed.
         DprError: the package failed to build the unit.
     """
-    return built_unit(python_module(model, rig), _SLAVE, standard)
-
-
-def built_unit(module: str, slave: str, standard: str) -> bytes:
-    """A unit of a Python module and a slave class in the words of FMI 3.0; errors as of `fmu`."""
+    ports = ports_of(model)
+    slave = _SLAVE.format(
+        inputs=ports.inputs, states=ports.states, encoders=", ".join(map(repr, ports.encoders)), name=ports.name,
+        inputs_words=ports.inputs_words, what=ports.what, kind=ports.kind,
+    )  # fmt: skip
+    module = python_module(model, rig)
     package = BUILDERS[standard]
     if importlib.util.find_spec(package) is None:
         raise ConfigError(f"an FMU of FMI {standard} needs {package}: pip install dpr-lab[exports]")

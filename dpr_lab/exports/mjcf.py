@@ -6,25 +6,35 @@ integrator.
 """
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from dpr_lab.dynamics.arm import reduced_rods
+from dpr_lab.dynamics.arm import CLAMPED, FREE, reduced_rods
 from dpr_lab.dynamics.dry_friction import held
 from dpr_lab.dynamics.rig_constants import rig_constants
-from dpr_lab.dynamics.step import joint_forces, motion_of, under_load
+from dpr_lab.dynamics.step import joint_forces, motion_of, under_load, with_arm
 from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.effects.effect import Words
-from dpr_lab.effects.effect_kernels import active_effects, dry_limits, effect_torques
+from dpr_lab.effects.effect_kernels import (
+    active_effects,
+    arm_drives,
+    arm_torques,
+    dry_limit0,
+    dry_limits,
+    effect_torques,
+    whole_torques,
+)
 from dpr_lab.effects.quantities import plus
-from dpr_lab.exports.bodies import THIN, Bodies, Effects, Rod, bodies, in_words
-from dpr_lab.exports.python_module import known_effects, module_text, of_effects
+from dpr_lab.exports.bodies import AnyModel, Effects, bodies, in_words
+from dpr_lab.exports.module_parts import known_effects, of_effects
+from dpr_lab.exports.python_module import module_text
+from dpr_lab.exports.rigid_bodies import THIN, Arm, Bodies, Rod
 from dpr_lab.exports.xml import element, text_of
-from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 
 WORDS = frozenset(
@@ -38,38 +48,45 @@ XML, CALLBACK = "corrected_model.xml", "passive.py"
 _CALLBACK = '''
 import mujoco
 
-FRICTION = {friction!r}  # of the effects called here, what the engine gives the joints already, N m
+FRICTION = {friction!r}  # of the effects called here, what the engine gives joints 0, 1, 2 already, N m
+# number of a joint -> its name in the file, the angle (theta1, theta2 - theta1) at its zero, -1 if it turns against that
 JOINTS = {joints!r}
-UPRIGHT = {upright!r}  # theta1 and theta2 - theta1 where these joints are at zero, rad
-SIGN = {sign!r}  # -1 for a joint that turns against theta
 GRAVITY = {gravity!r}  # of a file that says none
 
 
 def coordinates(data):
-    """theta1, theta2 - theta1 and their speeds in the engine."""
-    first, second = (data.joint(name) for name in JOINTS)
-    turns = (UPRIGHT[0] + SIGN[0] * float(first.qpos[0]), UPRIGHT[1] + SIGN[1] * float(second.qpos[0]))
-    return *turns, SIGN[0] * float(first.qvel[0]), SIGN[1] * float(second.qvel[0])
+    """Angles of joints 0, 1, 2 and their speeds in the engine; zero for those that the file has not."""
+    turns, speeds = [0.0] * 3, [0.0] * 3
+    for number, (name, upright, sign) in JOINTS.items():
+        joint = data.joint(name)
+        turns[number], speeds[number] = upright + sign * float(joint.qpos[0]), sign * float(joint.qvel[0])
+    return turns, speeds
+
+
+def direction(speed):
+    return math.copysign(1.0, speed) if speed else 0.0
 
 
 def passive(model, data):
     """Torques of the effects that the file cannot contain; for mujoco.set_mjcb_passive, once the model is loaded."""
-    theta1, turn2, omega1, turning2 = coordinates(data)
-    directions = math.copysign(1.0, omega1) if omega1 else 0.0, math.copysign(1.0, turning2) if turning2 else 0.0
-    angles, speeds = (0.0, theta1, theta1 + turn2), (0.0, omega1, omega1 + turning2)
-    motion = motion_of(data.time, angles, speeds, (0.0, 0.0), (0.0, 0.0), directions)
+    turns, speeds = coordinates(data)
+    along = [direction(speed) for speed in speeds]
+    angles, omegas = (turns[0], turns[1], turns[1] + turns[2]), (speeds[0], speeds[1], speeds[1] + speeds[2])
+    motion = motion_of(data.time, angles, omegas, (0.0, 0.0), (0.0, 0.0), (along[1], along[2]))
     terms = called_torques(motion, MODEL.base, MODEL.constants, START, None, None)
     if MODEL.required.load:
         everything = effect_torques(motion, MODEL.base, MODEL.constants, START, (0.0, 0.0), None)
-        rods = reduced_rods(motion, MODEL.base, everything, MODEL.arm, 0, 0.0)
-        forces = joint_forces(motion, held(rods, *directions), MODEL.base, MODEL.constants)
+        rods = reduced_rods(motion, MODEL.base, everything, MODEL.arm, {mode}, 0.0)
+        forces = joint_forces(motion, held(rods, along[1], along[2]), MODEL.base, MODEL.constants)
         motion = under_load(motion, *forces)
         terms = plus(terms, load_torques(motion, MODEL.base, MODEL.constants, START, None, None))
-    data.joint(JOINTS[0]).qfrc_passive[0] += SIGN[0] * (terms.torque1 + terms.torque2 + directions[0] * FRICTION[0])
-    data.joint(JOINTS[1]).qfrc_passive[0] += SIGN[1] * (terms.torque2 + directions[1] * FRICTION[1])
+    torque0, torque1, torque2 = arm_torques(data, with_arm(motion, 0.0, along[0]))
+    torques = [torque0, terms.torque1 + terms.torque2 + torque1 + torque2, terms.torque2 + torque2]
+    for number, (name, _, sign) in JOINTS.items():
+        data.joint(name).qfrc_passive[0] += sign * (torques[number] + along[number] * FRICTION[number])
 
 
-class EngineSwing(Swing):
+class EngineSwing({kind}):
     """The rig in MuJoCo; for `simulate(..., kind=EngineSwing)` and `readings(..., kind=EngineSwing)`."""
 
     file = {file!r}
@@ -79,10 +96,11 @@ class EngineSwing(Swing):
         super().__init__(x0, t, run)
         mujoco.set_mjcb_passive(None)
         self.model = self.compiled or mujoco.MjModel.from_xml_path(self.file)
-        self.data = mujoco.MjData(self.model)
-        turns, speeds = (self.x.theta1, self.x.theta2 - self.x.theta1), (self.x.omega1, self.x.omega2 - self.x.omega1)
-        for name, turn, speed, upright, sign in zip(JOINTS, turns, speeds, UPRIGHT, SIGN):
-            self.data.joint(name).qpos[0], self.data.joint(name).qvel[0] = sign * (turn - upright), sign * speed
+        self.data, x = mujoco.MjData(self.model), self.x
+        turns, speeds = (x.theta0, x.theta1, x.theta2 - x.theta1), (x.omega0, x.omega1, x.omega2 - x.omega1)
+        for number, (name, upright, sign) in JOINTS.items():
+            joint = self.data.joint(name)
+            joint.qpos[0], joint.qvel[0] = sign * (turns[number] - upright), sign * speeds[number]
         self.model.opt.integrator, self.longest = mujoco.mjtIntegrator.mjINT_RK4, min(self.model.opt.timestep, 5e-4)
         if GRAVITY is not None:
             self.model.opt.gravity[:] = 0.0, 0.0, -GRAVITY
@@ -91,13 +109,45 @@ class EngineSwing(Swing):
         count = max(1, math.ceil(h / self.longest - 1e-9))
         self.model.opt.timestep, self.data.time = h / count, self.t
         self.model.dof_solref[:, 0] = 2.0 * h / count  # dry friction as hard as the step allows
-        for name, sign, torque in zip(JOINTS, SIGN, (torque1, torque2)):
-            self.data.joint(name).qfrc_applied[0] = sign * torque
+        self.push(torque1, torque2)
         mujoco.set_mjcb_passive(passive)
         mujoco.mj_step(self.model, self.data, count)
         mujoco.set_mjcb_passive(None)
-        theta1, turn2, omega1, turning2 = coordinates(self.data)
-        return self.x._replace(theta1=theta1, theta2=theta1 + turn2, omega1=omega1, omega2=omega1 + turning2)
+        turns, speeds = coordinates(self.data)
+        theta2, omega2 = (turns[1] + turns[2], speeds[1] + speeds[2]) if 2 in JOINTS else (0.0, 0.0)
+        return self.x._replace(
+            theta0=turns[0], theta1=turns[1], theta2=theta2, omega0=speeds[0], omega1=speeds[1], omega2=omega2
+        )
+
+{push}
+'''
+
+_PUSH = '''
+    def push(self, torque1, torque2):
+        """Torques of joints 1 and 2."""
+        for number, torque in ((1, torque1), (2, torque2)):
+            name, _, sign = JOINTS[number]
+            self.data.joint(name).qfrc_applied[0] = sign * torque
+
+
+def arm_torques(data, motion):
+    """An arm that is held has no torques of effects."""
+    return 0.0, 0.0, 0.0
+'''
+
+_ARM_PUSH = '''
+    def push(self, u, _):
+        """Input of the arm; a file without an actuator gets its torque."""
+        self.data.qfrc_applied[0] = 0.0 if self.model.nu else GAIN * u
+        if self.model.nu:
+            self.data.ctrl[0] = u  # the arm's motor comes first
+
+
+def arm_torques(data, motion):
+    """Torques of the effects at the arm, in its drive and of the whole rig on theta0, theta1, theta2."""
+    known = GAIN * float(data.ctrl[0]) if len(data.ctrl) else float(data.qfrc_applied[0])
+    torque0 = called_arm_drives(motion, known, called_arm_torques(motion, 0.0, START, None, None), None, None)
+    return called_whole(motion, MODEL.base, MODEL.constants, torque0, None, None)
 '''
 
 
@@ -115,10 +165,14 @@ class EngineFile:
     """Gravity, m/s^2, of a file that contains none."""
 
 
-def mjcf(model: Model, rig: Rig) -> str:
+def mjcf(model: AnyModel, rig: Rig) -> str:
     """The corrected model as MJCF: two hinges, 0 = upright, joint 2 relative to the inner rod.
 
+    An arm that is free or driven has a hinge of its own, and a motor whose control is the input in its own unit.
     Effects without an MJCF element are listed in the custom text `left_out`, and are in the passive force (`passive`).
+
+    Raises:
+        ConfigError: no bodies move as a model with a moving arm.
     """
     expressed = in_words(model, rig, WORDS)
     made = bodies(model, rig, expressed)
@@ -131,24 +185,28 @@ def mjcf(model: Model, rig: Rig) -> str:
     text = f"Not expressed here: {', '.join(left)}." if left else "All named effects are expressed."
     element(custom, "text", name="left_out", data=text)
     element(custom, "text", name="scale", data=model.scale_sentence)
-    friction, world = rest_friction(model.effects, rig), element(root, "worldbody")
-    parent = _arm(world, made) if made.arm else world
-    inner = _rod(parent, made.rods[0], 1, f"0 {-made.arm.length!r} 0" if made.arm else "", friction[0])
-    tip = f"0 0 {made.rods[0].length!r}"
-    if made.tip_mass > 0.0:
-        _inertia(element(inner, "body", name="encoder2", pos=tip), "0 0 0", made.tip_mass, THIN)
-    _rod(inner, made.rods[1], 2, tip, friction[1])
-    _motors(root, made)
-    sensors = element(root, "sensor")
+    friction, parent = rest_friction(model.effects, rig), element(root, "worldbody")
+    at, joints = "", [(j, rod.words) for j, rod in enumerate(made.rods, 1)]
+    if made.arm:
+        parent, at = _arm(parent, made.arm, friction[0]), f"0 {-made.arm.length!r} 0"
+    if isinstance(model, MovingArmModel) and made.arm:
+        joints = [(0, made.arm.words), *joints]
     for j, rod in enumerate(made.rods, 1):
+        parent = _rod(parent, rod, j, at, friction[j])
+        at = f"0 0 {rod.length!r}"
+        if j == 1 and made.tip_mass > 0.0:
+            _inertia(element(parent, "body", name="encoder2", pos=at), "0 0 0", made.tip_mass, THIN)
+    _motors(root, made, joints)
+    sensors = element(root, "sensor")
+    for j, words in joints:
         element(sensors, "jointpos", name=f"encoder{j}", joint=f"joint{j}")
-        errors = f"{rod.words.get('encoder_offset', 0.0)!r} {rod.words.get('encoder_scale', 0.0)!r}"
+        errors = f"{words.get('encoder_offset', 0.0)!r} {words.get('encoder_scale', 0.0)!r}"
         element(custom, "numeric", name=f"encoder{j}_offset_scale", data=errors)
     return text_of(root)
 
 
 def passive(
-    model: Model, rig: Rig, expressed: Collection[str] | None = None, engine_file: EngineFile | None = None
+    model: AnyModel, rig: Rig, expressed: Collection[str] | None = None, engine_file: EngineFile | None = None
 ) -> str:
     """Module with the passive force of the effects that a file cannot contain, and the encoder readings.
 
@@ -160,39 +218,48 @@ def passive(
     """
     expressed = in_words(model, rig, WORDS) if expressed is None else expressed
     place = EngineFile() if engine_file is None else engine_file
+    moving, outer = isinstance(model, MovingArmModel), not isinstance(model, MovingArmModel) or model.mounted == "both"
     called = [name for name in model.effects if name in EFFECTS and name not in expressed]
     more = {"motion_of": motion_of, "under_load": under_load, "joint_forces": joint_forces, "held": held, "plus": plus}
-    more |= {"reduced_rods": reduced_rods, "called_torques": effect_torques}
-    text = module_text(model, rig, more, {"called_torques": partial(of_effects, effects=called)})
-    friction = rest_friction({name: model.effects[name] for name in called}, rig)
+    more |= {"reduced_rods": reduced_rods, "with_arm": with_arm, "called_torques": effect_torques}
+    if moving:
+        more |= {"called_arm_torques": arm_torques, "called_arm_drives": arm_drives, "called_whole": whole_torques}
+    own = partial(of_effects, effects=called)
+    text = module_text(model, rig, more, {name: own for name in more if name.startswith("called_")})
+    joints = {number: each for number, *each in zip((1, 2), place.joints, place.upright, place.sign, strict=True)}
+    joints = ({0: ["joint0", 0.0, 1.0]} if moving else {}) | (joints if outer else {1: joints[1]})
     return text + _CALLBACK.format(
-        friction=friction,
-        joints=place.joints,
-        upright=place.upright,
-        sign=place.sign,
+        friction=rest_friction({name: model.effects[name] for name in called}, rig),
+        joints={number: tuple(each) for number, each in joints.items()},
         gravity=place.gravity,
         file=place.name,
+        mode=FREE if moving else CLAMPED,
+        kind="ArmSwing" if moving else "Swing",
+        push=(_ARM_PUSH if moving else _PUSH).strip("\n"),
     )
 
 
-def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float]:
-    """Coulomb friction of both hanging joints at rest, N m; the smaller value if the two directions differ."""
+def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float, float]:
+    """Coulomb friction of the arm and of both hanging joints at rest, N m; the smaller value of both directions."""
     constants = rig_constants(rig)
     params = effect_params(known_effects(effects))
+    active = active_effects(params)
     hanging = motion_of(0.0, (0.0, math.pi, math.pi), (0.0, 0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
     weights = (constants.m1 + constants.m2 + constants.mb) * constants.g, constants.m2 * constants.g
     hanging = under_load(hanging, *weights)
-    both = [dry_limits(hanging, push, push, params, active_effects(params)) for push in (1.0, -1.0)]
-    joint1, joint2 = np.min(both, axis=0).tolist()
-    return joint1, joint2
+    both = [
+        (dry_limit0(hanging, push, params, active), *dry_limits(hanging, push, push, params, active))
+        for push in (1.0, -1.0)
+    ]
+    arm, joint1, joint2 = np.min(both, axis=0).tolist()
+    return arm, joint1, joint2
 
 
-def _arm(world: Element, made: Bodies) -> Element:
-    assert made.arm is not None
+def _arm(world: Element, arm: Arm, friction: float) -> Element:
     body = element(world, "body", name="arm")
-    held_by = {"damping": repr(made.arm.damping), "stiffness": repr(made.arm.stiffness)}
-    element(body, "joint", name="joint0", type="hinge", axis="0 0 1", **held_by)
-    inertia = repr(made.arm.inertia)
+    hinge = _hinge(arm.damping, arm.words, 0.0, friction)
+    element(body, "joint", name="joint0", type="hinge", axis="0 0 1", **hinge)
+    inertia = repr(arm.inertia)
     element(body, "inertial", pos="0 0 0", mass="1e-9", diaginertia=f"{inertia} {inertia} {inertia}")
     return body
 
@@ -200,30 +267,40 @@ def _arm(world: Element, made: Bodies) -> Element:
 def _rod(parent: Element, rod: Rod, joint: int, at: str, friction: float) -> Element:
     """A thin rod on its hinge."""
     body = element(parent, "body", name=("inner", "outer")[joint - 1], **({"pos": at} if at else {}))
-    element(body, "joint", name=f"joint{joint}", type="hinge", axis="0 1 0", **_hinge(rod, joint, friction))
+    element(
+        body,
+        "joint",
+        name=f"joint{joint}",
+        type="hinge",
+        axis="0 1 0",
+        **_hinge(rod.damping, rod.words, math.pi * (joint == 1), friction),
+    )
     _inertia(body, f"{rod.offset!r} 0 {rod.centroid!r}", rod.mass, rod.inertia)
     end = f"0 0 0 0 0 {rod.length!r}"
     element(body, "geom", type="capsule", fromto=end, size="0.006", contype="0", conaffinity="0")
     return body
 
 
-def _hinge(rod: Rod, joint: int, friction: float) -> dict[str, str]:
-    hanging = math.pi if joint == 1 else 0.0
-    attributes = {"damping": repr(rod.damping)}
-    if "stiffness" in rod.words:
-        attributes |= {"stiffness": repr(rod.words["stiffness"]), "springref": repr(hanging + rod.words["rest_angle"])}
-    if "armature" in rod.words:
-        attributes |= {"armature": repr(rod.words["armature"])}
+def _hinge(damping: float, words: Words, zero: float, friction: float) -> dict[str, str]:
+    """Attributes of a hinge; effects measure its angle from `zero`, rad."""
+    attributes = {"damping": repr(damping)}
+    if "stiffness" in words:
+        attributes |= {"stiffness": repr(words["stiffness"]), "springref": repr(zero + words["rest_angle"])}
+    if "armature" in words:
+        attributes |= {"armature": repr(words["armature"])}
     if friction:
         hard = {"solreffriction": "0.001 1", "solimpfriction": "0.9999 0.9999 0.001 0.5 2"}
         attributes |= {"frictionloss": repr(friction), **hard}
     return attributes
 
 
-def _motors(root: Element, made: Bodies) -> None:
-    """Cogging and presliding as motors without a winding."""
-    passive_parts = [(f"joint{j}", _parts(rod.words, math.pi if j == 1 else 0.0)) for j, rod in enumerate(made.rods, 1)]
-    actuators = element(root, "actuator") if any(parts for _, parts in passive_parts) else root
+def _motors(root: Element, made: Bodies, joints: Sequence[tuple[int, Words]]) -> None:
+    """The motor of the arm; cogging and presliding as motors without a winding."""
+    passive_parts = [(f"joint{j}", _parts(words, math.pi * (j == 1))) for j, words in joints]
+    driven = made.arm is not None and made.arm.input
+    actuators = element(root, "actuator") if driven or any(parts for _, parts in passive_parts) else root
+    if made.arm and driven:
+        element(actuators, "motor", name=f"arm_{made.arm.input}", joint="joint0", gear=repr(made.arm.gain))
     for joint, parts in passive_parts:
         for kind, numbers in parts:
             attributes = {kind: " ".join(map(repr, numbers))}

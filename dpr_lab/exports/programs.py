@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.exports import sdf
-from dpr_lab.exports.bodies import in_words
+from dpr_lab.exports.bodies import AnyModel, in_words
+from dpr_lab.exports.fmu import ports_of
 from dpr_lab.exports.mjcf import CALLBACK, XML, mjcf, passive
-from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 
 Array = NDArray[np.float64]
@@ -45,54 +45,56 @@ class Replay:
     t: Array
     """(n,) times since the release, s."""
     measured: Array
-    """(n, 2) measured theta1, theta2, rad."""
+    """(n, 2) measured theta1, theta2, rad; (n, 3) theta0, theta1, theta2 of a moving arm, nan where nothing is read."""
     simulated: Array
-    """(n, 2) dpr-lab's simulation, rad."""
+    """The same in dpr-lab's simulation."""
     start: float
     """Start of the simulation, s since the release."""
     x0: Array
-    """(4,) initial state."""
+    """(4,) initial state; (6,) of a moving arm."""
     noise_rad: Array
-    """(2,) noise floor."""
+    """(2,) or (3,) noise floor."""
     torques: Array
-    """(m, 2) mean known torques of joints 1 and 2 in each step from the start, N m; zero without drives."""
+    """(m, 2) mean known torques of joints 1 and 2 in each step from the start, N m; zero without drives. Of a moving
+    arm (m, 1) mean inputs of its drive."""
 
     @property
     def lab(self) -> float:
         """Mean square error of dpr-lab's simulation, rad^2."""
-        return float(np.mean((self.measured - self.simulated) ** 2))
+        return self.error(self.simulated)
 
     def driven(self, t: float, state: object) -> list[float]:
-        """Torques of joints 1 and 2 during the step that starts at t, N m."""
+        """Torques of joints 1 and 2, N m, or input of the arm during the step that starts at t."""
         return self.torques[min(round((t - self.start) / REPLAY.step_s), len(self.torques) - 1)].tolist()
 
     def error(self, theta: Array) -> float:
         """Mean square error of a simulation, rad^2."""
-        return float(np.mean((self.measured - theta) ** 2))
+        away = (self.measured - theta)[np.isfinite(self.measured)]
+        return float(np.mean(away**2))
 
 
-Program = Callable[[Path, Model, Rig], Callable[[Replay], Array]]
+Program = Callable[[Path, AnyModel, Rig], Callable[[Replay], Array]]
 """Function of the main file, the model in it and its rig that replays swings in that program."""
 
 
-def in_python(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
+def in_python(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
     """The generated module, called in this process."""
     readings = runpy.run_path(str(file))["readings"]
     return lambda replay: readings(replay.x0, replay.t, start=replay.start, torques=replay.driven)
 
 
-def in_mujoco(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
+def in_mujoco(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
     """MuJoCo, with the generated callback of passive forces."""
     return _engine(file, {})
 
 
-def in_urdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
+def in_urdf(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
     """MuJoCo, which can read URDF."""
     file.with_name(CALLBACK).write_text(passive(model, rig), encoding="utf-8")
     return _engine(file, {"passive": None, "GRAVITY": model.rig.g})
 
 
-def in_sdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
+def in_sdf(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
     """Replay in MuJoCo with the content of the file, because Drake ignores Coulomb friction."""
     expressed = in_words(model, rig, sdf.WORDS)
     held = model.model_copy(update={"effects": {name: model.effects[name] for name in expressed}})
@@ -116,8 +118,8 @@ _FMU = """
 import json, os, sys
 import fmpy, numpy as np
 swing = json.load(sys.stdin)
-drives = np.array(list(map(tuple, swing["drives"])), [(name, float) for name in ("time", "torque1", "torque2")])
-starts, encoders = ("theta1_start", "theta2_start", "omega1_start", "omega2_start"), ("encoder1", "encoder2")
+drives = np.array(list(map(tuple, swing["drives"])), [(name, float) for name in ("time", *swing["inputs"])])
+starts, encoders = swing["starts"], swing["encoders"]
 done = fmpy.simulate_fmu(
     swing["file"], start_time=swing["start"], stop_time=swing["t"][-1] + 1e-3, step_size=1e-3, output_interval=1e-3,
     output=encoders, input=drives, start_values=dict(zip(starts, swing["x0"])),
@@ -127,13 +129,15 @@ os._exit(0)  # a unit that embeds Python is not unloaded cleanly from a Python p
 """
 
 
-def in_fmu(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
+def in_fmu(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
     """Replay in FMPy, in a separate process."""
 
     def read(replay: Replay) -> Array:
         steps = replay.start + REPLAY.step_s * np.arange(len(replay.torques))
         swing = {"file": str(file), "start": replay.start, "t": replay.t.tolist(), "x0": replay.x0.tolist()}
         swing["drives"] = np.column_stack([steps, replay.torques]).tolist()
+        ports = ports_of(model)
+        swing |= {"inputs": ports.inputs, "starts": ports.starts, "encoders": ports.encoders}
         done = subprocess.run(
             [sys.executable, "-c", _FMU], input=json.dumps(swing), capture_output=True, text=True, cwd=file.parent
         )

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from dpr_lab.effects import EFFECTS, effect_params, named_params
 from dpr_lab.effects.effect import Effect
 from dpr_lab.exports import FORMATS
-from dpr_lab.exports.bodies import Effects, in_words, words_of
-from dpr_lab.exports.python_module import known_effects
+from dpr_lab.exports.bodies import AnyModel, Effects, in_words, words_of
+from dpr_lab.exports.module_parts import known_effects
+from dpr_lab.exports.moving_arm.corrected import with_estimate
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import Problem
@@ -23,16 +24,18 @@ from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm.engine import OF_ARM, engine_values
+from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
 Array = NDArray[np.float64]
 
-MOVING = ("torque", "load", "arm")
+MOVING = ("torque", "load", "arm", "torque0", "drive0", "whole0", "input")
 """Stages of effects that move the rods; the others act between the rods and the readings."""
 
 
-def fitted_for(formats: Sequence[str], model: Model, runs: Sequence[Run], rig: Rig) -> dict[str, Model]:
+def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig: Rig) -> dict[str, AnyModel]:
     """Format -> model to write: the same model, or a simpler, refitted one if the format cannot express it.
 
     Args:
@@ -48,11 +51,11 @@ def fitted_for(formats: Sequence[str], model: Model, runs: Sequence[Run], rig: R
     if not any(losses.values()):
         return dict.fromkeys(formats, model)
     problem, bare = _bare_fit(model, runs, rig)
-    refitted: dict[frozenset[str], Model] = {frozenset(): model}
+    refitted: dict[frozenset[str], AnyModel] = {frozenset(): model}
     for name, lost in losses.items():
         if lost not in refitted:
             effects = _without(model, lost, FORMATS[name].words)
-            refitted[lost] = _with(model, _best_fit(problem, effects, [bare.ratios, model.unknowns], bare.initial))
+            refitted[lost] = _with(model, _best_fit(problem, effects, _starts(bare, model, rig), bare.initial), rig)
     return {name: refitted[lost] for name, lost in losses.items()}
 
 
@@ -73,42 +76,51 @@ def fitted_in_words(model: Model, words: frozenset[str], runs: Sequence[Run], ri
         return model
     problem, bare = _bare_fit(model, runs, rig)
     effects = _without(model, lost, words)
-    return _with(model, _best_fit(problem, effects, [bare.ratios, model.unknowns], bare.initial))
+    return _with_rods(model, _best_fit(problem, effects, _starts(bare, model, rig), bare.initial))
 
 
-def _best_fit(problem: Problem, effects: Effects, ratios: Sequence[Array], initial: Array) -> Estimate:
-    """Best of the fits from these initial ratios; a poor initial value can end in a wrong minimum."""
-    params, fits = effect_params(effects), []
-    for start in ratios:
-        at = Estimate.of(start, params, initial)
+def _starts(bare: Estimate, model: AnyModel, rig: Rig) -> list[tuple[Array, Array]]:
+    """(7,) ratios and (SIZE,) effects from which fits start: of the bare model, and of the corrected one."""
+    if not isinstance(model, MovingArmModel):
+        return [(bare.ratios, effect_params({})), (model.unknowns, effect_params({}))]
+    unknown, params = engine_values(model, rig)
+    return [(bare.ratios, bare.params), (unknown, effect_params(named_params(params, among=OF_ARM)))]
+
+
+def _best_fit(problem: Problem, effects: Effects, starts: Sequence[tuple[Array, Array]], initial: Array) -> Estimate:
+    """Best of the fits from these ratios and effects; a poor initial value can end in a wrong minimum."""
+    fits = []
+    for start, arm in starts:
+        at = Estimate.of(start, effect_params(named_params(arm) | dict(effects)), initial)
         of_rods = [effect for effect in effects if EFFECTS[effect].stage in MOVING]
         fits.append(fit(problem, at, free_parameters(at, of_rods, problem), iterations=20))
     return min(fits, key=lambda candidate: candidate.chi2).estimate
 
 
-def bare_model(model: Model, runs: Sequence[Run], rig: Rig) -> Model:
+def bare_model(model: AnyModel, runs: Sequence[Run], rig: Rig) -> AnyModel:
     """The model without effects, fitted to the same runs; arguments and errors as for `fitted_for`."""
-    return _with(model, _bare_fit(model, runs, rig)[1])
+    return _with(model, _bare_fit(model, runs, rig)[1], rig)
 
 
-def moving(model: Model) -> list[str]:
+def moving(model: AnyModel) -> list[str]:
     """The effects of a model that act on the rods."""
     return [name for name in model.effects if name in EFFECTS and EFFECTS[name].stage in MOVING]
 
 
-def moving_losses(name: str, model: Model, rig: Rig) -> frozenset[str]:
+def moving_losses(name: str, model: AnyModel, rig: Rig) -> frozenset[str]:
     """Effects on the rods that a format cannot express."""
     return frozenset(FORMATS[name].lost(model, rig)) & frozenset(moving(model))
 
 
-def _bare_fit(model: Model, runs: Sequence[Run], rig: Rig) -> tuple[Problem, Estimate]:
+def _bare_fit(model: AnyModel, runs: Sequence[Run], rig: Rig) -> tuple[Problem, Estimate]:
     fitted, *_ = in_pieces(runs, [])
     recordings = Recordings(tuple(record(run, rig) for run in fitted), rig)
-    _, problem, bare = fit_bare_model(recordings, model.unknowns)
+    unknown = engine_values(model, rig)[0] if isinstance(model, MovingArmModel) else model.unknowns
+    _, problem, bare = fit_bare_model(recordings, unknown)
     return problem, bare.fit.estimate
 
 
-def _without(model: Model, lost: frozenset[str], words: frozenset[str]) -> dict[str, dict[str, float]]:
+def _without(model: AnyModel, lost: frozenset[str], words: frozenset[str]) -> dict[str, dict[str, float]]:
     """Remaining effects, and simpler ones in place of the lost effects."""
     kept = {name: values for name, values in known_effects(model.effects).items() if name not in lost}
     stand_ins = {name for gone in sorted(lost) for name in _simpler(EFFECTS[gone], words)} - set(kept)
@@ -128,8 +140,12 @@ def _typical(effect: Effect) -> dict[str, float]:
     return {p.name: p.default if p.role == "shape" else p.typical for p in effect.parameters}
 
 
-def _with(model: Model, estimate: Estimate) -> Model:
+def _with(model: AnyModel, estimate: Estimate, rig: Rig) -> AnyModel:
     """The model with other ratios and effects."""
+    return with_estimate(model, estimate, rig) if isinstance(model, MovingArmModel) else _with_rods(model, estimate)
+
+
+def _with_rods(model: Model, estimate: Estimate) -> Model:
     base, ratios = estimate.base.tolist(), estimate.ratios.tolist()
     return model.model_copy(
         update={

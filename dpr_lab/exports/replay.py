@@ -9,9 +9,12 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.exports import FORMATS
+from dpr_lab.exports.bodies import AnyModel
+from dpr_lab.exports.moving_arm.replay import arm_replays
 from dpr_lab.exports.programs import REPLAY, Replay, ReplaySettings
 from dpr_lab.identification.compare import follow, free_run_from
 from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -42,8 +45,20 @@ def release(run: Run, rig: Rig, model: Model, until: float | None = None, settin
     )
 
 
-def replayed(name: str, model: Model, rig: Rig, swings: Sequence[Replay]) -> list[Array]:
-    """(n, 2) angles of the rods for each swing, rad, in the program of a format.
+def replays(runs: Sequence[Run], rig: Rig, model: AnyModel, like: Sequence[Replay] | None = None) -> tuple[Replay, ...]:
+    """Swings of a model along runs, over the same time as those of another model.
+
+    Raises:
+        RunError: a run that is too short, or one that no initial state fits.
+    """
+    if isinstance(model, MovingArmModel):
+        return tuple(swing for run in runs for swing in arm_replays(run, rig, model))
+    ends = [None] * len(runs) if like is None else [float(swing.t[-1]) for swing in like]
+    return tuple(release(run, rig, model, until) for run, until in zip(runs, ends, strict=True))
+
+
+def replayed(name: str, model: AnyModel, rig: Rig, swings: Sequence[Replay]) -> list[Array]:
+    """(n, 2) angles of the rods, or (n, 3) of arm and rods, for each swing, rad, in the program of a format.
 
     Raises:
         ConfigError: the program is not installed.
@@ -54,4 +69,6 @@ def replayed(name: str, model: Model, rig: Rig, swings: Sequence[Replay]) -> lis
         for file, content in export.written(model, rig).items():
             (Path(folder) / file).write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
         simulate = export.runs_in(Path(folder) / export.main, model, rig)
-        return [rig.encoders.joint_angles.to_rods(simulate(swing)) for swing in swings]
+        joints = [simulate(swing) for swing in swings]
+    to_rods = rig.encoders.joint_angles.to_rods
+    return [np.column_stack([each[:, :-2], to_rods(each[:, -2:])]) for each in joints]

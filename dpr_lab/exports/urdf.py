@@ -8,17 +8,18 @@ import json
 from collections.abc import Mapping
 from xml.etree.ElementTree import Element
 
-from dpr_lab.exports.bodies import THIN, Rod, bodies, in_words
+from dpr_lab.effects.effect import Words
+from dpr_lab.exports.bodies import AnyModel, bodies, in_words
+from dpr_lab.exports.rigid_bodies import THIN, Rod
 from dpr_lab.exports.xml import comment, element, text_of
-from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 
 WORDS = frozenset({"friction", "offset", "added_length", "tilt"})
 """Elements of effects that URDF supports."""
 
 
-def urdf(model: Model, rig: Rig, lost: Mapping[str, str]) -> str:
-    """Links `world`, `base`, `inner`, `encoder2`, `outer`; joints 0 = upright, joint 2 relative to the inner rod."""
+def urdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
+    """Links `world`, `base`, `arm` if it moves, `inner`, `encoder2`, `outer`; 0 = upright, joint 2 relative."""
     expressed = in_words(model, rig, WORDS)
     made = bodies(model, rig, expressed)
     root = element(None, "robot", name=model.rig.name)
@@ -27,14 +28,18 @@ def urdf(model: Model, rig: Rig, lost: Mapping[str, str]) -> str:
     element(root, "link", name="world")
     element(root, "link", name="base")
     _joint(root, "stand", "fixed", ("world", "base"), "0 0 0", f"0 {made.tilt!r} 0")
-    names, at = ("base", "inner", "outer"), "0 0 0"
+    parent, at = "base", "0 0 0"
+    if arm := made.arm:
+        if arm.input:
+            comment(root, f"joint0: torque = {arm.gain!r} N m per unit of {arm.input}")
+        _inertial(element(root, "link", name="arm"), "0 0 0", 1e-9, arm.inertia, arm.inertia)
+        _hinge(root, "joint0", (parent, "arm"), at, "0 0 1", (arm.damping, arm.words))
+        parent, at = "arm", f"0 {-arm.length!r} 0"
     for j, rod in enumerate(made.rods):
-        _link(root, names[j + 1], rod)
-        joint = _joint(root, f"joint{j + 1}", "continuous", (names[j], names[j + 1]), at, "0 0 0")
-        element(joint, "axis", xyz="0 1 0")
-        friction = rod.words.get("friction", 0.0)
-        element(joint, "dynamics", damping=repr(rod.damping), friction=repr(friction))
-        at = f"0 0 {rod.length!r}"
+        name = ("inner", "outer")[j]
+        _link(root, name, rod)
+        _hinge(root, f"joint{j + 1}", (parent, name), at, "0 1 0", (rod.damping, rod.words))
+        parent, at = name, f"0 0 {rod.length!r}"
     if made.tip_mass > 0.0:
         _inertial(element(root, "link", name="encoder2"), "0 0 0", made.tip_mass, THIN)
         _joint(root, "encoder2", "fixed", ("inner", "encoder2"), f"0 0 {made.rods[0].length!r}", "0 0 0")
@@ -49,6 +54,13 @@ def _joint(root: Element, name: str, kind: str, ends: tuple[str, str], at: str, 
     return joint
 
 
+def _hinge(root: Element, name: str, ends: tuple[str, str], at: str, axis: str, losses: tuple[float, Words]) -> None:
+    joint = _joint(root, name, "continuous", ends, at, "0 0 0")
+    element(joint, "axis", xyz=axis)
+    damping, words = losses
+    element(joint, "dynamics", damping=repr(damping), friction=repr(words.get("friction", 0.0)))
+
+
 def _link(root: Element, name: str, rod: Rod) -> None:
     link = element(root, "link", name=name)
     _inertial(link, f"{rod.offset!r} 0 {rod.centroid!r}", rod.mass, rod.inertia)
@@ -57,9 +69,9 @@ def _link(root: Element, name: str, rod: Rod) -> None:
     element(element(visual, "geometry"), "cylinder", radius="0.006", length=repr(rod.length))
 
 
-def _inertial(link: Element, at: str, mass: float, inertia: float) -> None:
+def _inertial(link: Element, at: str, mass: float, inertia: float, along: float = THIN) -> None:
     inertial = element(link, "inertial")
     element(inertial, "origin", xyz=at, rpy="0 0 0")
     element(inertial, "mass", value=repr(mass))
     none = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
-    element(inertial, "inertia", ixx=repr(inertia), iyy=repr(inertia), izz=repr(THIN), **none)
+    element(inertial, "inertia", ixx=repr(inertia), iyy=repr(inertia), izz=repr(along), **none)

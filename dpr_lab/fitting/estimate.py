@@ -180,6 +180,11 @@ def whole_of(ratios: Array) -> Array:
     return ratios[..., SCALE, None] * unit
 
 
+def alone_share(ratios: Array) -> float:
+    """Inertia of the inner rod alone about joint 1 over b of the whole rig, from (7,) ratios, b and p/b."""
+    return float(ratios[RATIOS.index("a/b")] - ratios[ON_ELBOW])
+
+
 def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tuple[int, ...]:
     """Indices of the unknowns that runs determine; the others keep their values.
 

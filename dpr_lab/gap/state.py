@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Effect
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS
+from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS, alone_share
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.advice.next_step import NextStep
 from dpr_lab.gap.classes.posterior import EffectPosterior
@@ -156,7 +156,13 @@ class Advised(Transferred):
 
     @property
     def scale(self) -> Scale:
-        """Assumption of absolute sizes about b: fitted, or taken from the rig file."""
+        """Assumption of absolute sizes about b, or a of an inner rod alone: fitted, or taken from the rig file."""
+        alone = all(setup.mounting == "inner" for setup in self.problem.segments.setups)
+        share = alone_share(self.selection.chosen.fit.estimate.ratios)
+        return self._scale_b.as_inertia("a", share) if alone else self._scale_b
+
+    @property
+    def _scale_b(self) -> Scale:
         unknown, intervals = self.selection.chosen.fit.estimate.ratios, self.intervals
         b = float(unknown[SCALE])
         if ("", "b") in intervals:

@@ -1,7 +1,7 @@
 """Result of an identification, as stored in `model.json`."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -304,7 +304,7 @@ def load_model(path: Path) -> Model:
     """
     try:
         model = Model.model_validate(_printable(json.loads(regular(path, RunError).read_text(encoding="utf-8"))))
-        _refuse_unknown_effects(model)
+        refuse_unknown_effects(model.effects, path)
         return model
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
@@ -328,8 +328,16 @@ def _printable(value: Any) -> Any:
     return printable(value) if isinstance(value, str) else value
 
 
-def _refuse_unknown_effects(model: Model) -> None:
-    for name, values in model.effects.items():
+def refuse_unknown_effects(effects: Mapping[str, Mapping[str, float]], path: Path) -> None:
+    """Check that this version knows the effects of a model file.
+
+    Raises:
+        RunError: it does not.
+    """
+    for name, values in effects.items():
         known = [parameter.name for parameter in EFFECTS[name].parameters] if name in EFFECTS else []
         if name not in EFFECTS or not set(values) <= set(known):
-            raise ValueError(f"effects.{name}: unknown effect or parameters ({', '.join(values)}): update dpr-lab")
+            raise RunError(
+                f"{path}: is not a model file (JSON): effects.{name}: unknown effect or parameters"
+                f" ({', '.join(values)}): update dpr-lab"
+            )

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from dpr_lab.acceptance.judge import Acceptance
-from dpr_lab.errors import DprError
+from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.exports import FORMATS, ExportFormat
+from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.corrected import corrected_model
 from dpr_lab.exports.cost import Replayed, Yardstick, yardstick
 from dpr_lab.exports.refit import fitted_for
@@ -21,7 +22,7 @@ from dpr_lab.report.gap.html import write_gap_report
 from dpr_lab.report.html import write_report
 from dpr_lab.report.words import named
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run, moves
+from dpr_lab.run import Run
 from dpr_lab.whole_file import write_whole
 
 AXES = ("theta1", "theta2")
@@ -65,16 +66,15 @@ def save_diagnosis(
     """
     figures = save_gap_figures(diagnosis, out)
     report = write_gap_report(diagnosis, f"Double pendulum “{rig.name}”: sim-to-real gap", out, figures, acceptance)
-    if moves(runs):  # a corrected model of an arm that moves is not written yet
-        return {"report": str(report)}
     corrected = corrected_model(diagnosis, runs, rig)
     corrected.save(out / "model.json")
     exports = save_exports(corrected, runs, rig, out, on_loss)
-    return {"report": str(report), "model": str(out / "model.json"), "module": exports["python"], **exports}
+    module = {"module": exports["python"]} if "python" in exports else {}
+    return {"report": str(report), "model": str(out / "model.json"), **module, **exports}
 
 
 def save_exports(
-    corrected: Model, runs: Sequence[Run], rig: Rig, out: Path, on_loss: Callable[[str], None]
+    corrected: AnyModel, runs: Sequence[Run], rig: Rig, out: Path, on_loss: Callable[[str], None]
 ) -> dict[str, str]:
     """Write the corrected model for other programs.
 
@@ -99,11 +99,14 @@ def save_exports(
                 f"{name}: without {', '.join(map(named, lost))}; rms error on these runs {export_mrad:.3g} mrad"
                 f" (corrected model {corrected_mrad:.3g} mrad, bare model {bare_mrad:.3g} mrad)"
             )
-        exports[name] = write_export(FORMATS[name], model, rig, out, lost, check)
+        try:
+            exports[name] = write_export(FORMATS[name], model, rig, out, lost, check)
+        except ConfigError as error:  # no bodies move as this model does
+            on_loss(f"{name} was not written: {error}")
     return exports
 
 
-def _yardstick(corrected: Model, runs: Sequence[Run], rig: Rig, on_loss: Callable[[str], None]) -> Yardstick | None:
+def _yardstick(corrected: AnyModel, runs: Sequence[Run], rig: Rig, on_loss: Callable[[str], None]) -> Yardstick | None:
     """Reference for the error of exports; None, and a message, if no run can be replayed."""
     try:
         return yardstick(corrected, runs, rig)
@@ -119,7 +122,7 @@ def check_of(replayed: Replayed, bare_rad: float) -> dict[str, float]:
 
 def write_export(
     export_format: ExportFormat,
-    model: Model,
+    model: AnyModel,
     rig: Rig,
     out: Path,
     lost: Mapping[str, str],

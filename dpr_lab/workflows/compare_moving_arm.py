@@ -1,10 +1,16 @@
 """Comparison of runs with a model of a rig whose arm is free or driven."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import OnEvent, ignore
+
+if TYPE_CHECKING:
+    from dpr_lab.identification.moving_arm.identify import ArmComparison
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
+    from dpr_lab.rig import Rig
+    from dpr_lab.run import Run
 
 
 def compare_moving_arm(
@@ -26,7 +32,7 @@ def compare_moving_arm(
         return None
     import numpy as np
 
-    from dpr_lab.identification.moving_arm.identify import compare_moving_arm as compare_run
+    from dpr_lab.identification.moving_arm.identify import compare_moving_arm as compare_bare
     from dpr_lab.run import refuse_repeated
     from dpr_lab.storage.reader import stored_rig
     from dpr_lab.whole_file import write_text
@@ -38,6 +44,7 @@ def compare_moving_arm(
         read_runs([file], rig, on_event, any_clock, moving=True)[0] for file, rig in zip(runs, rigs, strict=True)
     ]
     refuse_repeated(recorded)
+    compare_run = compare_with_effects if loaded.effects else compare_bare
     compared = [compare_run(run, rig, loaded) for run, rig in zip(recorded, rigs, strict=True)]
     rows = [
         ",".join([one.run, *(f"{value:.9g}" for value in (t, *measured, *simulated))])
@@ -51,3 +58,29 @@ def compare_moving_arm(
     write_text(file, "\n".join([",".join(["run", "t_s", *names]), *rows]) + "\n", RunError)
     keys = ("run", "held_out", "segment_s", "rms_rad", "noise_rad")
     return {"file": str(file), "runs": [{key: getattr(one, key) for key in keys} for one in compared]}
+
+
+def compare_with_effects(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: float = 0.5) -> "ArmComparison":
+    """Simulate a run by segment with a corrected model and its effects; only initial states are fitted.
+
+    Raises:
+        RunError: the model belongs to another rig, or cannot follow the readings.
+    """
+    import numpy as np
+
+    from dpr_lab.exports.moving_arm.replay import follow_with_arm
+    from dpr_lab.identification.moving_arm.identify import JOINTS_READ, ArmComparison
+
+    followed = follow_with_arm(run, rig, model, segment_s)
+    away = followed.measured - followed.simulated
+    read = [k for k in range(len(JOINTS_READ)) if np.isfinite(followed.noise[k])]
+    return ArmComparison(
+        followed.run,
+        not model.used(run.sha256),
+        followed.t,
+        followed.measured,
+        followed.simulated,
+        segment_s,
+        {JOINTS_READ[k]: float(np.sqrt(np.nanmean(away[:, k] ** 2))) for k in read},
+        {JOINTS_READ[k]: float(followed.noise[k]) for k in read},
+    )

@@ -74,7 +74,7 @@ def diagnose_simulator(
         DprError: a result cannot be written.
     """
     from dpr_lab.exports.bodies import left_out
-    from dpr_lab.exports.corrected import corrected_model
+    from dpr_lab.exports.corrected import corrected_rods
     from dpr_lab.exports.into import WORDS, into_file
     from dpr_lab.exports.into.least_change import least_change
     from dpr_lab.exports.into.replay import replay_files
@@ -101,9 +101,9 @@ def diagnose_simulator(
         if chain.arm is not None:
             raise ConfigError(f"{simulator}: its rods are mounted on an arm: give a model of the rods alone")
         refuse_other_rig(chain, rig.L1, rig.g, simulator)
+        runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)  # of a clamped arm
         result = diagnose(replace(request, rig=file), on_event)
-    runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
-    model = corrected_model(result.diagnosis, runs, rig)
+    model = corrected_rods(result.diagnosis, runs, rig)
     written = fitted_in_words(model, WORDS[read.format], runs, rig)
     least = least_change(result.diagnosis, written, rig, chain, runs)
     lost = left_out(model, written.effects, read.format)

@@ -11,8 +11,8 @@ from dpr_lab.workflows.events import OnEvent, StageBegan, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
+    from dpr_lab.exports.bodies import AnyModel
     from dpr_lab.exports.cost import Replayed
-    from dpr_lab.identification.model import Model
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
 
@@ -51,7 +51,8 @@ class ExportResult:
     torques: tuple[str, ...] = ()
     """Kinds of the known torques that drove the runs."""
     scale: dict[str, Any] | None = None
-    """Assumed b of masses, inertias and torques (kg m^2), its 90 % interval and what determined it; None: unknown."""
+    """Assumed inertia of masses, inertias and torques (`b`, kg m^2), its 90 % interval, what determined it, and which
+    inertia it is (`inertia`, a of an inner rod alone); None: unknown."""
     scale_sentence: str = ""
     """The same in words."""
 
@@ -72,7 +73,7 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
     """
     from dpr_lab.exports import FORMATS
     from dpr_lab.exports.refit import fitted_for, moving, moving_losses
-    from dpr_lab.identification.model import load_model
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.report.saving import check_of, write_export
     from dpr_lab.rig import load_rig
     from dpr_lab.run import torque_kinds
@@ -81,9 +82,8 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
         raise ConfigError(unknown_name(f"no format named {unknown[0]}", unknown[0], FORMATS))
     refuse_file(request.out)
     rig = load_rig(request.rig)
-    model = load_model(request.model / "model.json" if request.model.is_dir() else request.model)
-    model.starting_point(rig)
-    runs = read_runs(request.check, rig, on_event, torque=request.torque)
+    model = model_to_export(request.model / "model.json" if request.model.is_dir() else request.model, rig)
+    runs = read_runs(request.check, rig, on_event, torque=request.torque, moving=isinstance(model, MovingArmModel))
     for run in runs:
         if run.arm is not None:
             raise RunError(f"{run.name}: its arm moves, which the replay does not support: check another run")
@@ -112,15 +112,44 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
         lost=with_reasons,
         instead=instead,
         torques=torque_kinds(runs),
-        scale=model.scale.model_dump() if model.scale else None,
+        scale=_scale(model),
         scale_sentence=model.scale_sentence,
     )
 
 
+def _scale(model: "AnyModel") -> dict[str, Any] | None:
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
+
+    if isinstance(model, MovingArmModel):
+        assumed = model.absolute[model.scale]
+        ends = {"interval90": assumed.interval90, "fixed_by": assumed.fixed_by}
+        return {"b": assumed.value, **ends, "inertia": model.scale}
+    return model.scale.model_dump() if model.scale else None
+
+
+def model_to_export(file: Path, rig: "Rig") -> "AnyModel":
+    """Read a model of a rig, whose arm may move.
+
+    Raises:
+        RunError: it cannot be read, or belongs to another rig.
+    """
+    from dpr_lab.identification.model import load_model
+    from dpr_lab.identification.moving_arm.model import load_moving_arm_model
+
+    moving = load_moving_arm_model(file)
+    if moving is None:
+        model = load_model(file)
+        model.starting_point(rig)
+        return model
+    if (moving.rig.name, moving.rig.L1, moving.mounted) != (rig.name, rig.L1, rig.rods.mounted):
+        raise RunError(f"{file}: is a model of rig {moving.rig.name} with other rods or lengths than {rig.name}")
+    return moving.with_arm_effects()
+
+
 def _checked(
     request: ExportRequest,
-    model: "Model",
-    models: "dict[str, Model]",
+    model: "AnyModel",
+    models: "dict[str, AnyModel]",
     runs: "Sequence[Run]",
     rig: "Rig",
     on_event: OnEvent,

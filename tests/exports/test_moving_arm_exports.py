@@ -11,11 +11,18 @@ from typer.testing import CliRunner
 
 from dpr_lab.cli.app import app
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS, arm_segments, swing_segments
+from dpr_lab.dynamics.prediction import predict, segment_start
+from dpr_lab.dynamics.segments import segments
 from dpr_lab.errors import ConfigError
-from dpr_lab.exports.moving_arm.formats import ARM_FORMATS
+from dpr_lab.exports import FORMATS
+from dpr_lab.exports.programs import Replay
+from dpr_lab.fitting.estimate import whole_of
 from dpr_lab.identification.model import EstimatedValue, RigFacts
+from dpr_lab.identification.moving_arm.engine import engine_constants, engine_values
 from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import load_rig
+from dpr_lab.setup import Setup, Torques
 from tests.identification.test_moving_arm_fit import rig_with
 
 T = np.arange(0, 1.0, 0.005)
@@ -23,9 +30,9 @@ PUSH = 0.6 * np.sin(4 * T)
 START = np.array([0.1, 2.4, 3.5, 0.2, -0.1, 0.3])
 
 
-def model_of(rods="both", kind="torque", **changed):
+def model_of(rods="both", kind="torque", kt=None, **changed):
     """A model by values; of its other fields no export reads any."""
-    rig = rig_with("driven", kind, rods)
+    rig = rig_with("driven", kind, rods, **({"kt": kt} if kt else {}))
     rods_of = {"both": (0.038, 0.0053, 0.008, 0.9, 1e-3, 1e-3), "inner": (0.0053, 0.0053, 0.0, 0.2, 1e-3, 0.0)}
     values = dict(zip(SWING_PARAMETERS, (*rods_of[rods], 0.06, 0.02, 0.3, 0.0, 0.5, rig.L0), strict=True)) | changed
     scale = "b" if rods == "both" else "a"
@@ -45,11 +52,17 @@ def lab(rig, model, start, push=PUSH):
 
 
 def replayed(name, rig, model, folder: Path, start):
-    chosen = ARM_FORMATS[name]
-    content = chosen.content(model, rig)
-    file = folder / chosen.main
-    file.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return chosen.replay(file, model, rig)(start, T, PUSH)
+    chosen, model = FORMATS[name], model.with_arm_effects()
+    for file, content in chosen.written(model, rig).items():
+        (folder / file).write_bytes(content if isinstance(content, bytes) else content.encode())
+    steps = np.arange(0, T[-1] + 2e-3, 1e-3)
+    inputs = PUSH[np.minimum(np.searchsorted(T, steps, side="right") - 1, len(T) - 1)][:, None]
+    swing = Replay("", T, np.zeros((len(T), 3)), np.zeros((len(T), 3)), 0.0, start, np.ones(3), inputs)
+    return rods_of(rig, chosen.runs_in(folder / chosen.main, model, rig)(swing))
+
+
+def rods_of(rig, joints):
+    return np.column_stack([joints[:, 0], rig.encoders.joint_angles.to_rods(joints[:, 1:])])
 
 
 @pytest.mark.parametrize("rods", ["both", "inner"])
@@ -91,8 +104,8 @@ def test_an_arm_whose_inertia_is_unknown_is_no_body():
     rig, model = model_of()
     model = model.model_copy(update={"ratios": {}})
     with pytest.raises(ConfigError, match="do not determine the inertia of the arm"):
-        ARM_FORMATS["mjcf"].content(model, rig)
-    assert "simulate" in str(ARM_FORMATS["python"].content(model, rig))
+        FORMATS["mjcf"].written(model, rig)
+    assert "simulate" in str(FORMATS["python"].written(model, rig))
 
 
 def test_export_checks_a_captured_run(tmp_path):
@@ -118,6 +131,63 @@ def test_export_checks_a_captured_run(tmp_path):
     assert done.exit_code == 0, done.output
     result = json.loads(done.stdout)
     assert set(result["files"]) == {"mjcf", "python"}
-    assert result["error_rad"]["mjcf"] == pytest.approx(result["own_rad"], rel=1e-3)
-    assert max(result["away_rad"].values()) < 1e-6
+    assert result["tried"]["mjcf"]["off_rad"] == pytest.approx(result["lab"]["off_rad"], rel=1e-3)
+    assert result["tried"]["python"]["off_rad"] == pytest.approx(result["lab"]["off_rad"], rel=1e-3)
+    assert result["scale"]["inertia"] == "a"
     assert runpy.run_path(str(out / "corrected_model.py"))["INPUT"] == "current"
+
+
+SETS = {
+    "friction and cable": {
+        "coulomb_joint0": {"torque_Nm": 0.03},
+        "spring_joint0": {"stiffness_Nm_per_rad": 0.2, "constant_Nm": 0.02},
+        "encoder_offset_joint0": {"offset_rad": 0.02},
+    },
+    "drive": {
+        "dead_zone_joint0": {"width_Nm": 0.05},
+        "torque_ripple_joint0": {"cos_share": 0.1, "sin_share": 0.05, "order": 6.0},
+        "input_delay": {"delay_s": 0.02},
+        "coulomb_joint1": {"torque_Nm": 0.004},
+    },
+    "readings": {
+        "encoder_scale_joint0": {"excess": 0.01},
+        "latency_joint0": {"delay_s": 0.004},
+        "hard_stop_joint0": {"stiffness_Nm_per_rad": 2.0, "range_rad": 0.15},
+        "detent_joint0": {"cos1_Nm": 0.02, "order": 5.0},
+    },
+}
+
+
+def engine_readings(rig, model, start, t):
+    """What the fits of a diagnosis predict: (n, 3) readings of joints 0, 1 and 2."""
+    unknown, params = engine_values(model, rig)
+    gain = drive_gain(rig).value
+    torques = Torques(T, np.zeros((len(T), 2)), on_arm=gain * PUSH)
+    setup = Setup("both" if model.mounted == "both" else "inner", torques=torques, arm_moves=True)
+    cut = segments([t], [0], [setup], [2.5e-4])
+    begin = start[[1, 2, 4, 5, 0, 3]]
+    return predict(whole_of(unknown), params, engine_constants(model, rig), cut, [begin], arm=True)[:, [2, 0, 1]]
+
+
+@pytest.mark.parametrize("rods", ["both", "inner"])
+@pytest.mark.parametrize("effects", SETS)
+@pytest.mark.parametrize(("name", "near"), [("python", 2e-5), ("mjcf", 2e-3)])
+def test_effects_of_arm_and_drive_are_in_the_program(name, near, effects, rods, tmp_path):
+    rig, model = model_of(rods, kind="current", kt={"nominal": 0.4, "lower": 0.1, "upper": 1.0}, k0=0.0)
+    model = model.model_copy(update={"effects": SETS[effects]})
+    start = START if rods == "both" else START * [1, 1, 0, 1, 1, 0]
+    chosen = FORMATS[name]
+    assert not chosen.lost(model, rig)
+    for file, content in chosen.written(model, rig).items():
+        (tmp_path / file).write_text(str(content))
+    t = T[7:]  # so near to the release that the engine starts there
+    steps = np.arange(0, T[-1] + 2e-3, 1e-3)
+    inputs = PUSH[np.minimum(np.searchsorted(T, steps, side="right") - 1, len(T) - 1)][:, None]
+    swing = Replay("", t, np.zeros((len(t), 3)), np.zeros((len(t), 3)), segment_start(t[0]), start, np.ones(3), inputs)
+    assert swing.start == 0.0
+    read = chosen.runs_in(tmp_path / chosen.main, model, rig)(swing)
+    joints = 3 if rods == "both" else 2
+    away = np.abs(read - engine_readings(rig, model, start, t))[:, :joints]
+    without = model.model_copy(update={"effects": {}})
+    assert np.abs(read - engine_readings(rig, without, start, t))[:, :joints].max() > 20 * near
+    assert away.max() < near

@@ -15,7 +15,7 @@ from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.effects.effect_kernels import AT_RELEASE, STEPPED, active_effects, effect_torques
 from dpr_lab.effects.quantities import BaseParameters
 from dpr_lab.exports.mjcf import EngineFile, passive, rest_friction
-from dpr_lab.exports.python_module import known_effects
+from dpr_lab.exports.module_parts import known_effects
 from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 from dpr_lab.simulator_models.chain import ModelChain
@@ -57,7 +57,7 @@ def passive_forces(
     upright = math.pi - inner.direction * inner.hanging, -outer.direction * outer.hanging
     sign = float(inner.direction), float(outer.direction)
     place = EngineFile(file, (inner.joint.name, outer.joint.name), upright, sign, gravity)
-    return PassiveForces(tuple(added), rest_friction(added, rig), passive(model, rig, contained, place))
+    return PassiveForces(tuple(added), rest_friction(added, rig)[1:], passive(model, rig, contained, place))
 
 
 def _adds_inertia(name: str, values: Mapping[str, float], model: Model, rig: Rig) -> bool:

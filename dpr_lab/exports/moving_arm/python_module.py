@@ -1,91 +1,164 @@
-"""A rig with a moving arm as a Python module without dependencies but numpy, from dpr-lab's own equation of motion."""
+"""A rig with a moving arm as a Python module without dependencies but numpy, from dpr-lab's own functions."""
 
-from dpr_lab.dynamics.arm import DRIVEN, FREE, arm_accelerations
-from dpr_lab.effects.quantities import SMOOTHING, ArmModel, BaseParameters, Motion, Terms
-from dpr_lab.exports.moving_arm.bodies import absolute_parameters
-from dpr_lab.exports.source import PREAMBLE, sources
+from collections.abc import Mapping
+from typing import Any
+
+from dpr_lab.dynamics.arm import DRIVEN, FREE, with_gravity
+from dpr_lab.dynamics.rig_constants import constants_of_run
+from dpr_lab.dynamics.step import with_arm
+from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.drive_gain import DRIVE_GAIN
+from dpr_lab.effects.quantities import ArmModel
+from dpr_lab.exports.module_parts import assembled, parameter_lines, simulated_rig
+from dpr_lab.exports.source import Rewrite
+from dpr_lab.identification.moving_arm.engine import engine_constants
 from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.setup import drive_gain
+from dpr_lab.rig import Rig
+from dpr_lab.setup import Setup
 
-_HEAD = '''"""Rods on an arm that moves: dpr-lab's own equation of motion with the identified values.
+_HEAD = '''"""Rods on an arm that moves: the functions that dpr-lab itself simulates with, and the identified values.
 
 simulate(x0, t, inputs)  states at the instants t, the input held from each instant to the next
+readings(x0, t, ...)     what the encoders of joints 0, 1 and 2 read at device times t, rad
 derivative(x, u)         time derivative of a state
 step(x, u, h)            the state after h, s
+ArmSwing(x0)             the same step by step
 
 A state is theta0, theta1, theta2, omega0, omega1, omega2: arm, inner and outer rod, absolute angles, rad, rods 0 =
-upright, pi = hanging; speeds, rad/s. Without an outer rod theta2 stays as it is. The input is INPUT; SI.
+upright, pi = hanging; speeds, rad/s. Without an outer rod theta2 is zero. The input is INPUT; SI.
 """
 
 import math
+from bisect import bisect
 from collections import namedtuple
+from copy import copy
 from itertools import pairwise
 
 import numpy as np
 
+inf, nan = math.inf, math.nan
 RIG = {rig!r}
 SCALE = {scale!r}
 INPUT = {input!r}  # torque (N m), current (A), voltage (V) or acceleration (rad/s^2) of the arm; empty without one
+LEFT_OUT = {left_out!r}  # named too: of drives of the rods, or unknown to the dpr-lab that wrote this
+EFFECTS = {effects!r}
 VALUES = {values!r}
 L1, G = {L1!r}, {g!r}
+GAIN = {gain!r}  # torque on the arm over its input
+OUTER = {outer!r}  # whether the outer rod is mounted
+{parameters}
 
 '''
 
 _TAIL = '''
-MODE, OUTER = {mode}, {outer}  # what the input is, and whether the outer rod is mounted
-A, B, D, E1, C1, C2 = (VALUES[name] for name in ("a", "b", "d", "e1", "c1", "c2"))
-BASE = BaseParameters(A, B, D, E1, D * G / L1, C1, C2)
-ARM = ArmModel(VALUES["A"], VALUES["L0"] / G, VALUES["c0"], VALUES["k0"])
-NOTHING = Terms(*[0.0] * len(Terms._fields))
+DELAY = input_delay(0.0, None, None)  # of the input, s
+
+
+class ArmSwing(Swing):
+    """The rig from a state of six on, step by step; the input of the arm's drive may change between steps."""
+
+    encoders = 3
+
+    def __init__(self, x0, t=0.0, run=0):
+        theta0, theta1, theta2, omega0, omega1, omega2 = map(float, x0)
+        theta2, omega2 = (theta2, omega2) if OUTER else (0.0, 0.0)
+        super().__init__((theta1, theta2, omega1, omega2), t, run)
+        self.x = self.x._replace(theta0=theta0, omega0=omega0)
+        self.input, self.times, self.impulse = None, [], []
+        self.kept_s = abs(arm_delay(0.0, None, None))
+
+    def step(self, h, u=None):
+        """Go on by h, s, under an input."""
+        self.input = (self.input or 0.0) if u is None else float(u)
+        super().step(h, self.delayed(h))
+
+    def delayed(self, h):
+        """Mean input that acts during a step of h: that of a delay ago; the first one holds before the start."""
+        if not DELAY:
+            return self.input
+        if not self.times:
+            self.times, self.impulse = [self.t - 10.0, self.t], [-10.0 * self.input, 0.0]
+        self.times, self.impulse = [*self.times, self.t + h], [*self.impulse, self.impulse[-1] + h * self.input]
+        old = max(bisect(self.times, self.t - DELAY) - 1, 0)
+        self.times, self.impulse = self.times[old:], self.impulse[old:]
+        until = np.interp([self.t - DELAY, self.t - DELAY + h], self.times, self.impulse)
+        return float(until[1] - until[0]) / h
+
+    def after(self, h, u, _):
+        """The rig's state after h."""
+        try:
+            return stepped(self.t, self.x, h, MODEL, {mode}, GAIN * u)
+        except (ValueError, OverflowError):  # sines of what is no longer finite
+            return self.x._replace(theta1=nan, theta2=nan, omega1=nan, omega2=nan)
+
+    def read(self, t):
+        """What the encoders of joints 0, 1 and 2 read at device time t, s, not before the last one asked for, rad."""
+        theta0 = self.angles(max(read_at(t, MODEL)[0] - arm_delay(0.0, None, None), self.began))[2]
+        error0 = arm_encoder_error(theta0, t, self.run, MODEL.constants, None, None)
+        return theta0 + error0, *super().read(t)
+
+    def state(self):
+        """(6,) the state."""
+        return np.array([*self.x[:6]])
+
+
+def simulate(x0, t, inputs, max_step=1e-3, kind=ArmSwing):
+    """(n, 6) states at the instants t, each of the (n,) inputs held until the next instant."""
+    t = np.asarray(t, dtype=float).tolist()
+    return states_at(x0, t, max_step, lambda now, _: (float(inputs[bisect(t, now) - 1]),), kind)
+
+
+def readings(x0, t, run=0, max_step=1e-3, start=0.0, kind=ArmSwing, torques=lambda t, state: (0.0,)):
+    """(n, 3) what the encoders of joints 0, 1 and 2 read at device times t, rad; the swing is at x0 at `start`, s.
+
+    torques(t, state): the input of the arm, held through each step.
+    """
+    return readings_at(x0, t, run, max_step, start, kind, torques)
 
 
 def derivative(x, u=0.0):
-    """(6,) time derivative of a state (6,) under the input u."""
-    theta0, theta1, theta2, omega0, omega1, omega2 = map(float, x)
-    theta2, omega2 = (theta2, omega2) if OUTER else (0.0, 0.0)
-    known = dict.fromkeys(Motion._fields, 0.0)
-    known.update(theta0=theta0, theta1=theta1, theta2=theta2, omega0=omega0, omega1=omega1, omega2=omega2)
-    known.update(sin1=math.sin(theta1), cos1=math.cos(theta1), sin2=math.sin(theta2), cos2=math.cos(theta2))
-    drive = u if MODE == {driven} else VALUES["gain"] * u - VALUES["f0"] * math.tanh(omega0 / {smoothing!r})
-    alpha0, alpha1, alpha2 = arm_accelerations(Motion(**known), BASE, NOTHING, ARM, MODE, drive)
-    return np.array([omega0, omega1, omega2, alpha0, alpha1, alpha2 if OUTER else 0.0])
+    """(6,) time derivative of a state (6,) under the input u; nothing is remembered yet."""
+    start = ArmSwing(x)
+    return np.array([*x[3:], *accelerations_at(0.0, start.x, 0.0, 0.0, MODEL, {mode}, GAIN * u)])
 
 
 def step(x, u, h):
-    """(6,) the state after h, s, by the classical Runge-Kutta rule."""
-    k1 = derivative(x, u)
-    k2 = derivative(x + 0.5 * h * k1, u)
-    k3 = derivative(x + 0.5 * h * k2, u)
-    k4 = derivative(x + h * k3, u)
-    return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-
-
-def simulate(x0, t, inputs=None, max_step=1e-3):
-    """(n, 6) states at the instants t (n,) from x0 (6,) at t[0]; inputs (n,) are held until the next instant."""
-    t = np.asarray(t, dtype=float)
-    inputs = np.zeros(len(t)) if inputs is None else np.asarray(inputs, dtype=float)
-    states = np.empty((len(t), 6))
-    states[0] = x = np.asarray(x0, dtype=float)
-    for i, (begin, end) in enumerate(pairwise(t.tolist())):
-        count = max(1, math.ceil((end - begin) / max_step - 1e-9))
-        for _ in range(count):
-            x = step(x, float(inputs[i]), (end - begin) / count)
-        states[i + 1] = x
-    return states
+    """(6,) the state after h, s, by the classical Runge-Kutta rule; nothing is remembered yet."""
+    swing = ArmSwing(x)
+    swing.step(h, u)
+    return swing.state()
 '''
 
 
-def python_module(model: MovingArmModel) -> str:
-    """The model as a self-contained module."""
-    functions = {"arm_accelerations": arm_accelerations}
-    records = {kind.__name__: kind for kind in (BaseParameters, ArmModel, Motion, Terms)}
+def arm_module_text(model: MovingArmModel, rig: Rig, more: Mapping[str, Any], rewritten: Mapping[str, Rewrite]) -> str:
+    """The module with additional functions of dpr-lab; arguments as for `sources`."""
+    model = model.with_arm_effects()
+    sizes, outer = model.sizes, model.mounted == "both"
+    effects = {name: values for name, values in model.effects.items() if EFFECTS[name].stage != "drive"}
+    gain = 1.0 if model.input == "acceleration" else sizes["gain"] if model.input else 0.0
+    if any(EFFECTS[name].stage == "drive0" for name in effects) and (assumed := drive_gain(rig).value):
+        # Errors of a drive refer to the torque that was assumed.
+        effects[DRIVE_GAIN.name] = {DRIVE_GAIN.amplitudes[0].name: gain / assumed - 1.0}
+        gain = assumed
+    constants = engine_constants(model, rig)._replace(L1=model.rig.L1, g=model.rig.g)
+    constants = constants_of_run(constants, Setup("both" if outer else "inner"))
+    base = with_gravity([sizes[name] for name in ("a", "b", "d", "e1", "c1", "c2")], model.rig.L1, model.rig.g)
+    arm = ArmModel(sizes["A"], sizes["L0"] / model.rig.g, sizes["c0"], 0.0)
     head = _HEAD.format(
         rig=model.rig.name,
         scale=model.scale_sentence,
         input=model.input,
-        values=absolute_parameters(model),
+        left_out=[name for name in model.effects if name not in effects],
+        effects=effects,
+        values=sizes,
         L1=model.rig.L1,
         g=model.rig.g,
+        gain=gain,
+        outer=outer,
+        parameters="\n".join(parameter_lines(effects)),
     )
     mode = DRIVEN if model.input == "acceleration" else FREE
-    tail = _TAIL.format(mode=mode, outer=model.mounted == "both", driven=DRIVEN, smoothing=SMOOTHING)
-    return f"{head}{PREAMBLE}\n\n{sources(records | functions)}\n\n{tail}"
+    simulated = simulated_rig(base, constants, arm, effects)
+    tail = _TAIL.format(mode=mode)
+    return assembled(head, simulated, tail, effects, {"with_arm": with_arm, **more}, rewritten, mode)

@@ -43,6 +43,7 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
     named = [named_effect(state, posterior) for posterior in shown] if kind in ("named", "partly_explained") else []
     whole = families(state.problem, state.selection, named)
     at, residuals = chosen.fit.estimate, chosen.residuals
+    shown_ratios, of_ratios = determined(state)
     return Diagnosis(
         verdict=kind,
         sentence=sentence(kind, state.selection, state.posteriors, state.transfer, least, state.description)
@@ -72,7 +73,8 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
         checks=_checks(state, [effect.name for effect in named]),
         ratios=ratios(state),
         ratio_covariance=ratio_covariance(state).tolist(),
-        determined=determined(state),
+        determined=shown_ratios,
+        determined_covariance=of_ratios.tolist(),
         p_over_b=float(at.ratios[ON_ELBOW]) if any(setup.alone for setup in state.problem.segments.setups) else None,
         chi2_per_dof=residuals.chi2 / residuals.dof,
         exact_torques=state.recordings.exact_torques,

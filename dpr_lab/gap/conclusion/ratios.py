@@ -4,12 +4,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
+from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, alone_share
 from dpr_lab.gap.conclusion.uncertainty import by_unseen_ratios
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Advised
+from dpr_lab.identification.moving_arm.setup import drive_gain
+from dpr_lab.identification.moving_arm.unknowns import GAINS
 
 Array = NDArray[np.float64]
 
@@ -27,28 +30,38 @@ def ratios(state: Advised) -> dict[str, Interval]:
     }
 
 
-def determined(state: Advised) -> dict[str, Interval]:
+def determined(state: Advised) -> tuple[dict[str, Interval], Array]:
     """Ratios that the recordings determine with the mounted rods: to b, or to a if only the inner rod is mounted.
 
     A ratio of two fitted values moves with both; an unknown that is absolute here is divided by the assumed inertia.
+
+    Returns:
+        the ratios, and their (n, n) covariance
     """
-    setups, at = state.problem.segments.setups, state.selection.chosen.fit
+    setups, at, rig = state.problem.segments.setups, state.selection.chosen.fit, state.recordings.rig
     unknown, reach = at.estimate.ratios, state.intervals
     alone = all(setup.mounting == "inner" for setup in setups)
-    inertia = float(unknown[RATIOS.index("a/b")] - unknown[ON_ELBOW]) if alone else 1.0
+    on_elbow, inertia = (float(unknown[ON_ELBOW]), alone_share(unknown)) if alone else (0.0, 1.0)
     scale, letter = float(unknown[SCALE]) * inertia, "a" if alone else "b"
-    of = {}
-    for parameter in at.free:
+    of, places, divisors = {}, list[int](), list[float]()
+    for place, parameter in enumerate(at.free):
         value = parameter.read(at.estimate)
         if parameter.block == "ratios" and parameter.place < len(RATIOS):
             name, per = f"{parameter.name.partition('/')[0]}/{letter}", inertia
+            if parameter.name == "e1/b":  # of the rod alone, without what hangs on the elbow of the whole rig
+                value -= on_elbow * rig.g / rig.L1
         elif parameter.effect == FREE_ARM.name:
             name, per = ("A" if parameter.name.startswith("inertia") else "c0") + f"/{letter}", scale
+        elif parameter.effect == DRIVE_GAIN.name and rig.motor is not None:
+            assumed = drive_gain(rig).value
+            name, value, per = GAINS[rig.motor.input].format(letter), 1.0 + value, scale / assumed
         else:
             continue
         error = reach[parameter.effect, parameter.name]
         of[name] = Interval(value=value / per, interval90=((value - error) / per, (value + error) / per))
-    return of
+        places.append(place)
+        divisors.append(per)
+    return of, state.covariance[np.ix_(places, places)] / np.outer(divisors, divisors)
 
 
 def ratio_covariance(state: Advised) -> NDArray[np.float64]:

@@ -25,6 +25,7 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import Budget, Curves, RunBudget
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FREE_RUN, FreeRuns
+from dpr_lab.identification.moving_arm.unknowns import UNIT_NAMES
 
 Array = NDArray[np.float64]
 Pairs = Mapping[str, FreeSwing]
@@ -131,7 +132,8 @@ def _area_between(first: Array, second: Array) -> float:
 def _curves(recordings: Recordings, pair: Pairs, run: RunBudget) -> Curves:
     after = pair["after"]
     some = slice(None, None, max(1, round(len(after.t) / (FREE_RUN.length_s * CURVE.rate_hz))))
-    joints = recordings.rig.encoders.joint_angles
+    joints, moving = recordings.rig.encoders.joint_angles, after.setup.arm_moves
+    arm = [swing[some, 2] for swing in (after.measured, pair["before"].predicted, after.predicted) if moving]
     return Curves(
         run=run.run,
         held_out=run.held_out,
@@ -141,7 +143,20 @@ def _curves(recordings: Recordings, pair: Pairs, run: RunBudget) -> Curves:
         measured_rad=_rounded(joints.to_rods(after.measured[some, :2])),
         before_rad=_rounded(joints.to_rods(pair["before"].predicted[some, :2])),
         after_rad=_rounded(joints.to_rods(after.predicted[some, :2])),
+        rods=1 if after.setup.alone else 2,
+        arm_rad=_rounded(np.stack(arm, axis=1)) if moving else [],
+        **_input(recordings, after, after.t[some]),
     )
+
+
+def _input(recordings: Recordings, swing: FreeSwing, t: Array) -> dict[str, Any]:
+    """Input of the arm's drive at (n,) times since the first reading, and its name."""
+    run, motor = swing.record.run, recordings.rig.motor
+    if run.arm_input is None or motor is None:
+        return {}
+    at = np.searchsorted(run.t + run.input_delay_s, swing.record.t[0] + t, side="right") - 1
+    values = np.round(run.arm_input[np.maximum(at, 0)], CURVE.digits)
+    return {"input": values.tolist(), "input_name": f"{motor.input} ({UNIT_NAMES[motor.input][0]})"}
 
 
 def _rounded(values: Array) -> Any:

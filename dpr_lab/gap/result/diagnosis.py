@@ -113,6 +113,8 @@ class Diagnosis(Shown, Saved):
     """Ratios that the recordings determine, to b or, for the inner rod alone, to its a; A/b and c0/b of a moving
     arm. All other entries of `ratios` are taken from the rig file. Empty in a file of an older version.
     """
+    determined_covariance: list[list[Number]] = []
+    """Covariance of `determined`, in their order."""
     chi2_per_dof: Number
     """Of the corrected model, over segments of 0.5 s."""
     exact_torques: bool = False

@@ -148,6 +148,14 @@ class Curves(Saved):
     """(n, 2) angles of the inner and outer rod, 0 = upright."""
     before_rad: list[list[Number]]
     after_rad: list[list[Number]]
+    rods: int = 2
+    """Number of rods that swing separately: with one, only the first angle has a meaning."""
+    arm_rad: list[list[Number]] = []
+    """(n, 3) angle of an arm that is free or driven: measured, before and after."""
+    input: list[Number] = []
+    """(n,) input of the arm's drive."""
+    input_name: str = ""
+    """What it is, with its unit."""
 
 
 class Evidence(Saved):

@@ -6,8 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
+from dpr_lab.effects.coulomb import COULOMB_JOINT0
+from dpr_lab.effects.spring import SPRING_JOINT0
 from dpr_lab.errors import RunError
-from dpr_lab.identification.model import EstimatedValue, Number, RigFacts, RunUsed
+from dpr_lab.identification.model import EstimatedValue, Number, RigFacts, RunUsed, refuse_unknown_effects
 from dpr_lab.shown import Row, Shown
 from dpr_lab.whole_file import regular, write_text
 
@@ -63,6 +66,8 @@ class MovingArmModel(Shown, BaseModel):
     """Source of the scale of absolute values."""
     swing: Annotated[list[Number], Field(min_length=12, max_length=12)]
     """Fitted parameters in the order of `dpr_lab.dynamics.moving_arm.swing.SWING_PARAMETERS`, divided by the scale."""
+    effects: dict[str, dict[str, Number]] = {}
+    """Effects named by a diagnosis: effect -> parameter -> value, SI."""
     fit: ArmFitSummary
     """Residuals, noise and segments of the fit."""
     runs: list[RunUsed]
@@ -84,6 +89,23 @@ class MovingArmModel(Shown, BaseModel):
     def _rows(self) -> list[Row]:
         rows = [(name, f"{one.value:.5g}", f"{one.std:.2g}") for name, one in self.ratios.items()]
         return [("", "value", "std"), *rows]
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """`SWING_PARAMETERS` at the scale of the model, SI."""
+        scale = self.absolute[self.scale].value
+        values = dict(zip(SWING_PARAMETERS, self.swing, strict=True))
+        return {name: value if name == "L0" else value * scale for name, value in values.items()}
+
+    def with_arm_effects(self) -> "MovingArmModel":
+        """The same model with stiffness and dry friction of the arm as effects, in place of k0 and f0."""
+        sizes, effects = self.sizes, dict(self.effects)
+        for effect, name in ((SPRING_JOINT0, "k0"), (COULOMB_JOINT0, "f0")):
+            if sizes[name]:
+                effects[effect.name] = {effect.amplitudes[0].name: sizes[name]}
+        none = {SWING_PARAMETERS.index(name): 0.0 for name in ("k0", "f0")}
+        swing = [none.get(place, value) for place, value in enumerate(self.swing)]
+        return self.model_copy(update={"effects": effects, "swing": swing})
 
     def used(self, sha256: str) -> bool:
         """Whether the run with this hash was used in the identification."""
@@ -113,8 +135,10 @@ def load_moving_arm_model(path: Path) -> MovingArmModel | None:
     if not isinstance(content, dict) or content.get("kind") != KIND:
         return None
     try:
-        return MovingArmModel.model_validate(content)
+        model = MovingArmModel.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
         raise RunError(f"{path}: is not a model of dpr-lab: {key}: {first['msg']}") from error
+    refuse_unknown_effects(model.effects, path)
+    return model

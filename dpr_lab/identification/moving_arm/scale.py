@@ -93,7 +93,7 @@ def absolute_values(fit: ArmFit, covariance: Array, scale: ArmScale, seen: Seque
     for parameter, k in places:
         row = own.copy()
         row[k] += 1.0 / values[k]
-        rows.append((_absolute_name(parameter, unknowns.input), float(values[k]), row))
+        rows.append((absolute_name(parameter, unknowns.input), float(values[k]), row))
     for name, ratio, row in rows:
         value = ratio * scale.value
         std = abs(value) * float(np.sqrt(max(row @ covariance @ row, 0.0) + scale.relative_std**2))
@@ -107,7 +107,8 @@ def absolute_values(fit: ArmFit, covariance: Array, scale: ArmScale, seen: Seque
     return absolute
 
 
-def _absolute_name(parameter: str, kind: str) -> str:
+def absolute_name(parameter: str, kind: str) -> str:
+    """Name of an absolute value; that of a gain depends on the kind of the input."""
     if parameter != "gain":
         return parameter
     return {"voltage": "kt gear/R", "current": "kt gear"}.get(kind, "gain")

@@ -21,13 +21,15 @@ class Scale(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
     b: Positive
-    """Inertia of the outer rod about joint 2 assumed for all absolute sizes, kg m^2."""
+    """Inertia assumed for all absolute sizes, kg m^2: b of the outer rod about joint 2, or a of an inner rod alone."""
     interval90: tuple[Positive, Positive]
     """90 % interval of b from the recordings and the rig file together, kg m^2."""
     fixed_by: Literal["data", "measured", "bound"]
     """`data`: a known torque, added mass or weighed load. `measured`: measured values of the rig file. `bound`: only
     nominal values and bounds of the rig file, so that only ratios to b are identifiable.
     """
+    inertia: Literal["a", "b"] = "b"
+    """Which inertia it is: `a` of the inner rod about joint 1 where no other rod is mounted."""
 
     @property
     def known(self) -> bool:
@@ -38,24 +40,30 @@ class Scale(BaseModel):
     def assumption(self) -> str:
         """Note on an assumed scale, `assuming b = 0.00534 kg m^2 (not measured)`, or on a known one."""
         if self.known:
-            return f"with b = {self.b:.4g} kg m^2 ({'measured' if self.fixed_by == 'measured' else 'identified'})"
-        return f"assuming b = {self.b:.4g} kg m^2 (not measured)"
+            how = "measured" if self.fixed_by == "measured" else "identified"
+            return f"with {self.inertia} = {self.b:.4g} kg m^2 ({how})"
+        return f"assuming {self.inertia} = {self.b:.4g} kg m^2 (not measured)"
 
     @property
     def sentence(self) -> str:
         """Statement of the scale of an absolute size, with the interval of b."""
         low, high = self.interval90
-        known = f"b = {self.b:.4g} kg m^2 (90 % interval {low:.4g} to {high:.4g})"
+        known = f"{self.inertia} = {self.b:.4g} kg m^2 (90 % interval {low:.4g} to {high:.4g})"
         if self.fixed_by == "data":
             return f"The recordings determine the scale of masses, inertias and torques: {known}."
         if self.fixed_by == "measured":
             return f"Measured values of the rig file determine the scale of masses, inertias and torques: {known}."
         return (
-            "Masses, inertias and torques assume b = "
-            f"{self.b:.4g} kg m^2 (not measured; 90 % interval from the bounds of the rig file {low:.4g} to"
-            f" {high:.4g})."
-            " Only their ratios to b are identified."
+            f"Masses, inertias and torques assume {self.inertia} = {self.b:.4g} kg m^2 (not measured; 90 % interval"
+            f" from the bounds of the rig file {low:.4g} to {high:.4g})."
+            f" Only their ratios to {self.inertia} are identified."
         )
+
+    def as_inertia(self, inertia: Literal["a", "b"], factor: float) -> "Scale":
+        """The same scale by another inertia, which is `factor` times this one."""
+        low, high = self.interval90
+        ends = (low * factor, high * factor)
+        return Scale(b=self.b * factor, interval90=ends, fixed_by=self.fixed_by, inertia=inertia)
 
     def ratio(self, value: float, power: int = 1) -> float:
         """Size divided by b^power, which does not depend on the scale."""

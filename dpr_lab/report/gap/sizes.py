@@ -32,7 +32,9 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
         for name, size in effect.parameters.items()
     }
     ratios = {
-        name: _ratio(name, size.ratio_unit, size.ratio, *(size.ratio_interval90 or (size.ratio, size.ratio)))
+        name: _ratio(
+            name, size.ratio_unit, _inertia(diagnosis), size.ratio, *(size.ratio_interval90 or (size.ratio, size.ratio))
+        )
         for name, size in effect.parameters.items()
         if size.ratio is not None
     }
@@ -44,8 +46,10 @@ def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float
     """True sizes of an effect at the b of the diagnosis; ratios first if only these are identified."""
     words = {name: size_words(effect, name, RADIANS, value) for name, value in sizes.items()}
     scaled = {p.name: p for p in EFFECTS[effect].parameters if p.name in sizes and p.scale_power}
+    assumed_b = diagnosis.scale.b if diagnosis.scale else diagnosis.scale_b
     ratios = {
-        name: _ratio(name, p.ratio_unit, sizes[name] / diagnosis.scale_b**p.scale_power) for name, p in scaled.items()
+        name: _ratio(name, p.ratio_unit, _inertia(diagnosis), sizes[name] / assumed_b**p.scale_power)
+        for name, p in scaled.items()
     }
     return "; ".join(_ratios_first(diagnosis, words, ratios)) or NONE
 
@@ -58,9 +62,14 @@ def _ratios_first(diagnosis: Diagnosis, sizes: Mapping[str, str], ratios: Mappin
     return [*ratios.values(), *([f"{assumed(diagnosis)}: {', '.join(scaled)}"] if scaled else []), *others]
 
 
-def _ratio(name: str, unit: str, ratio: float, *interval90: float) -> str:
+def _inertia(diagnosis: Diagnosis) -> str:
+    """Inertia to which sizes are ratios: b, or a of an inner rod alone."""
+    return diagnosis.scale.inertia if diagnosis.scale else "b"
+
+
+def _ratio(name: str, unit: str, inertia: str, ratio: float, *interval90: float) -> str:
     """`torque / b = 0.1472 1/s² (0.1467 to 0.1476)`, or without the interval."""
     value, _, ends = (with_interval(ratio, *interval90) if interval90 else three(ratio)).partition(" (")
-    operator = "· b" if unit == "m^2" else "/ b"  # a size in 1/kg falls as the scale rises
+    operator = f"{'·' if unit == 'm^2' else '/'} {inertia}"  # a size in 1/kg falls as the scale rises
     shown = "" if unit == "1" else f" {scaled_unit(unit)}"
     return f"{parameter_words(name)} {operator} = {value}{shown}" + (f" ({ends}" if ends else "")

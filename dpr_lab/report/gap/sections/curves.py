@@ -1,8 +1,11 @@
 """Measured and simulated angles of the bare and of the corrected model."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Curves
@@ -12,22 +15,38 @@ from dpr_lab.report.figures import empty_figure, legend_above, new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
 from dpr_lab.report.gap.tables import run_words
 
-RODS = ("inner rod", "outer rod")
 LINES = {"bare model": style.SIMULATED, "corrected model": style.RESIDUAL | {"linewidth": 1.1, "zorder": 4}}
+CURVE_NAMES = ("measured", *LINES)
+
+Angles = dict[str, NDArray[np.float64]]
+"""Part -> (n, 3) its angle measured, before and after, rad."""
+
+
+def angles_of(curves: Curves) -> Angles:
+    """Angles of the arm, if it moves, and of the rods that are mounted."""
+    models = np.stack([curves.measured_rad, curves.before_rad, curves.after_rad], axis=2)
+    rods = {name: models[:, rod] for rod, name in enumerate(("inner rod", "outer rod")[: curves.rods])}
+    return ({"arm": np.array(curves.arm_rad)} if curves.arm_rad else {}) | rods
 
 
 def curves_figure(diagnosis: Diagnosis) -> Figure:
-    """Angles of both rods for each recording, with the errors of the simulations below."""
+    """Angles of arm and rods for each recording, with the errors of the simulations and the arm's input below."""
     shown = evidence_of(diagnosis).curves[: PAGE.most_runs]
     with style.house_style():
         if not shown:
             return empty_figure("No recording was simulated.")
-        figure = new_figure(0.5 + 3.0 * len(shown))
-        grid = figure.subplots(2 * len(shown), 2, squeeze=False, height_ratios=(3, 2) * len(shown), sharex="col")
-        for row, curves in enumerate(shown):
-            for column in range(2):
-                _draw_run(grid[2 * row, column], grid[2 * row + 1, column], curves, column)
-            grid[2 * row, 0].set_title(run_words(curves.run, curves.held_out), parse_math=False)
+        each = [angles_of(curves) for curves in shown]
+        heights = [height for curves in shown for height in ((3, 2, 1.5) if curves.input else (3, 2))]
+        figure = new_figure(0.5 + 0.6 * sum(heights))
+        columns = max(len(angles) for angles in each)
+        grid = figure.subplots(len(heights), columns, squeeze=False, height_ratios=heights, sharex="col")
+        row = 0
+        for curves, angles in zip(shown, each, strict=True):
+            rows = grid[row : row + (3 if curves.input else 2)]
+            for column in range(columns):
+                _draw_run(list(rows[:, column]), curves, [*angles.items()][column] if column < len(angles) else None)
+            rows[0, 0].set_title(run_words(curves.run, curves.held_out), parse_math=False)
+            row += len(rows)
         for axes in grid[-1]:
             axes.set_xlabel("time since the first sample (s)")
         figure.align_ylabels(grid)
@@ -35,21 +54,28 @@ def curves_figure(diagnosis: Diagnosis) -> Figure:
         return figure
 
 
-def _draw_run(angles: Axes, errors: Axes, curves: Curves, column: int) -> None:
-    t = np.array(curves.t_s)
+def _draw_run(rows: Sequence[Axes], curves: Curves, part: tuple[str, NDArray[np.float64]] | None) -> None:
+    """Angles, errors and input of one part, in a column."""
+    if part is None:
+        for axes in rows:
+            axes.set_visible(False)
+        return
+    (name, angles), t = part, np.array(curves.t_s)
     near = t <= curves.until_s
-    measured = np.array(curves.measured_rad)[:, column]
-    angles.plot(t, measured, label="measured", **style.MEASURED)
-    for (name, line), simulated in zip(LINES.items(), (curves.before_rad, curves.after_rad), strict=True):
-        values = np.array(simulated)[near, column]
-        angles.plot(t[near], values, label=name, **line)
-        errors.plot(t[near], 1e3 * (values - measured[near]), label=name, **line)
-    for axes in (angles, errors):
+    rows[0].plot(t, angles[:, 0], label="measured", **style.MEASURED)
+    for (label, line), values in zip(LINES.items(), angles[near, 1:].T, strict=True):
+        rows[0].plot(t[near], values, label=label, **line)
+        rows[1].plot(t[near], 1e3 * (values - angles[near, 0]), label=label, **line)
+    for axes in rows[:2]:
         axes.axvline(curves.settled_s, label="end of the initial-state fit", **style.HORIZON)
+    for axes in rows:
         axes.margins(x=0.01)
-    errors.axhline(0.0, color="#555555", linewidth=0.8)
-    angles.set_ylabel(f"{RODS[column]}\n(rad)")
-    errors.set_ylabel("simulated −\nmeasured (mrad)")
+    rows[1].axhline(0.0, color="#555555", linewidth=0.8)
+    rows[0].set_ylabel(f"{name}\n(rad)")
+    rows[1].set_ylabel("simulated −\nmeasured (mrad)")
+    if curves.input:
+        rows[2].step(t, curves.input, where="post", color="#555555", linewidth=1.1)
+        rows[2].set_ylabel(curves.input_name.replace(" (", "\n("))
 
 
 def curves_words(diagnosis: Diagnosis) -> list[str]:
@@ -68,12 +94,11 @@ def curves_words(diagnosis: Diagnosis) -> list[str]:
 def curves_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Every fifth point of the curves."""
     return [
-        (run_words(curves.run), f"{t:.2f}", *(f"{angles[rod]:.4f}" for rod in range(2) for angles in models))
+        (run_words(curves.run), f"{curves.t_s[k]:.2f}", part, *(f"{angle:.4f}" for angle in angles[k]))
         for curves in evidence_of(diagnosis).curves[: PAGE.most_runs]
-        for t, *models in list(zip(curves.t_s, curves.measured_rad, curves.before_rad, curves.after_rad, strict=True))[
-            :: PAGE.every
-        ]
-        if t <= curves.until_s
+        for k in range(0, len(curves.t_s), PAGE.every)
+        if curves.t_s[k] <= curves.until_s
+        for part, angles in angles_of(curves).items()
     ]
 
 
@@ -82,21 +107,13 @@ CURVES = EvidenceSection(
     title="Measured and simulated angles",
     words=curves_words,
     figure=curves_figure,
-    alternative="Line charts of the angles of both rods: measured, bare model, corrected model.",
+    alternative="Line charts of the angles of rods and arm (measured, bare model, corrected model) and of its input.",
     caption="Angles of the rods, 0 = upright, π = hanging: measured (broad), bare model (dashed) and corrected model"
-    " (thin), up to the predictability horizon. Below: error of each simulation, in mrad.",
+    " (thin), up to the predictability horizon. Below: error of each simulation, in mrad; input of a driven arm.",
     tables=(
         FoldedTable(
             "Curves, values",
-            (
-                "run",
-                "time (s)",
-                *(
-                    f"{rod} rod, {curve} (rad)"
-                    for rod in ("inner", "outer")
-                    for curve in ("measured", "bare model", "corrected model")
-                ),
-            ),
+            ("run", "time (s)", "part", *(f"{curve} (rad)" for curve in CURVE_NAMES)),
             curves_rows,
         ),
     ),

@@ -1,0 +1,243 @@
+"""Parts of an exported Python module: dpr-lab's own functions with the chosen effects, and the swing they make.
+
+Text from a file, such as the name of a rig, enters the source only as a Python literal, so that it is never executed.
+"""
+
+import ast
+from collections.abc import Collection, Iterable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from dpr_lab.dynamics.encoder_errors import read_at
+from dpr_lab.dynamics.step import RigModel, RigState, accelerations_at, stepped
+from dpr_lab.effects import EFFECTS, SLICES
+from dpr_lab.effects.effect_kernels import (
+    AT_RELEASE,
+    STEPPED,
+    arm_delay,
+    arm_drives,
+    arm_encoder_error,
+    arm_model,
+    arm_torques,
+    dry_limit0,
+    dry_limits,
+    effect_torques,
+    encoder_errors,
+    free_arm_model,
+    held_angle,
+    input_delay,
+    internal_after,
+    load_torques,
+    reading_shifts,
+    required_by,
+    whole_torques,
+)
+from dpr_lab.effects.quantities import ArmModel, BaseParameters, RigConstants
+from dpr_lab.effects.stages import Requirements
+from dpr_lab.exports.source import PREAMBLE, Rewrite, sources
+
+FOLDED = {
+    "effect_torques": effect_torques,
+    "load_torques": load_torques,
+    "dry_limits": dry_limits,
+    "arm_model": arm_model,
+    "free_arm_model": free_arm_model,
+    "arm_torques": arm_torques,
+    "arm_drives": arm_drives,
+    "whole_torques": whole_torques,
+    "arm_delay": arm_delay,
+    "arm_encoder_error": arm_encoder_error,
+    "input_delay": input_delay,
+    "dry_limit0": dry_limit0,
+    "reading_shifts": reading_shifts,
+    "encoder_errors": encoder_errors,
+    "held_angle": held_angle,
+    "internal_after": internal_after,
+}
+"""Functions that iterate over all effects; in an export they contain only its effects."""
+
+_USED = {"RigModel": RigModel, "RigState": RigState, "accelerations_at": accelerations_at, "stepped": stepped}
+_USED |= {kind.__name__: kind for kind in (BaseParameters, RigConstants, ArmModel, Requirements)}
+_USED |= {"read_at": read_at}
+
+SWING = '''
+def cubic(u, h, y0, v0, y1, v1):
+    """The cubic through y0, y1 with slopes v0, v1 over a step of h, at the share u of it."""
+    v = 1.0 - u
+    return v * v * ((1.0 + 2.0 * u) * y0 + u * h * v0) + u * u * ((3.0 - 2.0 * u) * y1 - v * h * v1)
+
+
+MODEL = {model}
+START = {internal!r}  # what the effects remember at the release
+
+
+class Swing:
+    """The rig from a state on, step by step; joint torques of your own may change between steps, N m."""
+
+    encoders = 2
+
+    def __init__(self, x0, t=0.0, run=0):
+        theta1, theta2, omega1, omega2 = map(float, x0)
+        self.t, self.x = float(t), RigState(0.0, theta1, theta2, 0.0, omega1, omega2, START)
+        self.run, self.starts, self.steps, self.kept_s = run, [], [], 0.0
+        self.held, self.followed, self.began = theta2 - {relative2!r} * theta1, self.t, self.t
+
+    def step(self, h, torque1=0.0, torque2=0.0):
+        """Go on by h, s, under torques of joint 1 on the inner rod and of joint 2 on the outer one."""
+        old, self.x = self.x, self.after(h, torque1, torque2)
+        self.starts.append(self.t)
+        self.steps.append((h, old, self.x))
+        self.t += h
+
+    def after(self, h, torque1, torque2):
+        """The rig's state after h."""
+        try:
+            return stepped(self.t, self.x, h, MODEL._replace(params=(torque1, torque2)), {mode}, 0.0)
+        except (ValueError, OverflowError):  # sines of what is no longer finite
+            return self.x._replace(theta1=nan, theta2=nan, omega1=nan, omega2=nan)
+
+    def read(self, t):
+        """What the encoders of joints 1 and 2 read at device time t, s, not before the last one asked for, rad."""
+        at1, at2 = (max(instant, self.began) for instant in read_at(t, MODEL))
+        for start, (h, _, _) in zip(self.starts, self.steps):
+            for quarter in (start, start + 0.25 * h, start + 0.5 * h, start + 0.75 * h):
+                if self.followed < quarter < at2:  # the play looks for turning points there
+                    self.held = held_angle(self.angles(quarter)[1], self.held, None, None)
+        self.held, self.followed = held_angle(self.angles(at2)[1], self.held, None, None), at2
+        angle1, kept = self.angles(at1)[0], max(bisect(self.starts, min(at1, at2) - self.kept_s) - 1, 0)
+        del self.starts[:kept], self.steps[:kept]
+        error1, error2 = encoder_errors(angle1, self.held, t, self.run, MODEL.constants, None, None)
+        return angle1 + error1, self.held + error2
+
+    def angles(self, t):
+        """Angles of joints 1, 2 (as its encoder has it) and 0, by the cubic through the ends of a step."""
+        if not self.steps:
+            return self.x.theta1, self.x.theta2 - {relative2!r} * self.x.theta1, self.x.theta0
+        if t > self.t:  # a clock that runs slow
+            ahead = copy(self)
+            ahead.starts, ahead.steps = self.starts[-1:], self.steps[-1:]
+            ahead.step(t - self.t)
+            return ahead.angles(t)
+        i = bisect(self.starts, t, 1) - 1
+        h, old, new = self.steps[i]
+        share = (t - self.starts[i]) / h
+        theta1 = cubic(share, h, old.theta1, old.omega1, new.theta1, new.omega1)
+        theta2 = cubic(share, h, old.theta2, old.omega2, new.theta2, new.omega2)
+        theta0 = cubic(share, h, old.theta0, old.omega0, new.theta0, new.omega0)
+        return theta1, theta2 - {relative2!r} * theta1, theta0
+
+    def state(self):
+        """(4,) theta1, theta2, omega1, omega2."""
+        return np.array([self.x.theta1, self.x.theta2, self.x.omega1, self.x.omega2])
+
+
+def states_at(x0, t, max_step, torques, kind):
+    """(n, states) of a swing at the instants t; nan from where they are no longer finite."""
+    swing = kind(x0, t[0])
+    states = np.full((len(t), len(swing.state())), np.nan)
+    states[0] = swing.state()
+    for i, (begin, end) in enumerate(pairwise(np.asarray(t, dtype=float).tolist()), 1):
+        count = max(1, math.ceil((end - begin) / max_step - 1e-9))
+        h = (end - begin) / count
+        for k in range(count):
+            swing.t = begin + k * h
+            swing.step(h, *torques(swing.t, swing.state()))
+        if not np.isfinite(swing.state()).all():
+            break
+        states[i] = swing.state()
+    return states
+
+
+def readings_at(x0, t, run, max_step, start, kind, torques):
+    """(n, encoders) what the encoders read at device times t, rad; the swing is at x0 at `start`, s."""
+    swing = kind(x0, start, run)
+    read = np.full((len(t), kind.encoders), np.nan)
+    for i, instant in enumerate(np.asarray(t, dtype=float).tolist()):
+        while not swing.steps or swing.t < max(read_at(instant, MODEL)):
+            swing.step(float(max_step), *torques(swing.t, swing.state()))
+        if not np.isfinite(swing.state()).all():
+            break
+        read[i] = swing.read(instant)
+    return read
+'''
+
+
+def simulated_rig(base: BaseParameters, constants: RigConstants, arm: ArmModel, effects: Collection[str]) -> RigModel:
+    """The rig of a module; its effects take their parameters by name."""
+    required = required_by(np.isin(list(EFFECTS), list(effects)))._replace(torque=True)
+    return RigModel(base, constants, arm, (0.0, 0.0), None, Requirements(*map(bool, required)))  # type: ignore[arg-type]
+
+
+def assembled(
+    head: str,
+    rig: RigModel,
+    tail: str,
+    effects: Collection[str],
+    more: Mapping[str, Any],
+    rewritten: Mapping[str, Rewrite],
+    mode: int,
+) -> str:
+    """A module: its head, dpr-lab's own functions as far as these effects need them, the swing, and its tail."""
+    chosen: dict[str, Rewrite] = {name: partial(of_effects, effects=effects) for name in FOLDED}
+    chosen |= {"effect_torques": partial(_driven, effects=effects)}
+    functions = sources(FOLDED | _USED | dict(more), chosen | dict(rewritten))
+    swing = SWING.format(
+        model=rig, internal=tuple(AT_RELEASE[list(STEPPED)].tolist()), mode=mode, relative2=rig.constants.relative2
+    )
+    return f"{head}{PREAMBLE}\n\n{functions}\n\n{swing}\n{tail}"
+
+
+def known_effects(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    """Definitions in the library of the effects in a file."""
+    return {
+        name: {p.name: values[p.name] for p in EFFECTS[name].parameters if p.name in values}
+        for name, values in effects.items()
+        if name in EFFECTS
+    }
+
+
+def parameter_lines(effects: Iterable[str]) -> Iterable[str]:
+    """One line for each parameter, with the name that the functions use."""
+    for name in effects:
+        for p in EFFECTS[name].parameters:
+            yield f"{name}_{p.name} = EFFECTS[{name!r}].get({p.name!r}, {p.default!r})"
+
+
+def of_effects(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
+    """Function that evaluates all effects, specialised to the active ones."""
+    return _Chosen(effects).visit(node)
+
+
+def _driven(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
+    """Torques of effects, and the resulting torques of joints 1 and 2 in `params`."""
+    node = of_effects(node, effects)
+    (more,) = ast.parse("torque1, torque2 = torque1 + (params[0] - params[1]), torque2 + params[1]").body
+    node.body.insert(-1, more)
+    return node
+
+
+class _Chosen(ast.NodeTransformer):
+    """Transformer that selects the branches of active effects and refers to parameters by name."""
+
+    def __init__(self, effects: Collection[str]) -> None:
+        self.on = [name in effects for name in EFFECTS]
+        self.parameters = [f"{name}_{p.name}" for name in SLICES for p in EFFECTS[name].parameters]
+
+    def visit_If(self, node: ast.If) -> ast.AST | list[ast.AST]:
+        index = _index_of(node.test, "active")
+        if index is None:
+            return self.generic_visit(node)
+        return [self.visit(part) for part in node.body] if self.on[index] else []
+
+    def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
+        index = _index_of(node, "params")
+        return self.generic_visit(node) if index is None else ast.Name(self.parameters[index], ast.Load())
+
+
+def _index_of(node: ast.expr, array: str) -> int | None:
+    """Index in `array[index]`; None for other indices."""
+    if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name) and node.value.id == array:
+        return ast.literal_eval(node.slice)
+    return None

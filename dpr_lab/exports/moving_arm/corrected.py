@@ -1,0 +1,129 @@
+"""The model of a diagnosis with a moving arm, and the same model with other values of a fit."""
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects import EFFECTS, effect_params, named_params
+from dpr_lab.effects.free_arm import FREE_ARM
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.saved import Interval
+from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
+from dpr_lab.identification.moving_arm.engine import OF_ARM, swing_of
+from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel
+from dpr_lab.identification.moving_arm.scale import absolute_name
+from dpr_lab.identification.moving_arm.unknowns import GAINS
+from dpr_lab.identification.scaling.scale import Scale
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from dpr_lab.version import __version__
+
+
+def has_moving_arm(diagnosis: Diagnosis) -> bool:
+    """Whether the arm of its recordings was free, or driven by a torque, current or voltage."""
+    return FREE_ARM.name in diagnosis.model_effects
+
+
+def corrected_arm_model(
+    diagnosis: Diagnosis,
+    unknown: NDArray[np.float64],
+    effects: Mapping[str, Mapping[str, float]],
+    runs: Sequence[Run],
+    rig: Rig,
+) -> MovingArmModel:
+    """The diagnosed model as `model.json`, with its effects in the table `effects`.
+
+    Args:
+        diagnosis: ratios with their intervals
+        unknown: (7,) ratios to b, b and p/b
+        effects: all effects, and the arm
+        runs: the diagnosed runs
+        rig: their rig
+    """
+    driven = any(run.arm_mode == "driven" for run in runs)
+    mounted = _mounted(rig)
+    swing, inertia = swing_of(unknown, effect_params(effects), mounted, driven, rig)
+    letter: Literal["a", "b"] = "b" if mounted == "both" else "a"
+    assumed = diagnosis.scale or Scale(b=inertia, interval90=(inertia, inertia), fixed_by="bound", inertia=letter)
+    scale = assumed.as_inertia(letter, inertia / assumed.b)
+    kind = rig.motor.input if driven and rig.motor else ""
+    ratios = {name: _estimated(one) for name, one in diagnosis.determined.items()}
+    floor = diagnosis.gap.floor_rad
+    rms = {joint: float(np.hypot(above, floor[joint])) for joint, above in diagnosis.gap.after_rad.items()}
+    return MovingArmModel(
+        rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g),
+        mounted=mounted,
+        input=kind,
+        scale=letter,
+        ratios=ratios,
+        undetermined={},
+        covariance=diagnosis.determined_covariance,
+        unknowns=list(ratios),
+        absolute=_absolute(ratios, scale, kind),
+        scale_sentence=scale.sentence,
+        swing=swing,
+        effects=_named(effects),
+        fit=ArmFitSummary(
+            rms_rad={_joint(name): rms[name] for name in sorted(rms)},
+            noise_rad={_joint(name): floor[name] for name in sorted(floor)},
+            segments=diagnosis.segments,
+            segment_s=0.5,
+            chi2_per_dof=diagnosis.chi2_per_dof,
+            converged=True,
+        ),
+        runs=[
+            RunUsed(file=str(run.file or run.name), sha256=run.sha256, pose=run.pose, samples=len(run.t))
+            for run in runs
+        ],
+        warnings=[] if diagnosis.verdict in ("named", "no_gap") else [diagnosis.sentence],
+        version=__version__,
+    )
+
+
+def with_estimate(model: MovingArmModel, estimate: Estimate, rig: Rig) -> MovingArmModel:
+    """The model with the values and effects of another fit."""
+    swing, inertia = swing_of(estimate.ratios, estimate.params, model.mounted, bool(model.input), rig)
+    assumed = model.absolute[model.scale]
+    absolute = dict(model.absolute) | {model.scale: assumed.model_copy(update={"value": inertia})}
+    effects = _named(named_params(estimate.params))
+    return model.model_copy(update={"swing": swing, "effects": effects, "absolute": absolute})
+
+
+def _mounted(rig: Rig) -> Literal["both", "inner"]:
+    return "both" if rig.rods.mounted == "both" else "inner"
+
+
+def _joint(name: str) -> str:
+    """`joint 0` from `joint0`, as other models with a moving arm have it."""
+    return name.replace("joint", "joint ")
+
+
+def _named(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    """The effects without the arm itself and without events, which happened once."""
+    return {name: dict(values) for name, values in effects.items() if name not in OF_ARM and not EFFECTS[name].event}
+
+
+def _estimated(one: Interval) -> EstimatedValue:
+    std = (one.interval90[1] - one.interval90[0]) / (2 * NORMAL_Q90)
+    return EstimatedValue(value=one.value, std=std, interval90=one.interval90)
+
+
+def _absolute(ratios: dict[str, EstimatedValue], scale: Scale, kind: str) -> dict[str, EstimatedValue]:
+    """Absolute values of the determined ratios and of the scale; their errors include that of a known scale."""
+    low, high = scale.interval90 if scale.known else (scale.b, scale.b)
+    of_scale, gain = (high - low) / (2 * NORMAL_Q90 * scale.b), GAINS.get(kind, "").format(scale.inertia)
+    values = {scale.inertia: (1.0, 0.0)}
+    for name, ratio in ratios.items():
+        parameter = "gain" if name == gain else name.partition("/")[0]
+        values[absolute_name(parameter, kind)] = (ratio.value, ratio.std)
+    absolute = {}
+    for name, (ratio, error) in values.items():
+        value, std = ratio * scale.b, scale.b * float(np.hypot(error, ratio * of_scale))
+        ends = (value - NORMAL_Q90 * std, value + NORMAL_Q90 * std)
+        fixed_by = "data" if scale.known else "bound"
+        absolute[name] = EstimatedValue(value=value, std=std, interval90=ends, fixed_by=fixed_by)
+    return absolute

@@ -1,0 +1,117 @@
+"""Swings of a model with a moving arm along a recording: segments with fitted initial states, for other programs."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.prediction import segment_start
+from dpr_lab.errors import RunError
+from dpr_lab.exports.programs import REPLAY, Replay
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.gauss_newton import descend
+from dpr_lab.fitting.rods_with_effects import RodsWithEffects
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.identification.moving_arm.engine import engine_constants, engine_values
+from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.setup import drive_gain
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ArmReplaySettings:
+    """Replay of recordings in other programs."""
+
+    segment_s: float = 1.0
+    """Duration of a segment, which starts from its own fitted state: an arm under two rods soon moves chaotically."""
+    segments: int = 10
+    """Maximum number of segments of each run."""
+    iterations: int = 30
+    """Maximum number of iterations of the fit of initial states."""
+
+
+ARM_REPLAY = ArmReplaySettings()
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """A run and the simulation of a model by segments with fitted initial states."""
+
+    run: str
+    t: Array
+    """(n,) instants of all segments in sequence, s since the release."""
+    measured: Array
+    """(n, 3) readings of joints 0, 1 and 2, rad; nan where nothing is read."""
+    simulated: Array
+    """The same of the model."""
+    offsets: NDArray[np.int64]
+    """(segments + 1,) first sample of each segment."""
+    initial: Array
+    """(segments, 6) states theta0, theta1, theta2 and their speeds where segments start."""
+    noise: Array
+    """(3,) noise of a reading, rad; nan where nothing is read."""
+
+
+def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> Followed:
+    """Simulate a run by segments; only initial states are fitted.
+
+    Raises:
+        RunError: the arm of the run does not move as the model's, or the model cannot follow the readings.
+    """
+    name = str(run.file or run.name)
+    if run.arm_mode not in ("free", "driven"):
+        raise RunError(f"{name}: its arm is {run.arm_mode}: give a run whose arm is free or driven, as the model's")
+    if model.input == "acceleration":
+        raise RunError(f"{name}: its arm is driven by an acceleration, which the replay does not support")
+    if run.arm_mode == "driven" and model.input != (rig.motor.input if rig.motor else ""):
+        raise RunError(f"{name}: its arm is driven, but the model has no such input")
+    recordings = Recordings((record(run, rig),), rig)
+    problem, initial = recordings.cut(segment_s)
+    problem = replace(problem, model=RodsWithEffects(engine_constants(model, rig)))
+    unknown, params = engine_values(model, rig)
+    fitted = descend(problem, Estimate.of(unknown, params, initial), (), iterations=ARM_REPLAY.iterations).estimate
+    simulated, read = problem.predict(fitted), problem.read
+    if not np.isfinite(simulated).all():
+        raise RunError(f"{name}: the model cannot follow these readings")
+    order, weights = [2, 0, 1], (column[column > 0] for column in problem.weight.T)
+    noise = np.array([1.0 / np.median(column) if len(column) else np.nan for column in weights])
+    return Followed(
+        run.name,
+        problem.t,
+        np.where(read, problem.measured, np.nan)[:, order],
+        np.where(read, simulated, np.nan)[:, order],
+        problem.segments.offsets,
+        fitted.initial[:, [4, 0, 1, 5, 2, 3]],
+        noise[order],
+    )
+
+
+def arm_replays(run: Run, rig: Rig, model: MovingArmModel) -> list[Replay]:
+    """Segments of a recording and their initial states in a model; errors as of `follow_with_arm`."""
+    followed = follow_with_arm(run, rig, model, ARM_REPLAY.segment_s)
+    to_rods = rig.encoders.joint_angles.to_rods
+    swings = []
+    for (first, last), x0 in zip(pairwise(followed.offsets.tolist()), followed.initial, strict=True):
+        t = followed.t[first:last]
+        start = segment_start(float(t[0]))
+        steps = start + REPLAY.step_s * np.arange(np.ceil((t[-1] - start) / REPLAY.step_s) + 2)
+        measured, simulated = (
+            np.column_stack([joints[first:last, 0], to_rods(joints[first:last, 1:])])
+            for joints in (followed.measured, followed.simulated)
+        )
+        swings.append(Replay(run.name, t, measured, simulated, start, x0, followed.noise, _inputs(run, rig, steps)))
+    return swings[: ARM_REPLAY.segments]
+
+
+def _inputs(run: Run, rig: Rig, steps: Array) -> Array:
+    """(m - 1, 1) mean input of the arm's drive in each step."""
+    drives = record(run, rig).setup.torques
+    if drives is None or drives.on_arm is None:
+        return np.zeros((len(steps) - 1, 1))
+    t, impulse = drives.arm_knots
+    return (np.diff(np.interp(steps, t, impulse)) / np.diff(steps) / drive_gain(rig).value)[:, None]

@@ -1,0 +1,71 @@
+"""A model with a moving arm as the unknowns of the common fitting engine, which knows every effect, and back.
+
+The engine has ratios to b of a whole rig, b and p/b; of an inner rod alone only a - p, e1 - p g/L1 and c1 act
+(`dpr_lab.dynamics.base`), so that the rest is taken from the rig file.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import BASE, RATIOS, base_parameters, ratios
+from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.effects import effect_params, named_params
+from dpr_lab.effects.drive_gain import DRIVE_GAIN
+from dpr_lab.effects.free_arm import FREE_ARM
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
+from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.setup import drive_gain
+from dpr_lab.rig import PARAMETERS, Rig
+
+Array = NDArray[np.float64]
+
+OF_ARM = (FREE_ARM.name, DRIVE_GAIN.name)
+"""Effects of the engine that are part of every model with a moving arm, and no faults."""
+
+
+def engine_values(model: MovingArmModel, rig: Rig) -> tuple[Array, Array]:
+    """(7,) ratios to b, b and p/b, and (SIZE,) effects, with which the engine moves as a model does."""
+    sizes, effects = model.with_arm_effects().sizes, dict(model.with_arm_effects().effects)
+    effects[FREE_ARM.name] = {"inertia_kgm2": sizes["A"], "viscous_Nms": sizes["c0"]}
+    if model.input and (assumed := drive_gain(rig).value):
+        effects[DRIVE_GAIN.name] = {"excess": sizes["gain"] / assumed - 1.0}
+    base = base_parameters(rig.nominal, rig.L1, rig.g)
+    elbow = _on_elbow(rig)
+    if model.mounted == "both":
+        base = np.array([sizes[name] for name in BASE])
+    else:
+        base *= sizes["a"] / (base[0] - elbow)
+        elbow = base[0] - sizes["a"]
+        base[[3, 4]] = sizes["e1"] + elbow * rig.g / rig.L1, sizes["c1"]
+    return np.array([*ratios(base), base[1], elbow / base[1]]), effect_params(effects)
+
+
+def engine_constants(model: MovingArmModel, rig: Rig) -> RigConstants:
+    """Constants of the rig, with the arm's length of the model."""
+    return rig_constants(rig)._replace(L0=model.sizes["L0"])
+
+
+def swing_of(unknown: Array, params: Array, mounted: str, driven: bool, rig: Rig) -> tuple[list[float], float]:
+    """(12,) `SWING_PARAMETERS` over the scale, and the scale, kg m^2, from the engine's unknowns and effects."""
+    effects, b = named_params(params), float(unknown[SCALE])
+    whole = dict(zip((name.partition("/")[0] for name in RATIOS), unknown[: len(RATIOS)].tolist(), strict=True))
+    elbow = 0.0 if mounted == "both" else float(unknown[ON_ELBOW])
+    a, e1 = whole["a"] - elbow, whole["e1"] - elbow * rig.g / rig.L1
+    arm = effects.get(FREE_ARM.name, {"inertia_kgm2": 0.0, "viscous_Nms": 0.0})
+    excess = effects.get(DRIVE_GAIN.name, {"excess": 0.0})["excess"]
+    per = 1.0 if mounted == "both" else a
+    scale = b * per
+    both = (a, 1.0, whole["d"], e1, whole["c1"], whole["c2"])
+    rods = both if mounted == "both" else (1.0, 1.0, 0.0, e1 / a, whole["c1"] / a, 0.0)
+    gain = drive_gain(rig).value * (1.0 + excess) if driven else 1.0
+    values = (*rods, arm["inertia_kgm2"] / scale, arm["viscous_Nms"] / scale, 0.0, 0.0, gain / scale, rig.L0)
+    assert len(values) == len(SWING_PARAMETERS)
+    return list(values), scale
+
+
+def _on_elbow(rig: Rig) -> float:
+    """Inertia p = (m2 + mb) L1^2 of the rig file, kg m^2."""
+    m2, mb = (float(rig.nominal[PARAMETERS.index(name)]) for name in ("m2", "mb"))
+    return (m2 + mb) * rig.L1**2
