@@ -49,7 +49,7 @@ FOLDED = {
     "whole_torques": whole_torques,
     "arm_delay": arm_delay,
     "arm_encoder_error": arm_encoder_error,
-    "input_delay": input_delay,
+    "delay_of_input": input_delay,
     "dry_limit0": dry_limit0,
     "reading_shifts": reading_shifts,
     "encoder_errors": encoder_errors,

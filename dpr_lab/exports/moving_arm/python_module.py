@@ -52,7 +52,7 @@ OUTER = {outer!r}  # whether the outer rod is mounted
 '''
 
 _TAIL = '''
-DELAY = input_delay(0.0, None, None)  # of the input, s
+DELAY = delay_of_input(0.0, None, None)  # of the input, s
 
 
 class ArmSwing(Swing):

@@ -39,7 +39,7 @@ ARM_REPLAY = ArmReplaySettings()
 
 
 @dataclass(frozen=True, slots=True)
-class Followed:
+class FollowedSegments:
     """A run and the simulation of a model by segments with fitted initial states."""
 
     run: str
@@ -57,7 +57,7 @@ class Followed:
     """(3,) noise of a reading, rad; nan where nothing is read."""
 
 
-def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> Followed:
+def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> FollowedSegments:
     """Simulate a run by segments; only initial states are fitted.
 
     Raises:
@@ -80,7 +80,7 @@ def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float)
         raise RunError(f"{name}: the model cannot follow these readings")
     order, weights = [2, 0, 1], (column[column > 0] for column in problem.weight.T)
     noise = np.array([1.0 / np.median(column) if len(column) else np.nan for column in weights])
-    return Followed(
+    return FollowedSegments(
         run.name,
         problem.t,
         np.where(read, problem.measured, np.nan)[:, order],
