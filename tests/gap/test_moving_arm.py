@@ -58,7 +58,7 @@ def test_a_fault_of_the_arm_or_its_drive_is_named_with_its_size(fault, mode):
     assert done.scale.inertia == "a"
     corrected = corrected_model(done, runs, rig)
     assert fault in corrected.effects or done.effects[0].name in corrected.effects
-    assert corrected.sizes["A"] / corrected.sizes["a"] == pytest.approx(done.determined["A/a"].value, rel=1e-9)
+    assert corrected.sizes["A"] / corrected.sizes["a"] == pytest.approx(done.determined["A/a"].value, rel=1e-3)
     bare = corrected.model_copy(update={"effects": {}})
     rms = [compare_with_effects(run, rig, model).rms_rad for model in (corrected, bare) for run in runs[:1]]
     assert all(rms[0][joint] <= 1.01 * rms[1][joint] for joint in rms[0])

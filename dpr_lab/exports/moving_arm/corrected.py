@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects import EFFECTS, effect_params, named_params
 from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.estimation.noise import NORMAL_Q90
@@ -51,7 +52,8 @@ def corrected_arm_model(
     assumed = diagnosis.scale or Scale(b=inertia, interval90=(inertia, inertia), fixed_by="bound", inertia=letter)
     scale = assumed.as_inertia(letter, inertia / assumed.b)
     kind = rig.motor.input if driven and rig.motor else ""
-    ratios = {name: _estimated(one) for name, one in diagnosis.determined.items()}
+    estimated = {name: _estimated(one) for name, one in diagnosis.determined.items()}
+    ratios = _with_values(estimated, swing, kind, letter)
     floor = diagnosis.gap.floor_rad
     rms = {joint: float(np.hypot(above, floor[joint])) for joint, above in diagnosis.gap.after_rad.items()}
     return MovingArmModel(
@@ -90,7 +92,19 @@ def with_estimate(model: MovingArmModel, estimate: Estimate, rig: Rig) -> Moving
     assumed = model.absolute[model.scale]
     absolute = dict(model.absolute) | {model.scale: assumed.model_copy(update={"value": inertia})}
     effects = _named(named_params(estimate.params))
-    return model.model_copy(update={"swing": swing, "effects": effects, "absolute": absolute})
+    ratios = _with_values(model.ratios, swing, model.input, model.scale)
+    return model.model_copy(update={"swing": swing, "ratios": ratios, "effects": effects, "absolute": absolute})
+
+
+def _with_values(
+    ratios: Mapping[str, EstimatedValue], swing: Sequence[float], kind: str, letter: str
+) -> dict[str, EstimatedValue]:
+    """The ratios with the values of `SWING_PARAMETERS`."""
+    places, gain = list[str](SWING_PARAMETERS), GAINS.get(kind, "").format(letter)
+    own = {
+        name: swing[places.index("gain" if name == gain else name.partition("/")[0])] for name in ratios if name != "L0"
+    }
+    return {name: one.model_copy(update={"value": own.get(name, one.value)}) for name, one in ratios.items()}
 
 
 def _mounted(rig: Rig) -> Literal["both", "inner"]:
