@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.motion import refuse_without_motion
-from dpr_lab.fitting.estimate import SCALE, FreeParameter
+from dpr_lab.fitting.estimate import SCALE, FreeParameter, alone_share
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.conclusion.ratios import ratio_of
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
@@ -37,8 +38,10 @@ class Estimates:
     std: Array
     """(runs, parameters) standard deviations from the noise of each run, SI."""
     b: float | None = None
-    """Assumed b of absolute sizes, kg m^2; None if the runs identify it. Sizes that scale with an assumed b are ratios
-    to it, and their names end in `/b` or `*b`."""
+    """Assumed inertia of absolute sizes, kg m^2; None if the runs identify it. Sizes that scale with it are ratios
+    to it, and their names end in `/b` or `*b`; `/a` or `*a` of an inner rod alone."""
+    inertia: str = "b"
+    """Which inertia it is: a of an inner rod alone, else b."""
 
 
 @solvable
@@ -69,8 +72,10 @@ def estimate_each(
                 f" {', '.join(names)}"
             )
     values, std = (np.array(columns) for columns in list(zip(*fits, strict=True))[1:])
-    b = None if "b" in names else float(initial[SCALE])
-    return Estimates(tuple(run.name for run in runs), tuple(run.pose or "" for run in runs), names, values, std, b)
+    alone = all(run.setup.mounting == "inner" for run in runs)
+    b = None if "b" in names else float(initial[SCALE]) * (alone_share(initial) if alone else 1.0)
+    poses = tuple(run.pose or "" for run in runs)
+    return Estimates(tuple(run.name for run in runs), poses, names, values, std, b, "a" if alone else "b")
 
 
 def _estimate(
@@ -94,11 +99,15 @@ def _estimate(
     indices = [i for i, parameter in enumerate(fitted.free) if parameter.block != "zeros"]
     parameters = [fitted.free[i] for i in indices]
     is_scale_known = any(not parameter.effect and parameter.name == "b" for parameter in parameters)
-    powers = [0 if is_scale_known else _scale_power(parameter) for parameter in parameters]
-    names = tuple(_name(parameter, power) for parameter, power in zip(parameters, powers, strict=True))
-    scales = fitted.estimate.ratios[SCALE] ** np.array(powers, dtype=float)
-    values = np.array([parameter.read(fitted.estimate) for parameter in parameters])
-    return names, values / scales, std[indices] / scales
+    alone = run.setup.mounting == "inner"
+    inertia = fitted.estimate.ratios[SCALE] * (alone_share(fitted.estimate.ratios) if alone else 1.0)
+    rows = []
+    for parameter in parameters:
+        power = 0 if is_scale_known else _scale_power(parameter)
+        size = _name(parameter, power, "a" if alone else "b"), parameter.read(fitted.estimate) / inertia**power
+        rows.append(ratio_of(parameter, fitted.estimate, rig, alone=alone) or (*size, inertia**power))
+    names, values, divisors = zip(*rows, strict=True)
+    return names, np.array(values), std[indices] / np.array(divisors)
 
 
 def _scale_power(parameter: FreeParameter) -> int:
@@ -107,6 +116,6 @@ def _scale_power(parameter: FreeParameter) -> int:
     return next((p.scale_power for p in effect.parameters if p.name == parameter.name), 0) if effect else 0
 
 
-def _name(parameter: FreeParameter, power: int) -> str:
+def _name(parameter: FreeParameter, power: int, inertia: str) -> str:
     name = parameter.name if not parameter.effect else f"{parameter.effect}.{parameter.name}"
-    return name + {1: "/b", -1: "*b"}.get(power, "")
+    return name + {1: f"/{inertia}", -1: f"*{inertia}"}.get(power, "")

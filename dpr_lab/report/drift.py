@@ -92,13 +92,14 @@ def group_rows(drift: Drift) -> list[list[str]]:
 
 def basis_sentence(drift: Drift, torques: Sequence[str] = ()) -> str:
     """Basis of the intervals, and the use of ratios if the scale is not identified."""
-    if any(parameter.name.endswith(("/b", "*b")) and "." in parameter.name for parameter in drift.parameters):
-        ratios = (
-            " Sizes of effects are compared as ratios to b (`/b`; `*b` for a size per kg), because these runs do not"
-            " identify the scale of torques."
-        )
-    else:
-        ratios = ""
+    ends = ("/b", "*b", "/a", "*a")
+    scaled = [name for parameter in drift.parameters if "." in (name := parameter.name) and name.endswith(ends)]
+    inertia = scaled[0][-1] if scaled else ""
+    ratios = (
+        f" Sizes of effects are compared as ratios to {inertia} (`/{inertia}`; `*{inertia}` for a size per kg), because"
+        " these runs do not identify the scale of torques."
+    )
+    ratios = ratios if scaled else ""
     driven = f"Runs driven by their {' and '.join(torques)} torques. " if torques else ""
     return (
         f"{driven}Standard deviation of a run: {BASES[drift.basis]}. The intervals hold simultaneously with a"

@@ -71,11 +71,14 @@ class DriftResult:
     def _sizes(self, values: "Sequence[float]") -> dict[str, float]:
         """Parameter -> value; sizes that are ratios also as absolute value at the assumed b."""
         own = dict(zip(self.estimates.names, values, strict=True))
-        b = self.estimates.b or 1.0
+        b, inertia = self.estimates.b or 1.0, self.estimates.inertia
         own |= {
-            name.removesuffix("/b"): value * b for name, value in own.items() if "." in name and name.endswith("/b")
+            name.removesuffix(f"/{inertia}"): value * b
+            for name, value in own.items()
+            if "." in name and name.endswith(f"/{inertia}")
         }
-        return own | {name.removesuffix("*b"): value / b for name, value in own.items() if name.endswith("*b")}
+        over = f"*{inertia}"
+        return own | {name.removesuffix(over): value / b for name, value in own.items() if name.endswith(over)}
 
 
 def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResult:
@@ -103,13 +106,14 @@ def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResul
     effects = _effects(request.diagnosis) if request.diagnosis else None
     runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque, moving=True)
     moving = any(run.arm_mode in ("free", "driven") for run in runs)
-    if moving and (request.diagnosis or request.model):
-        raise RunError("runs with a free or driven arm are compared by their ratios: leave out --diagnosis and --model")
+    if moving and request.model:
+        raise RunError("runs with a free or driven arm start from the rig file: leave out --model")
     start = load_model(request.model).starting_point(rig) if request.model else None
     groups = grouped([_recorded(file) for file in request.runs], request.by)
     on_event(StageBegan(1, len(STAGES), STAGES[0]))
     ordered = [runs[i] for i in groups.order]
-    estimates = estimate_each_arm(ordered, rig) if moving else estimate_each(ordered, rig, effects, start)
+    bare = moving and not effects
+    estimates = estimate_each_arm(ordered, rig) if bare else estimate_each(ordered, rig, effects, start)
     on_event(StageBegan(2, len(STAGES), STAGES[1]))
     drift = changes(estimates, groups.group, groups.names)
     kinds = torque_kinds(runs)

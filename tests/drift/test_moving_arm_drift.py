@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.drift.changes import changes
+from dpr_lab.drift.estimates import estimate_each
 from dpr_lab.drift.moving_arm import estimate_each_arm
 from dpr_lab.dynamics.arm import ArmParameters
 from dpr_lab.dynamics.simulate import simulate_arm
@@ -48,3 +49,14 @@ def test_runs_of_two_modes_are_not_compared():
     first, *others = runs_of(rig, 0.02, rng, "a")
     with pytest.raises(RunError, match="driven in some runs and free in others"):
         estimate_each_arm([replace(first, arm_mode="free", arm_input=None), *others], rig)
+
+
+def test_effects_of_a_diagnosis_are_compared_too():
+    rng, rig = np.random.default_rng(2), rig_with("driven", "torque")
+    runs = runs_of(rig, 0.02, rng, "monday")[:2] + runs_of(rig, 0.026, rng, "friday")[:2]
+    effects = {"free_arm": {"inertia_kgm2": 0.08, "viscous_Nms": 0.02}, "coulomb_joint0": {"torque_Nm": 0.001}}
+    estimates = estimate_each(runs, rig, effects)
+    assert {"a/b", "A/b", "c0/b", "b"} <= set(estimates.names)
+    assert "coulomb_joint0.torque_Nm" in estimates.names
+    drift = changes(estimates, [0, 0, 1, 1], ["monday", "friday"])
+    assert [parameter.name for parameter in drift.moved] == ["c0/b"]
