@@ -49,7 +49,7 @@ _CALLBACK = '''
 import mujoco
 
 FRICTION = {friction!r}  # of the effects called here, what the engine gives joints 0, 1, 2 already, N m
-# number of a joint -> its name in the file, the angle (theta1, theta2 - theta1) at its zero, -1 if it turns against that
+# number of a joint -> its name in the file, the angle (theta1, theta2 - theta1) at its zero, -1 if it turns against it
 JOINTS = {joints!r}
 GRAVITY = {gravity!r}  # of a file that says none
 
