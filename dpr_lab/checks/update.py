@@ -21,7 +21,7 @@ import numpy as np
 from dpr_lab.checks.wording import conclusion, likeliest
 from dpr_lab.errors import RunError, unknown_name
 from dpr_lab.gap.advice.advise import kind_of
-from dpr_lab.gap.advice.check_kind import CheckAnswer, Result, log_mean
+from dpr_lab.gap.advice.check_kind import CheckAnswer, Result, expected_bits, log_mean
 from dpr_lab.gap.advice.measurement import SETTINGS
 from dpr_lab.gap.result.causes import NamedEffect, RivalEffect
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
@@ -131,10 +131,31 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, result: Result) -> Diagn
             "probabilities": moved,
             "sentence": sentence,
             "remedies": _remedies(diagnosis, check.about, done),
-            "checks": [left for left in diagnosis.checks if left.id != check.id],
+            "checks": remaining(diagnosis, done),
             "checks_done": [*diagnosis.checks_done, done],
         }
     )
+
+
+def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
+    """Checks that are not done, with their expected information about the updated probabilities, largest first.
+
+    Of an ideal measurement this is the entropy that is left. Other checks keep their share of the ideal information.
+    """
+    left = [_reweighed(check, done) for check in diagnosis.checks if check.id != done.check.id]
+    return sorted(left, key=lambda check: -check.expected_bits)
+
+
+def _reweighed(check: AdvisedCheck, done: CheckDone) -> AdvisedCheck:
+    if check.about != done.check.about:
+        return check
+    own = check.measures or check.about
+    rest = [name for name in check.splits if name != own]
+    before, after = (
+        expected_bits([p.get(own, 0.0), sum(p.get(name, 0.0) for name in rest)], np.inf)
+        for p in (done.before, done.after)
+    )
+    return check.model_copy(update={"expected_bits": check.expected_bits * (after / before if before > 0 else 0.0)})
 
 
 def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:

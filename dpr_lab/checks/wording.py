@@ -16,8 +16,9 @@ def likeliest(probabilities: Mapping[str, float]) -> str:
 
 
 def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[Verdict, str]:
-    """Verdict and sentence after a check; the sentence starts with a change of the most probable cause."""
+    """Verdict and sentence after a check; the sentence starts with the most probable cause after it."""
     about, after = done.check.about, likeliest(done.after)
+    before = f"Before the checks: {diagnosis.sentence.rpartition('Before the checks: ')[2]}"
     result = f"After check {done.check.id} ({done.result}):"
     factor = f"Bayes factor {bayes_factor(done, after)}"
     if after == NONE_OF_THEM and done.log10_bayes_factor[NONE_OF_THEM] > 0:
@@ -28,7 +29,7 @@ def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[
             f" measurement is of another quantity (probability {done.before[after]:.2g} -> {done.after[after]:.2g},"
             f" {factor})."
         )
-        return ("partly_explained" if left else "unexplained"), f"{none} Before this check: {diagnosis.sentence}"
+        return ("partly_explained" if left else "unexplained"), f"{none} {before}"
     best = likeliest({name: p for name, p in done.after.items() if name != NONE_OF_THEM})
     moved = (
         f"{result} {best} {done.before[best]:.2f} -> {done.after[best]:.2f}, Bayes factor {bayes_factor(done, best)}."
@@ -36,11 +37,9 @@ def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[
     if not explained:
         moved += " The value agrees with none of the candidates."
     if best == about:
-        return diagnosis.verdict, f"{diagnosis.sentence} {moved}"
-    return diagnosis.verdict, (
-        f"{moved} It is now more probable than {about}. Diagnose again with --without {about} to fit it."
-        f" Before this check: {diagnosis.sentence}"
-    )
+        return diagnosis.verdict, f"{moved} {before}"
+    instead = f"It is now more probable than {about}. Diagnose again with --without {about} to fit it."
+    return diagnosis.verdict, f"{moved} {instead} {before}"
 
 
 def bayes_factor(done: CheckDone, name: str) -> str:

@@ -65,6 +65,11 @@ def test_a_measured_value_decides(diagnosis: Diagnosis, measured: str, value: fl
         assert found.effects[0].probability < 0.2
         assert found.rivals[0].name == cause
     assert ("--without" in found.sentence) == (cause != diagnosis.effects[0].name)
+    now = f"{cause} {done.before[cause]:.2f} -> {done.after[cause]:.2f}"
+    assert now in found.sentence.partition("Before the checks:")[0]
+    bits = {check.id: check.expected_bits for check in diagnosis.checks}
+    assert found.checks
+    assert all(left.expected_bits < 0.8 * bits[left.id] for left in found.checks)
     assert found.gap == diagnosis.gap
 
 
