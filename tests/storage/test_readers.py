@@ -3,6 +3,7 @@
 import pickle
 import sqlite3
 import struct
+import tracemalloc
 import zipfile
 import zlib
 from pathlib import Path
@@ -18,6 +19,7 @@ from dpr_lab.rig_tables import Rods
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.export import JOINT_STATE, JOINT_STATE_DEFINITION, export
+from dpr_lab.storage.readers.matlab import read_matlab
 from dpr_lab.storage.tables import table as table_module
 from dpr_lab.storage.tables.preview import preview
 from dpr_lab.storage.tables.table import TableLimits
@@ -392,3 +394,19 @@ def test_one_rod_alone_needs_no_number(tmp_path: Path, name: str, scale: float) 
     file = text(tmp_path / "a.csv", np.column_stack([T, hanging]), head=f"t_s,{name}\n")
     run = import_csv(file, rig, ImportOptions(**GUESSED))
     assert np.allclose(run.theta[:, 1], THETA1, atol=2 * np.pi / 16384)
+
+
+def test_a_matlab_file_takes_the_memory_of_its_numbers(tmp_path: Path) -> None:
+    rows, columns = 100_000, 20
+    t = np.arange(rows) / 1000
+    filled = {f"x{k}": np.round(np.cos(t + k), 2) for k in range(columns)}
+    savemat(tmp_path / "a.mat", {"t": t, "theta1": np.cos(t), "theta2": np.sin(t), **filled}, do_compression=True)
+    read_matlab(tmp_path / "a.mat", ())  # SciPy is loaded
+    tracemalloc.start()
+    try:
+        table = read_matlab(tmp_path / "a.mat", ())
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert len(table.values) == columns + 3
+    assert peak < 1.5 * 8 * rows * (columns + 3)

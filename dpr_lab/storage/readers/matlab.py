@@ -43,9 +43,9 @@ def read_matlab(path: Path, take: Sequence[str]) -> Table:
         if not content:
             refuse_large(path, path.stat().st_size // 8)
             raise RunError(f"{path}: is empty")
-        if content.startswith(b"MATLAB 5.0"):
-            content = _unpacked(path, content)
-        held = loadmat(BytesIO(content), simplify_cells=False, chars_as_strings=False)
+        held: dict[str, Any] = {}
+        for part in _parts(path, content) if content.startswith(b"MATLAB 5.0") else (content,):
+            held |= loadmat(BytesIO(part), simplify_cells=False, chars_as_strings=False)
     except (*BROKEN, MatReadError, struct.error, zlib.error) as error:
         raise broken(path, KIND, error) from error
     return table_of(path, KIND, dict(_arrays(path, "", held)), take)
@@ -55,23 +55,28 @@ def _most_bytes() -> int:
     return 8 * text_table.LIMITS.values
 
 
-def _unpacked(path: Path, content: bytes) -> bytearray:
-    """The same file with all elements decompressed; declared sizes are not trusted."""
+def _parts(path: Path, content: bytes) -> Iterator[bytes]:
+    """A file of its own for each element, decompressed; declared sizes are not trusted.
+
+    One element at a time, so that the memory is that of the numbers and of the largest element.
+    """
     order = "<" if content[126:HEADER] == b"IM" else ">"
-    out, at = bytearray(content[:HEADER]), HEADER
+    total, at = HEADER, HEADER
     most = min(_most_bytes(), most_unpacked(path))
+    if len(content) < at + TAG:
+        yield content
     while at + TAG <= len(content):
         kind, size = struct.unpack_from(f"{order}II", content, at)
         end = at + TAG + size
         element = content[at:end]
         if kind == COMPRESSED:
-            element = zlib.decompressobj().decompress(content[at + TAG : end], most + 1 - len(out))
-        out += element
-        if len(out) > most:
-            refuse_large(path, len(out) // 8 + 1)
-            refuse_swollen(path, len(out))
+            element = zlib.decompressobj().decompress(content[at + TAG : end], most + 1 - total)
+        total += len(element)
+        if total > most:
+            refuse_large(path, total // 8 + 1)
+            refuse_swollen(path, total)
+        yield content[:HEADER] + element
         at = end
-    return out
 
 
 def _arrays(path: Path, within: str, held: Mapping[str, Any]) -> Iterator[tuple[str, NDArray]]:
