@@ -38,7 +38,7 @@ def import_table(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Show how the table is interpreted, without writing a run.")
     ] = False,
-    out: Annotated[Path, typer.Option(help="Folder of the run.")] = Path("runs"),
+    out: Annotated[Path, typer.Option(help="Folder of the run, or its file NAME.mcap.")] = Path("runs"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
     **typed: Any,
 ) -> None:

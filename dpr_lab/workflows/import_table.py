@@ -24,7 +24,7 @@ class ImportRequest:
     rig: str
     """Rig file, or the name of a built-in one."""
     out: Path
-    """Folder of the run."""
+    """Folder of the run, or its file, `NAME.mcap`."""
     options: "ImportOptions"
     rods: str | None = None
     """Mounted rods; None: as in the rig file."""
@@ -67,7 +67,9 @@ def import_table(request: ImportRequest, on_event: OnEvent = ignore) -> ImportRe
     from dpr_lab.storage.csv_import import table_name, write_run
     from dpr_lab.storage.tables.understand import understand
 
-    file = _unused(request.out, table_name(request.table))
+    to = request.out
+    named = to.suffix == ".mcap" and not to.is_dir()
+    file = to if named else _unused(to, table_name(request.table))
     rig = with_rods(load_rig(request.rig), request.rods, request.elbow)
     swing = understand(request.table, rig, request.options, on_event)
     write_run(request.table, rig, swing, file, on_event)

@@ -51,3 +51,15 @@ def test_the_tables_are_what_the_simulated_bench_records(tmp_path: Path) -> None
     runpy.run_path(str(ROOT / "docs" / "sample_tables.py"))["record"](tmp_path)
     recorded = {file.name: file.read_text() for file in tmp_path.iterdir()}
     assert recorded == {file.name: file.read_text() for file in SAMPLES.glob("*.csv")}
+
+
+def test_out_names_the_folder_or_the_file_of_the_run(cli: Cli, tmp_path: Path) -> None:
+    table, rig = BUILTIN / "tables" / "side.csv", BUILTIN / "tables" / "bench.toml"
+    words = ["import", "table", table, "--rig", rig, "--pose", "side", "--zero", "hanging", "--angles", "relative"]
+    for out, made in ((tmp_path / "runs", tmp_path / "runs" / "side.mcap"), (tmp_path / "x.mcap", tmp_path / "x.mcap")):
+        done = cli(*words, "--out", out)
+        assert done.code == 0, done.err
+        assert made.is_file()
+    again = cli(*words, "--out", tmp_path / "x.mcap")
+    assert again.code == 3
+    assert "exists already" in again.err
