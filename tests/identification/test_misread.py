@@ -150,10 +150,13 @@ def test_a_reversed_torque_is_named(driven, paper: Rig, case) -> None:
 
 
 @pytest.mark.slow
-def test_torques_in_another_unit_are_named(driven, paper: Rig) -> None:
-    in_mNm = [replace(run, torques=1e3 * run.torques, commanded=None) for run in driven]
-    with pytest.raises(IdentificationError, match=r"--scale tau1=0\.001,tau2=0\.001"):
-        refuse_misread(in_mNm, paper)
+@pytest.mark.parametrize(("unit", "to_Nm"), [("mN m", "0.001"), ("kN m", "1000")])
+def test_torques_in_another_unit_are_named(driven, paper: Rig, unit: str, to_Nm: str) -> None:
+    in_unit = [replace(run, torques=run.torques / float(to_Nm), commanded=None) for run in driven]
+    with pytest.raises(
+        IdentificationError, match=re.escape(f"in {unit} (import with --scale tau1={to_Nm},tau2={to_Nm}")
+    ):
+        refuse_misread(in_unit, paper)
 
 
 @pytest.mark.slow

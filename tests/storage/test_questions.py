@@ -96,6 +96,7 @@ def test_a_table_of_which_nothing_can_come_is_refused_with_its_cure(
         import_csv(tables[name].write(tmp_path), paper, tables[name].options)
 
 
+AXES = ("theta1", "theta2")
 SAMPLES = Path(__file__).parents[2] / "configs" / "tables"
 RIGHT = {"unit": "deg", "zero": "hanging", "angles": "relative"}
 
@@ -130,6 +131,68 @@ def test_a_zero_elsewhere_is_questioned_with_the_offset_that_mends_it(name: str,
     assert offset == pytest.approx({"theta1": -30.0, "theta2": 20.0}, abs=1.0)
     mended = preview(file, rig, ImportOptions(**{**RIGHT, "offset": offset, "pose": name}))
     assert mended.questions == ()
+
+
+@pytest.mark.parametrize("added", [(90.0, 0.0), (0.0, 90.0), (0.0, -90.0), (90.0, 90.0)])
+@pytest.mark.parametrize("name", ["side", "elbow", "low"])
+def test_a_zero_a_quarter_turn_off_is_questioned_without_a_named_pose(
+    name: str, added: tuple[float, float], tmp_path: Path
+) -> None:
+    """The energy alone took joint 2 of `side` for one with much friction."""
+    rows = np.loadtxt(SAMPLES / f"{name}.csv", delimiter=",", skiprows=1) + np.array([0.0, *added])
+    np.savetxt(tmp_path / "a.csv", rows, "%.10g", ",", header="time_s,angle1_deg,angle2_deg", comments="")
+    option, value = preview(tmp_path / "a.csv", load_rig(SAMPLES / "bench.toml"), ImportOptions(**RIGHT)).mend
+    words = dict(word.split("=") for word in value.split(",")) if "=" in value else dict.fromkeys(AXES, value)
+    assert option == "--offset"
+    assert [float(words.get(axis, 0.0)) for axis in AXES] == pytest.approx([-one for one in added], abs=1.0)
+
+
+@pytest.mark.parametrize("name", ["side", "elbow", "low"])
+def test_a_sample_table_is_not_questioned_without_a_named_pose(name: str) -> None:
+    assert preview(SAMPLES / f"{name}.csv", load_rig(SAMPLES / "bench.toml"), ImportOptions(**RIGHT)).questions == ()
+
+
+@pytest.mark.parametrize(
+    ("factors", "mend"),
+    [((0.5, 0.5), "--scale 2"), ((2.0, 2.0), "--scale 0.5"), ((1.0, 0.5), "--scale theta2=2")],
+)
+@pytest.mark.parametrize("name", ["side", "elbow"])
+def test_a_scale_that_is_off_is_questioned_without_a_named_pose(
+    name: str, factors: tuple[float, float], mend: str, tmp_path: Path
+) -> None:
+    rows = np.loadtxt(SAMPLES / f"{name}.csv", delimiter=",", skiprows=1) * [1.0, *factors]
+    np.savetxt(tmp_path / "a.csv", rows, "%.10g", ",", header="time_s,angle1_deg,angle2_deg", comments="")
+    assert " ".join(preview(tmp_path / "a.csv", load_rig(SAMPLES / "bench.toml"), ImportOptions(**RIGHT)).mend) == mend
+
+
+@pytest.mark.parametrize(
+    ("factors", "turned", "cause"),
+    [
+        ((1.0, 1.0), (0, 4096), "zero_counts of the rig file is 0 for joint 1 and 4096 for joint 2"),
+        ((0.5, 0.5), (0, 0), "counts_per_rev of the rig file is 0.5 times as large"),
+        ((1.0, 0.5), (0, 0), "counts_per_rev of the rig file is 0.5 times as large for joint 2"),
+    ],
+)
+def test_counts_with_another_zero_or_scale_name_the_key_of_the_rig_file(
+    factors: tuple[float, float],
+    turned: tuple[int, int],
+    cause: str,
+    tables: dict[str, MutatedTable],
+    paper: Rig,
+    tmp_path: Path,
+) -> None:
+    file = tables["counts/none"].write(tmp_path)
+    rows = np.round(np.loadtxt(file, delimiter=",", skiprows=1) * [1.0, *factors] + [0.0, *turned], 9)
+    rows[:, 1:] = np.round(rows[:, 1:])
+    np.savetxt(file, rows, "%.10g", ",", header="t,counts1,counts2", comments="")
+    (question,) = preview(file, paper, ImportOptions(unit="counts")).questions
+    named = question.sentence.partition(" if ")[2]
+    if turned == (0, 0):
+        assert named == cause
+    else:
+        numbers = [int(word) for word in named.split() if word.lstrip("-").isdigit()]
+        assert "zero_counts of the rig file" in named
+        assert numbers[::2] == pytest.approx([0, 4096], abs=40)
 
 
 def test_an_arm_that_moves_but_is_given_as_clamped_is_questioned(paper: Rig, tmp_path: Path) -> None:

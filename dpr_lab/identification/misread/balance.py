@@ -10,7 +10,8 @@ angles and times are interpreted correctly, and a large one otherwise. It needs 
 simulation.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.fitting.projection import RIDGE, bounded_solution
+from dpr_lab.identification.misread.local_motion import LocalMotion, LocalMotionSettings, local_motion
 from dpr_lab.rig import Rig
 
 Array = NDArray[np.float64]
@@ -27,20 +29,8 @@ Array = NDArray[np.float64]
 class EnergySettings:
     """Settings of the energy test."""
 
-    looked_at_s: float = 10.0
-    """Examined duration of a table, s; a wrong interpretation is wrong from the start."""
-    looked_at: int = 2000
-    """Minimum number of rows, because the unit of time may be wrong."""
-    fewest: int = 30
-    """Minimum number of samples for a judgement."""
-    instants: int = 1500
-    """Maximum number of samples at which the energy is compared."""
-    window: tuple[int, int] = (7, 51)
-    """Minimum and maximum number of samples of the local cubic polynomials for velocities."""
-    window_share: float = 1 / 16
-    """Length of these polynomials relative to the period of the faster oscillation; also suitable for a rod that
-    turns five times as fast.
-    """
+    motion: LocalMotionSettings = field(default=LocalMotionSettings(degree=3, window_share=1 / 16, window=(7, 51)))
+    """Local polynomials for the velocities; windows that short suit a rod that turns five times as fast."""
     slack: float = 3.0
     """Factor by which a base parameter may differ from the value of the rig file."""
     zeros: int = 18
@@ -89,7 +79,7 @@ def energy_fit(
         rig: the recorded rig
         settings: settings of the test
     """
-    moving = _motion(t, rods, rig, settings)
+    moving = local_motion(t, rods, periods(rig)[1], settings.motion)
     return None if moving is None else _balance(moving, torques, rig, settings)
 
 
@@ -102,16 +92,26 @@ def energy_zeros(t: Array, rods: Array, rig: Rig, settings: EnergySettings = ENE
         rig: the recorded rig
         settings: settings of the test
     """
-    from scipy.optimize import minimize
-
     every = max(1, len(rods) // settings.zero_rows)
-    moving = _motion(t[::every], rods[::every], rig, settings)
+    moving = local_motion(t[::every], rods[::every], periods(rig)[1], settings.motion)
     if moving is None:
         return None
 
     def residual(added: Array) -> float:
         fit = _balance(replace(moving, rods=moving.rods + added), None, rig, settings)
         return np.inf if fit is None else fit.residual
+
+    return best_zeros(residual, settings)
+
+
+def best_zeros(residual: Callable[[Array], float], settings: EnergySettings = ENERGY) -> tuple[float, float]:
+    """Angles to add to both rods, within a turn, with the smallest residual; global search.
+
+    Args:
+        residual: residual of a balance as a function of the (2,) added angles, rad
+        settings: number of starts
+    """
+    from scipy.optimize import minimize
 
     steps = np.arange(settings.zeros) * 2 * np.pi / settings.zeros
     starts = sorted((np.array(pair) for pair in product(steps, steps)), key=residual)[: settings.refined]
@@ -120,30 +120,7 @@ def energy_zeros(t: Array, rods: Array, rig: Rig, settings: EnergySettings = ENE
     return float(inner), float(outer)
 
 
-@dataclass(frozen=True, slots=True)
-class _Motion:
-    """Motion of the rods at the centres of windows."""
-
-    near: NDArray[np.intp]
-    """(k,) rows."""
-    t: Array
-    """(k,) s."""
-    rods: Array
-    """(k, 2) rad."""
-    omega: Array
-    """(k, 2) rad/s."""
-
-
-def _motion(t: Array, rods: Array, rig: Rig, settings: EnergySettings) -> _Motion | None:
-    with np.errstate(all="ignore"):
-        try:
-            moving = _velocities(t, rods, periods(rig)[1] * settings.window_share, settings)
-        except np.linalg.LinAlgError:  # instants so uneven that they are numerically equal
-            return None
-    return None if moving is None or not all(np.isfinite(part).all() for part in moving) else _Motion(*moving)
-
-
-def _balance(moving: _Motion, torques: Array | None, rig: Rig, settings: EnergySettings) -> EnergyFit | None:
+def _balance(moving: LocalMotion, torques: Array | None, rig: Rig, settings: EnergySettings) -> EnergyFit | None:
     near, t, rods, omega = moving.near, moving.t, moving.rods, moving.omega
     base = base_parameters(rig.nominal, rig.L1, rig.g)
     a, b, d, e1, c1, c2 = base.tolist()
@@ -171,30 +148,6 @@ def _bounded(columns: Array, target: Array, settings: EnergySettings) -> float:
     H = columns.T @ columns
     x = bounded_solution(H + RIDGE * np.trace(H) * np.eye(len(H)), columns.T @ target, np.array(least), np.array(most))
     return float(np.sqrt(np.mean((columns @ x - target) ** 2)))
-
-
-def _velocities(
-    t: Array, rods: Array, length_s: float, settings: EnergySettings
-) -> tuple[NDArray[np.intp], Array, Array, Array] | None:
-    """Rows, times, angles and velocities at the centres of windows of about this length."""
-    from numpy.lib.stride_tricks import sliding_window_view
-
-    rows = max(settings.looked_at, int(np.searchsorted(t, t[0] + settings.looked_at_s)))
-    t, rods = t[:rows], rods[:rows]
-    if len(t) < settings.fewest:
-        return None
-    window = int(np.clip(length_s / float(np.median(np.diff(t))), *settings.window)) // 2 * 2 + 1
-    every = -(-len(t) // settings.instants)
-    if len(t) < settings.fewest + window:
-        return None
-    times, angles = (sliding_window_view(x, window, axis=0)[::every] for x in (t, rods))
-    since = times - times.mean(axis=1, keepdims=True)
-    reach = np.abs(since).max(axis=1)
-    powers = (since / reach[:, None])[:, :, None] ** np.arange(4)
-    across = powers.transpose(0, 2, 1)
-    cubic = np.linalg.solve(across @ powers, across @ angles.transpose(0, 2, 1))
-    near = np.arange(window // 2, len(t) - window // 2)[::every]
-    return near, times.mean(axis=1), cubic[:, 0], cubic[:, 1] / reach[:, None]
 
 
 def _integral(t: Array, power: Array) -> Array:

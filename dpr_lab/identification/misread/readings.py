@@ -206,6 +206,11 @@ def _driven(change: Callable[[Array], Array]) -> Callable[[Run], Run | None]:
     return read
 
 
+def _torque_unit(unit: str, factor: float) -> Misreading:
+    cause = f"the torques are in {unit} (import with --scale tau1={factor:g},tau2={factor:g})"
+    return Misreading(cause, _driven(lambda torques: factor * torques))
+
+
 _TORQUES = (
     Misreading(
         "the sign of torque 2 is reversed (import with --scale tau2=-1, or turn the sign of the drive)",
@@ -223,9 +228,7 @@ _TORQUES = (
         "torque 1 and torque 2 are exchanged (name their columns: --columns tau1=NAME,tau2=NAME)",
         _driven(lambda torques: torques[:, ::-1]),
     ),
-    Misreading(
-        "the torques are in mN m (import with --scale tau1=0.001,tau2=0.001)", _driven(lambda torques: 1e-3 * torques)
-    ),
+    *map(_torque_unit, ("mN m", "N cm", "kN m"), (1e-3, 1e-2, 1e3)),
 )
 
 

@@ -16,7 +16,14 @@ from dpr_lab.storage.tables.columns import TO_SECONDS
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.readings import SETTINGS as READ
-from dpr_lab.storage.tables.readings import OtherReading, Values, angles, better_readings, other_readings, with_zeros
+from dpr_lab.storage.tables.readings import (
+    OtherReading,
+    ReadTable,
+    Values,
+    balanced_readings,
+    better_readings,
+    with_zeros,
+)
 from dpr_lab.storage.tables.torques import better_torques, other_torques
 
 Array = NDArray[np.float64]
@@ -56,10 +63,6 @@ class QuestionSettings:
     """Distance from the named pose, in units of its tolerance, above which a warning is given and above which the
     table is refused.
     """
-    hanging_rad: float = 0.03
-    """Distance from hanging at rest within which rods do not start to swing by themselves, rad."""
-    pushed_rad: float = 0.2
-    """Later excursion that shows that they were pushed, rad."""
 
 
 SETTINGS = QuestionSettings()
@@ -99,6 +102,16 @@ class Asked:
     """Kind and (n, 2) torques of the table that the options ignore, N m; None if there are none."""
 
     @property
+    def both_free(self) -> bool:
+        """Whether both rods are mounted and joint 2 is free."""
+        return self.rig.rods.mounted == "both" and self.rig.rods.elbow == "free"
+
+    @property
+    def free(self) -> bool:
+        """Whether only gravity and friction act."""
+        return self.torques is None and not self.arm_moves
+
+    @property
     def swing(self) -> slice:
         """Samples of the swing."""
         return slice(self.part.start, self.part.stop)
@@ -111,6 +124,13 @@ class Asked:
     def looked_at(self, settings: QuestionSettings) -> slice:
         """Samples of the swing for the energy test."""
         return slice(self.part.start, min(self.part.stop, self.part.start + settings.energy_rows))
+
+    def read(self, settings: QuestionSettings) -> ReadTable:
+        """The same samples as they are read."""
+        rows = self.looked_at(settings)
+        values = {axis: column[rows] for axis, column in self.values.items()}
+        torques = None if self.torques is None else self.torques[rows]
+        return ReadTable(self.path, self.rig, self.options, self.columns, self.t[rows], values, torques)
 
 
 def questions(asked: Asked, settings: QuestionSettings = SETTINGS) -> list[TableQuestion]:
@@ -125,10 +145,11 @@ def questions(asked: Asked, settings: QuestionSettings = SETTINGS) -> list[Table
         raise RunError(f"{asked.path}: only {len(t)} rows of a swing; at least {settings.fewest_rows} are needed")
     _refuse_dead(asked, theta, settings)
     doubts, other = _energy_questions(asked, settings)
-    doubts += _arm_questions(asked, theta[:, 0], settings)
-    doubts += _few(asked, t, settings)
-    doubts += [] if other else _pose_questions(asked, settings)
-    return doubts
+    others = [*_arm_questions(asked, theta[:, 0], settings), *_few(asked, t, settings)]
+    posed = [] if other else _pose_questions(asked, settings)
+    certain = other or posed or any(doubt.mend for doubt in doubts)
+    doubts = doubts if certain else _balance_questions(asked, settings) or doubts
+    return [*doubts, *others, *posed]
 
 
 def _refuse_dead(asked: Asked, theta: Array, settings: QuestionSettings) -> None:
@@ -166,16 +187,12 @@ def _refuse_dead(asked: Asked, theta: Array, settings: QuestionSettings) -> None
 
 def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[TableQuestion], list[OtherReading]]:
     """Doubts about units, zero, signs and order from the energy of the swing, and corrected interpretations."""
-    looked_at = asked.looked_at(settings)
-    t, theta = asked.t[looked_at], asked.theta[looked_at]
-    both = asked.rig.rods.mounted == "both" and asked.rig.rods.elbow == "free"
-    torques = None if asked.torques is None else asked.torques[looked_at]
-    fit = energy_fit(t, theta[:, 1:], torques, asked.rig) if both else None
+    looked_at, read = asked.looked_at(settings), asked.read(settings)
+    fit = energy_fit(read.t, asked.theta[looked_at, 1:], read.torques, asked.rig) if asked.both_free else None
     residual, others = math.nan, []
     if fit is not None and not asked.arm_moves:
-        values = {axis: column[looked_at] for axis, column in asked.values.items()}
         residual = fit.residual
-        others = better_readings(fit, t, values, torques, asked.options, asked.rig, asked.columns, asked.path)
+        others = better_readings(fit, read)
         if not others and (doubt := _torque_question(asked, fit, looked_at)):
             return [doubt], []
     if fit is not None and not others:
@@ -185,9 +202,7 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
             raise RunError(_unit_of_time(asked, *other.mend[1:]))
     if others:
         others = [_as_posed(asked, other, settings) for other in others]
-        causes = "; or ".join(other.sentence for other in others)
-        sentence = f"with these options the energy of the swing is not conserved; it is if {causes}"
-        return [TableQuestion(sentence, others[0].mend if len(others) == 1 else ())], others
+        return [_read_otherwise("the energy of the swing is not conserved; it is", others)], others
     doubts = []
     if residual > settings.unexplained[asked.torques is not None]:
         share = f"{residual:.0%} of" if residual < 1 else f"{residual:.2g} times"
@@ -198,7 +213,7 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
                 " (in N m) and --arm, and lengths and masses of the rig"
             )
         )
-    elif fit is not None and _free(asked) and not 1 / settings.time_scale < fit.time_scale < settings.time_scale:
+    elif fit is not None and asked.free and not 1 / settings.time_scale < fit.time_scale < settings.time_scale:
         doubts.append(
             TableQuestion(
                 f"the rods swing {fit.time_scale:.3g} times as fast as predicted from lengths and masses of the rig"
@@ -210,6 +225,20 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
     upright = upright and (asked.options.pose is None or not asked.arm_moves)  # the pose shows a wrong zero
     odd = odd_notes(asked.t[asked.swing], asked.theta[asked.swing], upright)
     return doubts + [TableQuestion(note) for note in odd], []
+
+
+def _read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
+    causes = "; or ".join(other.sentence for other in others)
+    return TableQuestion(f"with these options {broken} if {causes}", others[0].mend if len(others) == 1 else ())
+
+
+def _balance_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuestion]:
+    """Doubt about zeros, scales and signs from the accelerations of the swing, which see more than its energy."""
+    if asked.arm_moves or not asked.both_free:
+        return []
+    others = balanced_readings(asked.read(settings))
+    broken = "the accelerations do not follow from gravity and friction; they do"
+    return [_read_otherwise(broken, others)] if others else []
 
 
 def _torque_question(asked: Asked, fit: EnergyFit, looked_at: slice) -> TableQuestion | None:
@@ -233,11 +262,6 @@ def _arm_questions(asked: Asked, theta0: Array, settings: QuestionSettings) -> l
     mend = "--arm prescribed" + ("" if known else ", with the arm's length L0 in [rig] of the rig file")
     sentence = f"theta0 moves by {moved:.2g} rad, but the arm is specified as clamped: if it moved, import with {mend}"
     return [TableQuestion(sentence, ("--arm", "prescribed") if known else ())]
-
-
-def _free(asked: Asked) -> bool:
-    """Whether only gravity and friction act."""
-    return asked.torques is None and not asked.arm_moves
 
 
 def _refuse_unit_of_time(asked: Asked, scale: float, settings: QuestionSettings) -> None:
@@ -300,7 +324,7 @@ def _pose_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuest
     if asked.options.pose is None:
         return []
     began = np.median(asked.theta[asked.rest, 1:], axis=0)
-    off = {name: _apart(began, pose.theta[1:]) / pose.tolerance for name, pose in asked.rig.poses.items()}
+    off = {name: apart(began, pose.theta[1:]) / pose.tolerance for name, pose in asked.rig.poses.items()}
     pose = asked.rig.poses[asked.options.pose]
     if (away := off[asked.options.pose]) <= settings.pose[0]:
         return []
@@ -326,13 +350,11 @@ def _pose_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuest
 
 def _readings_in_pose(asked: Asked, settings: QuestionSettings) -> list[OtherReading]:
     """Interpretations with the swing starting in the named pose and conserving its energy, fewest changes first."""
-    looked_at = asked.looked_at(settings)
-    values = {axis: column[looked_at] for axis, column in asked.values.items()}
-    others = list(other_readings(values, asked.options, asked.columns))
-    as_read = OtherReading((), (), values, asked.options)
+    read = asked.read(settings)
+    others, as_read = list(read.others()), OtherReading((), (), read.values, asked.options)
     every = [as_read.mirrored, *others, *(other.mirrored for other in others)]
     posed = [other for other in every if other.time_factor == 1 and _in_pose(asked, other, settings)]
-    residuals = [_residual(asked, other, looked_at) for other in posed]
+    residuals = [_residual(read, other) for other in posed]
     limit = min(READ.right, READ.alike * min(residuals, default=0.0))
     kept = [other for other, residual in zip(posed, residuals, strict=True) if residual <= limit]
     fewest = min((len(other.causes) for other in kept), default=0)
@@ -343,18 +365,14 @@ def _zeros_in_pose(asked: Asked, added: Array, settings: QuestionSettings) -> li
     """The table with zeros with which its swing starts in the named pose, if that contradicts its energy no more."""
     if asked.options.unit == "counts" or asked.options.pose is None:
         return []
-    tolerance = asked.rig.poses[asked.options.pose].tolerance
-    other, looked_at = with_zeros(asked.values, asked.options, added, tolerance), asked.looked_at(settings)
-    part = replace(other, values={axis: column[looked_at] for axis, column in other.values.items()})
-    as_read = replace(part, values={axis: column[looked_at] for axis, column in asked.values.items()})
-    worst = max(READ.right, _residual(asked, as_read, looked_at))
-    return [other] if _residual(asked, part, looked_at) <= worst else []
+    read, tolerance = asked.read(settings), asked.rig.poses[asked.options.pose].tolerance
+    other = with_zeros(read.values, asked.options, added, tolerance)
+    worst = max(READ.right, _residual(read, replace(other, values=read.values)))
+    return [other] if _residual(read, other) <= worst else []
 
 
-def _residual(asked: Asked, other: OtherReading, looked_at: slice) -> float:
-    theta, _ = angles(other.values, other.options, asked.rig, asked.path)
-    torques = None if asked.torques is None else asked.torques[looked_at]
-    fit = energy_fit(asked.t[looked_at], theta[:, 1:], torques, asked.rig)
+def _residual(read: ReadTable, other: OtherReading) -> float:
+    fit = energy_fit(read.t, read.rods(other.values, other.options), read.torques, read.rig)
     return math.inf if fit is None else fit.residual
 
 
@@ -369,30 +387,10 @@ def _in_pose(asked: Asked, other: OtherReading, settings: QuestionSettings) -> b
         return False
     pose = asked.rig.poses[asked.options.pose]
     released = {axis: column[:1] for axis, column in other.values.items()}
-    theta, _ = angles(released, other.options, asked.rig, asked.path)
-    return _apart(theta[0, 1:], pose.theta[1:]) <= settings.pose[0] * pose.tolerance
+    (rods,) = asked.read(settings).rods(released, other.options)
+    return apart(rods, pose.theta[1:]) <= settings.pose[0] * pose.tolerance
 
 
-def _apart(rods: Array, pose: Array) -> float:
+def apart(rods: Array, pose: Array) -> float:
     """Largest distance of a rod from a pose, without whole turns, rad."""
     return float(np.abs((rods - pose + np.pi) % (2 * np.pi) - np.pi).max())
-
-
-def refuse_push(asked: Asked, origin: float, settings: QuestionSettings = SETTINGS) -> None:
-    """Refuse rods that start to swing from the hanging rest without a known drive.
-
-    Raises:
-        RunError: they were pushed; the message names the option that excludes the push.
-    """
-    rest, start = asked.part.rest, asked.part.start
-    if start == rest or not _free(asked):
-        return
-    hung = _apart(np.median(asked.theta[rest:start, 1:], axis=0), np.array([np.pi, np.pi]))
-    if hung <= settings.hanging_rad and np.ptp(asked.theta[asked.swing, 1:], axis=0).max() > settings.pushed_rad:
-        begins = asked.t[start] - origin
-        raise RunError(
-            f"{asked.path}: the rods hang at rest until {begins:.4g} s after the first row and then swing:"
-            f" they were pushed by an unknown force. Exclude the push (--start-s {begins + 1:.4g}), or name"
-            f" the torques' columns"
-            " tau1_Nm, tau2_Nm; --keep-rest uses all rows"
-        )

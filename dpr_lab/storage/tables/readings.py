@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, energy_zeros
+from dpr_lab.identification.misread.torque_balance import TorqueBalance, torque_balance
 from dpr_lab.rig import Rig
 from dpr_lab.storage.tables.columns import AXES, TO_SECONDS
 from dpr_lab.storage.tables.options import ImportOptions
@@ -41,6 +42,18 @@ class ReadingSettings:
     """Interpretations whose residuals differ by less than this factor are equally good; the one with fewer changes
     is preferred.
     """
+    balanced: float = 0.15
+    """Maximum residual of the torques of a correct interpretation without a doubt: 0.02 to 0.15 for free swings, 0.27
+    for driven geared joints, above 0.17 with one wrong option.
+    """
+    better_balance: float = 2.0
+    """Factor by which the residual of the torques must be smaller in another interpretation. No other interpretation of
+    a correct table reduces it by more than a third.
+    """
+    sure_balance: float = 0.25
+    """Maximum residual of the torques of another interpretation."""
+    alike_balance: float = 1.1
+    """As `alike`, for the torques."""
 
 
 SETTINGS = ReadingSettings()
@@ -118,27 +131,41 @@ def in_radians(values: Values, options: ImportOptions) -> dict[str, Array]:
     return {axis: column * TO_RADIANS[options.unit] for axis, column in values.items()}
 
 
-def better_readings(
-    fit: EnergyFit,
-    t: Array,
-    values: Values,
-    torques: Array | None,
-    options: ImportOptions,
-    rig: Rig,
-    columns: Mapping[str, str],
-    path: Path,
-) -> list[OtherReading]:
+@dataclass(frozen=True, slots=True, eq=False)
+class ReadTable:
+    """Samples of a table with their interpretation."""
+
+    path: Path
+    rig: Rig
+    options: ImportOptions
+    columns: Mapping[str, str]
+    t: Array
+    """(n,) s."""
+    values: Values
+    torques: Array | None
+    """(n, 2) known torques, N m; None for a free swing."""
+
+    def rods(self, values: Values, options: ImportOptions) -> Array:
+        """(n, 2) absolute angles of the rods in an interpretation, rad."""
+        return angles(values, options, self.rig, self.path)[0][:, 1:]
+
+    def others(self) -> Iterator[OtherReading]:
+        """Other interpretations."""
+        return other_readings(self.values, self.options, self.columns, self.rig)
+
+
+def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
     """Interpretations that conserve the energy of a swing clearly better than `fit`, the current one; best first."""
     if fit.residual <= SETTINGS.right:
         return []
     tried: list[tuple[float, OtherReading]] = []
-    slower = [_slower(values, options, fit.time_scale)] if np.isfinite(fit.time_scale) else []
-    for reading in (*other_readings(values, options, columns), *slower):
-        other, _ = angles(reading.values, reading.options, rig, path)
-        again = energy_fit(t * reading.time_factor, other[:, 1:], torques, rig)
+    slower = [_slower(read.values, read.options, fit.time_scale)] if np.isfinite(fit.time_scale) else []
+    for reading in (*read.others(), *slower):
+        rods = read.rods(reading.values, reading.options)
+        again = energy_fit(read.t * reading.time_factor, rods, read.torques, read.rig)
         if again is not None and again.residual < min(SETTINGS.sure, fit.residual / SETTINGS.better):
             tried.append((again.residual, reading))
-    if not tried and torques is None and (moved := _with_other_zeros(t, values, options, rig, path)):
+    if not tried and read.torques is None and (moved := _with_other_zeros(read)):
         return [moved]
     best = min((residual for residual, _ in tried), default=np.inf)
     alike = [reading for residual, reading in tried if residual <= SETTINGS.alike * best]
@@ -146,16 +173,50 @@ def better_readings(
     return [reading for reading in alike if len(reading.causes) == fewest]
 
 
-def _with_other_zeros(t: Array, values: Values, options: ImportOptions, rig: Rig, path: Path) -> OtherReading | None:
+def _with_other_zeros(read: ReadTable) -> OtherReading | None:
     """The same table with the zeros of the rods at which a free swing conserves its energy; None if there are none."""
-    if options.unit == "counts":
-        return None
-    read = angles(values, options, rig, path)[0][:, 1:]
-    added = energy_zeros(t, read, rig)
-    again = None if added is None else energy_fit(t, read + added, None, rig)
+    rods = read.rods(read.values, read.options)
+    added = energy_zeros(read.t, rods, read.rig)
+    again = None if added is None else energy_fit(read.t, rods + added, None, read.rig)
     if added is None or again is None or again.residual > SETTINGS.right / SETTINGS.alike:
         return None
-    return with_zeros(values, options, added)
+    return _with_zeros(read, added)
+
+
+def balanced_readings(read: ReadTable) -> list[OtherReading]:
+    """Interpretations with which the accelerations follow from the torques clearly better than as given; best first."""
+
+    def balance(values: Values, options: ImportOptions) -> TorqueBalance | None:
+        return torque_balance(read.t, read.rods(values, options), read.torques, read.rig)
+
+    given = balance(read.values, read.options)
+    if given is None or (residual := given.residual()) <= SETTINGS.balanced:
+        return []
+    tried: list[tuple[float, OtherReading]] = []
+    zeros = _with_zeros(read, given.zeros())
+    for reading in (*read.others(), zeros):
+        other = None if reading.time_factor != 1 else balance(reading.values, reading.options)
+        if other is not None:
+            tried.append((other.residual(), reading))
+    limit = min(SETTINGS.sure_balance, residual / SETTINGS.better_balance)
+    limit = min(limit, SETTINGS.alike_balance * min((one for one, _ in tried), default=np.inf))
+    alike = sorted(((one, reading) for one, reading in tried if one <= limit), key=lambda pair: pair[0])
+    named = [reading for _, reading in alike if reading is not zeros] or [reading for _, reading in alike]
+    fewest = min((len(reading.causes) for reading in named), default=0)
+    return [reading for reading in named if len(reading.causes) == fewest]
+
+
+def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
+    """The same table with two angles added to the absolute angles, rad, by --offset or by zero_counts."""
+    values, options, rig = read.values, read.options, read.rig
+    if options.unit != "counts":
+        return with_zeros(values, options, added)
+    turned = (rig.encoders.joint_angles.of_rods(added) + np.pi) % (2 * np.pi) - np.pi
+    counts = np.round(turned / np.asarray(rig.radians_per_count)[1:])
+    moved = {axis: values[axis] + count for axis, count in zip(AXES[1:], counts, strict=True)}
+    zeros = [round(zero) for zero in np.asarray(rig.encoders.zero_counts)[1:] - counts]
+    cause = f"zero_counts of the rig file is {zeros[0]} for joint 1 and {zeros[1]} for joint 2"
+    return OtherReading((cause,), (), {**values, **moved}, options)
 
 
 def with_zeros(values: Values, options: ImportOptions, added: ArrayLike, tolerance: float = 0.0) -> OtherReading:
@@ -186,7 +247,9 @@ def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[s
     return option, ",".join(f"{axis}={one:g}" for axis, one in value.items() if one != neutral)
 
 
-def other_readings(values: Values, options: ImportOptions, columns: Mapping[str, str]) -> Iterator[OtherReading]:
+def other_readings(
+    values: Values, options: ImportOptions, columns: Mapping[str, str], rig: Rig
+) -> Iterator[OtherReading]:
     """Other interpretations than given by the options."""
     counted = options.unit == "counts"
     zeros, references = ((False,), (False,)) if counted else ((False, True), (False, True))
@@ -202,16 +265,30 @@ def other_readings(values: Values, options: ImportOptions, columns: Mapping[str,
                 words=("--unit", unit, *other.words),
                 options=replace(other.options, unit=unit),
             )
-    for factor in (0.5, 2.0):
-        scaled = {axis: np.round(column * factor) if counted else column * factor for axis, column in values.items()}
-        cause = f"the angles must be multiplied by {factor:g}"
-        if counted:
-            cause = f"counts_per_rev of the rig file is {1 / factor:g} times as large"
-        yield OtherReading((cause,), (), scaled, options, scale=(1.0, 1.0) if counted else (factor, factor))
+    yield from _scaled(values, options, rig)
     for unit in TO_SECONDS if options.rate_hz is None else ():
         factor = TO_SECONDS[unit] / TO_SECONDS[options.time_unit or "s"]
         if factor != 1:
             yield OtherReading((f"the times are in {unit}",), ("--time-unit", unit), values, options, factor)
+
+
+def _scaled(values: Values, options: ImportOptions, rig: Rig) -> Iterator[OtherReading]:
+    """Half or twice the readings of both rods or of one."""
+    counted = options.unit == "counts"
+    zeros = rig.encoders.zero_counts[1:] if counted else (0.0, 0.0)
+    for factor, joints in product((0.5, 2.0), ((1, 2), (1,), (2,))):
+        scale = (factor if 1 in joints else 1.0, factor if 2 in joints else 1.0)
+        turned = {
+            axis: zero + (values[axis] - zero) * times for axis, zero, times in zip(AXES[1:], zeros, scale, strict=True)
+        }
+        if counted:
+            of = "" if len(joints) > 1 else f" for joint {joints[0]}"
+            cause = f"counts_per_rev of the rig file is {1 / factor:g} times as large{of}"
+            turned, scale = {axis: np.round(column) for axis, column in turned.items()}, (1.0, 1.0)
+        else:
+            which = "the angles" if len(joints) > 1 else f"theta{joints[0]}"
+            cause = f"{which} must be multiplied by {factor:g}"
+        yield OtherReading((cause,), (), {**values, **turned}, options, scale=scale)
 
 
 def _slower(values: Values, options: ImportOptions, factor: float) -> OtherReading:

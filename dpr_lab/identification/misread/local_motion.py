@@ -1,0 +1,84 @@
+"""Angles, velocities and accelerations of a swing by local polynomials, without a model."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class LocalMotionSettings:
+    """Settings of the local polynomials."""
+
+    degree: int
+    """Degree of the polynomials, at least 2."""
+    window_share: float
+    """Length of a window relative to the period of the faster oscillation."""
+    window: tuple[int, int]
+    """Minimum and maximum number of samples of a window."""
+    looked_at_s: float = 10.0
+    """Examined duration of a table, s; a wrong interpretation is wrong from the start."""
+    looked_at: int = 2000
+    """Minimum number of rows, because the unit of time may be wrong."""
+    fewest: int = 30
+    """Minimum number of windows for a judgement."""
+    instants: int = 1500
+    """Maximum number of windows."""
+
+
+@dataclass(frozen=True, slots=True)
+class LocalMotion:
+    """Motion of the rods at the centres of windows."""
+
+    near: NDArray[np.intp]
+    """(k,) rows."""
+    t: Array
+    """(k,) s."""
+    rods: Array
+    """(k, 2) rad."""
+    omega: Array
+    """(k, 2) rad/s."""
+    alpha: Array
+    """(k, 2) rad/s^2."""
+
+
+def local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionSettings) -> LocalMotion | None:
+    """Motion at the centres of windows; None if there are too few rows, or instants that are numerically equal.
+
+    Args:
+        t: (n,) s
+        rods: (n, 2) rad
+        period_s: period of the faster oscillation, s
+        settings: settings of the polynomials
+    """
+    with np.errstate(all="ignore"):
+        try:
+            motion = _local_motion(t, rods, period_s * settings.window_share, settings)
+        except np.linalg.LinAlgError:
+            return None
+    if motion is None or not all(np.isfinite(part).all() for part in (motion.rods, motion.omega, motion.alpha)):
+        return None
+    return motion
+
+
+def _local_motion(t: Array, rods: Array, length_s: float, settings: LocalMotionSettings) -> LocalMotion | None:
+    from numpy.lib.stride_tricks import sliding_window_view
+
+    rows = max(settings.looked_at, int(np.searchsorted(t, t[0] + settings.looked_at_s)))
+    t, rods = t[:rows], rods[:rows]
+    if len(t) < settings.fewest:
+        return None
+    window = int(np.clip(length_s / float(np.median(np.diff(t))), *settings.window)) // 2 * 2 + 1
+    every = -(-len(t) // settings.instants)
+    if len(t) < settings.fewest + window:
+        return None
+    times, angles = (sliding_window_view(x, window, axis=0)[::every] for x in (t, rods))
+    since = times - times.mean(axis=1, keepdims=True)
+    reach = np.abs(since).max(axis=1)[:, None]
+    powers = (since / reach)[:, :, None] ** np.arange(settings.degree + 1)
+    across = powers.transpose(0, 2, 1)
+    of = np.linalg.solve(across @ powers, across @ angles.transpose(0, 2, 1))
+    near = np.arange(window // 2, len(t) - window // 2)[::every]
+    return LocalMotion(near, times.mean(axis=1), of[:, 0], of[:, 1] / reach, 2 * of[:, 2] / reach**2)
