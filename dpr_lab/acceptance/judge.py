@@ -103,7 +103,7 @@ def _effects(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
     for name, limit in limits.ratios.items():
-        interval = diagnosis.ratios[name].interval90
+        interval = diagnosis.all_ratios[name].interval90
         reason = _untrusted(diagnosis) or next(filter(None, map(_doubted, diagnosis.effects)), "")
         yield _judged(name, limit.unit, limit.bounds, interval, _answer(interval, *limit.bounds), reason)
 

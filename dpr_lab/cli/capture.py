@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import Elbow, RigName, Rods, positive
+from dpr_lab.cli.checks import ArmMode, Elbow, InnerMode, RigName, Rods, positive
 from dpr_lab.cli.console import emit, json_mode, line, say
 
 if TYPE_CHECKING:
@@ -43,6 +43,8 @@ def capture(
     yes: Annotated[bool, typer.Option("--yes", help="Release as soon as the checks pass, without asking.")] = False,
     rods: Rods = None,
     elbow: Elbow = None,
+    arm: ArmMode = None,
+    inner: InnerMode = None,
     note: Annotated[str, typer.Option(help="Note stored with the runs.")] = "",
     out: Annotated[Path, typer.Option(help="Folder of the runs.")] = Path("runs"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
@@ -61,7 +63,7 @@ def capture(
     from dpr_lab.workflows.capture import capture as capture_runs
 
     options = CaptureOptions(rate_hz=rate_hz, duration=duration, until_rest=until_rest, note=note)
-    request = CaptureRequest(rig, out, options, tuple(pose or ()), repeat, link, rods, elbow)
+    request = CaptureRequest(rig, out, options, tuple(pose or ()), repeat, link, rods, elbow, arm, inner)
     try:
         with Listener() as listener:
             captured = capture_runs(request, _operator(ask=not yes and sys.stdin.isatty()), listener)

@@ -190,6 +190,16 @@ Rods = Annotated[
     Literal["both", "inner", "outer"] | None,
     typer.Option(help="Mounted rods; a single rod is mounted on joint 1. Default: the value in the rig file."),
 ]
+ArmMode = Annotated[
+    Literal["clamped", "free", "prescribed", "driven"] | None,
+    typer.Option("--arm", help="What joint 0 does in these runs. Default: the value in the rig file."),
+]
+InnerMode = Annotated[
+    Literal["free", "prescribed"] | None,
+    typer.Option(
+        "--inner", help="Whether joint 1 swings, or a stiff drive moves it as its encoder says. Default: the rig file."
+    ),
+]
 Elbow = Annotated[
     Literal["free", "clamped"] | None,
     typer.Option(help="Whether joint 2 can turn. Default: the value in the rig file."),

@@ -99,7 +99,7 @@ def show(model: "Model") -> None:
 
     line(tables.summary(model))
     table(
-        "Five ratios, which a free swing determines",
+        "Ratios to the inertia a of the rod" if model.fitted else "Five ratios, which a free swing determines",
         tables.RATIO_COLUMNS,
         tables.ratio_rows(model),
         note=tables.ratio_note(model),
@@ -111,6 +111,7 @@ def show(model: "Model") -> None:
         rows = [(name, *("none" if end is None else f"{end:.7g}" for end in ends)) for name, ends in profiled]
         table("90 % intervals by profile likelihood", ("ratio", "from", "to"), rows)
     nine = tables.parameter_rows(model)
-    table("Nine parameters and what determined them", tables.PARAMETER_COLUMNS, nine, note=tables.parameter_note(model))
+    count = "Parameters" if model.fitted else "Nine parameters"
+    table(f"{count} and what determined them", tables.PARAMETER_COLUMNS, nine, note=tables.parameter_note(model))
     for warning in model.warnings:
         say(f"warning: {warning}")

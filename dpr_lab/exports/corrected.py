@@ -17,7 +17,16 @@ from dpr_lab.exports.ensemble.sampled import signed
 from dpr_lab.exports.moving_arm.corrected import corrected_arm_model, has_moving_arm
 from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.identification.model import Covariance, EstimatedValue, FitSummary, Model, RigFacts, RunUsed, SearchRecord
+from dpr_lab.identification.model import (
+    Covariance,
+    EstimatedValue,
+    FitSummary,
+    Model,
+    RigFacts,
+    RunUsed,
+    SearchRecord,
+    ratios_alone,
+)
 from dpr_lab.identification.prior_update import update_prior
 from dpr_lab.identification.scaling.prior_spread import scale_of, with_intervals
 from dpr_lab.rig import Rig
@@ -55,15 +64,16 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
     scale = scale.as_inertia("b", absolute["b"].value / scale.b)
     ratios = {
         name: EstimatedValue(value=value, std=float(s), interval90=interval.interval90)
-        for (name, interval), value, s in zip(diagnosis.ratios.items(), values.tolist(), std, strict=True)
+        for (name, interval), value, s in zip(diagnosis.all_ratios.items(), values.tolist(), std, strict=True)
     }
     nine, absolute = with_intervals(nine, absolute, ratios, scale, diagnosis.unknowns, rig)
-    gap = diagnosis.gap
+    gap, alone = diagnosis.gap, bool(diagnosis.fitted)
     return Model(
         rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.rig.L1, g=rig.rig.g),
-        ratios=ratios,
+        ratios=_alone(diagnosis, [*ratios.values()], rig) if alone else ratios,
+        fitted=[*ratios.values()] if alone else [],
         covariance=Covariance(order=list(RATIOS), matrix=covariance.tolist()),
-        cramer_rao_std=dict(zip(RATIOS, std.tolist(), strict=True)),
+        cramer_rao_std={} if alone else dict(zip(RATIOS, std.tolist(), strict=True)),
         parameters=nine,
         base=absolute,
         scale=scale,
@@ -97,9 +107,16 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
     )
 
 
+def _alone(diagnosis: Diagnosis, five: Sequence[EstimatedValue], rig: Rig) -> dict[str, EstimatedValue]:
+    """e1/a and c1/a of the inner rod alone with the intervals of the diagnosis."""
+    own = ratios_alone(five, diagnosis.p_over_b or 0.0, rig.g / rig.L1)
+    ends = {name: diagnosis.determined[name].interval90 for name in own if name in diagnosis.determined}
+    return {name: one.model_copy(update={"interval90": ends.get(name, one.interval90)}) for name, one in own.items()}
+
+
 def significant_values(diagnosis: Diagnosis) -> tuple[NDArray[np.float64], dict[str, dict[str, float]]]:
     """(7,) ratios, b and p/b, and the effects, without insignificant amplitudes."""
-    fitted = {name: interval.value for name, interval in diagnosis.ratios.items()} | {
+    fitted = {name: interval.value for name, interval in diagnosis.all_ratios.items()} | {
         f"{name}.{key}": value for name, own in diagnosis.model_effects.items() for key, value in own.items()
     }
     values = _without_insignificant(diagnosis, fitted)

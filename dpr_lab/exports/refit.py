@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS, effect_params, named_params
 from dpr_lab.effects.effect import Effect
 from dpr_lab.exports import FORMATS
@@ -147,9 +148,8 @@ def _with(model: AnyModel, estimate: Estimate, rig: Rig) -> AnyModel:
 
 def _with_rods(model: Model, estimate: Estimate) -> Model:
     base, ratios = estimate.base.tolist(), estimate.ratios.tolist()
-    return model.model_copy(
+    return model.with_ratios(ratios[: len(RATIOS)]).model_copy(
         update={
-            "ratios": {k: v.model_copy(update={"value": ratios[i]}) for i, (k, v) in enumerate(model.ratios.items())},
             "base": {k: v.model_copy(update={"value": base[i]}) for i, (k, v) in enumerate(model.base.items())},
             "effects": named_params(estimate.params),
         }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -30,6 +30,7 @@ from dpr_lab.identification.model import (
     RigFacts,
     RunUsed,
     SearchRecord,
+    ratios_alone,
 )
 from dpr_lab.identification.objectives import OBJECTIVES
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
@@ -233,14 +234,19 @@ def _model(
     parameters, base = update_prior(sure.values, sure.of_runs, rig, ratio_fit.visible)
     scale, unknown = _scale(ratio_fit, sure, rig, base["b"]), ratio_fit.fit.estimate.ratios
     parameters, base = with_intervals(parameters, base, ratios, scale, unknown, rig, ratio_fit.visible)
+    alone = all(prepared.run.setup.mounting == "inner" for prepared in runs)
+    p_over_b = float(unknown[ON_ELBOW])
+    std = dict.fromkeys(RATIOS, 0.0) | _of_ratios(sure.names, sure.cramer_rao_std)
+    share = float(unknown[RATIOS.index("a/b")]) - p_over_b
+    own = replace(sure, assumed=0.0) if alone else sure  # what is not mounted has no influence on ratios to a
+    shown = {name: _ratio(ratio_fit, own, rig, name, profile) for name in RATIOS} if alone else ratios
     return Model(
         rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g),
-        ratios=ratios,
+        ratios=ratios_alone([*shown.values()], p_over_b, rig.g / rig.L1) if alone else ratios,
+        fitted=[*ratios.values()] if alone else [],
         covariance=Covariance(order=list(sure.names), matrix=sure.covariance.tolist()),
-        cramer_rao_std=dict.fromkeys(RATIOS, 0.0) | _of_ratios(sure.names, sure.cramer_rao_std),
-        p_over_b=float(ratio_fit.fit.estimate.ratios[ON_ELBOW])
-        if any(prepared.run.setup.alone for prepared in runs)
-        else None,
+        cramer_rao_std={"e1/a": std["e1/b"] / share, "c1/a": std["c1/b"] / share} if alone else std,
+        p_over_b=p_over_b if any(prepared.run.setup.alone for prepared in runs) else None,
         parameters=parameters,
         base=base,
         scale=scale,
@@ -255,10 +261,19 @@ def _model(
         ),
         search=search,
         runs=[_used(i, runs[i], ratio_fit) for i in range(len(runs))],
-        warnings=_warnings(ratio_fit, sure) + _beyond_bounds(parameters, rig),
-        failures=_failures(ratio_fit, sure) + _misread(ratio_fit, [prepared.run for prepared in runs], rig),
+        warnings=_of_alone(_warnings(ratio_fit, own), alone) + _beyond_bounds(parameters, rig),
+        failures=_of_alone(_failures(ratio_fit, own), alone)
+        + _misread(ratio_fit, [prepared.run for prepared in runs], rig),
         version=__version__,
     )
+
+
+def _of_alone(sentences: list[str], alone: bool) -> list[str]:
+    """Sentences on ratios, to a for an inner rod alone; without what is said of rods that are not mounted."""
+    if not alone:
+        return sentences
+    kept = [sentence for sentence in sentences if "do not determine a/b" not in sentence]
+    return [sentence.replace("e1/b", "e1/a").replace("c1/b", "c1/a") for sentence in kept]
 
 
 def _determined(sure: RatioUncertainty) -> RatioUncertainty:

@@ -31,6 +31,10 @@ class _Record(BaseModel):
 Kept = TypeVar("Kept")
 
 
+ALONE = ("e1/a", "c1/a")
+"""Ratios that swings of the inner rod alone determine."""
+
+
 def by_name(names: Sequence[str]) -> Callable[[dict[str, Kept]], dict[str, Kept]]:
     """Check that a table has these names in this order."""
 
@@ -78,6 +82,24 @@ class ParameterValue(_Record):
     """90 % interval from the recordings and the rig file; for a value that only bounds determine, with these bounds
     as a prior.
     """
+
+
+def of_rods(ratios: dict[str, EstimatedValue]) -> dict[str, EstimatedValue]:
+    """Check that ratios are those of both rods, or of the inner rod alone."""
+    return by_name(ALONE if set(ratios) == set(ALONE) else RATIOS)(ratios)
+
+
+def ratios_alone(five: Sequence[EstimatedValue], p_over_b: float, pull: float) -> dict[str, EstimatedValue]:
+    """e1/a and c1/a of the inner rod alone from a/b, d/b, e1/b, c1/b, c2/b of the fit, p/b, and g/L1 (1/s^2)."""
+    ratios, share = dict(zip(RATIOS, five, strict=True)), five[0].value - p_over_b
+
+    def over_a(one: EstimatedValue, less: float) -> EstimatedValue:
+        low, high = ((end - less) / share for end in one.interval90)
+        ends = tuple(end if end is None else (end - less) / share for end in one.profile90 or ())
+        scaled = {"value": (one.value - less) / share, "std": one.std / share, "interval90": (low, high)}
+        return one.model_copy(update=scaled | {"profile90": ends or None})
+
+    return {"e1/a": over_a(ratios["e1/b"], p_over_b * pull), "c1/a": over_a(ratios["c1/b"], 0.0)}
 
 
 class RigFacts(_Record):
@@ -191,13 +213,16 @@ class Model(Shown, _Record):
 
     rig: RigFacts
     """Rig of the model."""
-    ratios: Annotated[dict[str, EstimatedValue], AfterValidator(by_name(RATIOS))]
+    ratios: Annotated[dict[str, EstimatedValue], AfterValidator(of_rods)]
     """a/b, d/b, e1/b, c1/b, c2/b: the quantities that a free swing determines, because its equation of motion is
-    homogeneous.
+    homogeneous. Of the inner rod alone e1/a and c1/a.
     """
+    fitted: list[EstimatedValue] = []
+    """Of the inner rod alone: a/b, d/b, e1/b, c1/b, c2/b of the fit, with the rig file's values of what is not mounted.
+    No result, but the start of other commands. Empty for both rods."""
     covariance: Covariance
     """Covariance of the unknowns that the runs determine."""
-    cramer_rao_std: Annotated[dict[str, Number], AfterValidator(by_name(RATIOS))]
+    cramer_rao_std: dict[str, Number]
     """Cramer-Rao bound of the standard deviation of each ratio at this noise."""
     parameters: Annotated[dict[str, ParameterValue], AfterValidator(by_name(PARAMETERS))]
     """The nine kinetic parameters by name, SI, with what determined each."""
@@ -232,6 +257,19 @@ class Model(Shown, _Record):
         return f"Model of rig {self.rig.name} from {runs}, {search}: {rms}{doubts}"
 
     @property
+    def all_ratios(self) -> "dict[str, EstimatedValue]":
+        """The five ratios of the fit, which may contain values of the rig file."""
+        return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
+
+    def with_ratios(self, values: Sequence[float]) -> "Model":
+        """The model with other values (5,) of the ratios of the fit, and the same uncertainties."""
+        five = [r.model_copy(update={"value": v}) for r, v in zip(self.all_ratios.values(), values, strict=True)]
+        if not self.fitted:
+            return self.model_copy(update={"ratios": dict(zip(RATIOS, five, strict=True))})
+        own = ratios_alone(five, self.p_over_b or 0.0, self.rig.g / self.rig.L1)
+        return self.model_copy(update={"ratios": own, "fitted": five})
+
+    @property
     def _determined(self) -> "dict[str, EstimatedValue]":
         """The ratios that the recordings determine; the others are taken from the rig file."""
         return {name: ratio for name, ratio in self.ratios.items() if ratio.fixed_by == "data"}
@@ -251,13 +289,14 @@ class Model(Shown, _Record):
     @property
     def ratio_values(self) -> NDArray[np.float64]:
         """(5,) the ratios in the order a/b, d/b, e1/b, c1/b, c2/b."""
-        return np.array([estimate.value for estimate in self.ratios.values()])
+        return np.array([estimate.value for estimate in self.all_ratios.values()])
 
     @property
     def scale_sentence(self) -> str:
-        """Value of b assumed in all masses, inertias and torques, with its uncertainty."""
+        """Inertia assumed in all masses, inertias and torques, with its uncertainty."""
         if self.scale is not None:
-            return self.scale.sentence
+            share = self.fitted[0].value - (self.p_over_b or 0.0) if self.fitted else 1.0
+            return (self.scale.as_inertia("a", share) if self.fitted else self.scale).sentence
         known = self.base["b"].fixed_by != "bound"
         return f"Masses, inertias and torques assume b = {self.base['b'].value:.4g} kg m^2" + (
             "." if known else " (not measured)."

@@ -23,6 +23,9 @@ RATIO_NOTE = (
     "a: inertia about joint 1; d: coupling of the rods; e1: gravity on joint 1; c1, c2: viscous friction of the joints."
     " All are divided by b, the inertia of the outer rod about joint 2."
 )
+RATIO_NOTE_ALONE = (
+    "e1: gravity on joint 1, c1: its viscous friction; both divided by a, the inertia of the rod about it."
+)
 PARAMETER_COLUMNS = ("parameter", "value ± std", "90 % interval", "unit", "determined by", "meaning")
 PARAMETER_NOTE = (
     "A measured value is given in the rig file (scale, calliper). Only its bounds: the parameter is not identifiable"
@@ -54,7 +57,10 @@ BASE_UNITS = {
     "c1": ("N m s/rad", "viscous friction of joint 1"),
     "c2": ("N m s/rad", "viscous friction of joint 2"),
 }
-RATIO_UNITS = {"a/b": "1", "d/b": "1", "e1/b": "1/s²", "c1/b": "1/s", "c2/b": "1/s"}
+OF_OUTER_ROD = ("l2", "m2", "mb", "c2", "J2")
+"""Parameters of what is not mounted with an inner rod alone."""
+
+RATIO_UNITS = {"a/b": "1", "d/b": "1", "e1/b": "1/s²", "c1/b": "1/s", "c2/b": "1/s", "e1/a": "1/s²", "c1/a": "1/s"}
 PARAMETER_UNITS = {
     "l1": ("m", "inner rod, pivot to centroid"),
     "l2": ("m", "outer rod, pivot to centroid"),
@@ -114,6 +120,7 @@ def ratio_rows(model: "Model") -> list[list[str]]:
 def _undetermined(model: "Model") -> str:
     """Which ratios the recordings do not determine, in a sentence; nothing where they determine all."""
     names = [name for name, ratio in model.ratios.items() if ratio.fixed_by != "data"]
+    names += ["the ratios of the outer rod, which is not mounted"] if model.fitted else []
     return f" Not determined by these recordings: {', '.join(names)}." if names else ""
 
 
@@ -123,12 +130,13 @@ def ratio_note(model: "Model") -> str:
     inflation = [
         ratio.std / (noise_and_misfit * bound)
         for name, ratio in model.ratios.items()
-        if ratio.fixed_by == "data" and (bound := model.cramer_rao_std[name]) > 0
+        if ratio.fixed_by == "data" and (bound := model.cramer_rao_std.get(name, 0.0)) > 0
     ]
+    meaning = RATIO_NOTE_ALONE if model.fitted else RATIO_NOTE
     if not inflation or max(inflation) < NOISE_LIKE.inflated:
-        return RATIO_NOTE + _undetermined(model)
+        return meaning + _undetermined(model)
     return (
-        f"{RATIO_NOTE} The standard deviations include misfit inflation, because the residuals are correlated in time:"
+        f"{meaning} The standard deviations include misfit inflation, because the residuals are correlated in time:"
         f" they are up to {three(max(inflation))} times the Cramér-Rao values that `identifiability` prints for"
         f" independent residuals.{_undetermined(model)}"
     )
@@ -148,6 +156,8 @@ def parameter_rows(model: "Model") -> list[list[str]]:
     """The nine physical parameters and what determines each, in the columns `PARAMETER_COLUMNS`."""
     rows: list[list[str]] = []
     for name, parameter in model.parameters.items():
+        if model.fitted and name in OF_OUTER_ROD:
+            continue
         unit, meaning = PARAMETER_UNITS.get(name, ("", ""))
         value, ends = plus_minus(parameter.value, parameter.std), NONE
         if parameter.interval90 is not None:
@@ -159,7 +169,7 @@ def parameter_rows(model: "Model") -> list[list[str]]:
 
 def parameter_note(model: "Model") -> str:
     """Origin of the nine values, and the b that they assume if only ratios are identified."""
-    return f"{PARAMETER_NOTE} {scaled_unit(model.scale.sentence)}" if model.scale else PARAMETER_NOTE
+    return f"{PARAMETER_NOTE} {scaled_unit(model.scale_sentence)}" if model.scale else PARAMETER_NOTE
 
 
 def comparison_rows(comparisons: "Sequence[Comparison]", angles: AngleUnit = RADIANS) -> list[list[str]]:

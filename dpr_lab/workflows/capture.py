@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from dpr_lab.workflows.checks import refuse_file, refuse_no_poses, refuse_unknown_poses, with_rods
+from dpr_lab.workflows.checks import refuse_file, refuse_no_poses, refuse_unknown_poses, with_modes, with_rods
 from dpr_lab.workflows.events import CaptureBegan, CaptureDone, CaptureProgress, DeviceGreeted, OnEvent, ignore
 
 if TYPE_CHECKING:
@@ -37,6 +37,10 @@ class CaptureRequest:
     """Mounted rods; None: as in the rig file."""
     elbow: str | None = None
     """Whether joint 2 is free or clamped; None: as in the rig file."""
+    arm: str | None = None
+    """Mode of joint 0: clamped, free, prescribed or driven; None: as in the rig file."""
+    inner: str | None = None
+    """Mode of joint 1: free or prescribed; None: as in the rig file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +81,7 @@ def capture(request: CaptureRequest, confirm: "Confirm", on_event: OnEvent = ign
     from dpr_lab.rig import load_rig
     from dpr_lab.transports import open_transport
 
-    rig = with_rods(load_rig(request.rig), request.rods, request.elbow)
+    rig = with_rods(with_modes(load_rig(request.rig), request.arm, request.inner), request.rods, request.elbow)
     refuse_unknown_poses(rig, request.poses)
     refuse_no_poses(rig)
     refuse_file(request.out)

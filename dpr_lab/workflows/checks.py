@@ -60,6 +60,29 @@ def with_rods(rig: "Rig", mounted: str | None, elbow: str | None) -> "Rig":
         raise ConfigError("a single rod has no elbow: remove --rods or --elbow") from error
 
 
+def with_modes(rig: "Rig", arm: str | None, inner: str | None) -> "Rig":
+    """The rig with other modes of joints 0 and 1 for the runs of one session.
+
+    Raises:
+        ConfigError: this rig cannot be in these modes; the message says what is missing.
+    """
+    from pydantic import ValidationError
+
+    from dpr_lab.rig import Rig
+
+    if arm is None and inner is None:
+        return rig
+    table = rig.model_dump(exclude_none=True)
+    table["arm"] = table["arm"] | ({"mode": arm} if arm else {})
+    table["joints"] = table["joints"] | ({"inner": inner} if inner else {})
+    try:
+        return Rig.model_validate(table)
+    except ValueError as error:
+        reason = str(error.errors()[0]["msg"]) if isinstance(error, ValidationError) else str(error)
+        options = " ".join(f"--{name} {mode}" for name, mode in (("arm", arm), ("inner", inner)) if mode)
+        raise ConfigError(f"{options}: {reason.removeprefix('Value error, ')}") from error
+
+
 def refuse_no_poses(rig: "Rig") -> None:
     """Check that the rig has at least one pose.
 

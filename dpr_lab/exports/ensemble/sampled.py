@@ -53,7 +53,7 @@ def posterior_of(model: Model, diagnosis: Diagnosis | None) -> list[PosteriorCom
     free = [name for name in model.covariance.order if name in RATIOS]
     places = [model.covariance.order.index(name) for name in free]
     spread = np.array(model.covariance.matrix)[np.ix_(places, places)]
-    ratios = {name: estimate.value for name, estimate in model.ratios.items()}
+    ratios = {name: estimate.value for name, estimate in model.all_ratios.items()}
     return [
         PosteriorComponent(probability=1.0, ratios=ratios, effects=model.effects, free=free, covariance=spread.tolist())
     ]
@@ -117,9 +117,8 @@ def _with_values(model: Model, component: PosteriorComponent, values: Mapping[st
         for name, own in component.effects.items()
         if name in EFFECTS and not EFFECTS[name].event
     }
-    return model.model_copy(
+    return model.with_ratios([values[name] for name in RATIOS]).model_copy(
         update={
-            "ratios": {k: v.model_copy(update={"value": values[k]}) for k, v in model.ratios.items()},
             "base": {k: v.model_copy(update={"value": float(base[i])}) for i, (k, v) in enumerate(model.base.items())},
             "effects": effects,
         }

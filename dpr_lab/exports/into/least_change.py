@@ -280,18 +280,14 @@ def _with(model: Model, chain: ModelChain, base: Array, effects: Mapping[str, Ma
         name: value.model_copy(update={"value": known.get(name, value.value)})
         for name, value in model.parameters.items()
     }
-    estimates = {
-        name: value.model_copy(update={"value": float(ratio)})
-        for (name, value), ratio in zip(model.ratios.items(), ratios(base), strict=True)
-    }
     absolute = {
         name: ParameterValue(value=float(value), std=model.base[name].std, fixed_by=model.base[name].fixed_by)
         for name, value in zip(BASE, base, strict=True)
     }
     p_over_b = outer.mass * (inner.length or 0.0) ** 2 / float(base[1])
     effects = {name: dict(values) for name, values in effects.items()}
-    update = {"parameters": nine, "ratios": estimates, "base": absolute, "p_over_b": p_over_b, "effects": effects}
-    return model.model_copy(update=update)
+    update = {"parameters": nine, "base": absolute, "p_over_b": p_over_b, "effects": effects}
+    return model.with_ratios(ratios(base).tolist()).model_copy(update=update)
 
 
 def _replaced(base: Array, own: Array, places: Sequence[int]) -> Array:

@@ -44,6 +44,7 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
     whole = families(state.problem, state.selection, named)
     at, residuals = chosen.fit.estimate, chosen.residuals
     shown_ratios, of_ratios = determined(state)
+    alone = all(setup.mounting == "inner" for setup in state.problem.segments.setups)
     return Diagnosis(
         verdict=kind,
         sentence=sentence(kind, state.selection, state.posteriors, state.transfer, least, state.description)
@@ -71,7 +72,8 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
         ),
         advice=[step.text for step in state.advice],
         checks=_checks(state, [effect.name for effect in named]),
-        ratios=ratios(state),
+        ratios=shown_ratios if alone else ratios(state),
+        fitted=[*ratios(state).values()] if alone else [],
         ratio_covariance=ratio_covariance(state).tolist(),
         determined=shown_ratios,
         determined_covariance=of_ratios.tolist(),

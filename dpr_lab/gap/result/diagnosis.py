@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
 from dpr_lab.gap.result.causes import NamedEffect, NamedFamily, RivalEffect
@@ -106,7 +107,11 @@ class Diagnosis(Shown, Saved):
     parent: str = ""
     """SHA-256 of the diagnosis from which a check produced this one."""
     ratios: dict[str, Interval]
-    """a/b, d/b (1), e1/b (1/s^2), c1/b, c2/b (1/s) of the corrected model."""
+    """a/b, d/b (1), e1/b (1/s^2), c1/b, c2/b (1/s) of the corrected model; those of `determined` of an inner rod alone.
+    """
+    fitted: list[Interval] = []
+    """Of the inner rod alone: a/b, d/b, e1/b, c1/b, c2/b of the fit, with the rig file's values of what is not mounted.
+    No result, but the start of other commands. Empty for both rods."""
     ratio_covariance: list[list[Number]]
     """(5, 5) covariance of the ratios, in their order."""
     determined: dict[str, Interval] = {}
@@ -149,10 +154,15 @@ class Diagnosis(Shown, Saved):
     """Computing time, s."""
 
     @property
+    def all_ratios(self) -> dict[str, Interval]:
+        """The five ratios of the fit, which may contain values of the rig file."""
+        return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
+
+    @property
     def unknowns(self) -> NDArray[np.float64]:
         """(7,) the ratios, b and p/b (nan if no run contains a single rod), as initial values of another fit."""
         p_over_b = np.nan if self.p_over_b is None else self.p_over_b
-        return np.array([*(ratio.value for ratio in self.ratios.values()), self.scale_b, p_over_b])
+        return np.array([*(ratio.value for ratio in self.all_ratios.values()), self.scale_b, p_over_b])
 
     def _heading(self) -> str:
         return self.sentence

@@ -1,0 +1,35 @@
+"""Modes of joints 0 and 1 given for the runs of one session."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from dpr_lab.cli.app import app
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig import load_rig
+from dpr_lab.storage.reader import load_run
+from dpr_lab.workflows.checks import with_modes
+
+
+@pytest.mark.slow
+def test_a_driven_arm_is_recorded_as_prescribed_on_request(tmp_path: Path) -> None:
+    link, poses = "sim://?plant=furuta&clock=fast", ["--pose", "X1", "--duration", "1", "--yes"]
+    args = ["capture", "--rig", "furuta", "--link", link, *poses, "--arm", "prescribed", "--out", str(tmp_path)]
+    done = CliRunner().invoke(app, args)
+    assert done.exit_code == 0, done.output
+    (file,) = tmp_path.glob("*.mcap")
+    run = load_run(file)
+    assert (run.arm_mode, run.arm_input) == ("prescribed", None)
+    assert run.arm is not None
+    assert abs(run.arm.omega).max() > 0.1
+
+
+def test_modes_that_a_rig_cannot_have_say_what_is_missing() -> None:
+    paper, furuta = load_rig("paper"), load_rig("furuta")
+    assert with_modes(paper, None, None) is paper
+    assert with_modes(paper, None, "prescribed").joints.inner == "prescribed"
+    with pytest.raises(ConfigError, match=r"--arm driven: a driven arm needs \[motor\]"):
+        with_modes(paper, "driven", None)
+    with pytest.raises(ConfigError, match="--inner prescribed: an inner rod that is prescribed needs the outer rod"):
+        with_modes(furuta, None, "prescribed")
