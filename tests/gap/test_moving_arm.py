@@ -17,6 +17,9 @@ from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from dpr_lab.workflows.compare_moving_arm import compare_with_effects
+from sim_device.options import Options
+from sim_device.trials.offline_recorder import record
+from sim_device.trials.trial import drawn_trial
 from tests.arm_engine import drawn_plant, recorded, rig_of
 
 LARGEST = 0.12
@@ -141,3 +144,12 @@ def test_modes_that_cannot_be_together_are_refused():
     table["rods"], table["arm"] = {}, {"mode": "free"}
     with pytest.raises(ValueError, match="has to be clamped or prescribed"):
         Rig.model_validate(table)
+
+
+@pytest.mark.slow
+def test_an_order_of_cogging_that_a_short_arc_hides_is_found_and_no_spring_invented():
+    options = Options(rig="furuta", plant="furuta", arm="free", draw_effects="single:clear:detent_joint0", seed=5002)
+    trial = drawn_trial(options, load_rig("furuta"))
+    done = diagnose(record(trial.plant, trial.rig, drives=trial.drives), trial.rig)
+    assert [effect.name for effect in done.effects] == ["detent_joint0"]
+    assert done.effects[0].parameters["order"].value == trial.plant.effects["detent_joint0"]["order"]

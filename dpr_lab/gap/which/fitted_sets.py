@@ -191,8 +191,9 @@ class FittedSets:
         return fit(self.problem, near.estimate.changed(initial=initial_states), near.free, iterations=iterations)
 
     def escaped(self, model: Hypothesis) -> Hypothesis:
-        """Fit the same set again if a few segments, or long ones, may cause a local minimum."""
+        """Fit the same set again if a few segments, long ones, or an order may cause a local minimum."""
         if not at_noise_floor(model):
+            model = self._in_best_order(model)
             model = self._better(without_outstanding(self.problem, model.fit), model)
         if not at_noise_floor(model) and model.effects:
             cut, initial = self.short()
@@ -201,6 +202,30 @@ class FittedSets:
             long = self._lengthened(near, model.fit.estimate.initial, iterations=EFFORT.fine)
             model = self._better(without_outstanding(self.problem, long), model)
         return self.keep(model)
+
+    def _in_best_order(self, model: Hypothesis) -> Hypothesis:
+        """The set with the orders of its effects replaced by neighbouring ones, as long as that reduces chi2.
+
+        On an arc of less than a turn, orders are alike, and the scores of a fit without the effect may choose another.
+        """
+        places = [
+            (param_index(name, shape.name), shape.scan)
+            for name in model.effects
+            for shape in self.library[name].shapes
+            if shape.whole and shape.scan
+        ]
+        for place, scan in places:
+            best = None
+            while best is not model:
+                best, order = model, model.fit.estimate.params[place]
+                for other in (order - 1.0, order + 1.0):
+                    if other in scan:
+                        params = best.fit.estimate.params.copy()
+                        params[place] = other
+                        start = best.fit.estimate.changed(params=params)
+                        near = fit(self.problem, start, model.fit.free, iterations=EFFORT.fine)
+                        model = self._better(near, model)
+        return model
 
     def _better(self, other: Fit, model: Hypothesis) -> Hypothesis:
         """The set of `model` with the better of the two fits."""
