@@ -21,9 +21,15 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import base_parameters, rows
 from dpr_lab.dynamics.equation import accelerations
+from dpr_lab.dynamics.prediction import predict_batch
+from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.rollout import trajectory_errors
+from dpr_lab.dynamics.segments import segments
 from dpr_lab.dynamics.simulate import simulate
+from dpr_lab.effects import effect_params
+from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.rig import PARAMETERS, load_rig
+from dpr_lab.setup import Setup
 
 STEP, SAMPLES = 0.005, 2001
 
@@ -61,6 +67,23 @@ def problem(candidates: int, samples: int = SAMPLES, repeats: int = 1) -> Proble
 def lanes(task: Problem) -> Evaluator:
     """What the package does."""
     return lambda n: trajectory_errors(task.candidates[:n], task.poses, task.reference, STEP).sum(axis=1)
+
+
+def predictions(task: Problem, *, arm: bool) -> Evaluator:
+    """Readings of all poses by the predictions of a fit, with the arm clamped or free."""
+    rig = load_rig("paper")
+    bases = base_parameters(task.parameters, rig.L1, rig.g)
+    t = STEP * np.arange(task.reference.shape[1])
+    runs = range(len(task.poses))
+    laid_out = segments([t] * len(runs), runs, [Setup(arm_moves=arm)] * len(runs), step=STEP)
+    initial = np.pad(task.poses, ((0, 0), (0, 2 if arm else 0)))
+    params = effect_params({FREE_ARM.name: {"inertia_kgm2": 0.15, "viscous_Nms": 0.02}} if arm else {})
+
+    def evaluate(n: int) -> Array:
+        starts = np.broadcast_to(initial, (n, *initial.shape))
+        return predict_batch(bases[:n], np.tile(params, (n, 1)), rig_constants(rig), laid_out, starts, arm=arm)
+
+    return evaluate
 
 
 def scalar_loop(task: Problem) -> Evaluator:

@@ -32,6 +32,7 @@ from _evaluators import (
     lanes,
     mujoco_rollout,
     numpy_batch,
+    predictions,
     problem,
     scalar_loop,
     solve_ivp,
@@ -122,6 +123,15 @@ def beside_peers(limit: Path, quick: bool) -> list[Bar]:
     return bars
 
 
+def with_an_arm(quick: bool) -> list[Bar]:
+    """Predictions of readings with a free arm over those with a clamped one, in the same rounds."""
+    task, n = problem(256), 256
+    programs = {name: (predictions(task, arm=arm), n) for name, arm in (("clamped", False), ("free", True))}
+    taken = seconds(programs, 3 if quick else 9)
+    ratio = statistics.median(x / y for x, y in zip(taken["free"], taken["clamped"], strict=True))
+    return [at_most("time per candidate, free arm / clamped arm", ratio, 1.8)]
+
+
 def on_threads(threads: int, quick: bool) -> list[Bar]:
     """How much of a linear gain all threads give."""
     evaluate, n = lanes(problem(2048)), 2048
@@ -183,7 +193,7 @@ def main() -> None:
     load, threads = os.getloadavg()[0], numba.get_num_threads()
     numba.set_num_threads(1)
     check(chosen.limit)
-    bars = beside_peers(chosen.limit, chosen.quick)
+    bars = [*beside_peers(chosen.limit, chosen.quick), *with_an_arm(chosen.quick)]
     linear, curves = growth(chosen.quick)
     bars += [*on_threads(threads, chosen.quick), *linear, *first_calls()]
     if not chosen.json:

@@ -11,6 +11,7 @@ from dpr_lab.report.words import named
 from dpr_lab.rig import Rig
 from dpr_lab.trials.protocol import Opened
 from dpr_lab.trials.score import cause_named
+from dpr_lab.trials.truth import assumed_inertia
 
 COLUMNS = ("hidden effect", "true size", "diagnosis", "estimated size, 90 % interval", "probability")
 
@@ -19,7 +20,7 @@ def comparison_rows(opened: Opened, rig: Rig) -> list[tuple[str, ...]]:
     """One row for each hidden effect, and one for each effect named wrongly."""
     truth, diagnosis = opened.truth, Diagnosis.model_validate(opened.diagnosis)
     left = [effect for effect in diagnosis.effects if effect.name in opened.outcome.named]
-    sizes = truth.sizes(rig, diagnosis.scale_b)
+    sizes = truth.sizes(rig, assumed_inertia(opened.diagnosis, rig))
     rows: list[tuple[str, ...]] = []
     for number, right in enumerate(truth.answers):
         hit = next((effect for effect in left if cause_named(effect.model_dump(by_alias=True), truth) == number), None)

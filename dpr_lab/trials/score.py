@@ -7,7 +7,7 @@ from typing import Any
 
 from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.rig import Rig
-from dpr_lab.trials.truth import Truth
+from dpr_lab.trials.truth import Truth, assumed_inertia
 
 NAMING = ("named", "partly_explained")
 ADMITTING = ("unexplained", "partly_explained")
@@ -144,7 +144,7 @@ def score(
     effects = _named(diagnosis)
     listed = [*effects, *(rival for rival in diagnosis["rivals"] if rival not in effects)]
     hits = [cause_named(effect, truth) for effect in effects]
-    true_sizes = truth.sizes(rig, diagnosis["scale_b"])
+    true_sizes = truth.sizes(rig, assumed_inertia(diagnosis, rig))
     findings = tuple(sorted({finding["name"] for finding in diagnosis["sensor_findings"]}))
     return TrialOutcome(
         kind=kind,

@@ -51,14 +51,17 @@ class Truth:
         """Whether the plant has no effect."""
         return not self.effects and self.foreign is None
 
-    def sizes(self, rig: Rig, scale_b: float) -> dict[str, dict[str, float]]:
+    def sizes(self, rig: Rig, assumed: float) -> dict[str, dict[str, float]]:
         """True amplitudes of the library effects, converted to the scale assumed by dpr-lab.
 
-        A free swing does not show the common scale of torques and inertias: dpr-lab's values are relative to an assumed
-        b, so true torques and inertias are multiplied by scale_b / b of the plant.
+        A free swing does not show the common scale of torques and inertias: dpr-lab's values are relative to an
+        inertia (`assumed_inertia`), so true torques and inertias are multiplied by its ratio to that of the plant.
         """
         Z = np.array([self.parameters[name] for name in PARAMETERS])
-        larger = scale_b / float(base_parameters(Z, rig.L1, rig.g)[BASE.index("b")])
+        l1, _, m1, *_, J1, _ = Z.tolist()
+        alone = J1 + m1 * l1**2
+        b = float(base_parameters(Z, rig.L1, rig.g)[BASE.index("b")])
+        larger = assumed / (alone if rig.rods.mounting == "inner" else b)
         return {
             name: {
                 parameter.name: values[parameter.name] * larger**parameter.scale_power
@@ -67,6 +70,19 @@ class Truth:
             }
             for name, values in self.effects.items()
         }
+
+
+def assumed_inertia(diagnosis: Mapping[str, Any], rig: Rig) -> float:
+    """Inertia, kg m^2, to which a diagnosis relates all sizes: b, or that of the inner rod if it alone is mounted.
+
+    Args:
+        diagnosis: output of `dpr-lab diagnose --json`
+        rig: the rig file of the diagnosis
+    """
+    b = float(diagnosis["scale_b"])
+    if rig.rods.mounting != "inner":
+        return b
+    return b * (diagnosis["ratios"]["a/b"]["value"] - (diagnosis.get("p_over_b") or 0.0))
 
 
 def read_truth(opened: Mapping[str, Any]) -> Truth:

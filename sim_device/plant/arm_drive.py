@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.simulate import as_state
 from dpr_lab.dynamics.step import RigState
 from dpr_lab.effects.input_delay import INPUT_DELAY
+from dpr_lab.errors import ConfigError
 from firmware_protocol.messages import ArmQuantity, TorqueKind
 from sim_device.plant.config import ArmDriveConfig, PlantConfig
 from sim_device.plant.encoders import standard_noise
@@ -124,10 +125,16 @@ class ArmDrive:
 
 
 def arm_drive_of(plant: PlantConfig) -> ArmDrive | None:
-    """The drive of a plant's arm with its hidden delay; None without a drive."""
+    """The drive of a plant's arm with its hidden delay; None without a drive.
+
+    Raises:
+        ConfigError: a delay below zero.
+    """
     if plant.arm_drive is None:
         return None
     delay = plant.effects.get(INPUT_DELAY.name, {}).get("delay_s", 0.0)
+    if delay < 0.0:
+        raise ConfigError(f"plant {plant.name}: effects: {INPUT_DELAY.name}.delay_s = {delay:g}: no drive acts early")
     return ArmDrive(plant.arm_drive, plant.seed, delay)
 
 

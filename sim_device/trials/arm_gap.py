@@ -31,8 +31,12 @@ STEP = 1e-6
 DURATION_S = 5.0
 """Duration of each release."""
 
-SHARES = (0.1, 0.2, 0.4, 0.7, 1.0, 1.0, 1.0, 1.0)
+SHARES = (0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85, 1.0, 1.0, 1.0, 1.0)
 """Share of each segment that an iteration of Gauss-Newton fits: under steps of torque the first states are far off."""
+
+
+SHORTENED = (1.0, 0.3, 0.1, 0.0)
+"""Factors of the step of an initial state; the best one of each segment counts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,19 +65,26 @@ def arm_gap(config: PlantConfig, rig: Rig) -> float:
     back_emf = 0.0 if config.arm_drive is None else config.arm_drive.back_emf
     arm = [config.arm.J0 + float(masses.sum()) * rig.L0**2, config.arm.c0 + back_emf]
     values, starts = np.array([*base, *arm]), np.array([_start(piece, rig) for piece in wanted])
-    sigma, rods, left = _noise(config, rig), _moving(rig), np.array([np.inf])
+    sigma, rods, left = _noise(config, rig), _moving(rig, scaled=config.arm_drive is not None), np.array([np.inf])
     for share in SHARES:
+        free = rods.parameters if share == 1.0 else []
         part = np.s_[:, : round(share * length), rods.axes]
-        expected, slopes = _linearised(values, starts, laid_out, rig_constants(rig), rods)
+        expected, slopes = _linearised(values, starts, laid_out, rig_constants(rig), (free, rods.states))
         if not (np.isfinite(expected).all() and np.isfinite(slopes).all()):
             return float("inf")
         rest = ((wanted - expected.reshape(wanted.shape)) / sigma)[part].reshape(len(wanted), -1)
         columns = (slopes.reshape(*wanted.shape, -1) / sigma[:, None])[part].reshape(*rest.shape, -1)
-        shift, start_shifts, left = eliminated(rest, columns, len(rods.parameters), rcond=1e-6)
-        values[rods.parameters] *= 1.0 + shift
-        starts[:, rods.states] += start_shifts
+        shift, start_shifts, left = eliminated(rest, columns, len(free), rcond=1e-6)
+        values[free] *= 1.0 + shift
+        step = np.zeros_like(starts)
+        step[:, rods.states] = start_shifts
         if 1 not in rods.states:
-            starts[:, 1] = starts[:, 0]  # a single rod
+            step[:, 1] = starts[:, 0] + step[:, 0] - starts[:, 1]  # a single rod
+        tried = starts + np.array(SHORTENED)[:, None, None] * step
+        read = _read(np.tile(values, (len(tried), 1)), tried, laid_out, rig_constants(rig))
+        off = np.square((wanted - read.reshape(-1, *wanted.shape)) / sigma)[(np.s_[:], *part)].sum(axis=(2, 3))
+        best = np.argmin(np.where(np.isfinite(off), off, np.inf), axis=0)
+        starts = tried[best, np.arange(len(starts))]
     return float(np.sqrt(np.mean(left**2)))
 
 
@@ -103,10 +114,12 @@ class MovingParts:
     """Among theta1, joint 2, theta0."""
 
 
-def _moving(rig: Rig) -> MovingParts:
+def _moving(rig: Rig, *, scaled: bool) -> MovingParts:
+    """What can be fitted; without a known torque the first inertia stays, because only ratios to it show."""
+    first = [0] if scaled else []
     if rig.rods.mounting == "both":
-        return MovingParts([0, 1, 2, 3, 4, 5, 7, 8], [0, 1, 2, 3, 4, 5], [0, 1, 2])
-    return MovingParts([0, 3, 4, 7, 8], [0, 2, 4, 5], [0, 2])
+        return MovingParts([*first, 1, 2, 3, 4, 5, 7, 8], [0, 1, 2, 3, 4, 5], [0, 1, 2])
+    return MovingParts([*first, 3, 4, 7, 8], [0, 2, 4, 5], [0, 2])
 
 
 def _laid_out(releases: list[ArmRelease], rig: Rig, length: int) -> tuple[Segments, Array]:
@@ -135,21 +148,27 @@ def _start(piece: Array, rig: Rig) -> Array:
 
 
 def _linearised(
-    values: Array, starts: Array, laid_out: Segments, constants: RigConstants, moving: MovingParts
+    values: Array, starts: Array, laid_out: Segments, constants: RigConstants, moving: tuple[list[int], list[int]]
 ) -> tuple[Array, Array]:
-    """(N, 3) readings and (N, 3, k) their derivatives by ln of the parameters and by the states of each segment."""
-    many = 1 + len(moving.parameters) + len(moving.states)
+    """(N, 3) readings and (N, 3, k) their derivatives by ln of some parameters and by some states of each segment."""
+    parameters, states = moving
+    many = 1 + len(parameters) + len(states)
     candidates, initial = np.tile(values, (many, 1)), np.tile(starts, (many, 1, 1))
-    for row, place in enumerate(moving.parameters, 1):
+    for row, place in enumerate(parameters, 1):
         candidates[row, place] *= 1.0 + STEP
-    for row, place in enumerate(moving.states, 1 + len(moving.parameters)):
+    for row, place in enumerate(states, 1 + len(parameters)):
         initial[row, :, place] += STEP
-        if place == 0 and 1 not in moving.states:
+        if place == 0 and 1 not in states:
             initial[row, :, 1] += STEP
-    params = np.tile(effect_params({}), (many, 1))
-    params[:, ARM] = candidates[:, 7:]
-    read = predict_batch(candidates[:, :7], params, constants, laid_out, initial, arm=True)
+    read = _read(candidates, initial, laid_out, constants)
     return read[0], np.moveaxis(read[1:] - read[0], 0, -1) / STEP
+
+
+def _read(candidates: Array, initial: Array, laid_out: Segments, constants: RigConstants) -> Array:
+    """(n, N, 3) readings of candidates (n, 9) from the initial states (n, segments, 6)."""
+    params = np.tile(effect_params({}), (len(candidates), 1))
+    params[:, ARM] = candidates[:, 7:]
+    return predict_batch(candidates[:, :7], params, constants, laid_out, initial, arm=True)
 
 
 def _noise(config: PlantConfig, rig: Rig) -> Array:

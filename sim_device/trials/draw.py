@@ -17,7 +17,7 @@ from sim_device.plant.foreign import FOREIGN, FORMS, OUTSIDE
 from sim_device.random_streams import RandomStream, generator
 from sim_device.trials.driven import drawn_fault, driven
 from sim_device.trials.moving_arm import DRAW as ARM_DRAW
-from sim_device.trials.moving_arm import drawn_arm, visible_on_arm, within_reach
+from sim_device.trials.moving_arm import drawn_arm, is_plausible, visible_on_arm, within_reach
 from sim_device.trials.noiseless import plant_gap
 from sim_device.trials.parameters import drawn
 from sim_device.trials.request import LEVELS, ON_ARM, EffectRequest
@@ -90,7 +90,9 @@ def _on_arm(wanted: EffectRequest, plant: PlantConfig, rig: Rig, rng: np.random.
             name = names.pop(0)
             with_it = _with_effect(plant, rig, name, largest * share, rng)
             only = bare.model_copy(update={"effects": {name: with_it.effects[name]}})
-            visible = bool(wanted.effects) or plant_gap(only, rig) > ARM_DRAW.reached * largest * share
+            visible = bool(wanted.effects) or (
+                is_plausible(only, rig) and plant_gap(only, rig) > ARM_DRAW.reached * largest * share
+            )
             if visible and not any(alike(name, other) for other in plant.effects):
                 plant = with_it
     return plant
@@ -207,8 +209,9 @@ def _relatives(name: str) -> set[str]:
 def _with_effect(plant: PlantConfig, rig: Rig, name: str, gap: float, rng: np.random.Generator) -> PlantConfig:
     """The plant with one more effect that alone causes the requested gap, as nearly as its swings permit."""
     table, unit = ("foreign", _foreign_unit) if name in FOREIGN else ("effects", _library_unit)
-    bare = plant.model_copy(update={"effects": {}, "foreign": {}})
-    coefficients = within_reach(bare, rig, unit(name, rng), rng)
+    coefficients = unit(name, rng)
+    if plant.arm.mode != "clamped":
+        coefficients = within_reach(plant.model_copy(update={"effects": {}}), rig, coefficients, rng)
     return plant.model_copy(update={table: {**getattr(plant, table), name: sized(plant, rig, name, coefficients, gap)}})
 
 

@@ -100,6 +100,8 @@ def eliminated(rest: Array, slope: Array, common: int, rcond: float | None = Non
     crossed = np.einsum("smk,smj->skj", Q, shared)
     projected = shared - np.einsum("smk,skj->smj", Q, crossed)
     within = rest - np.einsum("smk,sk->sm", Q, free)
-    shift, *_ = np.linalg.lstsq(projected.reshape(-1, common), within.ravel(), rcond=rcond)
+    shift = np.zeros(common)
+    if common:
+        shift, *_ = np.linalg.lstsq(projected.reshape(-1, common), within.ravel(), rcond=rcond)
     start_shifts = np.linalg.solve(R, (free - crossed @ shift)[:, :, None])[:, :, 0]
     return shift, start_shifts, within - projected @ shift

@@ -5,9 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.effects import OF_ARM
+from dpr_lab.dynamics.arm import with_gravity
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.effects import OF_ARM, effect_params
 from dpr_lab.effects.encoder_offset import ENCODER_OFFSET_JOINT0
 from dpr_lab.effects.input_delay import INPUT_DELAY
+from dpr_lab.effects.limits import amplitude_limits, at_limit
 from dpr_lab.effects.torque_scale import TORQUE_SCALE_JOINT0
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import Rig
@@ -84,14 +88,20 @@ def visible_on_arm(plant: PlantConfig) -> list[str]:
     return [name for name in (*names, *([INPUT_DELAY.name] if driven else [])) if name not in hidden]
 
 
+def is_plausible(plant: PlantConfig, rig: Rig) -> bool:
+    """Whether the sizes of its effects are within the limits of the library for a rig of this kind."""
+    limits = amplitude_limits(with_gravity(base_parameters(plant.Z, rig.L1, rig.g), rig.L1, rig.g), rig_constants(rig))
+    return not at_limit(effect_params(plant.effects), limits)
+
+
 def within_reach(plant: PlantConfig, rig: Rig, unit: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
-    """Coefficients of an effect whose stop or limit the arm reaches without it.
+    """Coefficients of an effect whose stop or limit the arm reaches without it; a delay is positive.
 
     A drive gives nothing beyond its limit, so that the amplitude of a saturation is one.
     """
     wanted = [name for name in unit if name in DIRECT]
     if not wanted:
-        return unit
+        return {name: abs(value) if name == "delay_s" else value for name, value in unit.items()}
     releases = [noiseless_arm(plant, rig, number) for number in range(1, len(rig.poses) + 1)]
     most = {
         "angle": max(_largest(release.readings[:, 2]) for release in releases),
