@@ -67,9 +67,15 @@ class TableImport(Guarded, ModalScreen[Path | None]):
         """Show the file with default options, if it is known."""
         self.query_one("#table" if self._file is None else "#options", Input).focus()
         if self._file is not None:
-            await self.on_input_submitted()
+            await self._preview()
 
-    async def on_input_submitted(self) -> None:
+    async def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Show the file with the current options; after the path of a file, the options are entered next."""
+        if event.input.id == "table" and Path(event.value.strip()).expanduser().exists():
+            self.query_one("#options", Input).focus()
+        await self._preview()
+
+    async def _preview(self) -> None:
         """Show the file with the current options."""
         self._shown = None
         try:
@@ -88,7 +94,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
         except DprError:
             seen = False
         if not seen or self._shown is None:
-            await self.on_input_submitted()
+            await self._preview()
             if self._shown is not None:
                 self.notify("This is the preview of the import: check it, then import", markup=False)
             return

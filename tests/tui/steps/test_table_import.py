@@ -137,3 +137,20 @@ async def test_the_run_browser_and_the_palette_have_an_entry_for_it(lab, until) 
         await until(pilot, lambda: isinstance(app.screen, TableImport))
         await pilot.press("escape")
         await until(pilot, lambda: len(app.screen_stack) == 1)
+
+
+@pytest.mark.slow
+async def test_enter_after_the_path_leads_to_the_options(lab, until, table: Path) -> None:
+    async with lab(RigStep) as pilot:
+        app: DprApp = pilot.app
+        await pilot.press("f5")
+        await until(pilot, lambda: isinstance(app.screen, TableImport))
+        app.screen.query_one("#table", Input).value = "/no/such/table.csv"
+        await pilot.press("enter")
+        await until(pilot, lambda: "/no/such/table.csv" in understood(pilot))
+        assert app.screen.focused is app.screen.query_one("#table", Input)
+        app.screen.query_one("#table", Input).value = str(table)
+        await pilot.press("enter")
+        await until(pilot, lambda: "rad, absolute, upright is 0" in understood(pilot))
+        await pilot.press(*"--unit deg", "enter")
+        await until(pilot, lambda: "deg, absolute, upright is 0" in understood(pilot))
