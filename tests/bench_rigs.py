@@ -2,7 +2,8 @@
 
 They share no code with what they test. Each kind resembles a published recording: one rod on a potentiometer, a rod on
 a cart that yields, a video, a kick in mid-swing, a release by a hand that pushes, geared joints, a rod that is driven
-by a measured torque. Every draw has a zero error, dry and viscous friction and air drag; lengths are wrong by 0.5 %.
+by a measured torque, a rod in a classroom. Every draw has a zero error, dry or viscous friction and air drag; lengths
+are wrong by 0.5 %.
 """
 
 import tempfile
@@ -261,6 +262,24 @@ def driven(rng: np.random.Generator, folder: Path) -> Bench:
     return Bench(rig, *_split(runs), frozenset({"dry1", "torque"}), families)
 
 
+def classroom(rng: np.random.Generator, folder: Path) -> Bench:
+    """A rod on ball bearings, one short recording to fit: an encoder rounded to a tenth of a degree at 50 Hz.
+
+    Its small unknown causes are a scale that is off by half a per cent and a torque that depends on the angle.
+    """
+    length, offset = float(rng.uniform(0.4, 0.8)), float(rng.choice([-1, 1]) * rng.uniform(7e-4, 3e-3))
+    rod, rig, runs = _rod(rng, length), one_rod(length, 0.1, 4000, rng), []
+    rod.dry, rod.drag = 0.0, float(rng.uniform(5e-3, 2e-2))
+    scale, uneven = float(rng.normal(0, 4e-3)), float(rng.normal(0, 5e-4))
+    for i, start in enumerate(np.radians(rng.uniform([35, 25], [70, 50]))):
+        t = np.arange(0, float(rng.uniform(4, 10)), 0.02)
+        q = rod_swing(rod, float(start), t)
+        q = _read((1 + scale) * q + offset + uneven * np.sin(3 * q), rng, 1e-4, np.radians(0.1))
+        runs.append(table(folder, f"class{i}", rig, {"t_s": t, "theta1_rad": q}))
+    families = frozenset({"zero1", "drag", "length", "bend1", "dry1"})
+    return Bench(rig, *_split(runs), frozenset({"zero1", "drag", "bend1"}), families)
+
+
 KINDS: dict[str, Callable[[np.random.Generator, Path], Bench]] = {
     "potentiometer": potentiometer,
     "cart": cart,
@@ -269,6 +288,7 @@ KINDS: dict[str, Callable[[np.random.Generator, Path], Bench]] = {
     "hand": hand,
     "geared": geared,
     "driven": driven,
+    "classroom": classroom,
 }
 
 

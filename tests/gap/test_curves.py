@@ -33,3 +33,10 @@ def test_an_eccentric_encoder_is_still_named_as_one(tmp_path):
     diagnosis = diagnose(runs[:2], rig, held_out=runs[2:])
     assert diagnosis.effects[0].name == "encoder_eccentricity_joint1"
     assert diagnosis.effects[0].probability > 0.8
+
+
+def test_cogging_that_follows_small_unknown_causes_does_not_replace_a_zero_error():
+    case = bench("classroom", 404)
+    diagnosis = diagnose(case.runs, case.rig, held_out=case.held_out)
+    assert any(name in OFFSETS for name in diagnosis.model_effects)
+    assert not {"detent_joint1", "spring_joint1", "encoder_eccentricity_joint1"} & diagnosis.model_effects.keys()

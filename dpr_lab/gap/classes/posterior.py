@@ -26,7 +26,7 @@ from dpr_lab.effects.effect import Effect
 from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, indifference, taking_over
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, follows_remainder, indifference, taking_over
 from dpr_lab.gap.which.selected import Selection
 
 Array = NDArray[np.float64]
@@ -119,6 +119,7 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
         Alternative(other, (other,), test.cosine(own, score), _cost(selection, without, score))
         for other, score in others.items()
         if other not in alike
+        and other not in selection.misleading
         and without.key | {other} not in selection.impossible
         and not _takes_over(selection, without, other)
     ]
@@ -146,10 +147,14 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
 
 
 def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
-    """Whether another effect is a curve that merely imitates the named effect, with amplitudes that cancel."""
+    """Whether another effect is a curve that in place of the named effect only follows it, or small unknown causes."""
     both = selection.fitted.get(selection.chosen.key | {other})
     instead = selection.fitted.get(without.key | {other})
-    return both is not None and instead is not None and taking_over(both, instead) == other
+    if instead is None:
+        return False
+    if follows_remainder(selection.base, instead, selection.chosen):
+        return True
+    return both is not None and taking_over(both, instead) == other
 
 
 def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> float:
@@ -190,8 +195,8 @@ def _hidden(selection: Selection, own: Effect) -> tuple[str, ...]:
 
 def _cost(selection: Selection, without: Hypothesis, score: Score) -> float:
     fitted = selection.fitted.get(without.key | {score.effect.name})
-    if fitted is not None:
-        return fitted.cost
+    if fitted is not None:  # richer ones may follow what remains: that is noise for all
+        return fitted.cost_at(max(fitted.residuals.inflation, selection.chosen.residuals.inflation))
     price = PENALTY.parameter * without.residuals.inflation * (len(score.columns) + len(score.effect.shapes))
     # a linear score is too optimistic; an effect that was not worth a fit can be nearly as good at best
     near = selection.chosen.cost + THRESHOLDS.chance * selection.chosen.residuals.inflation

@@ -27,6 +27,7 @@ from dpr_lab.gap.state import Advised, Supported
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.where.locate import Place, where_sentence
 from dpr_lab.gap.which.selected import TracedTrial
+from dpr_lab.shown import listed
 
 Array = NDArray[np.float64]
 
@@ -105,9 +106,16 @@ def _search_step(step: TracedTrial) -> SearchStep:
 
 
 def _remainder(state: Advised, kind: Verdict) -> str:
-    """Size and location of the unmodelled remainder, if the verdict leaves one."""
-    described = kind in ("partly_explained", "unexplained") and not state.description.withholds
-    return f" {state.remainder.sentence}" if state.remainder and described else ""
+    """Size and location of the unmodelled remainder, if the verdict leaves one, or that the rig seems to be changed."""
+    if kind not in ("partly_explained", "unexplained") or state.description.withholds:
+        return ""
+    if changed := state.gap.budget and state.gap.budget.changed_ratio:
+        values = listed([f"{value:.3g} in {run}" for run, value in changed.values.items()])
+        return (
+            f" The recordings differ in {changed.name} ({values}): if the rig was changed between them, diagnose them"
+            " separately."
+        )
+    return f" {state.remainder.sentence}" if state.remainder else ""
 
 
 def _checks(state: Advised, named: Sequence[str]) -> list[AdvisedCheck]:

@@ -35,6 +35,8 @@ class VerdictRules:
     """Minimum share of the gap that a set must close on held-out recordings to be the cause."""
     gap_from: float = 0.5
     """Ratio to the noise from which a remainder that no effect explains is a gap."""
+    held_out_gap: float = 1.0
+    """Ratio to the noise from which held-out recordings show a gap that the fitted ones do not show."""
     listed: float = 0.05
     """Probability below which an effect is not listed as a cause."""
     visible: float = 0.5
@@ -78,7 +80,7 @@ def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterio
 def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer) -> Verdict:
     chosen, share = selection.chosen, selection.share_explained
     if not chosen.effects:
-        return "no_gap" if _small(chosen) else "unexplained"
+        return "no_gap" if _small(chosen) and not _only_held_out(carried) else "unexplained"
     whole = share >= RULES.named_share or at_noise_floor(chosen)
     sure = max(posterior.probability for posterior in posteriors) >= RULES.sure
     tested = carried.basis != "one release"
@@ -91,6 +93,11 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carrie
         return "partly_explained"
     only_expected = set(chosen.effects) <= selection.expected
     return "no_gap" if _small(selection.base) and only_expected else "unexplained"
+
+
+def _only_held_out(carried: Transfer) -> bool:
+    """Whether the held-out recordings show a gap, of which the fitted ones show nothing."""
+    return carried.basis == "held-out runs" and carried.gap_ratio > RULES.held_out_gap
 
 
 def _small(model: Hypothesis) -> bool:
@@ -142,6 +149,11 @@ def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPo
         return (
             f"The gap is partly explained by {named}. {how_far(carried)} A remainder of {remainder:.2g} times the noise"
             f" has another cause or another form.{_restrictions(carried)}"
+        )
+    if not posteriors and _small(selection.chosen):
+        return (
+            "Unexplained: the fitted recordings show no gap, but the held-out recordings show one of"
+            f" {carried.gap_ratio:.2g} times the noise. Fit them too, or check that nothing on the rig was changed."
         )
     if not posteriors:
         return f"Unexplained: a gap of {remainder:.2g} times the noise, and no effect of the library fits it."

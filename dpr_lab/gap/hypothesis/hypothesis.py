@@ -34,7 +34,7 @@ class Penalty:
 
     parameter: float = 9.0
     """Penalty of one parameter: the logarithm of some 1e4 samples (BIC)."""
-    curve: int = 4
+    curve: int = 3
     """Number of amplitudes from which an effect is a curve, which on a small arc can imitate a sum of other effects."""
     ordinary: float = 0.1
     """Size of a curve relative to the limits of its amplitudes up to which it is not penalised: a typical eccentricity.
@@ -61,7 +61,16 @@ class Hypothesis:
 
     @property
     def cost(self) -> float:
-        """Held-out chi2 plus the penalty of the parameters, in units of independent evidence.
+        """Held-out chi2 plus the penalty of the parameters, in units of independent evidence."""
+        return self.cost_at(self.residuals.inflation)
+
+    def cost_at(self, inflation: float) -> float:
+        """The same with the variance inflation of another set, whose residual then counts as noise."""
+        return float(self.predictive_loss.sum()) + inflation * self.penalty
+
+    @property
+    def penalty(self) -> float:
+        """Penalty of the parameters in pieces of independent evidence.
 
         A curve of n amplitudes larger than ordinary is penalised by 2 n ln(s / s0): its prior of unknown common scale
         has the density s^-n. Amplitudes that cancel each other imitate other effects.
@@ -70,7 +79,7 @@ class Hypothesis:
         penalty = PENALTY.parameter * (len(self.fit.free) + scanned)
         for name, size in self.curves.items():
             penalty += 2 * len(EFFECTS[name].amplitudes) * float(np.log(max(size / PENALTY.ordinary, 1.0)))
-        return float(self.predictive_loss.sum()) + self.residuals.inflation * penalty
+        return penalty
 
     @property
     def key(self) -> frozenset[str]:

@@ -50,6 +50,8 @@ class Thresholds:
     """Factor by which the excess must increase without a small effect for it to be kept nevertheless."""
     contained: float = 0.003
     """Fraction of the explained chi2 that a richer form of an effect must add while a residual remains."""
+    nearly_all: float = 0.9
+    """Fraction of what a curve explains that simple effects must explain to replace it, if only little remains."""
     own_share: float = 0.15
     """Fraction of an effect's reduction that no other form of the others explains, while a residual remains."""
     still_open: float = 0.5
@@ -95,6 +97,22 @@ def taking_over(model: Hypothesis, less: Hypothesis) -> str | None:
     }
     largest = max(grown, key=lambda name: grown[name], default=None)
     return largest if largest is not None and grown[largest] > THRESHOLDS.takes_over else None
+
+
+def follows_remainder(base: Hypothesis, with_curve: Hypothesis, simple: Hypothesis) -> bool:
+    """Whether a curve adds to a simpler set only what the small unknown causes of every rig leave.
+
+    The simpler set explains nearly all that the curve explains, the remainder is below the noise, and with the
+    remainder as noise the curve is not significant.
+    """
+    curves = set(with_curve.curves) - simple.key
+    if not curves or not simple.effects or simple.residuals.noise_ratio > 1.0:
+        return False
+    explained = excess(base) - excess(with_curve)
+    if excess(base) - excess(simple) < THRESHOLDS.nearly_all * explained:
+        return False
+    inflation = simple.residuals.inflation
+    return simple.cost - with_curve.cost_at(inflation) < THRESHOLDS.chance * inflation
 
 
 def indifference(

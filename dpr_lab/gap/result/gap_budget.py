@@ -2,11 +2,18 @@
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
 from dpr_lab.gap.result.saved import Number, Saved
 
 Share = Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=1.0)]
+
+MOSTLY = 0.5
+"""Share of the gap from which parameters that vary are its main part."""
+
+CHANGED = 0.05
+"""Relative scatter of a ratio between recordings of one rig, which only a change of the rig exceeds."""
 
 
 class VaryingParameter(Saved):
@@ -63,6 +70,14 @@ class GapBudget(Saved):
         """Explained share of its reproducible part; None if no part is known to be reproducible."""
         whole = self.explained + self.unmodelled
         return self.explained / whole if whole > 0 and not self.undecided else None
+
+    @property
+    def changed_ratio(self) -> VaryingParameter | None:
+        """The ratio that differs between recordings by so much that the rig must have been changed; not of friction."""
+        if self.basis != "recordings" or self.varying < MOSTLY:
+            return None
+        ratios = (one for one in self.parameters if not one.effect and not one.name.startswith("c"))
+        return next((one for one in ratios if one.spread > CHANGED * np.abs(np.mean([*one.values.values()]))), None)
 
     @property
     def _no_gap(self) -> bool:

@@ -69,6 +69,8 @@ class Transfer:
     basis: Basis
     closed: GapReduction
     """Share of the gap closed by all effects together."""
+    gap_ratio: float
+    """Ratio of the residual of the bare model on these data to the noise, both rms."""
     closing: tuple[tuple[str, float, float], ...]
     """Added effect ("" for none); remaining gap, rms of a reading, rad; share closed so far; on data that were not
     fitted.
@@ -140,6 +142,7 @@ def transfer(
     return Transfer(
         basis=basis,
         closed=closed,
+        gap_ratio=float(np.sqrt(max(float(above[""][0].sum()), 0.0) / max(float(noise.sum()), 1.0))),
         closing=tuple(_closing(apart, selection, above[""], noise)),
         left_out=left,
         held_out=shares[""] if unseen else {},

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
+    accepted,
     at_noise_floor,
     excess,
     need,
@@ -100,13 +101,27 @@ def _makes_up_for_another_form(sets: FittedSets, current: Hypothesis, proposal: 
 
 
 def _without_misleading(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """The set without misleading effects, or with others in their place that predict held-out runs better."""
     less = sets.predictive(current)
-    if less is not current:
-        yield Proposal(less)
+    if less is current or sets.unseen_chi2 is None:
+        return
+    limit, misleading = sets.unseen_chi2(less), current.key - less.key
+    others = [
+        model
+        for model in sets.fits.values()
+        if less.key < model.key
+        and not misleading & model.key
+        and len(model.key) <= len(current.key)
+        and sets.possible(model)
+        and accepted(sets.bare, less, model)
+        and sets.unseen_chi2(model) < limit
+    ]
+    yield Proposal(min(others, key=lambda model: model.cost, default=less))
 
 
 def _predicts_held_out_runs(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    return Decision(True, "held-out runs are predicted better without it")
+    others = proposal.model.key - current.key
+    return Decision(True, "held-out runs are predicted better " + ("with the other effect" if others else "without it"))
 
 
 SMALLEST_ADEQUATE = Move(
@@ -139,7 +154,7 @@ OWN_SHARE = Move(
 )
 HELD_OUT = Move(
     "held-out runs",
-    "at the end, effects that worsen the prediction of held-out runs are removed",
+    "at the end, effects that worsen the prediction of held-out runs are removed, or replaced by others",
     _without_misleading,
     _predicts_held_out_runs,
 )

@@ -9,6 +9,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
     at_noise_floor,
     excess,
+    follows_remainder,
     indifference,
     significance,
 )
@@ -75,21 +76,31 @@ def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal
 
     On a small arc a curve of many parameters imitates a tilt, friction and drag together, and is selected first.
     """
+    chance = THRESHOLDS.chance * current.residuals.inflation
     for name in sets.unexpected(current):
         if name not in current.curves:
             continue
         model = sets.without(current, name)
         if current.curves[name] > PENALTY.ordinary:
             yield from _next_to(sets, model, name)
-        while True:
-            room = len(current.fit.free) - len(model.fit.free) - 1
-            ranking = (score for score in sets.test(model).ranking if score.effect.name != name)
-            score = next((score for score in ranking if len(score.columns) <= room), None)
-            if score is None or score.gain < THRESHOLDS.chance * current.residuals.inflation:
-                break
-            model = sets.with_one(model, score)
-            if sets.possible(model):
-                yield Proposal(model)
+        most = len(current.fit.free) - 1
+        for widest in (1, most):
+            yield from _grown_to(sets, model, name, most=most, widest=widest, chance=chance)
+
+
+def _grown_to(
+    sets: FittedSets, model: Hypothesis, curve: str, *, most: int, widest: int, chance: float
+) -> Iterator[Proposal]:
+    """The set with the best further effects, one by one, of `widest` parameters each and up to `most` in all."""
+    while True:
+        room = min(most - len(model.fit.free), widest)
+        ranking = (score for score in sets.test(model).ranking if score.effect.name != curve)
+        score = next((score for score in ranking if len(score.columns) <= room), None)
+        if score is None or score.gain < chance:
+            return
+        model = sets.with_one(model, score)
+        if sets.possible(model):
+            yield Proposal(model)
 
 
 def _next_to(sets: FittedSets, without_curve: Hypothesis, curve: str) -> Iterator[Proposal]:
@@ -106,6 +117,13 @@ def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposa
     model = proposal.model
     better = model.cost < current.cost and at_noise_floor(model) >= at_noise_floor(current)
     return Decision(better, f"fewer parameters explain {'more' if better else 'less'}")
+
+
+def _nearly_as_good_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    decision = _better_with_fewer_parameters(sets, current, proposal)
+    if not decision.accepted and follows_remainder(sets.bare, current, proposal.model):
+        return Decision(True, "the curve adds only what small unknown causes leave")
+    return decision
 
 
 def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -127,6 +145,8 @@ def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 
 def _closer(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     model = proposal.model
+    if follows_remainder(sets.bare, model, current):
+        return Decision(False, "the curve adds only what small unknown causes leave")
     if excess(current) >= THRESHOLDS.slow * excess(model):
         return Decision(True, f"the excess shrinks by more than a factor of {THRESHOLDS.slow:g}")
     if model.key == current.key:
@@ -155,6 +175,8 @@ def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) ->
     best, chance = proposal.model, significance(sets.bare, current, proposal.model)
     if at_noise_floor(best) < at_noise_floor(current):
         return Decision(False, "the residual exceeds the noise")
+    if follows_remainder(sets.bare, best, current):
+        return Decision(False, "the curve adds only what small unknown causes leave")
     if current.cost - best.cost > chance:
         return Decision(True, f"the criterion falls by more than {chance:.3g}")
     return Decision(False, f"the criterion falls by less than {chance:.3g}, which is not significant")
@@ -232,9 +254,9 @@ SECOND_CAUSE = Move(
 )
 SEVERAL_CAUSES = Move(
     "several causes",
-    "an effect of many parameters is replaced by others that explain more with fewer",
+    "an effect of many parameters is replaced by others that explain more, or nearly all, with fewer",
     _several_for_one,
-    _better_with_fewer_parameters,
+    _nearly_as_good_with_fewer_parameters,
     then="repeat",
 )
 EXCHANGE = Move(

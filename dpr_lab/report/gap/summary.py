@@ -78,11 +78,12 @@ def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
         return []
     if budget.of_reproducible is None:
         why = budget.undecided or "No part of the gap is known to be reproducible."
-        return [f"The corrected model explains {budget.of_gap:.0%} of the mean squared gap. {why}"]
-    sentences = [
-        f"The corrected model explains {budget.of_reproducible:.0%} of the reproducible part and {budget.of_gap:.0%} of"
-        " the whole mean squared gap."
-    ]
+        sentences = [f"The corrected model explains {budget.of_gap:.0%} of the mean squared gap. {why}"]
+    else:
+        sentences = [
+            f"The corrected model explains {budget.of_reproducible:.0%} of the reproducible part and"
+            f" {budget.of_gap:.0%} of the whole mean squared gap."
+        ]
     if budget.basis == "pieces of one recording":
         sentences.append("Pieces of a single recording do not show differences between releases.")
     if budget.parameters:
