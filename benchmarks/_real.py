@@ -71,7 +71,7 @@ def unphysical(found: Diagnosis) -> float:
     """How many frictions and amplitudes that must be positive are not."""
     signs = {(e.name, p.name) for e in EFFECTS.values() for p in e.amplitudes if p.sign == "positive"}
     effects = [v.value for e in found.effects for name, v in e.parameters.items() if (e.name, name) in signs]
-    return float(sum(value < 0 for value in [*effects, *(found.ratios[name].value for name in ("c1/b", "c2/b"))]))
+    return float(sum(value < 0 for value in [*effects, *(found.all_ratios[name].value for name in ("c1/b", "c2/b"))]))
 
 
 def geared(rig: Rig) -> Rig:

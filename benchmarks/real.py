@@ -274,7 +274,7 @@ def _ratios(diagnosis: Diagnosis, published: Any) -> list[list[str]]:
     return [
         [name, f"{ratio.value:.5g}", f"[{ratio.interval90[0]:.5g}, {ratio.interval90[1]:.5g}]", f"{value:.5g}"]
         for name, value in zip(RATIOS, published.tolist(), strict=True)
-        for ratio in (diagnosis.ratios[name],)
+        for ratio in (diagnosis.all_ratios[name],)
     ]
 
 

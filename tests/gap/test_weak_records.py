@@ -36,7 +36,7 @@ def gravity_torque(rig: Rig, diagnosis: Diagnosis) -> float:
     """Of the inner rod alone by a diagnosis, N m."""
     assert diagnosis.p_over_b is not None
     carried = diagnosis.p_over_b * rig.g / rig.L1
-    return diagnosis.scale_b * (diagnosis.ratios["e1/b"].value - carried)
+    return diagnosis.scale_b * (diagnosis.all_ratios["e1/b"].value - carried)
 
 
 def case(
@@ -86,7 +86,7 @@ def test_one_release_gives_wide_and_finite_ratios(paper: Rig, rods: dict[str, st
     quick = load_search("segments").model_copy(update={"generations": 2})
     model, diagnosis = identify(runs, rig, settings=quick), diagnose(runs, rig)
     for i, name in enumerate(RATIOS):
-        estimate, (low, high) = model.ratios[name], diagnosis.ratios[name].interval90
+        estimate, (low, high) = model.all_ratios[name], diagnosis.all_ratios[name].interval90
         assert np.isfinite([estimate.value, estimate.std, low, high]).all()
         assert abs(estimate.value - truth[i]) < 4 * estimate.std or estimate.value == 0.0
         assert low - 0.5 * (high - low) < truth[i] < high + 0.5 * (high - low)
