@@ -1,12 +1,17 @@
 """Rigs with a free or driven arm, simulated by MuJoCo, are identified: values, intervals, Cramer-Rao bound."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 
 from dpr_lab.dynamics.arm import ArmParameters, mounted
 from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.identification.moving_arm.fit import ARM_FIT, fit_moving_arm
 from dpr_lab.identification.moving_arm.identify import compare_moving_arm, identify_moving_arm
+from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
+from dpr_lab.identification.moving_arm.search import searched_start
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
@@ -146,3 +151,28 @@ def test_intervals_cover_and_errors_keep_to_the_cramer_rao_bound(mode):
     assert min(sizes) >= (8 if mode == "driven" else 7)
     assert np.sqrt(np.mean(scores**2)) < 1.2
     assert 0.80 < np.mean(abs(scores) < 1.645) <= 1.0
+
+
+@pytest.mark.slow
+def test_a_global_search_over_rods_arm_and_drive_finds_the_start_of_a_fit():
+    """The search varies the arm's inertia and friction and the gain together with the rods, in wide bounds."""
+    rng, rig = np.random.default_rng(1), rig_with("driven", "torque")
+    Z, arm, start = drawn(rng, rig)
+    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
+    table = rig.model_dump(exclude_none=True)
+    for parameter in table["parameters"].values():
+        parameter.update(lower=parameter["nominal"] / 3, upper=3 * parameter["nominal"])
+    far = Rig.model_validate(table)
+    recordings = recordings_of([run], far)
+    problem, initial = arm_problem(recordings, far, 0.25)
+    found = searched_start(problem, initial, far)
+    assert found is not None
+    places = problem.unknowns.places
+    moved = np.abs(np.log(found[places] / problem.unknowns.start[places]))
+    assert (moved > 1e-3).all()  # every unknown is a gene
+    cost = [np.sum(problem.residuals(p, initial) ** 2) for p in (found, problem.unknowns.start)]
+    assert cost[0] < cost[1]
+    model = fit_moving_arm(recordings, far, replace(ARM_FIT, searched=0.0))
+    truth, *_ = truth_of(rig, Z, arm)
+    for name, value in zip(model.problem.unknowns.free, model.values, strict=True):
+        assert value == pytest.approx(truth[model.problem.unknowns.name(name)], rel=0.1)

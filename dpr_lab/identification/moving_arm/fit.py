@@ -1,6 +1,7 @@
 """Gauss-Newton fit with Marquardt damping on segments with free initial states, which are eliminated."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.errors import IdentificationError
 from dpr_lab.identification.moving_arm.merge import merged
 from dpr_lab.identification.moving_arm.problem import ArmProblem, ArmRecording, arm_problem
+from dpr_lab.identification.moving_arm.search import searched_start
 from dpr_lab.rig import Rig
 
 Array = NDArray[np.float64]
@@ -34,6 +36,8 @@ class ArmFitSettings:
     """Initial damping, relative to the diagonal of the normal equations."""
     most_damping: float = 1e9
     """Damping above which no step can reduce the cost."""
+    searched: float = 20.0
+    """Reduced chi-square of the first segments above which a global search looks for another start."""
     misfit: float = 1.5
     """Reduced chi-square above which the covariance is that of clustered residuals."""
 
@@ -87,7 +91,7 @@ def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFi
         IdentificationError: the values of the rig file cannot be simulated.
     """
     problem, initial = arm_problem(recordings, rig, settings.first_s)
-    best = fit_segments(problem, _start(problem, initial, settings), initial, settings)
+    best = _short_fit(problem, initial, rig, settings)
     limit, ranges = settings.worse * max(1.0, best.chi2_per_dof), list(settings.ranges_rad)
     while ranges:
         longer = merged(best.problem, best.p, best.initial, recordings, rig, ranges[0])
@@ -106,6 +110,30 @@ def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFi
         weighed = fit_segments(best.problem.with_std(std), best.p, best.initial, settings)
         return replace(weighed, misfit=best.chi2_per_dof)
     return best
+
+
+def _short_fit(problem: ArmProblem, initial: Array, rig: Rig, settings: ArmFitSettings) -> ArmFit:
+    """Fit of the first segments from the values of the rig file; from a global search if that fails.
+
+    Raises:
+        IdentificationError: neither can be simulated.
+    """
+    failed: IdentificationError | None = None
+    local: ArmFit | None = None
+    try:
+        local = fit_segments(problem, _start(problem, initial, settings), initial, settings)
+    except IdentificationError as error:
+        failed = error
+    if local is not None and local.converged and local.chi2_per_dof < settings.searched:
+        return local
+    start = searched_start(problem, initial, rig)
+    fits = [local] if local is not None else []
+    if start is not None:
+        with suppress(IdentificationError):
+            fits.append(fit_segments(problem, start, initial, settings))
+    if not fits:
+        raise failed or IdentificationError("no values within the bounds of the rig file can be simulated")
+    return min(fits, key=lambda fit: fit.chi2_per_dof)
 
 
 def _start(problem: ArmProblem, initial: Array, settings: ArmFitSettings) -> Array:

@@ -1,0 +1,83 @@
+"""Global search of rods, arm and drive for a start from which the local solver goes on.
+
+A gene is the logarithm of an unknown of the fit, between the bounds that the rig file gives its parameters. The cost of
+a candidate is the sum of squared residuals over segments of a quarter of a second, from initial states estimated from
+the readings. The search is the improved genetic algorithm of `dpr_lab.search`.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
+from dpr_lab.identification.moving_arm.problem import ArmProblem
+from dpr_lab.identification.moving_arm.unknowns import nominal_gain, rod_inertias
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import Parameter
+from dpr_lab.search import ALGORITHMS, load_search
+
+Array = NDArray[np.float64]
+
+ALGORITHM, WIDE, DRAWS = "iga", 10.0, 200
+"""Search, range of an unknown without bounds relative to its start, and random rigs that span the range of a ratio."""
+
+
+def searched_start(problem: ArmProblem, initial: Array, rig: Rig, seed: int = 0) -> Array | None:
+    """(12,) `SWING_PARAMETERS` of the best candidate; None if none can be simulated.
+
+    Args:
+        problem: short segments of the recordings
+        initial: (segments, 6) their estimated initial states
+        rig: bounds of all parameters
+        seed: seed of the search
+    """
+    rng, unknowns = np.random.default_rng(seed), problem.unknowns
+    box = np.array([_range(name, problem, rig, rng) for name in unknowns.free]).T
+    recording = np.array([index for index, _ in problem.cuts])[_owner(problem)]
+
+    def errors(genes: Array) -> Array:
+        costs = []
+        for candidate in np.exp(genes):
+            p = unknowns.start.copy()
+            p[unknowns.places] = candidate
+            with np.errstate(over="ignore", invalid="ignore"):
+                squares = np.sum(problem.residuals(p, initial) ** 2, axis=1)
+            sums = np.bincount(recording, weights=squares)
+            costs.append(np.where(np.isfinite(sums), sums, np.inf))
+        return np.array(costs)
+
+    settings = load_search("segments").model_copy(update={"population": 24, "generations": 16})
+    *_, last = ALGORITHMS[ALGORITHM].run(errors, np.log(box), settings, rng)
+    if not np.isfinite(last.best_cost):
+        return None
+    p = unknowns.start.copy()
+    p[unknowns.places] = np.exp(last.best)
+    return p
+
+
+def _owner(problem: ArmProblem) -> NDArray[np.int64]:
+    """(samples,) segment of each sample."""
+    return np.repeat(np.arange(len(problem.cuts)), np.diff(problem.segments.offsets))
+
+
+def _range(name: str, problem: ArmProblem, rig: Rig, rng: np.random.Generator) -> tuple[float, float]:
+    """Lower and upper end of an unknown, in units of the scale."""
+    unknowns = problem.unknowns
+    low, high = rig.bounds
+    drawn = np.array([rod_inertias(rng.uniform(low, high), rig) for _ in range(DRAWS)])
+    start = float(unknowns.start[SWING_PARAMETERS.index(name)])
+    if name in ("a", "d", "e1", "c1", "c2"):
+        ratios = drawn[:, ("a", "b", "d", "e1", "c1", "c2").index(name)] / drawn[:, 1]
+        return _positive(float(ratios.min()), float(ratios.max()))
+    if name == "gain":
+        gain = start or nominal_gain(rig) / unknowns.scale_value or 1.0
+        return gain / WIDE, gain * WIDE
+    given: Parameter | None = getattr(rig.arm, name, None)
+    if given is not None and given.lower is not None and given.upper is not None:
+        return _positive(given.lower / float(drawn[:, 1].max()), given.upper / float(drawn[:, 1].min()))
+    return _positive(start / WIDE, start * WIDE)
+
+
+def _positive(low: float, high: float) -> tuple[float, float]:
+    """The ends of a range of positive numbers that are not equal."""
+    low = max(low, 1e-9)
+    return low, max(high, 1.01 * low)
