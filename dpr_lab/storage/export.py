@@ -23,13 +23,15 @@ from dpr_lab.storage.layout import NANOSECONDS
 COLUMNS: tuple[str, ...] = ("t_s", "theta0_rad", "theta1_rad", "theta2_rad")
 COUNT_COLUMNS: tuple[str, ...] = ("counts0", "counts1", "counts2")
 TORQUE_COLUMNS: tuple[str, ...] = ("tau1_Nm", "tau2_Nm")
+INPUT_COLUMN = "arm_input"
+"""Input of the arm's drive, in the SI unit of its kind in the rig file."""
 BOTH_KINDS: tuple[str, ...] = ("tau1_measured_Nm", "tau2_measured_Nm", "tau1_commanded_Nm", "tau2_commanded_Nm")
 
 Columns = dict[str, NDArray[np.float64] | NDArray[np.int64]]
 """Column name -> (n,) values."""
 
 UNITS = {"t_s": "s", **dict.fromkeys(COLUMNS[1:], "rad"), **dict.fromkeys(COUNT_COLUMNS, "counts")}
-UNITS |= dict.fromkeys(TORQUE_COLUMNS + BOTH_KINDS, "N m")
+UNITS |= dict.fromkeys(TORQUE_COLUMNS + BOTH_KINDS, "N m") | {INPUT_COLUMN: "SI"}
 CONVENTION = "t = 0 at the release; absolute angles, 0 = upright, pi = hanging"
 
 
@@ -67,6 +69,8 @@ def columns(run: Run) -> Columns:
         table |= dict(zip(BOTH_KINDS, (*run.torques.T, *run.commanded.T), strict=True))
     elif run.torques is not None:
         table |= dict(zip(TORQUE_COLUMNS, run.torques.T, strict=True))
+    if run.arm_input is not None:
+        table[INPUT_COLUMN] = run.arm_input
     if run.counts is not None:
         table |= dict(zip(COUNT_COLUMNS, run.counts.T, strict=True))
     return table

@@ -74,6 +74,11 @@ def test_signs_and_units_of_the_input_and_an_arm_that_stands_still_are_named():
         diagnose([replace(run, arm_input=-run.arm_input) for run in runs], rig)
     with pytest.raises(IdentificationError, match="seems to be in mN m"):
         diagnose([replace(run, arm_input=1e3 * run.arm_input) for run in runs], rig)
+    constant = {"nominal": 1.0, "lower": 0.5, "upper": 2.0}
+    voltage = rig.model_dump(exclude_none=True) | {"motor": {"input": "voltage", "kt": constant, "R": constant}}
+    milli = [replace(run, arm_input=1e3 * run.arm_input) for run in runs]
+    with pytest.raises(IdentificationError, match=r"in mV\. Import the table with --scale input=0\.001"):
+        diagnose(milli, Rig.model_validate(voltage))
     with pytest.raises(IdentificationError, match="theta0 turns the other way"):
         diagnose([replace(run, theta=run.theta * [-1.0, 1.0, 1.0]) for run in runs], rig)
     with pytest.raises(RunError, match="stands still"):

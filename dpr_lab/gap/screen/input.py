@@ -13,7 +13,7 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
-from dpr_lab.identification.moving_arm.setup import drive_gain
+from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 
 Array = NDArray[np.float64]
 
@@ -71,20 +71,20 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
         return
     if gain < 0.0:
         raise IdentificationError(
-            f"the {motor.input} acts against its sign: the fitted gain is negative. Import the table with the other"
-            " sign of the input column"
+            f"the {motor.input} acts against its sign: the fitted gain is negative. Import the table with"
+            " --scale input=-1"
         )
-    for unit in _units(gain, motor.input) if drive_gain(recordings.rig).known else ():
+    for exponent, unit in _units(gain, motor.input) if nominal_gain(recordings.rig) else ():
         raise IdentificationError(
             f"the {motor.input} acts {gain:.3g} times as strongly as the rig file says: its column seems to be in"
-            f" {unit}. Convert it, or mend the constants of [motor]"
+            f" {unit}. Import the table with --scale input={10.0**exponent:g}, or correct the constants of [motor]"
         )
 
 
-def _units(gain: float, kind: str) -> Iterator[str]:
+def _units(gain: float, kind: str) -> Iterator[tuple[float, str]]:
     for exponent, unit in UNITS.get(kind, {}).items():
         if abs(np.log10(gain) - exponent) < RULES.off:
-            yield unit
+            yield exponent, unit
 
 
 def _refuse_still(recordings: Recordings) -> None:

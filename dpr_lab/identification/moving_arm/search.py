@@ -5,6 +5,8 @@ a candidate is the sum of squared residuals over segments of a quarter of a seco
 the readings. The search is the improved genetic algorithm of `dpr_lab.search`.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,8 +19,22 @@ from dpr_lab.search import ALGORITHMS, load_search
 
 Array = NDArray[np.float64]
 
-ALGORITHM, WIDE, DRAWS = "iga", 10.0, 200
-"""Search, range of an unknown without bounds relative to its start, and random rigs that span the range of a ratio."""
+
+@dataclass(frozen=True, slots=True)
+class ArmSearchSettings:
+    """Settings of the search for a start."""
+
+    algorithm: str = "iga"
+    """Name in `dpr_lab.search.ALGORITHMS`."""
+    population: int = 24
+    generations: int = 16
+    wide: float = 10.0
+    """Range of an unknown without bounds in the rig file, relative to its start."""
+    draws: int = 200
+    """Number of random rigs within the bounds that span the range of a ratio."""
+
+
+ARM_SEARCH = ArmSearchSettings()
 
 
 def searched_start(problem: ArmProblem, initial: Array, rig: Rig, seed: int = 0) -> Array | None:
@@ -45,8 +61,10 @@ def searched_start(problem: ArmProblem, initial: Array, rig: Rig, seed: int = 0)
             costs.append(np.where(np.isfinite(sums), sums, np.inf))
         return np.array(costs)
 
-    settings = load_search("segments").model_copy(update={"population": 24, "generations": 16})
-    *_, last = ALGORITHMS[ALGORITHM].run(errors, np.log(box), settings, rng)
+    settings = load_search("segments").model_copy(
+        update={"population": ARM_SEARCH.population, "generations": ARM_SEARCH.generations}
+    )
+    *_, last = ALGORITHMS[ARM_SEARCH.algorithm].run(errors, np.log(box), settings, rng)
     if not np.isfinite(last.best_cost):
         return None
     p = unknowns.start.copy()
@@ -63,18 +81,18 @@ def _range(name: str, problem: ArmProblem, rig: Rig, rng: np.random.Generator) -
     """Lower and upper end of an unknown, in units of the scale."""
     unknowns = problem.unknowns
     low, high = rig.bounds
-    drawn = np.array([rod_inertias(rng.uniform(low, high), rig) for _ in range(DRAWS)])
+    drawn = np.array([rod_inertias(rng.uniform(low, high), rig) for _ in range(ARM_SEARCH.draws)])
     start = float(unknowns.start[SWING_PARAMETERS.index(name)])
     if name in ("a", "d", "e1", "c1", "c2"):
         ratios = drawn[:, ("a", "b", "d", "e1", "c1", "c2").index(name)] / drawn[:, 1]
         return _positive(float(ratios.min()), float(ratios.max()))
     if name == "gain":
         gain = start or nominal_gain(rig) / unknowns.scale_value or 1.0
-        return gain / WIDE, gain * WIDE
+        return gain / ARM_SEARCH.wide, gain * ARM_SEARCH.wide
     given: Parameter | None = getattr(rig.arm, name, None)
     if given is not None and given.lower is not None and given.upper is not None:
         return _positive(given.lower / float(drawn[:, 1].max()), given.upper / float(drawn[:, 1].min()))
-    return _positive(start / WIDE, start * WIDE)
+    return _positive(start / ARM_SEARCH.wide, start * ARM_SEARCH.wide)
 
 
 def _positive(low: float, high: float) -> tuple[float, float]:
