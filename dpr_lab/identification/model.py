@@ -342,7 +342,12 @@ def load_model(path: Path) -> Model:
         RunError: the file is missing, not JSON, or not a model; the message names the key.
     """
     try:
-        model = Model.model_validate(_printable(json.loads(regular(path, RunError).read_text(encoding="utf-8"))))
+        content = json.loads(regular(path, RunError).read_text(encoding="utf-8"))
+        if isinstance(content, dict) and content.get("kind") == "moving_arm":
+            raise RunError(
+                f"{path}: is a model of a rig with a free or driven arm, which only `compare` and `export --to` take"
+            )
+        model = Model.model_validate(_printable(content))
         refuse_unknown_effects(model.effects, path)
         return model
     except OSError as error:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.report.digits import plus_minus
+from dpr_lab.report.digits import interval, plus_minus
 
 if TYPE_CHECKING:
     from dpr_lab.identification.moving_arm.model import MovingArmModel
@@ -31,7 +31,7 @@ def summary(model: "MovingArmModel") -> str:
 def ratio_rows(model: "MovingArmModel") -> list[list[str]]:
     """One row for each ratio that the recordings determine."""
     return [
-        [name, plus_minus(one.value, one.std), " to ".join(f"{end:.5g}" for end in one.interval90)]
+        [name, plus_minus(one.value, one.std), interval(*one.interval90, one.value, one.std)]
         for name, one in model.ratios.items()
     ]
 

@@ -125,6 +125,10 @@ def test_export_checks_a_captured_run(tmp_path):
     import_csv(table, load_rig(rig_file), ImportOptions(keep_rest=True), out=run)
     fitted = CliRunner().invoke(app, ["identify", str(run), "--rig", str(rig_file), "--out", str(tmp_path / "m.json")])
     assert fitted.exit_code == 0, fitted.output
+    for option in (["--ensemble", "3"], ["--into", "robot.xml"]):
+        refused = CliRunner().invoke(app, ["export", str(tmp_path / "m.json"), "--rig", str(rig_file), *option])
+        assert refused.exit_code != 0
+        assert "which only `compare` and `export --to` take" in str(refused.exception)
     out = tmp_path / "export"
     args = ["export", str(tmp_path / "m.json"), "--rig", str(rig_file), "--to", "mjcf,python", "--check", str(run)]
     done = CliRunner().invoke(app, [*args, "--out", str(out), "--json"])
