@@ -85,7 +85,9 @@ def recorded(app: DprApp) -> list[Path]:
 
 
 @pytest.mark.slow
-async def test_three_releases_are_kept_one_for_each_pose(app: DprApp, until) -> None:
+async def test_three_releases_are_kept_one_for_each_pose(app: DprApp, until, monkeypatch: pytest.MonkeyPatch) -> None:
+    rung: list[bool] = []
+    monkeypatch.setattr(app, "bell", lambda: rung.append(True))
     async with app.run_test(size=(80, 24)) as pilot:
         step = await connect(pilot, until, SIM)
         for done in range(1, 4):
@@ -97,6 +99,7 @@ async def test_three_releases_are_kept_one_for_each_pose(app: DprApp, until) -> 
         assert headline(app).startswith("X3: all poses are recorded: n shows the next step.")
     runs = [load_run(file) for file in app.workspace.runs]
     assert [run.pose for run in runs] == ["X1", "X2", "X3"]
+    assert len(rung) == 6, "at each go-ahead and at each release, since eyes are on the rods"
     assert all(run.complete and run.t[-1] == 1.0 and not sum(run.lost.values()) for run in runs)
     assert all(verify(file).ok for file in app.workspace.runs)
 
