@@ -21,7 +21,7 @@ CASES = {
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("case", thinned([(cause, seed) for cause in CASES for seed in (0, 1)], 4))
+@pytest.mark.parametrize("case", thinned([(cause, seed) for cause in CASES for seed in (0, 1)], 8))
 def test_a_cause_in_a_closed_loop_is_named(paper: Rig, case: tuple[str, int]) -> None:
     cause, seed = case
     found = diagnose(CASES[cause].runs(paper, seed), paper)

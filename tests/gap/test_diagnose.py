@@ -164,7 +164,7 @@ def test_every_effect_is_named_from_its_own_recording(recorded, paper: Rig, name
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real" / "multiarm" / "dp_freeswing_1khz.csv"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(600)
 @pytest.mark.skipif(not REAL.is_file(), reason="the real recording is not here")
 def test_a_real_rig_is_predicted_three_and_a_half_times_better_than_by_viscous_friction() -> None:

@@ -180,10 +180,15 @@ def test_stale_samples_repeat_the_one_before_in_a_cycle(paper):
     assert np.array_equal(stale.counts[at], whole.counts[at - 1])
 
 
-@pytest.mark.slow
-def test_an_effect_with_background_is_the_most_visible_of_several(paper):
+@pytest.mark.long
+def test_the_seed_alone_decides_on_the_background(paper):
     first, again, other = (drawn(EffectRequest("background"), seed, paper) for seed in (3, 3, 4))
     assert first == again != other
+
+
+@pytest.mark.slow
+def test_an_effect_with_background_is_the_most_visible_of_several(paper):
+    first = drawn(EffectRequest("background"), 3, paper)
     assert any(name.startswith("encoder_offset") for name in first.effects)
     longer = first.effects[WRONG_LENGTH.name]["added_m"]
     assert 0.0 < abs(longer) < 0.02 * paper.L1

@@ -143,7 +143,11 @@ def test_in_a_detached_session_of_tmux_the_release_key_alone_releases_nothing(tm
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("reply", [b"\x1b[>83;40900;0c", b"\x1bP>|Zellij(4200)\x1b\\"], ids=["GNU screen", "Zellij"])
+@pytest.mark.parametrize(
+    "reply",
+    [b"\x1b[>83;40900;0c", pytest.param(b"\x1bP>|Zellij(4200)\x1b\\", marks=pytest.mark.long)],
+    ids=["GNU screen", "Zellij"],
+)
 def test_a_multiplexer_beyond_ssh_is_known_by_its_reply(on_terminal, tmp_path: Path, reply: bytes) -> None:
     terminal: Terminal = on_terminal(SIM, replies={b"c": reply} if reply.endswith(b"c") else {b"q": reply})
     to_ready(terminal)
