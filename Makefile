@@ -10,6 +10,8 @@ INSTALL := $(BIN)/python -m pip install --quiet --no-compile
 OUT    ?= out/demo
 FUZZ_SECONDS ?= 120
 CORES   := $(shell getconf _NPROCESSORS_ONLN)
+# Tests of links, screens and processes wait most of their time: two more workers than cores keep the cores busy.
+WORKERS := $(shell echo $$(($(CORES) + 2)))
 # Without it every process that tests compiles all tests again.
 unexport PYTHONDONTWRITEBYTECODE
 
@@ -20,11 +22,11 @@ demo: $(CORE)  ## record a simulated pendulum through the real protocol, identif
 
 # Tests of one file share what they record and identify, so one process gets them all.
 test: $(DEV)  ## fast tests first, then the slow ones
-	$(BIN)/pytest -m "not slow and not hardware" -n $(CORES) --dist loadfile
-	$(BIN)/pytest -m "slow and not long and not hardware" -n $(CORES) --dist loadfile
+	$(BIN)/pytest -m "not slow and not hardware" -n $(WORKERS) --dist loadfile
+	$(BIN)/pytest -m "slow and not long and not hardware" -n $(WORKERS) --dist loadfile
 
 test-all: test  ## and the long ones: every case of every table, before a release
-	DPR_LAB_FULL=1 $(BIN)/pytest -m "slow and not hardware" -n $$(($(CORES) + 1)) --dist loadfile
+	DPR_LAB_FULL=1 $(BIN)/pytest -m "slow and not hardware" -n $(WORKERS) --dist loadfile
 
 check: $(DEV)  ## style, types, import contracts
 	$(BIN)/ruff check .

@@ -5,8 +5,6 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[1]
 SOURCES = sorted(path for top in ("dpr_lab", "firmware_protocol", "sim_device") for path in (ROOT / top).rglob("*.py"))
 
@@ -20,15 +18,21 @@ VAGUE = {"found", "item", "told", "said", "it", "begun", "beside"}
 """Names of values that do not say what they hold."""
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_texts_and_docstrings_are_in_plain_words(path: Path) -> None:
-    used = [f"line {line}: {match[0]}" for line, text in _texts(path) for match in WORDS.finditer(text)]
+def test_texts_and_docstrings_are_in_plain_words() -> None:
+    used = [
+        f"{path.relative_to(ROOT)}:{line}: {match[0]}"
+        for path in SOURCES
+        for line, text in _texts(path)
+        for match in WORDS.finditer(text)
+    ]
     assert used == [], "use the terms of docs/glossary.md"
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_values_have_names_that_say_what_they_hold(path: Path) -> None:
-    assert [name for name in _defined(path) if name.strip("_") in VAGUE] == []
+def test_values_have_names_that_say_what_they_hold() -> None:
+    vague = [
+        f"{path.relative_to(ROOT)}: {name}" for path in SOURCES for name in _defined(path) if name.strip("_") in VAGUE
+    ]
+    assert vague == []
 
 
 def _texts(path: Path) -> Iterator[tuple[int, str]]:

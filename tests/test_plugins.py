@@ -88,6 +88,7 @@ def test_broken_plugins_are_named_and_skipped(announce: Announce) -> None:
     assert "right" not in reasons
 
 
+@pytest.mark.slow
 def test_no_plugins_turns_them_off(announce: Announce) -> None:
     site = announce("right", LAW, effects="a = right:MAGNETS")
     count = "from dpr_lab.effects import EFFECTS; print(len(EFFECTS))"
@@ -110,6 +111,7 @@ def test_nothing_is_loaded_from_the_current_folder(announce: Announce, tmp_path:
     assert not (here / "loaded").exists()
 
 
+@pytest.mark.slow
 def test_the_cache_of_kernels_and_the_certificate_know_plugins(announce: Announce) -> None:
     code = """
     from pathlib import Path

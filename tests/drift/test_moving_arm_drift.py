@@ -32,6 +32,7 @@ def runs_of(rig, c0, rng, name):
     return runs
 
 
+@pytest.mark.slow
 def test_friction_of_the_arm_that_rises_is_named():
     rng, rig = np.random.default_rng(2), rig_with("driven", "torque")
     runs = runs_of(rig, 0.02, rng, "monday") + runs_of(rig, 0.026, rng, "friday")

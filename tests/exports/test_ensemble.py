@@ -48,6 +48,7 @@ def values(models: list[Model]) -> np.ndarray:
     return np.array(list(rows))
 
 
+@pytest.mark.slow
 def test_samples_have_the_covariance_of_the_posterior_and_frictions_are_not_negative(model: Model) -> None:
     drawn = values(sampled_models(model, [component(model)], 4000, 1))
     assert (drawn[:, 2] >= 0).all()

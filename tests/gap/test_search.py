@@ -23,6 +23,7 @@ from sim_device.trials.draw import draw_plant
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import weighed
 from sim_device.trials.request import parse_request
+from tests.thinned import thinned
 
 Truth = Mapping[str, Mapping[str, float]]
 
@@ -68,7 +69,7 @@ def trial_of(step: SearchStep) -> tuple[str, list[str], bool]:
     return step.move, sorted(step.tried), step.accepted
 
 
-@pytest.mark.parametrize("truth", FAST)
+@pytest.mark.parametrize("truth", thinned(FAST, 2))
 def test_the_order_of_runs_and_of_the_library_does_not_change_the_answer(
     paper: Rig, recorded: Callable[..., list[Run]], truth: str
 ) -> None:
@@ -89,6 +90,7 @@ def test_nor_does_it_on_a_drawn_rig_with_two_effects() -> None:
     assert_order_does_not_matter(record(draw_plant(parse_request("pair:clear"), plant, rig), rig), rig, seed)
 
 
+@pytest.mark.slow
 def test_a_move_leaves_the_state_as_it_was_and_repeats_itself(
     bare: Callable[..., Any], screened: Callable[..., Any], recorded: Callable[..., list[Run]]
 ) -> None:
@@ -109,6 +111,7 @@ def test_a_move_leaves_the_state_as_it_was_and_repeats_itself(
     assert fitted_more
 
 
+@pytest.mark.slow
 def test_the_trace_leads_from_the_bare_model_to_the_chosen_set(paper: Rig, recorded: Callable[..., list[Run]]) -> None:
     diagnosis = diagnose(recorded(TRUTHS["two effects"], duration=3.0), paper)
     current: list[str] = []

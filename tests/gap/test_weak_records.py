@@ -105,6 +105,7 @@ def test_several_clamped_elbows_are_identified_within_the_bounds(paper: Rig) -> 
     assert 0.01 < model.ratios["a/b"].std / model.ratios["a/b"].value < 0.25
 
 
+@pytest.mark.slow
 def test_a_zero_offset_and_dry_friction_of_one_rod_are_not_called_cogging(tmp_path: Path) -> None:
     rod = Rod()
     rig, runs = recorded(rod, 0, tmp_path)
@@ -120,6 +121,7 @@ def test_a_zero_offset_and_dry_friction_of_one_rod_are_not_called_cogging(tmp_pa
     assert "rotor_inertia_joint1 is indistinguishable from e1/b" in " ".join(diagnosis.assumptions)
 
 
+@pytest.mark.slow
 def test_friction_unequal_in_both_directions_does_not_stand_for_a_zero_offset(tmp_path: Path) -> None:
     rod = replace(Rod(), dry=0.0103, damping=0.0029, length=0.256, mass=0.0655, noise=1.9e-3, duration=12.0)
     rig, runs = recorded(rod, 1, tmp_path)

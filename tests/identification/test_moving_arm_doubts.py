@@ -16,6 +16,7 @@ from tests.identification.test_moving_arm_fit import NOISE, PUSH, T, drawn, reco
 KT = {"nominal": 0.5, "lower": 0.1, "upper": 2.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("factor", "words"),
     [(-1.0, "--scale input=-1"), (1e3, "mA, not A; import the table with --scale input=0.001")],
@@ -27,6 +28,7 @@ def test_an_input_of_the_wrong_sign_or_unit_is_named(factor, words):
     assert any(words in failure for failure in identify_moving_arm([run], rig).failures)
 
 
+@pytest.mark.slow
 def test_rods_that_turn_the_other_way_are_named():
     rng, rig = np.random.default_rng(3), rig_with("driven", "torque")
     Z, arm, start = drawn(rng, rig)
@@ -35,6 +37,7 @@ def test_rods_that_turn_the_other_way_are_named():
     assert any("--scale theta1=-1,theta2=-1" in failure for failure in identify_moving_arm([run], rig).failures)
 
 
+@pytest.mark.slow
 def test_a_current_without_kt_shows_no_absolute_sizes():
     rng, rig = np.random.default_rng(1), rig_with("driven", "current")
     Z, arm, start = drawn(rng, rig)
@@ -43,6 +46,7 @@ def test_a_current_without_kt_shows_no_absolute_sizes():
     assert all(one.fixed_by == "bound" for one in model.absolute.values())
 
 
+@pytest.mark.slow
 def test_a_voltage_without_constants_says_what_is_lumped():
     rng, rig = np.random.default_rng(1), rig_with("driven", "voltage")
     Z, arm, start = drawn(rng, rig)
@@ -72,6 +76,7 @@ def with_stop(rig, Z, arm, start, limit, bounce=0.4):
     return x[:, :3]
 
 
+@pytest.mark.slow
 def test_an_arm_that_hits_its_stop_is_named():
     rng, rig = np.random.default_rng(6), rig_with("driven", "torque")
     Z, arm, start = drawn(rng, rig)

@@ -55,6 +55,7 @@ def truth_of(rig, Z, arm):
     return {f"{name}/b": value / base.b for name, value in values.items()} | {"1/b": 1 / base.b}, base, model
 
 
+@pytest.mark.slow
 def test_a_known_torque_determines_ratios_and_absolute_values():
     rng, rig = np.random.default_rng(1), rig_with("driven", "torque")
     Z, arm, start = drawn(rng, rig)
@@ -103,6 +104,7 @@ def test_a_voltage_drive_of_a_furuta_pendulum_shows_lumped_constants_only():
     assert any("separates kt from R" in note for note in model.notes)
 
 
+@pytest.mark.slow
 def test_a_reversed_arm_encoder_is_named():
     rng, rig = np.random.default_rng(3), rig_with("driven", "torque")
     Z, arm, start = drawn(rng, rig)

@@ -106,6 +106,7 @@ def test_measured_values_split_what_a_voltage_cannot():
     assert [advice.name for advice in known.sequence] == ["weigh m1"]
 
 
+@pytest.mark.slow
 def test_a_run_gives_values_and_a_nominal_current_constant_no_scale():
     rng, rig = np.random.default_rng(5), rig_with("driven", "current")
     Z, arm, start = drawn(rng, rig)

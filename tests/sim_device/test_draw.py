@@ -202,6 +202,7 @@ def test_an_effect_with_background_is_the_most_visible_of_several(paper):
     assert not any(alike(one, two) for one in small for two in (name, *small) if one != two)
 
 
+@pytest.mark.slow
 def test_with_background_the_masses_are_known_to_one_per_cent(paper):
     plant, rig = weighed(load_plant("paper", 3), paper)
     drawn_plant = draw_plant(EffectRequest("background"), plant, rig)

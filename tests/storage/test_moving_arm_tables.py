@@ -79,6 +79,7 @@ def test_an_override_and_what_it_lacks(rig_file, table):
         import_csv(table, rig)
 
 
+@pytest.mark.slow
 def test_from_a_table_to_a_comparison(tmp_path, rig_file, table):
     runs, model = tmp_path / "runs", tmp_path / "model.json"
     read_in = CliRunner().invoke(app, ["import", "table", str(table), "--rig", str(rig_file), "--out", str(runs)])
