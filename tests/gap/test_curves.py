@@ -12,7 +12,7 @@ OFFSETS = ("encoder_offset_joint1", "base_tilt", "com_offset_link1")
 """Indistinguishable on a rod alone, but for its zero."""
 
 
-@pytest.mark.parametrize("seed", [201, 202])
+@pytest.mark.parametrize("seed", [201, pytest.param(202, marks=pytest.mark.long)])
 def test_a_potentiometer_with_a_zero_error_is_not_called_eccentric(seed):
     case = bench("potentiometer", seed)
     diagnosis = diagnose(case.runs, case.rig, held_out=case.held_out)

@@ -37,8 +37,8 @@ def case(fault, mode, both=False, seconds=4.0, seed=3):
     ("fault", "mode"),
     [
         ("coulomb_joint0", "driven"),
-        ("spring_joint0", "free"),
-        ("torque_scale_joint0", "driven"),
+        pytest.param("spring_joint0", "free", marks=pytest.mark.long),
+        pytest.param("torque_scale_joint0", "driven", marks=pytest.mark.long),
         ("input_delay", "driven"),
     ],
 )

@@ -17,6 +17,7 @@ from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
 from tests.one_rod import Rod, recorded
+from tests.thinned import thinned
 
 TABLES = Path(__file__).parents[2] / "configs" / "tables"
 LIGHT = {"m2": 0.05, "J2": 0.000167}
@@ -51,7 +52,7 @@ def case(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", thinned([1, 2], 2))
 @pytest.mark.parametrize(("drag", "size"), [("air_drag_outer", 0.02), ("air_drag_both", 0.01)])
 def test_drag_with_the_elbow_clamped_has_an_interval_that_holds_the_truth(
     paper: Rig, drag: str, size: float, seed: int
