@@ -104,13 +104,10 @@ class EffectParameter:
 
     @property
     def ratio_unit(self) -> str:
-        """Unit of its ratio to b^k; empty if k is 0."""
-        return _RATIO_UNITS[self.unit] if self.scale_power else ""
-
-    @property
-    def has_ratio_unit(self) -> bool:
-        """Whether the unit of its ratio is known, or none is needed."""
-        return not self.scale_power or self.unit in _RATIO_UNITS
+        """Unit of its ratio to b^k; empty if k is 0. A unit that is not simplified here is divided by that of b^k."""
+        if not self.scale_power:
+            return ""
+        return _RATIO_UNITS.get(self.unit, f"{self.unit} / (kg m^2)" + ("" if self.scale_power == 1 else "^-1"))
 
 
 def shape(

@@ -38,5 +38,3 @@ def _reasons(effect: Effect) -> Iterator[str]:
         limit = parameter.limit or parameter.unit
         if limit not in LIMITS and not math.isfinite(parameter.most):
             yield f"parameter {parameter.name!r}: no limit for {limit!r}: give `most`, or one of: {', '.join(LIMITS)}"
-        if not parameter.has_ratio_unit:
-            yield f"parameter {parameter.name!r}: no ratio is defined for the unit {parameter.unit!r}"

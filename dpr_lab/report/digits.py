@@ -9,7 +9,7 @@ NONE = "–"
 NUMERIC = frozenset("0123456789 .,;:()+-\N{EN DASH}\N{MINUS SIGN}\N{PLUS-MINUS SIGN}<>≤≥~%e")
 """Characters of numbers, intervals and times: cells of these are aligned right, others left."""
 
-_POWER = re.compile(r"\^(\d)")
+_POWER = re.compile(r"\^(\d)(?!\.?\d)")
 
 
 def plus_minus(value: float, std: float | None) -> str:

@@ -3,6 +3,7 @@ import pytest
 
 from dpr_lab.dynamics.base import BASE, RATIOS, base_parameters, whole_parameters
 from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.fitting.estimate import unknown_ratios
 from dpr_lab.identification.model import EstimatedValue
 from dpr_lab.identification.prior_update import update_prior
@@ -99,3 +100,16 @@ def test_values_that_only_bounds_fix_have_an_interval_inside_those_bounds(paper:
     low, high = base["a"].interval90 or (np.nan, np.nan)
     width = np.array(base["b"].interval90) / base["b"].value
     assert np.array([low, high]) / base["a"].value == pytest.approx(width, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("unit", "ratio_unit"),
+    [
+        ("N m (s/rad)^0.5", "N m (s/rad)^0.5 / (kg m^2)"),
+        ("1/kg^2", "1/kg^2 / (kg m^2)^-1"),
+        ("N m", "1/s^2"),
+        ("rad", ""),
+    ],
+)
+def test_the_ratio_of_any_unit_of_a_plugin_has_a_unit(unit: str, ratio_unit: str) -> None:
+    assert EffectParameter("size", unit, 1e-3).ratio_unit == ratio_unit

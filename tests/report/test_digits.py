@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dpr_lab.report.digits import interval, pair, plus_minus, three
+from dpr_lab.report.digits import interval, pair, plus_minus, scaled_unit, three
 
 
 @pytest.mark.parametrize(
@@ -52,3 +52,7 @@ def test_three_digits(number, text):
 
 def test_a_pair_names_inner_before_outer():
     assert pair([0.1, float("inf")]) == "0.100, –"
+
+
+def test_only_powers_of_one_digit_are_superscripts() -> None:
+    assert scaled_unit("N m (s/rad)^0.5 / (kg m^2). 1/m^4.") == "N m (s/rad)^0.5 / (kg m²). 1/m⁴."
