@@ -61,6 +61,14 @@ def test_samples_have_the_covariance_of_the_posterior_and_frictions_are_not_nega
     assert wide[:, 0].std() == pytest.approx(2 * STD[0], rel=0.05)
 
 
+def test_values_of_another_recording_scatter_between_recordings_too(model: Model) -> None:
+    own = component(model)
+    other = own.model_copy(update={"between": (3 * np.array(own.covariance)).tolist()})
+    assert values(sampled_models(model, [other], 4000, 1))[:, 0].std() == pytest.approx(2 * STD[0], rel=0.05)
+    wide = widened([other], 2.0)
+    assert values(sampled_models(model, wide, 4000, 1))[:, 0].std() == pytest.approx(4 * STD[0], rel=0.05)
+
+
 def test_causes_are_drawn_by_their_probability(model: Model) -> None:
     two = [component(model, 0.7), component(model, 0.3, viscous_ground_link2={"friction_Nms": 1e-4})]
     sets = [tuple(member.effects) for member in sampled_models(model, two, 1000, 2)]

@@ -80,7 +80,7 @@ def calibrated(
 def widened(components: Sequence[PosteriorComponent], factor: float) -> list[PosteriorComponent]:
     """The posterior with its standard deviations multiplied by a factor."""
     return [
-        component.model_copy(update={"covariance": [[factor**2 * c for c in row] for row in component.covariance]})
+        component.model_copy(update={"covariance": (factor**2 * component.predictive).tolist(), "between": []})
         for component in components
     ]
 

@@ -1,6 +1,7 @@
 """Corrected models sampled from the posterior of parameters and causes, for domain randomisation.
 
-A set of effects is drawn by its probability, then its values from their joint normal distribution. A friction or an
+A set of effects is drawn by its probability, then its values from their joint normal distribution for another
+recording: the covariance of the fit, and that between recordings (`dpr_lab.gap.conclusion.scatter`). A friction or an
 amplitude that cannot be negative and is drawn so is zero; inertias that no bodies have are drawn again. The scale b,
 which a free swing does not show, is drawn log-normally within its interval: all masses, inertias and torques follow it,
 and the swing stays as it is.
@@ -64,7 +65,7 @@ def _drawn(model: Model, component: PosteriorComponent, rng: np.random.Generator
         f"{name}.{key}": value for name, own in component.effects.items() for key, value in own.items()
     }
     mean = np.array([values[name] for name in component.free])
-    root = _root(np.array(component.covariance).reshape(len(mean), len(mean)))
+    root = _root(component.predictive)
     for _ in range(tries):
         step = root @ rng.standard_normal(len(mean))
         drawn = signed(values | dict(zip(component.free, (mean + step).tolist(), strict=True)))

@@ -14,6 +14,7 @@ from dpr_lab.effects import named_params
 from dpr_lab.fitting.estimate import FreeParameter
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.classes.posterior import CALIBRATION
+from dpr_lab.gap.conclusion.scatter import between_recordings
 from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.posterior import PosteriorComponent
@@ -77,6 +78,7 @@ def _component(
         effects=named_params(at.fit.estimate.params),
         free=[_name(at.fit.free[i]) for i in own],
         covariance=spread.tolist(),
+        between=between_recordings(problem, at.fit)[np.ix_(own, own)].tolist(),
     )
 
 

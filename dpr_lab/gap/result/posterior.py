@@ -2,6 +2,8 @@
 
 from typing import Annotated
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -22,3 +24,13 @@ class PosteriorComponent(BaseModel):
     """Fitted values, in the order of the covariance: a ratio, or `effect.parameter`."""
     covariance: list[list[Number]]
     """(free, free) covariance, SI."""
+    between: list[list[Number]] = []
+    """(free, free) covariance of the values of another recording about these, SI, beyond the noise of the readings.
+    It is zero if the recordings do not differ beyond chance, and empty in a file of an older version.
+    """
+
+    @property
+    def predictive(self) -> NDArray[np.float64]:
+        """(free, free) covariance of the values of another recording."""
+        shape = len(self.free), len(self.free)
+        return np.reshape(self.covariance, shape) + (np.reshape(self.between, shape) if self.between else 0.0)

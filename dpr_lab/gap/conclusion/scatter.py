@@ -1,0 +1,80 @@
+"""Scatter of the fitted values between recordings, beyond the noise of the readings.
+
+With H_r and g_r the normal matrix and the gradient of recording r at the common fit, initial states projected out, its
+own values differ from the common ones by H_r^+ g_r. If only the noise of the readings caused these differences,
+
+    Q = sum_r g_r^T H_r^+ g_r
+
+would be about nu = sum_r rank(H_r) - k for k values. A larger Q shows that the values are effective values of an
+incomplete model, and that those of another recording have the covariance
+
+    B = (Q / nu - 1) R (sum_r H_r)^+
+
+about the common ones, for R equally informative recordings. B is zero unless Q > nu + 3 sqrt(2 nu). A single recording
+is divided into quarters, as for the gap budget.
+
+Source: R. T. Birge (1932), The calculation of errors by the method of least squares, Physical Review 40, 207-227, for
+the ratio Q / nu; W. G. Cochran (1954), The combination of estimates from different experiments, Biometrics 10, 101-129.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.hypothesis.cross_validation import folds
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ScatterSettings:
+    """Settings of the estimate."""
+
+    significant: float = 3.0
+    """Standard deviations of Q, sqrt(2 nu), above nu from which recordings differ."""
+    singular: float = 1e-6
+    """Relative size of an eigenvalue of a scaled normal matrix that counts as zero."""
+
+
+SCATTER = ScatterSettings()
+
+
+def between_recordings(problem: Problem, at: Fit) -> Array:
+    """(free, free) covariance of the values of another recording about the common ones; zero for values at a bound.
+
+    Args:
+        problem: segments and noise
+        at: the common fit
+    """
+    inside = list(at.inside)
+    fold = np.unique(folds(problem), return_inverse=True)[1]
+    followed = np.isfinite(at.linear.chi2_by_segment)
+    covariance = np.zeros((len(at.free), len(at.free)))
+    parts = [(at.linear.A[mine][:, :, inside], at.linear.e[mine]) for mine in _masks(fold, followed)]
+    columns = [(A.reshape(-1, len(inside)), e.ravel()) for A, e in parts]
+    normal = sum((X.T @ X for X, _ in columns), np.zeros((len(inside), len(inside))))
+    if len(parts) < 2 or not inside or not np.isfinite(normal).all():
+        return covariance
+    scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(np.float64).tiny))
+    Q, rank = 0.0, 0
+    for X, e in columns:
+        own, vectors = np.linalg.eigh(X.T @ X / np.outer(scale, scale))
+        seen = own > SCATTER.singular * own.max()
+        Q += float(np.sum((vectors[:, seen].T @ (X.T @ e / scale)) ** 2 / own[seen]))
+        rank += int(seen.sum())
+    nu = rank - len(inside)
+    if nu < 1 or not Q > nu + SCATTER.significant * (2 * nu) ** 0.5:
+        return covariance
+    recordings = len(np.unique(problem.segments.run))
+    inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=SCATTER.singular**2, hermitian=True)
+    covariance[np.ix_(inside, inside)] = (Q / nu - 1) * recordings * inverse / np.outer(scale, scale)
+    return covariance
+
+
+def _masks(fold: NDArray[np.intp], followed: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
+    """Followed segments of each recording that has any."""
+    masks = [(fold == r) & followed for r in range(int(fold.max()) + 1)]
+    return [mask for mask in masks if mask.any()]

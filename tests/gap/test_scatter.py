@@ -1,0 +1,48 @@
+"""Scatter between recordings: none by noise alone, the drawn one where the values really differ."""
+
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.gap.conclusion.scatter import between_recordings
+
+
+def instants(count: int, readings: int) -> list[np.ndarray]:
+    """Instants of each segment."""
+    return [np.arange(readings) + 10.0 * i for i in range(count)]
+
+
+class _Linear:
+    """A linear fit of `k` values to recordings of 40 segments of 6 readings, each with values of its own."""
+
+    def __init__(self, spread: float, runs: int, seed: int, k: int = 2) -> None:
+        rng = np.random.default_rng(seed)
+        per, m = 40, 6
+        self.A = rng.normal(size=(runs * per, m, k)) * [1.0, 30.0]
+        own = spread * rng.normal(size=(runs, k)) / [1.0, 30.0]
+        readings = np.einsum("smk,sk->sm", self.A, np.repeat(own, per, axis=0)) + rng.normal(size=(runs * per, m))
+        flat = self.A.reshape(-1, k)
+        self.e = readings - (self.A @ np.linalg.lstsq(flat, readings.ravel())[0])
+        self.chi2_by_segment = np.sum(self.e**2, axis=1)
+        self.linear, self.free, self.inside = self, range(k), range(k)
+        self.segments = segments(instants(runs * per, m), run=np.repeat(np.arange(runs), per))
+
+
+def test_noise_alone_shows_no_scatter() -> None:
+    fits = [_Linear(0.0, runs=5, seed=seed) for seed in range(20)]
+    assert sum(np.any(between_recordings(fit, fit)) for fit in fits) <= 1
+
+
+def test_values_that_differ_show_their_covariance() -> None:
+    fits = [_Linear(1.0, runs=8, seed=seed) for seed in range(20)]
+    mean = np.mean([between_recordings(fit, fit) for fit in fits], axis=0)
+    assert np.sqrt(np.diag(mean)) == pytest.approx([1.0, 1 / 30], rel=0.25)
+
+
+def test_one_recording_is_its_quarters() -> None:
+    """Values that change within the recording; over all of it they average out to a quarter of their variance."""
+    fits = [_Linear(1.0, runs=4, seed=seed) for seed in range(20)]
+    several = np.mean([between_recordings(fit, fit) for fit in fits], axis=0)
+    for fit in fits:
+        fit.segments = segments(instants(len(fit.e), 6))
+    assert np.mean([between_recordings(fit, fit) for fit in fits], axis=0) == pytest.approx(several / 4)
