@@ -65,7 +65,8 @@ class Replay:
 
     def driven(self, t: float, state: object) -> list[float]:
         """Torques of joints 1 and 2, N m, or input of the arm during the step that starts at t."""
-        return self.torques[min(round((t - self.start) / REPLAY.step_s), len(self.torques) - 1)].tolist()
+        step = int((t - self.start) / REPLAY.step_s + 1e-6)  # a program may have shorter steps
+        return self.torques[min(step, len(self.torques) - 1)].tolist()
 
     def error(self, theta: Array) -> float:
         """Mean square error of a simulation, rad^2."""

@@ -131,3 +131,10 @@ def test_a_wrong_torque_constant_is_the_gear_of_the_motor(tmp_path: Path) -> Non
 def test_a_file_without_a_motor_has_no_gear(tmp_path: Path, name: str) -> None:
     lost = lost_in(tmp_path, name, {"torque_scale_joint2": {"excess": 0.2}})
     assert lost == {"torque_scale_joint2": "the inputs of the model are the acting torques, without drives"}
+
+
+def test_a_program_with_shorter_steps_gets_the_torque_of_the_step_it_is_in() -> None:
+    torques = np.arange(8.0).reshape(4, 2)
+    swing = Replay("", T, np.zeros((31, 2)), np.zeros((31, 2)), 0.1, np.array(X0), np.zeros(2), torques)
+    firsts = [swing.driven(0.1 + k * 5e-4, None)[0] for k in range(8)]
+    assert firsts == [0.0, 0.0, 2.0, 2.0, 4.0, 4.0, 6.0, 6.0]
