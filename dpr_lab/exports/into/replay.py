@@ -134,7 +134,8 @@ class Simulation:
         kind, readings = names["EngineSwing"], names["readings"]
         kind.compiled = self.model
         upright = np.pi - self.direction[0] * self.zero[0], -self.direction[1] * self.zero[1]
-        readings.__globals__.update(JOINTS=self.joints, UPRIGHT=upright, SIGN=tuple(self.direction.tolist()))
+        joints = zip(self.joints, upright, self.direction.tolist(), strict=True)
+        readings.__globals__.update(JOINTS=dict(enumerate(joints, 1)))
 
         def angles(swing: Replay) -> Array:
             def torques(t: float, state: object) -> list[float]:
