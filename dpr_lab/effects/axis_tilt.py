@@ -2,24 +2,24 @@
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.elementary import sincos
-from dpr_lab.effects.quantities import BaseParameters, Motion, RigConstants
+from dpr_lab.effects.quantities import BaseParameters, Motion
 from dpr_lab.kernels import inlined
 
 
 @inlined
 def leaning(
-    motion: Motion, base: BaseParameters, constants: RigConstants, along_rad: float, across_rad: float
+    motion: Motion, base: BaseParameters, along_rad: float, across_rad: float, along_Nm: float, across_Nm: float
 ) -> tuple[float, float, float]:
     """Torques on theta0, theta1, theta2, N m, to the first order of the tilt.
 
-        tau0 = M L0 g p_t - (e1 sin(theta1) + e2 sin(theta2)) p_r,    tau_i = e_i cos(theta_i) p_t
+        tau0 = K_t - (e1 sin(theta1) + e2 sin(theta2)) p_r,    tau_i = e_i cos(theta_i) p_t
 
-    The horizontal part of gravity, p g, has the components p_r along the arm and p_t across it; M = m1 + m2 + mb.
+    The horizontal part of gravity, p g, has the components p_r along the arm and p_t across it. K = S g p, with S the
+    first moment of arm and rods about the axis, which also depends on a counterweight and is therefore fitted.
     """
     sin0, cos0 = sincos(motion.theta0)
     radial, tangential = along_rad * cos0 + across_rad * sin0, across_rad * cos0 - along_rad * sin0
-    carried = (constants.m1 + constants.m2 + constants.mb) * constants.L0 * constants.g
-    torque0 = carried * tangential - (base.e1 * motion.sin1 + base.e2 * motion.sin2) * radial
+    torque0 = across_Nm * cos0 - along_Nm * sin0 - (base.e1 * motion.sin1 + base.e2 * motion.sin2) * radial
     return torque0, base.e1 * motion.cos1 * tangential, base.e2 * motion.cos2 * tangential
 
 
@@ -27,10 +27,15 @@ AXIS_TILT_JOINT0 = Effect(
     name="axis_tilt_joint0",
     words="tilt of the arm's axis",
     equation=(
-        "(m1 + m2 + mb) L0 g p_t - (e1 sin(theta1) + e2 sin(theta2)) p_r acts on the arm and e_i cos(theta_i) p_t on"
+        "Y cos(q) - X sin(q) - (e1 sin(theta1) + e2 sin(theta2)) p_r acts on the arm and e_i cos(theta_i) p_t on"
         " theta_i, with p_r = x cos(q) + y sin(q), p_t = y cos(q) - x sin(q), q the angle of the arm"
     ),
-    parameters=(EffectParameter("along_rad", "rad", 5e-3), EffectParameter("across_rad", "rad", 5e-3)),
+    parameters=(
+        EffectParameter("along_rad", "rad", 5e-3),
+        EffectParameter("across_rad", "rad", 5e-3),
+        EffectParameter("along_Nm", "N m", 2e-3),
+        EffectParameter("across_Nm", "N m", 2e-3),
+    ),
     site="base",
     stage="whole0",
     kernel=leaning,

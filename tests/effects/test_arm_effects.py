@@ -88,6 +88,8 @@ def test_a_tilted_axis_is_gravity_that_mujoco_tilts():
     Z, frame, arm = RIG.nominal, (0.3, CONSTANTS.L1, CONSTANTS.g), ArmParameters(0.05, 0.02, mode="free")
     t, torque = 0.005 * np.arange(200), 0.3 * np.sin(0.02 * np.arange(200))
     start, tilt = np.array([0.7, 2.0, 1.5, 0.4, 0.3, -0.2]), {"along_rad": 0.004, "across_rad": -0.007}
+    moment = float(sum(Z[2:5])) * frame[0] * frame[2]
+    tilt |= {"along_Nm": moment * tilt["along_rad"], "across_Nm": moment * tilt["across_rad"]}
     push = (frame[2] * tilt["along_rad"], frame[2] * tilt["across_rad"])
     expected = three_hinges(mujoco, Z, arm, start, t, torque, frame, push)
     effects = effect_params({"axis_tilt_joint0": tilt})
