@@ -1,5 +1,6 @@
 import pytest
 
+from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.causes import EffectSize, NamedEffect
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.report.gap.sizes import scale_note, sizes_cell, true_sizes_cell
@@ -71,3 +72,15 @@ def test_a_negative_drift_of_friction_is_put_into_words(diagnosis) -> None:
     )
     result = diagnosis(scale=NOT_MEASURED, effects=[drift])
     assert "viscous friction decreases during the swing" in sizes_cell(result, drift)
+
+
+def test_a_negative_drift_of_friction_has_words(diagnosis) -> None:
+    (parameter,) = EFFECTS["friction_drift_joint2"].parameters
+    cells = []
+    for value in (-0.02, 0.02):
+        size = EffectSize(value=value, interval90=(value - 0.005, value + 0.005))
+        drift = {"name": "friction_drift_joint2", "class": ["friction_drift_joint2"], "probability": 0.9, "share": 0.5}
+        effect = NamedEffect.model_validate(drift | {"parameters": {parameter.name: size}})
+        cells.append(sizes_cell(diagnosis(effects=[effect]), effect))
+    assert cells[0].endswith("viscous friction decreases during the swing, for example because grease warms up")
+    assert "grease" not in cells[1]
