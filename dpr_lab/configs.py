@@ -98,7 +98,7 @@ def _models_in(annotation: Any) -> set[type[BaseModel]]:
 
 
 def fault_words(fault: "ErrorDetails") -> str:
-    """What is wrong with a value that a model of pydantic refused: `must be greater than 0`."""
+    """The reason why a pydantic model refused a value: `must be greater than 0`."""
     kind = {"extra_forbidden": "unknown key", "missing": "is missing"}.get(fault["type"])
     if fault["type"] == "too_short":
         kind = f"has too few entries: at least {fault.get('ctx', {}).get('min_length', 1)}"

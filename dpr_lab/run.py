@@ -63,7 +63,7 @@ class Run(Shown):
     arm_mode: ArmMode = "clamped"
     """Mode of the arm."""
     inner: ArmMotion | None = None
-    """How the inner rod moved, where joint 1 is prescribed; None where it swung."""
+    """Motion of the inner rod if joint 1 is prescribed; None for a free inner rod."""
     arm_input: NDArray[np.float64] | None = None
     """(n,) input of a driven arm in the unit of the rig's `[motor]` input, each held until the next sample."""
     complete: bool = True

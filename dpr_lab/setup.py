@@ -22,7 +22,7 @@ class Torques:
     kind: str = ""
     """`measured` or `commanded`, if known."""
     on_arm: NDArray[np.float64] | None = None
-    """(n,) torque on an arm that is driven, N m; None where none is known."""
+    """(n,) torque on a driven arm, N m; None if it is unknown."""
     scaled: bool = True
     """Whether they are known in N m, so that they show the scale of all torques; else only their course is."""
 
@@ -103,7 +103,7 @@ def _since_before(at: NDArray[np.float64], first: NDArray[np.bool_] | None) -> N
 
 @dataclass(frozen=True, slots=True)
 class PrescribedJoint:
-    """How a joint is represented that moves as its encoder says."""
+    """Representation of a joint with a prescribed motion."""
 
     inertia: float = 1e6
     """Of the inner rod, kg m^2: nothing that hangs on it then moves it."""
@@ -135,7 +135,7 @@ class Setup:
     arm: ArmMotion | None = None
     """Motion of the arm if it is prescribed; None if it was clamped, free or driven."""
     inner: ArmMotion | None = None
-    """How the inner rod moved, where joint 1 is prescribed; its torque is then that of `inner_torques`."""
+    """Motion of the inner rod if joint 1 is prescribed; its torque is then that of `inner_torques`."""
     arm_moves: bool = False
     """Whether the arm moved by itself or by a drive, so that its angle is a reading and part of the state."""
 

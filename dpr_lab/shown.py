@@ -1,4 +1,4 @@
-"""What public names show at a prompt: results as a heading and a table, and `help()` in plain types."""
+"""Display of public names at a prompt: results as a heading and a table, and `help()` with plain types."""
 
 import ast
 import inspect

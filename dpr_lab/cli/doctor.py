@@ -20,7 +20,7 @@ class SystemCheck:
     what: str
     state: Literal["ok", "note", "wrong"]
     message: str
-    """What was found, and what to do where it is wrong."""
+    """Result of one test, and what to do if it failed."""
 
     def to_json(self) -> dict[str, str]:
         """The check as an object of `doctor --json`."""

@@ -24,7 +24,7 @@ def drift(
     diagnosis: Annotated[
         Path | None, typer.Option(help="Output of `diagnose --json`: the sizes of its effects are compared too.")
     ] = None,
-    model: Annotated[Path | None, typer.Option(help="Model that `identify` wrote; the start of the fit.")] = None,
+    model: Annotated[Path | None, typer.Option(help="Model written by `identify`; initial values of the fit.")] = None,
     fail_on_drift: Annotated[bool, typer.Option("--fail-on-drift", help="Exit with 1 if a parameter changed.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder of the control charts and the report.")] = None,
     any_clock: AnyClock = False,

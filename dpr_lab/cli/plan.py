@@ -94,7 +94,7 @@ def _row(one: "PlannedRelease") -> tuple[str, ...]:
 
 
 def _show_detectable(made: "Plan", most: int = 12) -> None:
-    """The amplitudes that the plan shows worst, relative to their typical size."""
+    """The amplitudes that are hardest to detect with the plan, relative to their typical size."""
     worst = sorted(made.detectable, key=lambda one: -(float("inf") if one.after is None else one.after / one.typical))
     rows = [(one.effect, one.parameter, _size(one.before), _size(one.after), one.unit) for one in worst[:most]]
     note = f"{len(made.detectable)} amplitudes in all; those that show worst are listed. {NOT_SEEN}"

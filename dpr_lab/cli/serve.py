@@ -47,7 +47,7 @@ def serve(
 
 
 def _only_answers() -> BinaryIO:
-    """The stream of answers; what else is printed goes to stderr."""
+    """The stream for responses; all other output goes to stderr."""
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     return answers

@@ -1,4 +1,4 @@
-"""Name, version and sources of plugins in one text, for what depends on their code."""
+"""Name, version and sources of plugins in one text, for data that depend on their code."""
 
 import hashlib
 import importlib.util
@@ -9,7 +9,7 @@ from dpr_lab.plugins.installed import announced, without_current_folder
 
 
 def fingerprint(*groups: str) -> str:
-    """Name, version and hash of the sources of each plugin of some groups, one a line; empty where there is none."""
+    """Name, version and hash of the sources of each plugin of some groups, one per line; empty without plugins."""
     used = sorted({(p.package, p.version, p.module.partition(".")[0]) for p in announced() if p.group in groups})
     return "".join(f"{package} {version} {module} {_source_hash(module)}\n" for package, version, module in used)
 

@@ -74,7 +74,7 @@ def _import_folders() -> list[str]:
 
 @contextmanager
 def without_current_folder() -> Iterator[None]:
-    """Take out of `sys.path` the current folder that `python -m` and `python -c` put first."""
+    """Remove the current folder from `sys.path`, where `python -m` and `python -c` insert it."""
     before = list(sys.path)
     first = sys.path[:1] if sys.flags.safe_path else [f for f in sys.path[:1] if f in _import_folders()]
     sys.path[:] = first + [folder for folder in before[1:] if folder]

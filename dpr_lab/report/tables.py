@@ -118,7 +118,7 @@ def ratio_rows(model: "Model") -> list[list[str]]:
 
 
 def _undetermined(model: "Model") -> str:
-    """Which ratios the recordings do not determine, in a sentence; nothing where they determine all."""
+    """A sentence on the ratios that the recordings do not determine; empty if they determine all."""
     names = [name for name, ratio in model.ratios.items() if ratio.fixed_by != "data"]
     names += ["the ratios of the outer rod, which is not mounted"] if model.fitted else []
     return f" Not determined by these recordings: {', '.join(names)}." if names else ""

@@ -149,7 +149,7 @@ def _arm_mode(stored: Scan) -> ArmMode:
 
 
 def _inner_mode(stored: Scan) -> str:
-    """What the inner rod did: as the run says, or its rig does."""
+    """Motion of the inner rod: as stated by the run, otherwise by its rig."""
     stated = str(stored.metadata.extra.get("inner", stored.metadata.rig.joints.inner))
     if stated not in get_args(InnerMode):
         raise RunError(

@@ -29,12 +29,12 @@ class EnsembleRequest:
     size: int
     """Number of models."""
     seed: int
-    """Of the draws."""
+    """Seed of the random models."""
     formats: tuple[str, ...]
     """Formats of each model besides the JSON file."""
     out: Path
     check: tuple[Path, ...] = ()
-    """Runs by which the ensemble is widened, if its predictive bands do not cover their readings."""
+    """Runs that calibrate the width of the ensemble: its predictive bands must cover their readings."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class EnsembleResult:
 
     file: Path
     folders: tuple[Path, ...]
-    """Folder of each model, if formats were asked for."""
+    """Folder of each model, if formats were requested."""
     sets: dict[str, int]
     """Effects, joined by +, -> number of models with them."""
     factor: float

@@ -353,7 +353,7 @@ def _imported(name: str) -> Any:
 
 
 def _progress(event: events.Event) -> dict[str, Any] | None:
-    """An event as parameters of a notification; None for those that say nothing."""
+    """An event as parameters of a notification; None for events that are not reported."""
     match event:
         case events.StageBegan():
             return {"event": "stage", "number": event.number, "of": event.of, "name": event.name}

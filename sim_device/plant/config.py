@@ -46,11 +46,11 @@ class EncoderConfig(_Table):
     jitter_ms: NotNegative = 0.0
     """Standard deviation of the instants at which the encoders are read."""
     late_every: Annotated[int, Field(ge=0)] = 0
-    """Every so many samples of a swing, one is read late, as by a multiplexer; 0 for none;"""
+    """A swing sample is read late once in this number of samples, as by a multiplexer; 0: never;"""
     late_ms: Annotated[float, Field(ge=0, le=50, allow_inf_nan=False)] = 0.0
     """and this is its delay."""
     stale_every: Annotated[int, Field(ge=0)] = 0
-    """Every so many samples of a swing, one repeats the previous one; 0 for none;"""
+    """A swing sample repeats the previous one once in this number of samples; 0: never;"""
     stale_from_s: NotNegative = 0.0
     """from this instant on, s since the release;"""
     stale_for_s: Positive | None = None
@@ -66,7 +66,7 @@ class EncoderConfig(_Table):
 
 
 class MountConfig(_Table):
-    """Mode of what carries the rig, along the ground in the plane of the rods."""
+    """Vibration mode of the mount, along the ground in the plane of the rods."""
 
     stiffness_N_per_m: Positive
     frequency_hz: Positive

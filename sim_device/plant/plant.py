@@ -111,7 +111,7 @@ class Plant:
         self.has_play = False
         """Whether the encoder of joint 2 has play."""
         self.mount: Yielding | None = None
-        """What carries the rig, if it yields."""
+        """The mount, if it is compliant."""
         if config.mount is not None:
             _, _, d, e1, *_ = base_parameters(hung(Z, self._setup), rig.L1, rig.g).tolist()
             self.mount = Yielding(config.mount, (e1 / rig.g, d / rig.L1))

@@ -72,7 +72,7 @@ def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
 
 
 def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
-    """How much of what is reproducible is explained, and which parameters vary; empty where there is no gap."""
+    """Explained share of the reproducible gap, and parameters that vary between recordings; empty without a gap."""
     budget = diagnosis.gap.budget
     if budget is None or budget.of_gap is None:
         return []

@@ -170,7 +170,7 @@ def _changed(before: Sequence[str], tried: Sequence[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A named effect, or the closest one where none is named, with its alternatives."""
+    """A named effect, or the closest one if none is named, with its alternatives."""
 
     name: str
     members: tuple[str, ...]

@@ -362,7 +362,7 @@ def _readings_in_pose(asked: Asked, settings: QuestionSettings) -> list[OtherRea
 
 
 def _zeros_in_pose(asked: Asked, added: Array, settings: QuestionSettings) -> list[OtherReading]:
-    """The table with zeros with which its swing starts in the named pose, if that contradicts its energy no more."""
+    """The table with other zeros, for which its swing starts in the named pose, unless its energy is then worse."""
     if asked.options.unit == "counts" or asked.options.pose is None:
         return []
     read, tolerance = asked.read(settings), asked.rig.poses[asked.options.pose].tolerance

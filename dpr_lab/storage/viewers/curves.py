@@ -15,4 +15,4 @@ TEXTS = EVENTS
 """Topic with the release and other events."""
 
 COLORS = ("#1f77b4", "#d62728", "#2ca02c")
-"""Of the curves of a plot, in order."""
+"""Names of the curves of a plot, in order."""
