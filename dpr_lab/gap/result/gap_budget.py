@@ -1,5 +1,6 @@
 """Reproducible share of the gap, and its explained part."""
 
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
@@ -9,11 +10,18 @@ from dpr_lab.gap.result.saved import Number, Saved
 
 Share = Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=1.0)]
 
-MOSTLY = 0.5
-"""Share of the gap from which parameters that vary are its main part."""
 
-CHANGED = 0.05
-"""Relative scatter of a ratio between recordings of one rig, which only a change of the rig exceeds."""
+@dataclass(frozen=True, slots=True)
+class ChangedRig:
+    """Limits from which the parameters of a rig changed between its recordings."""
+
+    share: float = 0.5
+    """Share of the gap from which parameters that vary are its main part."""
+    scatter: float = 0.05
+    """Relative scatter of a ratio between recordings of one rig, which only a change of the rig exceeds."""
+
+
+CHANGED_RIG = ChangedRig()
 
 
 class VaryingParameter(Saved):
@@ -74,10 +82,12 @@ class GapBudget(Saved):
     @property
     def changed_ratio(self) -> VaryingParameter | None:
         """The ratio that differs between recordings by so much that the rig must have been changed; not of friction."""
-        if self.basis != "recordings" or self.varying < MOSTLY:
+        if self.basis != "recordings" or self.varying < CHANGED_RIG.share:
             return None
         ratios = (one for one in self.parameters if not one.effect and not one.name.startswith("c"))
-        return next((one for one in ratios if one.spread > CHANGED * np.abs(np.mean([*one.values.values()]))), None)
+        return next(
+            (one for one in ratios if one.spread > CHANGED_RIG.scatter * np.abs(np.mean([*one.values.values()]))), None
+        )
 
     @property
     def _no_gap(self) -> bool:
