@@ -33,7 +33,7 @@ def limit_rows(acceptance: Acceptance) -> list[tuple[str, ...]]:
 
 
 def deciding_sentence(acceptance: Acceptance) -> str:
-    """Introduction of the releases that would decide limits; empty if none are known to."""
+    """Introduction of the releases that are expected to decide limits; empty without any."""
     if not acceptance.would_decide:
         return ""
     return f"These releases are expected to decide {listed(acceptance.would_decide)}:"

@@ -110,7 +110,7 @@ def counting_too_fast(body: Body, values: Values) -> EquationOfMotion:
 
 
 def overspeed_loss(joints: Array, moment: Moment, values: Values) -> Array:
-    """Adds the change of the angle by lost counts."""
+    """Add the change of the angle by lost counts."""
     return _with_joint(2, joints, moment.states[:, 4])
 
 
