@@ -2,7 +2,7 @@
 
     python docs/screenshots.py [--out docs/img] [--sizes 80x24 120x40 200x60] [--themes dpr-dark dpr-light dpr-contrast]
 
-Writes tui-STEP-SIZE-THEME.svg for each of the six steps at each size in each theme; takes some minutes, since
+Writes tui-STEP-SIZE-THEME.svg for each of the seven steps at each size in each theme; takes some minutes, since
 everything shown is really recorded, identified and diagnosed.
 """
 
@@ -35,7 +35,7 @@ SETTLING_S = 1.0
 """After a new size or theme, until everything is drawn."""
 RELEASES = 3
 """Tell effects apart."""
-WORKING = ("4", "5", "6")
+WORKING = ("4", "5", "6", "7")
 """Keys of the steps that are started by `s` and take their time."""
 
 

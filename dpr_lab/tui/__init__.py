@@ -1,4 +1,4 @@
-"""The bench screen: six steps from the cable to the diagnosis, every action a call that the command line makes too.
+"""The bench screen: seven steps from the cable to the diagnosis, every action a call that the command line makes too.
 
 app                  steps in their order, keys, errors as notices
 steps                one page each

@@ -36,6 +36,7 @@ from dpr_lab.tui.steps.connect import ConnectStep
 from dpr_lab.tui.steps.diagnose import DiagnoseStep
 from dpr_lab.tui.steps.identify import IdentifyStep
 from dpr_lab.tui.steps.job_step import JobStep
+from dpr_lab.tui.steps.plan import PlanStep
 from dpr_lab.tui.steps.rig import RigStep, TableGiven
 from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.terminal.display import Display
@@ -56,7 +57,7 @@ from dpr_lab.tui.widgets.status_line import COUNTDOWN, StatusLine
 from dpr_lab.tui.widgets.stepper import Stepper, StepStatus
 from dpr_lab.tui.workspace import Workspace
 
-STEPS: tuple[type[Step], ...] = (ConnectStep, RigStep, CaptureStep, IdentifyStep, CompareStep, DiagnoseStep)
+STEPS: tuple[type[Step], ...] = (ConnectStep, RigStep, CaptureStep, IdentifyStep, CompareStep, DiagnoseStep, PlanStep)
 """Steps in order, which defines their numbers and keys."""
 
 LEAST = (80, 24)

@@ -1,6 +1,8 @@
 """Work of the operator, stored between sessions of the screen."""
 
+import hashlib
 import os
+import tomllib
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -47,6 +49,10 @@ class Workspace:
     """`commanded`: use these torques for runs that contain both kinds; empty: the measured ones."""
     held_out: list[Path] = field(default_factory=list)
     """Held-out run files, which only validate a diagnosis."""
+    next_pose: str = ""
+    """Planned pose that Capture selects next; empty: it keeps its own."""
+    next_duration_s: float = 10.0
+    """Planned duration of that recording."""
     undecided: Path | None = None
     """Recorded run that was neither kept nor repeated."""
     model: Path | None = None
@@ -79,7 +85,7 @@ class Workspace:
     def basis(self) -> dict[str, str]:
         """Inputs of a new result, by kind."""
         return {
-            "the rig": _stamp(Path(self.rig)),
+            "the rig": _rig_stamp(Path(self.rig)),
             "the runs": " ".join(sorted(map(str, self.runs))),
             "the held-out runs": " ".join(sorted(map(str, self.held_out))),
             "the model": _stamp(self.model) if self.model is not None else "",
@@ -111,6 +117,21 @@ class Workspace:
 
 def _stamp(path: Path) -> str:
     return f"{path} {path.stat().st_mtime_ns}" if path.is_file() else str(path)
+
+
+def _rig_stamp(path: Path) -> str:
+    """Hash of a rig file without its poses, which no result depends on; otherwise its stamp."""
+    try:
+        return _without_poses(path, path.stat().st_mtime_ns)
+    except (OSError, ValueError):
+        return _stamp(path)
+
+
+@cache
+def _without_poses(path: Path, mtime_ns: int) -> str:
+    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    table.pop("poses", None)
+    return hashlib.sha256(repr(table).encode()).hexdigest()
 
 
 @cache

@@ -18,6 +18,8 @@ from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult
 from dpr_lab.workflows.diagnose import diagnose as diagnose_runs
 from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult
 from dpr_lab.workflows.identify import identify as identify_runs
+from dpr_lab.workflows.plan import PlanRequest, PlanResult
+from dpr_lab.workflows.plan import plan as plan_recordings
 
 if TYPE_CHECKING:
     from dpr_lab.identification.compare import FreeRun
@@ -32,6 +34,11 @@ def identify(control: JobControl, *, request: IdentifyRequest) -> IdentifyResult
 def diagnose(control: JobControl, *, request: DiagnoseRequest) -> DiagnoseResult:
     """Diagnose the runs."""
     return diagnose_runs(request, control.report)
+
+
+def plan(control: JobControl, *, request: PlanRequest) -> PlanResult:
+    """Plan the next recordings."""
+    return plan_recordings(request, control.report)
 
 
 @dataclass(frozen=True, slots=True)

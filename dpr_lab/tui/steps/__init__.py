@@ -1,1 +1,1 @@
-"""The six steps, one page each: they use the workspace, the device and their own jobs, but never the app."""
+"""The seven steps, one page each: they use the workspace, the device and their own jobs, but never the app."""

@@ -169,10 +169,17 @@ What is grey is old: the device was not heard since, and the latch may have open
         """Read the rig file again, because it may have changed."""
         self._rig = None
         self._rig = load_rig(self.workspace.rig)
+        self._take_planned(self._rig)
         if self._pose not in self._rig.poses:
             self._pose = next(iter(self._rig.poses), "")
             self._pose = next_pose(self._done(), self._repeats, self._pose)
         self._draw()
+
+    def _take_planned(self, rig: Rig) -> None:
+        """Select the pose and the duration that were taken from a plan."""
+        if self.attempt is None and self.workspace.next_pose in rig.poses:
+            self._pose, self.workspace.next_pose = self.workspace.next_pose, ""
+            self.options = replace(self.options, until_rest=False, duration=self.workspace.next_duration_s)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Show Keep and Again only if a recording waits for a decision."""

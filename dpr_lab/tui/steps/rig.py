@@ -63,6 +63,7 @@ the selected rig.
     def __init__(self, services: Services, *, id: str | None = None) -> None:
         super().__init__(services, id=id)
         self._rig: Rig | None = None
+        self._named = ""
 
     def compose(self) -> ComposeResult:
         """Names, a field for a path, and the rig."""
@@ -74,7 +75,7 @@ the selected rig.
 
     def on_mount(self) -> None:
         """Read the workspace's rig."""
-        self.query_one(Input).value = self.workspace.rig
+        self._show_name(self.workspace.rig)
         self._read()
         self._offer()
 
@@ -84,6 +85,9 @@ the selected rig.
 
     def enter(self) -> None:
         """Read the file again, because it may have changed; the list is ready for Enter."""
+        if self._named != self.workspace.rig:  # a plan was taken
+            self._show_name(self.workspace.rig)
+            self._offer()
         self.query_one(OptionList).focus()
         self._read()
 
@@ -115,7 +119,7 @@ the selected rig.
             return
         if path.is_file():
             name = str(path.resolve())
-        changed, self.workspace.rig = name != self.workspace.rig, name
+        changed, self.workspace.rig, self._named = name != self.workspace.rig, name, name
         self._read()
         if self._rig is not None:
             self.workspace.used(name)
@@ -133,6 +137,9 @@ the selected rig.
         if file is not None:
             self.query_one(Input).value = str(file)
             await self.action_read()
+
+    def _show_name(self, rig: str) -> None:
+        self.query_one(Input).value = self._named = rig
 
     def _offer(self) -> None:
         """Recent rigs, then the built-in ones."""

@@ -1,4 +1,4 @@
-"""Base class of the six steps of the screen."""
+"""Base class of the seven steps of the screen."""
 
 from pathlib import Path
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""Top rows: the six steps, the current one, the completed ones, and the next one."""
+"""Top rows: the seven steps, the current one, the completed ones, and the next one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,0 +1,223 @@
+"""Step Plan: what to record next, and when to stop; a proposal becomes the next pose of Capture."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, VerticalScroll
+from textual.widgets import DataTable, Input, Label, Static
+
+from dpr_lab.errors import DprError
+from dpr_lab.progress import StageBegan
+from dpr_lab.report.angles import AngleUnit
+from dpr_lab.rig import load_rig
+from dpr_lab.tui.jobs import jobs
+from dpr_lab.tui.path_suggester import PathSuggester
+from dpr_lab.tui.services import Services
+from dpr_lab.tui.steps.job_step import JobStep, job_keys
+from dpr_lab.tui.texts import sentences, table
+from dpr_lab.workflows.plan import PlanRequest, PlanResult
+
+if TYPE_CHECKING:
+    from dpr_lab.planning.result import Plan, PlannedRelease
+
+COLUMNS = ("release", "start pose", "duration", "minutes", "library, bits", "P(decided)")
+PLANNING = "planning the next releases"
+ONE = "take a release of the list: {plan.start} makes one"
+OTHER_SETUP = (
+    "{text}: the rig file describes other rods or masses. Change [rods] or [added_mass] in it ({rig.write} in step"
+    " {rig}), then plan again"
+)
+DRIVEN = "{text}: the device must replay {file}; record it with dpr-lab capture"
+
+
+class PlanStep(JobStep):
+    """Plan of the next releases; writes plan.json and a rig file with the planned poses."""
+
+    NAME = "Plan"
+    PURPOSE = "recommends what to record next, with reason and minutes, and says when the recordings are enough"
+    WORK = "the current plan"
+    RESTS_ON = ("the rig", "the runs", "the held-out runs", "the torques")
+    HELP = """
+Recommends the next releases as a ranked list: start pose, duration, reason, and minutes at the rig. Before any
+recording it uses the rig file alone; afterwards also the runs and their diagnosis. Runs that are not diagnosed yet
+are diagnosed first.
+
+- **limits file**: which poses can be reached, what can be mounted, and how many minutes each step takes.
+- **budget**: time at the rig, such as `10min`; without it three releases are planned.
+- `{plan.take}` takes the marked release as the next pose and duration of Capture. Nothing moves and nothing is
+  released: Capture guides you to the pose as to any other.
+
+`plan.json` and a rig file with the planned poses are written to `plan/` in the bench's folder, as
+`dpr-lab plan --out` writes them.
+"""
+    BINDINGS: ClassVar[list[BindingType]] = [
+        *(key for key in job_keys("plan") if key.action in ("start", "cancel", "torque")),
+        Binding("A", "take", "Take", id="plan.take", tooltip="take the release as the next pose of Capture"),
+    ]
+    DEFAULT_CSS = """
+    PlanStep #form { height: 1; }
+    PlanStep #form Label { padding: 0 1 0 0; }
+    PlanStep #limits { width: 1fr; max-width: 44; margin-right: 2; }
+    PlanStep #budget { width: 9; }
+    PlanStep #state { height: auto; max-height: 4; text-style: bold; }
+    PlanStep DataTable { height: auto; max-height: 9; }
+    PlanStep VerticalScroll { height: 1fr; }
+    """
+
+    def __init__(self, services: Services, *, id: str | None = None) -> None:
+        super().__init__(services, id=id)
+        self._made: PlanResult | None = None
+        self._unit: AngleUnit | None = None
+
+    def compose(self) -> ComposeResult:
+        """The form, the recommendation, the releases, and details of the marked one."""
+        with Horizontal(id="form"):
+            yield Label("limits file")
+            yield Input(placeholder="none", id="limits", suggester=PathSuggester(".toml"), compact=True)
+            yield Label("budget")
+            yield Input(placeholder="none", id="budget", compact=True)
+        yield Static(id="state", markup=False)
+        yield DataTable[Text](cursor_type="row", zebra_stripes=True)
+        with VerticalScroll():
+            yield Static(id="details")
+
+    def missing(self) -> str:
+        """Nothing: a first plan needs a rig file only."""
+        return ""
+
+    def outcome(self) -> str:
+        """State of the plan in a few words."""
+        if self._made is None:
+            return ""
+        made = self._made.plan
+        return made.state if made.state in ("enough", "bench check") else f"{len(made.releases)} to record"
+
+    def enter(self) -> None:
+        """Show the plan in the current unit of angles."""
+        if self._made is not None and self._unit is not self.workspace.unit:
+            self._draw(self._made.plan)
+        self.invite()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Offer to take a release only if there is one."""
+        if action == "take":
+            return self._made is not None and bool(self._made.plan.releases) and self.job is None
+        return super().check_action(action, parameters)
+
+    def start_work(self) -> None:
+        """Plan with the current runs and their diagnosis."""
+        limits, budget = (self.query_one(f"#{name}", Input).value.strip() for name in ("limits", "budget"))
+        runs = tuple(run for run in self.workspace.runs if run not in self.workspace.held_out)
+        request = PlanRequest(
+            rig=self.workspace.rig,
+            runs=runs,
+            diagnosis=self._diagnosis() if runs else None,
+            limits=Path(limits).expanduser() if limits else None,
+            budget=budget or None,
+            out=self.workspace.out / "plan",
+            torque=self.workspace.driven_by,
+        )
+        self.say(PLANNING)
+        self.begin(jobs.plan, request=request)
+
+    def progressed(self, value: Any) -> None:
+        """Stages of the diagnosis that precedes a plan."""
+        if isinstance(value, StageBegan):
+            self.say(f"diagnosing first, step {value.number} of {value.of}: {value.name}")
+
+    def finished(self, result: Any) -> None:
+        """The plan, already saved."""
+        self._made = result
+        self._draw(result.plan)
+        releases = self.query_one(DataTable)
+        if self.display and result.plan.releases:
+            releases.focus()
+
+    def ended(self, why: str) -> None:
+        """End without a plan; the previous one is still shown."""
+        before = f"; the previous one is shown. {self._made.plan.sentence}" if self._made is not None else ""
+        self.say(f"Ended without a {'new ' if before else ''}plan: {why}{before}")
+
+    async def action_take(self) -> None:
+        """Make the marked release the next pose of Capture; nothing is released."""
+        release = self._marked
+        if release is None or self._made is None or release.pose is None:
+            raise DprError(self.worded(ONE))
+        self._refuse_other_setup(release)
+        self.services.require_free()
+        self.workspace.rig = str(Path(self._made.files["rig"]).resolve())
+        self.workspace.used(self.workspace.rig)
+        self.workspace.next_pose, self.workspace.next_duration_s = release.pose, release.duration_s
+        if self.device.connected is not None:
+            await self.services.connect()  # the recorder reads the rig file with the new pose
+        capture = self.services.key_of("Capture")
+        self.say(f"{release.pose} for {release.duration_s:g} s is the next release of Capture: press {capture}")
+        self.post_message(self.Done())
+
+    def _refuse_other_setup(self, release: "PlannedRelease") -> None:
+        """Refuse a release that a recording with the current rig file would describe wrongly."""
+        rig = load_rig(self.workspace.rig)
+        mounting = "clamped" if release.elbow == "clamped" else release.mounted
+        if (mounting, release.added_mass) != (rig.rods.mounting, rig.added_mass):
+            text = OTHER_SETUP.replace("{text}", release.text).replace("{rig}", self.services.key_of("Rig"))
+            raise DprError(self.worded(text))
+        if release.input is not None:
+            raise DprError(DRIVEN.format(text=release.text, file=release.input))
+
+    @property
+    def _marked(self) -> "PlannedRelease | None":
+        releases = self._made.plan.releases if self._made is not None else []
+        row = self.query_one(DataTable).cursor_row
+        return releases[row] if 0 <= row < len(releases) else None
+
+    def _diagnosis(self) -> Path | None:
+        """The diagnosis of the bench if it is of the selected runs."""
+        made, now = self.workspace.made_from.get("Diagnose", {}), self.workspace.basis()
+        same = all(made.get(kind) == now[kind] for kind in self.RESTS_ON)
+        return self.workspace.diagnosis if same else None
+
+    def _draw(self, made: "Plan") -> None:
+        self._unit = unit = self.workspace.unit
+        self.say(made.sentence)
+        releases = self.query_one(DataTable)
+        row = releases.cursor_row
+        releases.clear(columns=True)
+        releases.add_columns(*COLUMNS)
+        for one in made.releases:
+            releases.add_row(*(Text(cell) for cell in _row(one, unit)))
+        releases.move_cursor(row=row)
+        self._show_details()
+
+    @on(DataTable.RowHighlighted)
+    def _show_details(self) -> None:
+        if self._made is not None:
+            self.query_one("#details", Static).update(_details(self._made.plan, self._marked))
+
+
+def _row(one: "PlannedRelease", unit: AngleUnit) -> tuple[str, ...]:
+    pose = f"{unit.text(one.theta1_rad)}  {unit.text(one.theta2_rad)}"
+    decided = "" if one.decided is None else f"{one.decided:.2f}"
+    name = one.pose or str(one.number)
+    return (name, pose, f"{one.duration_s:g} s", f"{one.minutes:.1f}", f"{one.library_bits:.2f}", decided)
+
+
+def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
+    """The marked release, what no release decides, and the assumptions."""
+    shown: list[RenderableType] = []
+    if release is not None:
+        what = [release.text, f"reason: {release.reason}", f"horizon: {release.horizon_s:.1f} s"]
+        shown.append(sentences(f"Release {release.number}", what))
+        if release.pairs:
+            rows = [(*pair.causes, f"{pair.bits:.2f}") for pair in release.pairs]
+            shown += [table("Undecided causes", ("cause", "or", "expected bits"), rows), ""]
+        rows = [(name, f"{std:.2g}", f"{release.ratio_std[name]:.2g}") for name, std in made.ratio_std.items()]
+        shown += [table("Standard deviation of each ratio", ("ratio", "now", "after this release"), rows), ""]
+    checks = [f"{' or '.join(one.causes)}: {one.check}" for one in made.inseparable]
+    shown.append(sentences("No release separates these causes", checks))
+    shown.append(sentences("Assumptions", made.assumptions))
+    return Group(*shown)

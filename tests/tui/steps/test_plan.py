@@ -1,0 +1,137 @@
+"""Step 7: a ranked list of releases, and a proposal that becomes the next pose of Capture, released by the operator."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from textual.app import App
+from textual.widgets import DataTable, Input, Static
+
+from dpr_lab.rig import load_rig
+from dpr_lab.storage.reader import load_run
+from dpr_lab.tui.app import DprApp
+from dpr_lab.tui.recorder.attempt import Phase
+from dpr_lab.tui.steps.capture import CaptureStep
+from dpr_lab.tui.steps.plan import PlanStep
+from dpr_lab.tui.steps.rig import RigStep
+from dpr_lab.tui.workspace import Workspace
+from tests.tui.conftest import Watched
+
+SHORT = "[recording]\nshortest_s = 2.0\nlongest_s = 2.0\n"
+
+
+def text(app: App[None], widget: str) -> str:
+    console = Console(width=100, color_system=None, markup=False)
+    with console.capture() as captured:
+        console.print(app.query_one(widget, Static).content)
+    return " ".join(captured.get().split())
+
+
+def step(app: App[None]) -> PlanStep:
+    return app.query_one(PlanStep)
+
+
+async def planned(pilot, until, folder: Path, limits: str = SHORT, budget: str = "") -> None:
+    """Plan with a limits file."""
+    file = folder / "limits.toml"
+    file.write_text(limits)
+    step(pilot.app).query_one("#limits", Input).value = str(file)
+    step(pilot.app).query_one("#budget", Input).value = budget
+    step(pilot.app).focus()
+    await pilot.press("s")
+    await until(pilot, lambda: step(pilot.app).job is None)
+
+
+async def test_a_first_plan_is_a_list_with_reasons_and_a_release_of_it_becomes_the_next_pose(
+    lab, until, tmp_path: Path
+) -> None:
+    async with lab(RigStep, CaptureStep, PlanStep, step="Plan") as pilot:
+        app = pilot.app
+        await planned(pilot, until, tmp_path)
+        made = json.loads((app.workspace.out / "plan" / "plan.json").read_text())
+        assert " ".join(text(app, "#state").split()) == made["sentence"]
+        releases = app.query_one(DataTable)
+        assert releases.row_count == len(made["releases"]) == 3
+        await pilot.press("down")
+        second = made["releases"][1]
+        assert f"reason: {second['reason']}" in text(app, "#details")
+        await pilot.press("A")
+        await pilot.pause()
+        assert "P2 for 2 s is the next release of Capture: press 3" in text(app, "#state")
+        await pilot.press("2")
+        capture = app.query_one(CaptureStep)
+        assert (capture._pose, capture.options.duration, capture.attempt) == ("P2", 2.0, None)
+        assert app.workspace.next_pose == ""
+        assert load_rig(app.workspace.rig).poses["P2"].theta1 == pytest.approx(second["theta1_rad"], abs=1e-4)
+        await pilot.press("1")
+        assert app.query_one("#rig_file", Input).value == app.workspace.rig
+
+
+async def test_a_release_with_another_mass_is_not_recorded_under_the_present_rig_file(
+    lab, until, said, tmp_path: Path
+) -> None:
+    mass = '[[masses]]\nrod = "outer"\nmass = 0.4\nposition = 0.35\n[minutes]\nmass = 0.0\n'
+    async with lab(PlanStep) as pilot:
+        await planned(pilot, until, tmp_path, SHORT + mass)
+        made = step(pilot.app)._made.plan
+        row = next(k for k, one in enumerate(made.releases) if one.added_mass is not None)
+        pilot.app.query_one(DataTable).move_cursor(row=row)
+        await pilot.press("A")
+        await pilot.pause()
+        assert "the rig file describes other rods or masses" in said(pilot.app)
+        assert pilot.app.workspace.rig == "paper"
+
+
+async def test_wrong_limits_and_budgets_are_refused_in_words(lab, until, said, tmp_path: Path) -> None:
+    async with lab(PlanStep) as pilot:
+        for limits, budget, words in (
+            ("[recrding]\n", "", "recrding: unknown key; nearest of 9: recording"),
+            (SHORT, "1s", "is too small: one release takes"),
+            (SHORT, "soon", "give a time such as 10min"),
+        ):
+            await planned(pilot, until, tmp_path, limits, budget)
+            assert words in said(pilot.app)
+            pilot.app.clear_notifications()
+        assert step(pilot.app).outcome() == ""
+
+
+def test_new_poses_leave_results_valid_and_another_rod_does_not(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(load_rig("paper").path.read_text())
+    before = Workspace(rig=str(rig)).basis()["the rig"]
+    more = tmp_path / "more.toml"
+    more.write_text(rig.read_text() + "\n[poses.P1]\ntheta1 = 1.0\ntheta2 = 2.0\n")
+    assert Workspace(rig=str(more)).basis()["the rig"] == before
+    more.write_text(rig.read_text().replace("L1 = 0.3", "L1 = 0.31"))
+    assert more.read_text() != rig.read_text()
+    assert Workspace(rig=str(more)).basis()["the rig"] != before
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("quick_countdown")
+async def test_the_taken_release_is_recorded_only_by_the_release_key(until, tmp_path: Path) -> None:
+    bench = Workspace(out=tmp_path / "bench", link="sim://?seed=1")
+    app = DprApp(bench, tmp_path / "state", steps=(CaptureStep, PlanStep), sight=Watched())
+    async with app.run_test(size=(100, 30)) as pilot:
+        await app.services.connect()
+        await until(pilot, lambda: app.device.connected)
+        await pilot.press("2")
+        await planned(pilot, until, tmp_path, SHORT)
+        await pilot.press("A")
+        await until(pilot, lambda: app.device.connected and app.workspace.next_pose == "P1")
+        await pilot.press("1")
+        capture = app.query_one(CaptureStep)
+        capture.options = replace(capture.options, pose_timeout=600.0, rest_timeout=60.0)
+        assert app.device.seen.latched is not False
+        await pilot.press("s")
+        await until(pilot, lambda: capture.attempt is not None and capture.attempt.phase is Phase.READY)
+        assert capture.attempt.name == "P1"
+        await pilot.press("r")
+        await until(pilot, lambda: capture.attempt.phase is Phase.JUDGED)
+        await pilot.press("k")
+        await until(pilot, lambda: app.workspace.runs)
+    run = load_run(app.workspace.runs[0])
+    assert run.pose == "P1"
+    assert run.t[-1] == pytest.approx(2.0, abs=0.01)
