@@ -77,12 +77,12 @@ async def test_every_step_is_reached_by_number_and_by_next(tmp_path: Path, size:
             assert app.current.NAME == step.NAME
             assert f"▶{number} {step.NAME}" in stepper(app)
         await pilot.press("p", "ctrl+left")
-        assert app.current.NAME == "Identify"
-        await pilot.press("n")
         assert app.current.NAME == "Compare"
+        await pilot.press("n")
+        assert app.current.NAME == "Diagnose"
         for _ in range(3):
             await pilot.press("n")
-        assert app.current.NAME == "Diagnose"
+        assert app.current.NAME == "Plan"
 
 
 async def test_a_step_never_shows_without_its_own_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -51,9 +51,11 @@ class Stepper(Static):
             next_key: key of the next step
             report_key: key that opens the report of the step; empty if there is none
         """
-        shown = len(steps)
-        while (row := _row(steps, shown)).cell_len > max(self.app.size.width - 2, 1) and shown > 0:
+        shown, width = len(steps), max(self.app.size.width - 2, 1)
+        while (row := _row(steps, shown)).cell_len > width and shown > 0:
             shown -= 1
+        if row.cell_len > width:
+            row = _row(steps, 0, " ")
         self.update(Text("\n", no_wrap=True, overflow="ellipsis").join([row, _words(steps, next_key, report_key)]))
 
     def action_choose(self, number: int) -> None:
@@ -61,14 +63,14 @@ class Stepper(Static):
         self.post_message(self.Chosen(number))
 
 
-def _row(steps: Sequence[StepStatus], shown: int) -> Text:
+def _row(steps: Sequence[StepStatus], shown: int, between: str = " › ") -> Text:
     """The steps in one row; the first ones with a result show it."""
     row, left = Text(no_wrap=True, overflow="ellipsis"), shown
     for number, step in enumerate(steps, 1):
         outcome = f" ({step.outcome})" if step.outcome and left > 0 else ""
         left -= bool(step.outcome)
         style = "bold reverse" if step.here else "dim" if step.missing else ""
-        row.append(" › " if number > 1 else "", "dim")
+        row.append(between if number > 1 else "", "dim")
         row.append_text(Text(f"{step.symbol}{number} {step.name}{outcome}", style).on({"@click": f"choose({number})"}))
     return row
 
