@@ -47,7 +47,7 @@ def doctor(
     if as_json:
         emit({"ok": not any(f.state == "wrong" for f in findings), "findings": [f.to_json() for f in findings]})
     else:
-        table("dpr-lab doctor", ("what", "state", "found"), [(f.what, f.state, f.message) for f in findings])
+        table("dpr-lab doctor", ("check", "state", "result"), [(f.what, f.state, f.message) for f in findings])
     if failed:
         raise typer.Exit(failed[0].exit_code)
     if any(f.state == "wrong" for f in findings):

@@ -147,7 +147,7 @@ def _show_advice(analysis: "Identifiability | ArmIdentifiability") -> None:
         _print("All parameters are determined; a further measurement only reduces their uncertainty.")
     table(
         "Additional measurements on the bench",
-        ("measurement", "reads", "fixes", "gain (bits)"),
+        ("measurement", "quantity", "determines", "gain (bits)"),
         [
             (
                 advice.name,

@@ -195,7 +195,7 @@ def check(
         emit({"file": rig, "ok": not wrong, "findings": [asdict(finding) for finding in findings]})
     elif findings:
         rows = [(finding.state, finding.key, finding.text) for finding in findings]
-        table(f"{rig}: {'cannot be used' if wrong else 'can be used'}", ("", "key", "what"), rows)
+        table(f"{rig}: {'cannot be used' if wrong else 'can be used'}", ("", "key", "problem"), rows)
     else:
         line(f"{rig}: can be used; no missing keys or implausible values")
     if wrong:
