@@ -49,7 +49,7 @@ def posterior_of(model: Model, diagnosis: Diagnosis | None) -> list[PosteriorCom
     """
     if diagnosis is not None:
         if not diagnosis.posterior:
-            raise RunError("the diagnosis contains no joint covariance of its parameters: diagnose the recordings again")
+            raise RunError("the diagnosis has no joint covariance of its parameters: diagnose the recordings again")
         return diagnosis.posterior
     free = [name for name in model.covariance.order if name in RATIOS]
     places = [model.covariance.order.index(name) for name in free]
