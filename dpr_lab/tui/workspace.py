@@ -10,6 +10,7 @@ from pathlib import Path
 import platformdirs
 from pydantic import TypeAdapter, ValidationError
 
+from dpr_lab.configs import find_config
 from dpr_lab.errors import ConfigError
 from dpr_lab.report.angles import UNITS, AngleUnit
 
@@ -85,7 +86,7 @@ class Workspace:
     def basis(self) -> dict[str, str]:
         """Inputs of a new result, by kind."""
         return {
-            "the rig": _rig_stamp(Path(self.rig)),
+            "the rig": _rig_stamp(self.rig),
             "the runs": " ".join(sorted(map(str, self.runs))),
             "the held-out runs": " ".join(sorted(map(str, self.held_out))),
             "the model": _stamp(self.model) if self.model is not None else "",
@@ -119,12 +120,13 @@ def _stamp(path: Path) -> str:
     return f"{path} {path.stat().st_mtime_ns}" if path.is_file() else str(path)
 
 
-def _rig_stamp(path: Path) -> str:
+def _rig_stamp(rig: str) -> str:
     """Hash of a rig file without its poses, which no result depends on; otherwise its stamp."""
     try:
+        path = find_config("rigs", rig)
         return _without_poses(path, path.stat().st_mtime_ns)
-    except (OSError, ValueError):
-        return _stamp(path)
+    except (ConfigError, OSError, ValueError):
+        return _stamp(Path(rig))
 
 
 @cache

@@ -103,7 +103,7 @@ def test_new_poses_leave_results_valid_and_another_rod_does_not(tmp_path: Path) 
     before = Workspace(rig=str(rig)).basis()["the rig"]
     more = tmp_path / "more.toml"
     more.write_text(rig.read_text() + "\n[poses.P1]\ntheta1 = 1.0\ntheta2 = 2.0\n")
-    assert Workspace(rig=str(more)).basis()["the rig"] == before
+    assert Workspace(rig=str(more)).basis()["the rig"] == before == Workspace(rig="paper").basis()["the rig"]
     more.write_text(rig.read_text().replace("L1 = 0.4", "L1 = 0.41"))
     assert more.read_text() != rig.read_text()
     assert Workspace(rig=str(more)).basis()["the rig"] != before
