@@ -84,9 +84,14 @@ class ParameterValue(_Record):
     """
 
 
-def of_rods(ratios: dict[str, EstimatedValue]) -> dict[str, EstimatedValue]:
+def of_rods(ratios: dict[str, Kept]) -> dict[str, Kept]:
     """Check that ratios are those of both rods, or of the inner rod alone."""
     return by_name(ALONE if set(ratios) == set(ALONE) else RATIOS)(ratios)
+
+
+def of_rods_or_none(ratios: dict[str, Kept]) -> dict[str, Kept]:
+    """Check the same; the table may be empty."""
+    return of_rods(ratios) if ratios else ratios
 
 
 def ratios_alone(five: Sequence[EstimatedValue], p_over_b: float, pull: float) -> dict[str, EstimatedValue]:
@@ -222,8 +227,8 @@ class Model(Shown, _Record):
     No result, but the start of other commands. Empty for both rods."""
     covariance: Covariance
     """Covariance of the unknowns that the runs determine."""
-    cramer_rao_std: dict[str, Number]
-    """Cramer-Rao bound of the standard deviation of each ratio at this noise."""
+    cramer_rao_std: Annotated[dict[str, Number], AfterValidator(of_rods_or_none)]
+    """Cramer-Rao bound of the standard deviation of each ratio at this noise; empty in a corrected model of one rod."""
     parameters: Annotated[dict[str, ParameterValue], AfterValidator(by_name(PARAMETERS))]
     """The nine kinetic parameters by name, SI, with what determined each."""
     base: Annotated[dict[str, ParameterValue], AfterValidator(by_name(BASE))]
