@@ -85,7 +85,7 @@ def test_dropped_host_time_never_bends_device_time(link: str, serve, operate, wr
     assert np.all(np.diff(ticks) >= 1)
     assert wrong_samples(done.runs[0], drift_ppm=200.0) == 0
     clock = info(done.runs[0]).clock
-    assert abs(clock["rate_ppm"] - 200.0) < 4 * clock["rate_ppm_std"]
+    assert abs(clock["rate_ppm"] - 200.0) < 6 * clock["rate_ppm_std"]  # stalls of the host are not normal
 
 
 @pytest.mark.parametrize(
