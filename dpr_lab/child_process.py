@@ -175,9 +175,9 @@ def worker_pool(processes: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _begin_worker() -> None:
-    # The libraries read these variables when the first call imports them.
-    for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ[name] = "1"
+    # The libraries read these variables when the first call imports them. A change after that is an error to Numba.
+    names = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", *(["NUMBA_NUM_THREADS"] if "numba" not in sys.modules else [])]
+    os.environ.update(dict.fromkeys(names, "1"))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     if parent is not None:

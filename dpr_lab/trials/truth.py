@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dpr_lab.dynamics.base import BASE, base_parameters
+from dpr_lab.dynamics.base import BASE, RATIOS, base_parameters
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import DprError
 from dpr_lab.rig import PARAMETERS, Rig
@@ -82,7 +82,8 @@ def assumed_inertia(diagnosis: Mapping[str, Any], rig: Rig) -> float:
     b = float(diagnosis["scale_b"])
     if rig.rods.mounting != "inner":
         return b
-    return b * (diagnosis["ratios"]["a/b"]["value"] - (diagnosis.get("p_over_b") or 0.0))
+    fitted = diagnosis.get("fitted") or [*diagnosis["ratios"].values()]  # files of older versions lack the former
+    return b * (fitted[RATIOS.index("a/b")]["value"] - (diagnosis.get("p_over_b") or 0.0))
 
 
 def read_truth(opened: Mapping[str, Any]) -> Truth:
