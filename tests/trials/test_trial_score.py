@@ -12,7 +12,7 @@ from dpr_lab.errors import DprError
 from dpr_lab.rig import PARAMETERS, load_rig
 from dpr_lab.trials.score import Cause, Claim, TrialOutcome, over_limit, read_outcome, score
 from dpr_lab.trials.summary import brier, calibration_error, confusion, reliability, summary
-from dpr_lab.trials.truth import Truth, read_truth, unsealed
+from dpr_lab.trials.truth import Truth, assumed_inertia, read_truth, unsealed
 
 CLEAN_ENCODERS = {"step_counts": 1, "jitter_ms": 0.0, "repeated_share": 0.0, "missing_share": 0.0}
 RIG = load_rig("paper")
@@ -210,3 +210,10 @@ def test_a_summary_counts_what_was_there_and_what_was_not():
         "coulomb_joint1": {"coulomb_joint1": 1, "spring_joint1": 1},
         "nothing": {"no_gap": 1, "unexplained": 1},
     }
+
+
+def test_sizes_of_one_rod_are_related_to_its_own_inertia() -> None:
+    five = [{"value": value} for value in (5.2, 1.5, 90.0, 0.2, 0.03)]
+    diagnosis = {"scale_b": 0.01, "ratios": {"e1/a": {"value": 24.0}, "c1/a": {"value": 0.1}}, "p_over_b": 3.0}
+    own = assumed_inertia(diagnosis | {"fitted": five}, load_rig("furuta"))
+    assert own == pytest.approx(0.01 * (5.2 - 3.0))
