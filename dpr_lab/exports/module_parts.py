@@ -165,7 +165,7 @@ def readings_at(x0, t, run, max_step, start, kind, torques):
 
 
 def simulated_rig(base: BaseParameters, constants: RigConstants, arm: ArmModel, effects: Collection[str]) -> RigModel:
-    """The rig of a module; its effects take their parameters by name."""
+    """The rig of a module; its effects take their parameters by name, so that their values stay empty."""
     required = required_by(np.isin(list(EFFECTS), list(effects)))._replace(torque=True)
     return RigModel(base, constants, arm, (0.0, 0.0), None, Requirements(*map(bool, required)))  # type: ignore[arg-type]
 
@@ -238,6 +238,7 @@ class _Chosen(ast.NodeTransformer):
 
 def _index_of(node: ast.expr, array: str) -> int | None:
     """Index in `array[index]`; None for other indices."""
-    if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name) and node.value.id == array:
-        return ast.literal_eval(node.slice)
-    return None
+    if not isinstance(node, ast.Subscript) or not isinstance(node.slice, ast.Constant):
+        return None
+    index, of_array = node.slice.value, isinstance(node.value, ast.Name) and node.value.id == array
+    return index if of_array and isinstance(index, int) else None

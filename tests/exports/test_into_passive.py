@@ -12,24 +12,12 @@ from dpr_lab.exports.programs import Replay
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.workflows.rig_from import rig_from_model
 from tests.exports.models import X0, lab_states, model_of, run_source, typical
+from tests.exports.planted_errors import ROBOT
 
 pytest.importorskip("mujoco")
 
-MJCF = """<mujoco model="own">
-  <compiler angle="radian"/>
-  <option gravity="0 0 -9.81" timestep="0.0005" integrator="RK4"/>
-  <worldbody>
-    <body name="upper" pos="0 0 1">
-      <joint name="shoulder" axis="0 1 0" damping="0.002"/>
-      <inertial pos="0 0 -0.12" mass="0.3" diaginertia="0.002 0.0021 0.0005"/>
-      <body name="lower" pos="0 0 -0.3">
-        <joint name="elbow" axis="0 -1 0" damping="0.001"/>
-        <inertial pos="0 0 -0.125" mass="0.15" diaginertia="0.0008 0.0008 0.00002"/>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>
-"""
+MJCF = ROBOT.replace('name="elbow" axis="0 1 0"', 'name="elbow" axis="0 -1 0"')
+"""A model whose elbow turns the other way."""
 URDF = """<robot name="own">
   <link name="base"/>
   <link name="upper"><inertial><origin xyz="0 0 -0.12"/><mass value="0.3"/>
