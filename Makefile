@@ -10,8 +10,8 @@ INSTALL := $(BIN)/python -m pip install --quiet --no-compile
 OUT    ?= out/demo
 FUZZ_SECONDS ?= 120
 CORES   := $(shell getconf _NPROCESSORS_ONLN)
-# Tests of links, screens and processes wait most of their time: two more workers than cores keep the cores busy.
-WORKERS := $(shell echo $$(($(CORES) + 2)))
+# Tests of links, screens and processes wait most of their time: one more worker than cores keeps the cores busy.
+WORKERS := $(shell echo $$(($(CORES) + 1)))
 # Without it every process that tests compiles all tests again.
 unexport PYTHONDONTWRITEBYTECODE
 
