@@ -16,6 +16,7 @@ from dpr_lab.drift.changes import Drift, DriftSettings, changes
 from dpr_lab.drift.estimates import Estimates, estimate_each
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
+from dpr_lab.shown import percent
 from sim_device.plant.config import PlantConfig, load_plant
 from sim_device.trials.offline_recorder import record
 
@@ -78,7 +79,7 @@ def whole_bars(scatter: float, trials: int) -> Iterator[Bar]:
             drift = changes(estimate_each(runs, rig), group, ["before", "after"], QUICK, trial)
             alarms.append(bool(drift.moved))
         found.append(float(np.mean(alarms)))
-    said = f"recorded, friction scatters by {scatter:.0%}"
+    said = f"recorded, friction scatters by {percent(scatter)}"
     yield at_most(f"{said}: false alarms", found[0], 0.02)
     yield at_least(f"{said}: 3 std found", found[1], 0.9)
 

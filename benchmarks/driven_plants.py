@@ -14,6 +14,7 @@ from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.identification.identify import identify
 from dpr_lab.rig import Rig, load_rig
+from dpr_lab.shown import percent
 from sim_device.trials.driven import drawn_fault, driven_runs
 
 FIRST_TRIAL = 100
@@ -51,7 +52,9 @@ def main() -> None:
         std.append(b.std / b.value)
         off.append((b.value - true) / b.std)
         within.append(abs(off[-1]) <= 3)
-        print(f"plant {seed}: b {b.value:.6g} kg m^2, true {true:.6g}, off by {off[-1]:+.2f} std of {std[-1]:.2%}")
+        print(
+            f"plant {seed}: b {b.value:.6g} kg m^2, true {true:.6g}, off by {off[-1]:+.2f} std of {percent(std[-1], 2)}"
+        )
     scale = [at_least("scale of driven plants within 3 std, share", float(np.mean(within)), 0.95)] if within else []
     bars = [*scale, *blind(rig, 2 if args.quick else args.trials)]
     if not within:

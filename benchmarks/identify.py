@@ -33,6 +33,7 @@ from dpr_lab.identification.objectives import segment_objective
 from dpr_lab.rig import Rig
 from dpr_lab.search import ALGORITHMS, load_search
 from dpr_lab.search.settings import SearchSettings
+from dpr_lab.shown import percent
 
 TARGETS = {"20 %": 0.99, "50 %": 0.98, "factor 3": 0.95}
 """Success that the IGA has to reach in each box."""
@@ -207,7 +208,8 @@ def main() -> None:
         show_rows(table)
         print(*said, sep="\n")
     shown = 0.05 ** (1 / len(seeds))
-    title = f"{len(seeds)} random rigs; not one miss would show a success of at least {shown:.1%} at 95 % confidence"
+    bound = f"success of at least {percent(shown, 1)} at 95 % confidence"
+    title = f"{len(seeds)} random rigs; without a failure they show a {bound}"
     show(title, bars(table), chosen.json, rows=[asdict(row) for row in table], beaten=said)
 
 

@@ -19,6 +19,7 @@ from dpr_lab.gap.screen.record import record as screened
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
+from dpr_lab.shown import percent
 from sim_device.plant.config import PlantConfig, load_plant
 from sim_device.trials.offline_recorder import record
 
@@ -81,7 +82,7 @@ def main(trials: int = 40) -> None:
             told[:, j] += [apart(test, pair) > DISTINGUISHED for pair in PAIRS]
     print(f"{'told apart, of ' + str(trials):56}" + "".join(f"{name:>16}" for name in SETS))
     for pair, row in zip(PAIRS, told / trials, strict=True):
-        print(f"{' from '.join(pair):56}" + "".join(f"{share:>16.0%}" for share in row))
+        print(f"{' from '.join(pair):56}" + "".join(f"{percent(share):>16}" for share in row))
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from dpr_lab.exports.into.least_change import least_change
 from dpr_lab.exports.refit import fitted_in_words
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.rig import load_rig
+from dpr_lab.shown import percent
 from dpr_lab.simulator_models import read_model
 from dpr_lab.simulator_models.chain import double_pendulum
 from dpr_lab.workflows.rig_from import rig_from_model
@@ -198,7 +199,7 @@ def main() -> None:
     for number in range(chosen.first, chosen.first + count):
         r = trial(number)
         results.append(r)
-        errors = f"{r.before_mrad:.3g} | {r.after_mrad:.2g} | {r.reduction:.1%}"
+        errors = f"{r.before_mrad:.3g} | {r.after_mrad:.2g} | {percent(r.reduction, 1)}"
         print(f"| {number} | {r.planted} {r.size:.3g} | {r.form} | {r.first} | {errors} | {r.changed} |", flush=True)
     closed = sum(r.reduction >= 0.9 for r in results)
     bars = [

@@ -20,6 +20,7 @@ import numpy as np
 from _bars import Bar, at_least, at_most, options, show
 
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.shown import percent
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.bench_rigs import KINDS, bench
@@ -135,7 +136,7 @@ def main() -> None:
                 names = ", ".join(f"{name} {p:.2f}" for name, p in one.named) or "nothing"
                 result = "right" if one.right else "WRONG" if one.wrong else "open"
                 fault = {None: "", True: ", fault named", False: ", fault missed"}[one.fault]
-                closed = f"{one.closed:.0%} closed, {one.seconds:.1f} s"
+                closed = f"{percent(one.closed)} closed, {one.seconds:.1f} s"
                 print(f"{kind:13} {seed:5} {result:5} {one.verdict:16} {names}{fault}; {closed}", flush=True)
     show("rigs as they stand on real benches", bars(answers), args.json)
 

@@ -53,6 +53,11 @@ def listed(names: Sequence[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
 
 
+def percent(share: float, digits: int = 0) -> str:
+    """Text of a share: `98 %`, or `97.6 %` with one decimal digit."""
+    return f"{100 * share:.{digits}f} %"
+
+
 def _row(cells: Row, tag: str) -> str:
     return "<tr>" + "".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in cells) + "</tr>"
 

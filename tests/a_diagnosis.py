@@ -42,7 +42,7 @@ def made(**changes: Any) -> Diagnosis:
     closed = {"estimate": 0.99, "interval90": [0.98, 1.0], "per_run": {}}
     values: dict[str, Any] = {
         "verdict": "named",
-        "sentence": f"The gap is explained by ({CLOCK} or {LENGTH}) (probability 98%).",
+        "sentence": f"The gap is explained by ({CLOCK} or {LENGTH}) (probability 98 %).",
         "gap": {
             "floor_rad": rad,
             "before_rad": rad,

@@ -35,6 +35,16 @@ def test_values_have_names_that_say_what_they_hold() -> None:
     assert vague == []
 
 
+def test_shares_are_written_with_a_space_before_the_percent_sign() -> None:
+    formatted = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path in SOURCES
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FormattedValue) and node.format_spec and ast.unparse(node.format_spec).endswith("%'")
+    ]
+    assert formatted == [], "use dpr_lab.shown.percent"
+
+
 def _texts(path: Path) -> Iterator[tuple[int, str]]:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:

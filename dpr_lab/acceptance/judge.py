@@ -27,6 +27,7 @@ from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.shown import percent
 
 SURE = 0.95
 """Probability of a cause above which its size can fail a limit, and probability of its absence above which it can
@@ -194,7 +195,8 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
             return f"indistinguishable from {named.name}"
     for rival in diagnosis.rivals:
         if effect in (rival.name, *rival.members) and rival.probability > 1 - SURE:
-            return f"it is the cause with probability {rival.probability:.0%}, instead of {rival.instead_of or 'none'}"
+            instead = rival.instead_of or "none"
+            return f"it is the cause with probability {percent(rival.probability)}, instead of {instead}"
     return "named before, but not confirmed on other recordings" if effect in diagnosis.withdrawn else ""
 
 
@@ -202,7 +204,7 @@ def _doubted(named: NamedEffect) -> str:
     """Reason why the ratios depend on a named effect; empty if its class is certain."""
     if named.probability >= SURE:
         return ""
-    return f"the ratios depend on the cause, and the probability of {named.name} is {named.probability:.0%}"
+    return f"the ratios depend on the cause, and the probability of {named.name} is {percent(named.probability)}"
 
 
 def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> str:
@@ -218,5 +220,5 @@ def _unsure(diagnosis: Diagnosis, effect: str) -> str:
     for named in diagnosis.effects:
         if named.name == effect:
             sure = named.probability * named.odds.get(effect, 1 / len(named.members))
-            return "" if sure >= SURE else f"the probability that it is the cause is {sure:.0%}"
+            return "" if sure >= SURE else f"the probability that it is the cause is {percent(sure)}"
     return ""

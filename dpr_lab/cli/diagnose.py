@@ -17,6 +17,7 @@ from dpr_lab.cli.checks import (
     names_in,
 )
 from dpr_lab.cli.console import emit, json_mode, line, say, table, text
+from dpr_lab.shown import percent
 
 if TYPE_CHECKING:
     from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -160,7 +161,7 @@ def show(diagnosis: "Diagnosis") -> None:
     elif diagnosis.where:
         table("Residual maps", tables.PLACE_COLUMNS, tables.place_rows(diagnosis))
     if parts := repeatability_parts(diagnosis):
-        rows = [(label, f"{share:.1%}") for label, share in parts]
+        rows = [(label, percent(share, 1)) for label, share in parts]
         note = " ".join(repeatability_sentences(diagnosis))
         table("Repeatability", ("part", "share of the mean square"), rows, note=note)
     if diagnosis.sensor_findings:
@@ -188,7 +189,14 @@ def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
     name, least = done.simulator.name, done.least
     line(f"Joint 1 is {done.joints[0]!r} and joint 2 is {done.joints[1]!r} in {name}.")
     rows = [
-        (cause.joint, cause.quantity, f"{cause.before:.5g}", f"{cause.after:.5g}", cause.unit, f"{cause.share:.0%}")
+        (
+            cause.joint,
+            cause.quantity,
+            f"{cause.before:.5g}",
+            f"{cause.after:.5g}",
+            cause.unit,
+            percent(cause.share),
+        )
         for cause in least.causes
     ]
     if rows:

@@ -7,6 +7,7 @@ import typer
 
 from dpr_lab.cli.checks import EXPORT_NAMES, RigName, TorqueKind, names_in
 from dpr_lab.cli.console import emit, json_mode, line, say, table, text
+from dpr_lab.shown import percent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -120,7 +121,7 @@ def _ensemble(
     table(f"{size} models", ("effects", "models"), rows)
     if done.bands:
         columns = ("run", "covered by the 90 % band", "until, s", "mean width, mrad")
-        rows = [(b.run, f"{b.covered:.0%}", f"{b.until_s:.3g}", f"{1e3 * b.width_rad:.3g}") for b in done.bands]
+        rows = [(b.run, percent(b.covered), f"{b.until_s:.3g}", f"{1e3 * b.width_rad:.3g}") for b in done.bands]
         note = f"Standard deviations multiplied by {done.factor:g}, so that the bands cover these runs."
         table("Predictive bands", columns, rows, note=note)
     say(f"ensemble: {done.file}")

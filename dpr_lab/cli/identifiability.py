@@ -134,7 +134,7 @@ def _helping(analysis: "Identifiability", name: str) -> list[str]:
 def _show_length(analysis: "Identifiability") -> None:
     if analysis.length_error is None:
         return
-    shifts = ", ".join(f"{name} {shift:+.2%}" for name, shift in analysis.length_error.ratio_shift.items())
+    shifts = ", ".join(f"{name} {100 * shift:+.2f} %" for name, shift in analysis.length_error.ratio_shift.items())
     _print(
         f"L1 is assumed exact. {1e3 * analysis.length_error.error:.2g} mm of error makes e2 = d g / L1 wrong, as an"
         f" error of g or of the sample clock does: it moves {shifts} and leaves"

@@ -45,6 +45,7 @@ from dpr_lab.run import Run, as_runs
 from dpr_lab.search import ALGORITHMS, load_search
 from dpr_lab.search.problem import Generation
 from dpr_lab.search.settings import SearchSettings
+from dpr_lab.shown import percent
 from dpr_lab.version import __version__
 
 Entry = TypeVar("Entry")
@@ -401,7 +402,7 @@ def _failures(ratio_fit: RatioFit, sure: RatioUncertainty) -> list[str]:
             f"the local solver did not converge in {ratio_fit.fit.iterations} iterations: start from tighter bounds"
         )
     failures += [
-        f"{name} is not identifiable from these runs: its standard deviation is {std / value:.0%} of its value"
+        f"{name} is not identifiable from these runs: its standard deviation is {percent(std / value)} of its value"
         for name, value, std in zip(sure.names, sure.values, sure.std, strict=True)
         if name in RATIOS and name not in FRICTION_NAMES and not std / value < SETTINGS.hardly_seen
     ]

@@ -24,6 +24,7 @@ from dpr_lab.planning.information import PresentModel, simulated_states
 from dpr_lab.planning.limits import DriveLimits, PlanLimits
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.setup import Torques
+from dpr_lab.shown import percent
 
 Array = NDArray[np.float64]
 
@@ -94,7 +95,7 @@ def driven_releases(model: PresentModel, limits: PlanLimits) -> list[CandidateRe
     if not releases:
         raise ConfigError(
             "drive: no signal keeps speed_rad_s and angle_rad of the limits file, even at"
-            f" {SIGNALS.least:.0%} of torque_Nm: raise them, or leave out [drive]"
+            f" {percent(SIGNALS.least)} of torque_Nm: raise them, or leave out [drive]"
         )
     return releases
 

@@ -19,7 +19,7 @@ from dpr_lab.planning.worth.criteria import detectable, library_bits, ratio_std
 from dpr_lab.planning.worth.goals import limit_forecasts
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.planning.worth.reasons import Expected, Reason, only_ratios_sentence, reason
-from dpr_lab.shown import listed
+from dpr_lab.shown import listed, percent
 
 Array = NDArray[np.float64]
 
@@ -152,7 +152,7 @@ def _sentence(
     count = f"{len(releases)} release{'s' if len(releases) > 1 else ''}"
     if state == "first":
         bits = releases[-1].library_bits
-        share = f"{bits:.0%} of" if bits < 0.995 else "nearly all"
+        share = f"{percent(bits)} of" if bits < 0.995 else "nearly all"
         shown = f"{share} the differences between effects of the library"
         verb = "is" if len(releases) == 1 else "are"
         return f"Before any recording: {count} {verb} expected to show {shown}.{note}"

@@ -12,7 +12,7 @@ from dpr_lab.drift.estimates import Estimates
 from dpr_lab.report import style
 from dpr_lab.report.figures import new_figure, save_each
 from dpr_lab.report.pages.page import PageTable, Section, page_html, pictures, write_page
-from dpr_lab.shown import listed
+from dpr_lab.shown import listed, percent
 
 COLUMNS = ("parameter", "significant", "mean of first group", "change", "simultaneous interval", "groups", "p-value")
 GROUP_COLUMNS = ("parameter", "groups", "change", "simultaneous interval")
@@ -103,8 +103,8 @@ def basis_sentence(drift: Drift, torques: Sequence[str] = ()) -> str:
     driven = f"Runs driven by their {' and '.join(torques)} torques. " if torques else ""
     return (
         f"{driven}Standard deviation of a run: {BASES[drift.basis]}. The intervals hold simultaneously with a"
-        f" probability of {1 - drift.false_alarms:.1%}. A change is significant if one of its intervals excludes"
-        f" zero.{ratios}"
+        f" probability of {percent(1 - drift.false_alarms, 1)}. A change is significant if one of its intervals"
+        f" excludes zero.{ratios}"
     )
 
 

@@ -9,6 +9,7 @@ from dpr_lab.report.digits import NONE
 from dpr_lab.report.gap.sizes import sizes_cell, true_sizes_cell
 from dpr_lab.report.words import named
 from dpr_lab.rig import Rig
+from dpr_lab.shown import percent
 from dpr_lab.trials.protocol import Opened
 from dpr_lab.trials.score import cause_named
 from dpr_lab.trials.truth import assumed_inertia
@@ -39,4 +40,4 @@ def _diagnosed(diagnosis: Diagnosis, effect: NamedEffect | None) -> tuple[str, s
         return NONE, NONE, NONE
     twins = [name for name in effect.members if name != effect.name]
     words = " or ".join(map(named, [effect.name, *twins]))
-    return words, sizes_cell(diagnosis, effect), f"{effect.probability:.0%}"
+    return words, sizes_cell(diagnosis, effect), percent(effect.probability)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError, unknown_name
+from dpr_lab.shown import percent
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import FitBegan, OnEvent, ScoreTestBegan, StageBegan, TrustTrialDone, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
@@ -178,7 +179,9 @@ def failures(diagnosis: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.
     sentences = {
         "gap": diagnosis.sentence if diagnosis.verdict not in ("no_gap", "inconclusive") else "",
         "unexplained": diagnosis.sentence if diagnosis.verdict in ("unexplained", "partly_explained") else "",
-        "unsure": ", ".join(f"{e.name} is at {e.probability:.0%}" for e in diagnosis.effects if e.probability < sure),
+        "unsure": ", ".join(
+            f"{e.name} is at {percent(e.probability)}" for e in diagnosis.effects if e.probability < sure
+        ),
         "sensor": f"{len(diagnosis.sensor_findings)} sensor faults" if diagnosis.sensor_findings else "",
     }
     always = [f"inconclusive: {diagnosis.sentence}"] if diagnosis.verdict == "inconclusive" else []

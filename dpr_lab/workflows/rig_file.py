@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.shown import percent
 from dpr_lab.whole_file import write_text
 
 if TYPE_CHECKING:
@@ -304,7 +305,7 @@ def _odd_parameters(rig: "Rig") -> Iterator[RigFinding]:
             usual = (0.0, USUAL.mass[1]) if name == "mb" else USUAL.mass  # a model may have no mass at the elbow
             yield from _outside(key, p.measured or p.nominal, usual, "kg: was it weighed in another unit?")
         if p.std is not None and p.std > USUAL.relative_std * (p.measured or math.inf):
-            yield RigFinding("odd", key, f"std {p.std:g} is {p.std / (p.measured or 1):.0%} of the measured value")
+            yield RigFinding("odd", key, f"std {p.std:g} is {percent(p.std / (p.measured or 1))} of the measured value")
         if p.lower is not None and p.upper is not None and p.measured is None:
             yield from _odd_bounds(name, p)
     for rod, length in ((1, rig.L1), (2, rig.L2)):

@@ -42,8 +42,8 @@ def drawn(config: PlantConfig, rig: Rig) -> PlantConfig:
     empty = [name for name, none in zip(PARAMETERS, rig.searched & (lower > upper), strict=True) if none]
     if empty:
         raise ConfigError(
-            f"plant {config.name}: {', '.join(empty)} more than {SPREAD.parameter:.0%} outside the bounds of rig"
-            f" {rig.name}: choose a plant that belongs to this rig, or leave --draw out"
+            f"plant {config.name}: {', '.join(empty)} more than {100 * SPREAD.parameter:.0f} % outside the bounds of"
+            f" rig {rig.name}: choose a plant that belongs to this rig, or omit --draw"
         )
     share = generator(config.seed, RandomStream.TRUTH).random(len(PARAMETERS))
     values = np.where(rig.searched, lower + share * (upper - lower), config.Z)

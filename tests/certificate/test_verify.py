@@ -193,6 +193,6 @@ def test_reasons_to_fail(folder: Path) -> None:
             "effects": [diagnosis.effects[0].model_copy(update={"probability": 0.5})],
         }
     )
-    assert "coulomb_joint1 is at 50%" in failures(doubted, ["unsure"])[0]
+    assert "coulomb_joint1 is at 50 %" in failures(doubted, ["unsure"])[0]
     assert len(failures(doubted, ["gap", "unexplained", "unsure"])) == 3
     assert failures(diagnosis.model_copy(update={"verdict": "no_gap", "effects": []}), ["gap", "unexplained"]) == []

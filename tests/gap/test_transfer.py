@@ -15,6 +15,7 @@ from dpr_lab.gap.transfer.out_of_sample import GapReduction
 from dpr_lab.gap.transfer.transfer import Transfer, worse_free_run
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+from dpr_lab.shown import percent
 
 Recorded = Callable[..., list[Run]]
 
@@ -72,7 +73,7 @@ def test_the_headline_is_what_closes_on_the_runs_held_out(dry: list[Run], paper:
     closed = found.gap.closed_held_out
     assert (found.verdict, found.basis) == ("named", "held-out runs")
     assert closed.estimate == pytest.approx(closed.held_out[dry[2].name])
-    assert f"the gap closes by {closed.estimate:.0%}" in found.sentence
+    assert f"the gap closes by {percent(closed.estimate)}" in found.sentence
 
 
 @pytest.mark.slow

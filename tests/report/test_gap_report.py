@@ -89,7 +89,7 @@ def test_the_probabilities_of_the_alternatives_of_an_effect_add_up(diagnosis):
     first_rows = [i for i, row in enumerate(rows) if row[0]]
     assert [rows[i][0] for i in first_rows] == [COULOMB, TILT]
     for first, last in zip(first_rows, [*first_rows[1:], len(rows)], strict=True):
-        stated = [0.0 if "<" in row[2] else float(row[2].rstrip("%")) for row in rows[first:last]]
+        stated = [0.0 if "<" in row[2] else float(row[2].rstrip(" %")) for row in rows[first:last]]
         assert sum(stated) == pytest.approx(100, abs=0.5)
 
 
@@ -99,7 +99,7 @@ def test_each_alternative_has_a_way_to_distinguish_it(diagnosis):
     assert distinction[named("stribeck_joint1")] == "next step 1"
     assert distinction[f"{TILT} or {named('encoder_offset_joint1')}"] == "next step 2"
     assert distinction[named("coulomb_joint2")] == "these recordings"
-    assert distinction["a cause outside the library"] == "10.0% of the excess remains"
+    assert distinction["a cause outside the library"] == "10.0 % of the excess remains"
     assert not any("spring_joint1" in words for words in distinction)
 
 
@@ -119,9 +119,9 @@ def test_an_effect_whose_name_is_a_prefix_of_another_does_not_match(diagnosis):
 
 def test_steps_end_at_the_explained_share(diagnosis):
     assert gap_tables.step_rows(diagnosis()) == [
-        ("bare model", "3.54", "0.0%"),
-        (f"+ {COULOMB}", "1.77", "75.0%"),
-        (f"+ {TILT}", "1.13", "90.0%"),
+        ("bare model", "3.54", "0.0 %"),
+        (f"+ {COULOMB}", "1.77", "75.0 %"),
+        (f"+ {TILT}", "1.13", "90.0 %"),
     ]
 
 
@@ -130,9 +130,9 @@ def test_without_a_named_effect_the_closest_one_is_listed(diagnosis):
     rows = gap_tables.standing_rows(diagnosis(verdict="unexplained", effects=[], rivals=[closest]))
 
     assert [row[:3] for row in rows] == [
-        (COULOMB, COULOMB, "30%"),
-        ("", "another alternative, or no effect", "50%"),
-        ("", "a cause outside the library", "20%"),
+        (COULOMB, COULOMB, "30 %"),
+        ("", "another alternative, or no effect", "50 %"),
+        ("", "a cause outside the library", "20 %"),
     ]
 
 
@@ -195,8 +195,8 @@ def test_the_gap_budget_adds_up(diagnosis) -> None:
     bar = budget_bar(diagnosis())
     assert bar is not None
     assert [share for _, share in bar.parts] == pytest.approx([0.5, 0.18, 0.32])
-    assert bar.parts[0][0] == f"{COULOMB}: 1.77 mrad (50.0%)"
-    assert bar.parts[-1][0] == "remainder: 1.13 mrad (32.0%)"
+    assert bar.parts[0][0] == f"{COULOMB}: 1.77 mrad (50.0 %)"
+    assert bar.parts[-1][0] == "remainder: 1.13 mrad (32.0 %)"
 
 
 def test_an_improbable_effect_is_not_listed_as_a_cause(diagnosis, tmp_path) -> None:

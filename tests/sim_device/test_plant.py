@@ -105,7 +105,7 @@ def test_a_measured_parameter_is_not_drawn(paper):
 def test_a_plant_of_another_rig_cannot_be_drawn(paper):
     config = load_plant("paper")
     heavy = config.model_copy(update={"parameters": {**config.parameters, "m1": 5.0}})
-    with pytest.raises(ConfigError, match="m1 more than 15%"):
+    with pytest.raises(ConfigError, match="m1 more than 15 %"):
         drawn(heavy, paper)
 
 

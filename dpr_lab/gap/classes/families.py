@@ -9,6 +9,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refit_without
 from dpr_lab.gap.result.causes import NamedEffect, NamedFamily
 from dpr_lab.gap.which.selected import Selection
+from dpr_lab.shown import percent
 
 
 def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -> list[NamedFamily]:
@@ -45,6 +46,6 @@ def families_sentence(named: list[NamedFamily]) -> str:
     """Sentences for the headline; empty without a family."""
     return "".join(
         f" Together {' and '.join(family.effects)} are the effects of a {family.words} [{family.name}]:"
-        f" {family.share:.0%} of the excess."
+        f" {percent(family.share)} of the excess."
         for family in named
     )

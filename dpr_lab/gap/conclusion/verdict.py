@@ -11,7 +11,7 @@ from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.tried import Description
-from dpr_lab.shown import listed
+from dpr_lab.shown import listed, percent
 
 Verdict = Literal["no_gap", "inconclusive", "named", "partly_explained", "unexplained"]
 
@@ -139,7 +139,7 @@ def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPo
         causes = listed([_class(cause) for cause in _causes_named(selection, posteriors, carried)])
         surest = min(cause.probability for cause in posteriors)
         return (
-            f"The gap is explained by {causes} (probability {surest:.0%}). {how_far(carried)}"
+            f"The gap is explained by {causes} (probability {percent(surest)}). {how_far(carried)}"
             " Nothing above the noise floor remains."
         )
     share, remainder = selection.share_explained, selection.chosen.residuals.noise_ratio
@@ -160,10 +160,10 @@ def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPo
     closest = listed([_class(cause) for cause in posteriors])
     if share >= RULES.partly_share:
         return (
-            f"Unexplained: {closest} explains {share:.0%} of the excess chi-square in the fitted"
+            f"Unexplained: {closest} explains {percent(share)} of the excess chi-square in the fitted"
             f" recordings, but not in other recordings. {how_far(carried)}"
         )
-    return f"Unexplained: the closest effect, {closest}, explains only {share:.0%} of the excess chi-square."
+    return f"Unexplained: the closest effect, {closest}, explains only {percent(share)} of the excess chi-square."
 
 
 def _causes_named(
@@ -187,8 +187,10 @@ def _no_gap(base: Hypothesis) -> str:
 def how_far(carried: Transfer) -> str:
     """Reduction of the gap on held-out data, and the kind of these data."""
     estimate, (low, high) = carried.closed.estimate, carried.closed.interval90
-    closes = f"the gap closes by {estimate:.0%}" if estimate > 0 else f"the gap does not close ({estimate:.0%}"
-    interval = f"90 % interval {low:.0%} to {high:.0%})"
+    closes = (
+        f"the gap closes by {percent(estimate)}" if estimate > 0 else f"the gap does not close ({percent(estimate)}"
+    )
+    interval = f"90 % interval {percent(low)} to {percent(high)})"
     untested = " No other release tested it." if carried.basis == "one release" else ""
     return f"{_BASIS[carried.basis]} {closes}{' (' if estimate > 0 else ', '}{interval}.{untested}"
 
@@ -218,7 +220,7 @@ def _restrictions(carried: Transfer) -> str:
 
 def _doubt(cause: EffectPosterior) -> str:
     """The probability of an effect that is probably not the cause although it explains a part of the gap."""
-    return "" if cause.probability >= RULES.rather else f" (probability only {cause.probability:.0%})"
+    return "" if cause.probability >= RULES.rather else f" (probability only {percent(cause.probability)})"
 
 
 def _class(posterior: EffectPosterior) -> str:

@@ -19,7 +19,7 @@ from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.gap.result.saved import Interval, Number, Saved
 from dpr_lab.gap.result.trust import Trust
 from dpr_lab.identification.scaling.scale import Scale
-from dpr_lab.shown import Row, Shown
+from dpr_lab.shown import Row, Shown, percent
 from dpr_lab.whole_file import regular
 
 
@@ -168,7 +168,7 @@ class Diagnosis(Shown, Saved):
         return self.sentence
 
     def _rows(self) -> list[Row]:
-        rows = [(effect.name, f"{effect.probability:.0%}", f"{effect.share:.0%}") for effect in self.effects]
+        rows = [(effect.name, percent(effect.probability), percent(effect.share)) for effect in self.effects]
         return [("effect", "probability", "share of the excess"), *rows] if rows else []
 
     def to_json(self) -> dict[str, Any]:

@@ -329,7 +329,7 @@ def _colour(run: Run, rig: Rig, joints: Array, settings: ScreenSettings) -> tupl
     """(2,) factor from the noise of neighbours to that of wider spacings, 1 for white noise; and the findings."""
     factor, findings = np.ones(2), []
     if run.rate_hz < settings.colour_hz:
-        evidence = "neighbouring readings at rest have correlated errors (correlation {:.0%}): a filter or a tracker"
+        evidence = "neighbouring readings at rest have correlated errors (correlation {:.2f}): a filter or a tracker"
         shared = rest_correlation(run, rig).tolist()
         return factor, [
             Finding("non_white_noise", run.name, name, None, evidence.format(alike))

@@ -27,6 +27,7 @@ from dpr_lab.gap.where.coordinates import (
     time_hats,
     under_torque,
 )
+from dpr_lab.shown import percent
 
 Array = NDArray[np.float64]
 
@@ -79,7 +80,8 @@ def where_sentence(places: tuple[Place, ...]) -> str:
     best = places[0]
     if best.share < CONVINCING:
         return (
-            f"No single place explains the gap: the best, {best.site} by {best.coordinate}, explains {best.share:.0%}."
+            f"No single place explains the gap: the best, {best.site} by {best.coordinate}, explains"
+            f" {percent(best.share)}."
         )
     return best.sentence
 
@@ -160,7 +162,7 @@ def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array,
     """Description of a map in words."""
     where = {"torque": f"a torque in {site}", "friction": f"friction of {site}", "error": f"an error of {site}"}[kind]
     by = "load or on the direction of motion alone" if coordinate == "load" else coordinate
-    parts = [f"{share:.0%} of the excess can lie in {where} that depends on {by}"]
+    parts = [f"{percent(share)} of the excess can lie in {where} that depends on {by}"]
     if coordinate == "speed":
         parts.append(_speed_shape(knots, values, std))
     elif coordinate == "angle":

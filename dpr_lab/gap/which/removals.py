@@ -15,6 +15,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.search import Decision, Move, Proposal
+from dpr_lab.shown import percent
 
 
 def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]:
@@ -96,7 +97,7 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
 
 
 def _makes_up_for_another_form(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    share = f"{proposal.value:.0%} of its reduction is explained by no other form of the remaining effects"
+    share = f"{percent(proposal.value)} of its reduction is explained by no other form of the remaining effects"
     return Decision(proposal.value < THRESHOLDS.own_share, share)
 
 

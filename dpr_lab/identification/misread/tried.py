@@ -16,6 +16,7 @@ from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.ratio_fit import RatioFit, short_fit
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+from dpr_lab.shown import percent
 
 Array = NDArray[np.float64]
 
@@ -87,13 +88,13 @@ class SecondLook:
         if self.tried:
             causes = ", or ".join(dict.fromkeys(one.reading.cause for one in self.tried))
             return (
-                f"With another interpretation, rods without effects explain {self.tried[0].share:.1%} of"
+                f"With another interpretation, rods without effects explain {percent(self.tried[0].share, 1)} of"
                 f" the excess: {causes}."
             )
         if self.energy_rise < ENERGY.entering:
             return ""
         return (
-            f"The energy of the rods rises by {self.energy_rise:.0%} of its range, which is impossible for"
+            f"The energy of the rods rises by {percent(self.energy_rise)} of its range, which is impossible for"
             f" a passive rig: the rods have a drive that is not described. Import known torques (without"
             f" --torque none), import an arm that"
             " moves with its column of theta0 and --arm prescribed, or check counts_per_rev and the units."

@@ -139,7 +139,7 @@ def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig) -> list[str]:
         expected = best(motor.kt, 0.0) / best(motor.R, 1.0)
         notes.append(
             f"kt/R is {gain / motor.gear:.4g} N m/V from the recordings and {expected:.4g} N m/V from the rig file"
-            f" ({gain / motor.gear / expected - 1:+.1%})."
+            f" ({100 * (gain / motor.gear / expected - 1):+.1f} %)."
         )
     if motor.ke is not None:
         share = best(motor.ke, 0.0) * gain * motor.gear

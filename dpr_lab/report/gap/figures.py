@@ -16,6 +16,7 @@ from dpr_lab.report.figures import empty_figure, legend_above, new_figure, save_
 from dpr_lab.report.gap.sections import SECTIONS
 from dpr_lab.report.gap.tables import coordinate, per_reading, place_map, quantity, steps
 from dpr_lab.report.words import in_words
+from dpr_lab.shown import percent
 
 
 def where_figure(diagnosis: Diagnosis, most: int = 4) -> Figure:
@@ -49,7 +50,7 @@ def _draw_place(axes: Axes, place: Where) -> None:
     axes.set_ylim(*scale)
     if clipped:
         axes.annotate("clipped", (0.01, 0.02), xycoords="axes fraction", fontsize="small")
-    axes.set_title(f"{in_words(place.site)} by {place.coordinate}: {place.share:.0%} of the excess")
+    axes.set_title(f"{in_words(place.site)} by {place.coordinate}: {percent(place.share)} of the excess")
     axes.set_xlabel(coordinate(place)[0])
     axes.set_ylabel(quantity(place)[0])
 

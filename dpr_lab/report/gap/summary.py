@@ -9,7 +9,7 @@ from dpr_lab.report.digits import three
 from dpr_lab.report.gap.tables import PROBABLE, causes, steps
 from dpr_lab.report.pages.page import ShareBar
 from dpr_lab.report.words import named, parameter_words, size_words
-from dpr_lab.shown import listed
+from dpr_lab.shown import listed, percent
 
 BASIS = {
     "one release": "cross-validation between the quarters of one run",
@@ -44,7 +44,10 @@ def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
     total = sum(max(part, 0.0) for _, part in parts)  # an effect may increase the gap on held-out data
     return ShareBar(
         f"Gap budget: {three(1e3 * before)} mrad rms above the noise ({basis})",
-        [(f"{label}: {three(1e3 * part)} mrad ({part / before:.1%})", max(part, 0.0) / total) for label, part in parts],
+        [
+            (f"{label}: {three(1e3 * part)} mrad ({percent(part / before, 1)})", max(part, 0.0) / total)
+            for label, part in parts
+        ],
     )
 
 
@@ -66,7 +69,7 @@ def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 
 def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
     """Bar of the mean squared residual by reproducibility; None without a gap."""
-    parts = [(f"{label}: {share:.1%}", share) for label, share in repeatability_parts(diagnosis)]
+    parts = [(f"{label}: {percent(share, 1)}", share) for label, share in repeatability_parts(diagnosis)]
     title = "Repeatability: mean squared residual of the bare model on held-out recordings"
     return ShareBar(title, parts) if parts else None
 
@@ -78,11 +81,11 @@ def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
         return []
     if budget.of_reproducible is None:
         why = budget.undecided or "No part of the gap is known to be reproducible."
-        sentences = [f"The corrected model explains {budget.of_gap:.0%} of the mean squared gap. {why}"]
+        sentences = [f"The corrected model explains {percent(budget.of_gap)} of the mean squared gap. {why}"]
     else:
         sentences = [
-            f"The corrected model explains {budget.of_reproducible:.0%} of the reproducible part and"
-            f" {budget.of_gap:.0%} of the whole mean squared gap."
+            f"The corrected model explains {percent(budget.of_reproducible)} of the reproducible part and"
+            f" {percent(budget.of_gap)} of the whole mean squared gap."
         ]
     if budget.basis == "pieces of one recording":
         sentences.append("Pieces of a single recording do not show differences between releases.")
@@ -103,7 +106,7 @@ def summary_note(diagnosis: Diagnosis) -> str:
     improbable = [named(effect.name) for effect in diagnosis.effects if effect.probability < PROBABLE]
     return (
         f"The corrected model also contains {listed(improbable)}, which improve the fit but are improbable as causes"
-        f" (probability below {PROBABLE:.0%})."
+        f" (probability below {percent(PROBABLE)})."
         if improbable
         else ""
     )

@@ -20,6 +20,7 @@ from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.gap.sizes import sizes_cell
 from dpr_lab.report.tables import run_name
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
+from dpr_lab.shown import percent
 
 SUMMARY_COLUMNS = ("effect", "size, 90 % interval", "probability")
 EFFECT_COLUMNS = ("effect", "indistinguishable effects", "probability", "unique contribution", "size, 90 % interval")
@@ -122,7 +123,7 @@ def causes(diagnosis: Diagnosis) -> dict[str, NamedEffect]:
 def summary_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
     """One row per probable cause, in the columns `SUMMARY_COLUMNS`."""
     return [
-        (words, sizes_cell(diagnosis, effect, angles), f"{effect.probability:.0%}")
+        (words, sizes_cell(diagnosis, effect, angles), percent(effect.probability))
         for words, effect in causes(diagnosis).items()
     ]
 
@@ -133,8 +134,8 @@ def effect_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple
         (
             named(effect.name),
             ", ".join(named(name) for name in effect.members if name != effect.name) or ALONE,
-            f"{effect.probability:.0%}",
-            f"{effect.share:.1%}",
+            percent(effect.probability),
+            percent(effect.share, 1),
             sizes_cell(diagnosis, effect, angles),
         )
         for effect in diagnosis.effects
@@ -186,7 +187,7 @@ def standing_rows(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBAB
         most: number of alternatives shown per effect
         open_from: further alternatives of at least this probability are shown too; the others share one row
     """
-    remainder = f"{1 - diagnosis.gap.explained_share:.1%} of the excess remains"
+    remainder = f"{percent(1 - diagnosis.gap.explained_share, 1)} of the excess remains"
     checked = {
         done.check.about: done.after[NONE_OF_THEM] for done in diagnosis.checks_done if NONE_OF_THEM in done.after
     }
@@ -241,8 +242,8 @@ def _next_step(diagnosis: Diagnosis, *names: str) -> str:
 
 def _percent(probability: float) -> str:
     if probability < ALTERNATIVE_WORDS.improbable:
-        return "< 0.1%"
-    return f"{probability:.0%}" if probability >= 0.1 else f"{probability:.1%}"
+        return "< 0.1 %"
+    return percent(probability) if probability >= 0.1 else percent(probability, 1)
 
 
 def step_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
@@ -251,7 +252,7 @@ def step_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[s
     shares = [1 - (gap / gaps[0][1]) ** 2 if gaps[0][1] > 0 else 0.0 for _, gap in gaps[:-1]]
     shares += [explained] if len(gaps) > 1 else [0.0]
     return [
-        (name, three(angles.small_per_rad * gap), f"{share:.1%}")
+        (name, three(angles.small_per_rad * gap), percent(share, 1))
         for (name, gap), share in zip(gaps, shares, strict=True)
     ]
 
@@ -291,7 +292,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
 def place_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
     """Places with the largest share of the excess, in the columns `PLACE_COLUMNS`."""
     return [
-        (in_words(place.site), place.coordinate, f"{place.share:.0%}", in_words(place.sentence))
+        (in_words(place.site), place.coordinate, percent(place.share), in_words(place.sentence))
         for place in diagnosis.where[:count]
     ]
 
@@ -335,7 +336,7 @@ def closed_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple
         free_run = gap.free_run_rad.get(name, {})
         errors = (free_run.get(key) for key in ("before", "after"))
         before, after = (NONE if rms is None else three(angles.small_per_rad * rms) for rms in errors)
-        rows.append((label, f"{share:.1%}" if gap.waterfall else NONE, before, after))
+        rows.append((label, percent(share, 1) if gap.waterfall else NONE, before, after))
     return rows
 
 

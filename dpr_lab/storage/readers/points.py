@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.progress import OnImport, unwatched
+from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import is_time
 from dpr_lab.storage.tables.table import Table, read_table
 
@@ -180,7 +181,7 @@ def _noise_note(table: Table, axis: str, rod: NDArray[np.float64]) -> str:
     scatter = float(median_abs_deviation(seen, scale=ndtri(0.75)))
     if scatter > SETTINGS.length_scatter * length:
         raise RunError(
-            f"{table.path}: the rod of {axis} changes its length by {scatter / length:.0%}: these points"
+            f"{table.path}: the rod of {axis} changes its length by {percent(scatter / length)}: these points"
             f" are not its ends; select them with --take {WANTED}"
         )
     return f"{axis}: noise {scatter / length:.2g} rad, from the scatter of the rod's length in the picture"

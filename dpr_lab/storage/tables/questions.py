@@ -12,6 +12,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.estimation.held_rods import FreePart
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, periods
 from dpr_lab.rig import Rig
+from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import TO_SECONDS
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import odd_notes
@@ -205,7 +206,7 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
         return [_read_otherwise("the energy of the swing is not conserved; it is", others)], others
     doubts = []
     if residual > settings.unexplained[asked.torques is not None]:
-        share = f"{residual:.0%} of" if residual < 1 else f"{residual:.2g} times"
+        share = f"{percent(residual)} of" if residual < 1 else f"{residual:.2g} times"
         doubts.append(
             TableQuestion(
                 f"the energy of the swing changes by {share} the energy exchanged by gravity, which friction and known"

@@ -19,6 +19,7 @@ from textual.widgets import Input, Label, Select, Static, TabbedContent, TabPane
 from dpr_lab.errors import ConfigError
 from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
 from dpr_lab.report.angles import AngleUnit
+from dpr_lab.shown import percent
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.jobs.stage_pace import StagePace
 from dpr_lab.tui.services import Services
@@ -226,7 +227,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         picker = self.query_one("#place", Select)
         picker.set_options(
             [
-                (Content(f"{in_words(p.site)} by {p.coordinate}: {p.share:.0%} of the excess"), i)
+                (Content(f"{in_words(p.site)} by {p.coordinate}: {percent(p.share)} of the excess"), i)
                 for i, p in enumerate(diagnosis.where)
             ]
         )
@@ -312,7 +313,7 @@ def _which(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
     shown: list[RenderableType] = [_effect(row) for row in gap_tables.effect_rows(diagnosis, unit)] or [
         "No effect is named.\n"
     ]
-    shown.append("  ".join(f"{name.replace('_', ' ')}: {p:.0%}" for name, p in others.items()))
+    shown.append("  ".join(f"{name.replace('_', ' ')}: {percent(p)}" for name, p in others.items()))
     if rows := gap_tables.standing_rows(diagnosis):
         shown += ["", table("Alternatives", gap_tables.STANDING_COLUMNS, rows)]
         shown.append(Text(gap_tables.STANDING_NOTE, "dim"))
@@ -356,9 +357,9 @@ def _far(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
     shares += [(words(run, held_out=True), share, None) for run, share in closed.held_out.items()]
     low, high = closed.interval90
     closing = [
-        f"\nOn held-out data {closed.estimate:.1%} of the gap above the noise closes (90 %"
-        f" interval {low:.1%} to {high:.1%})",
-        Bars([(name, max(share, 0.0), interval, f"{share:.1%}") for name, share, interval in shares], top=1.0),
+        f"\nOn held-out data {percent(closed.estimate, 1)} of the gap above the noise closes (90 %"
+        f" interval {percent(low, 1)} to {percent(high, 1)})",
+        Bars([(name, max(share, 0.0), interval, percent(share, 1)) for name, share, interval in shares], top=1.0),
     ]
     if not gap.waterfall:
         closing = [
@@ -368,7 +369,7 @@ def _far(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
     if parts := repeatability_parts(diagnosis):
         closing += [
             f"\nShares of the mean squared residual. {' '.join(repeatability_sentences(diagnosis))}",
-            Bars([(label, share, None, f"{share:.1%}") for label, share in parts], top=1.0),
+            Bars([(label, share, None, percent(share, 1)) for label, share in parts], top=1.0),
         ]
     return Group(
         f"Gap per reading ({unit.small} rms, segments of 0.5 s) and share of the excess explained, as effects"

@@ -21,6 +21,7 @@ from dpr_lab.report.envelope import signal_scale
 from dpr_lab.report.gap.tables import next_steps, sentence
 from dpr_lab.report.tables import run_name
 from dpr_lab.report.words import in_words, named
+from dpr_lab.shown import percent
 from dpr_lab.tui.jobs.job_events import JobCompiling, JobProgress
 from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess
 from dpr_lab.tui.steps.diagnose import STAGES_S, STEADY, DiagnoseStep
@@ -90,11 +91,11 @@ async def test_a_diagnosis_is_resumed_with_all_that_it_says(lab, fixed_diagnosis
         assert "latency, joint 2 [latency_joint2]" in which
         assert "delay 0.500 ms (0.498 to 0.502)" in which
         for effect in found.effects:
-            assert f"{named(effect.name)}: probability {effect.probability:.0%}" in which
+            assert f"{named(effect.name)}: probability {percent(effect.probability)}" in which
             assert f"+ {named(effect.name)}" in text(pilot.app, "#far-text")
         low, high = found.gap.closed_held_out.interval90
         said = " ".join(text(pilot.app, "#far-text").split())
-        assert f"90 % interval {low:.1%} to {high:.1%}" in said
+        assert f"90 % interval {percent(low, 1)} to {percent(high, 1)}" in said
         assert "Each bar is the part above the noise floor" in said
         for number, advice in enumerate(next_steps(found), 1):
             assert f"{number}. {advice}" in " ".join(text(pilot.app, "#next-text").split())
@@ -178,7 +179,7 @@ async def test_every_rival_says_what_tells_it_apart(lab, fixed_diagnosis: Path, 
     async with lab(DiagnoseStep, diagnosis=tmp_path / "diagnosis.json") as pilot:
         lines = [line.split() for line in text(pilot.app, "#which-text").splitlines()]
         rival = named("stribeck_joint1").split()
-        assert any(line[:2] == rival[:2] and line[-5:] == ["0.7%", "1.0000", "next", "step", "1"] for line in lines)
+        assert any(line[:2] == rival[:2] and line[-5:] == ["0.7", "%", "1.0000", "next", "step", "1"] for line in lines)
         assert sum(line[:2] == ["a", "cause"] for line in lines) == 2
         said = " ".join(text(pilot.app, "#next-text").split())
         assert "1. Raise the rods higher" in said

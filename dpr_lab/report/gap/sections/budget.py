@@ -9,6 +9,7 @@ from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.figures import legend_above, new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
 from dpr_lab.report.gap.tables import run_words
+from dpr_lab.shown import percent
 
 
 def budget_figure(diagnosis: Diagnosis) -> Figure:
@@ -75,7 +76,7 @@ def source_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
             source.name,
             source.kind,
             source.how,
-            f"{source.left:.1%}",
+            percent(source.left, 1),
             three(1e3 * source.before_rad),
             three(1e3 * source.after_rad),
         )

@@ -12,6 +12,7 @@ from dpr_lab.report.figures import empty_figure, legend_above, new_figure
 from dpr_lab.report.gap.section import EvidenceSection, FoldedTable, evidence_of
 from dpr_lab.report.gap.tables import per_reading
 from dpr_lab.report.words import named
+from dpr_lab.shown import percent
 
 
 def closing_figure(diagnosis: Diagnosis) -> Figure:
@@ -59,14 +60,18 @@ def closing_words(diagnosis: Diagnosis) -> list[str]:
     }[diagnosis.basis]
     return [
         f"The named effects reduce the gap from {three(1e3 * steps[0].left_rad)} to"
-        f" {three(1e3 * steps[-1].left_rad)} mrad, by {steps[-1].closed:.1%}. Data: {data}."
+        f" {three(1e3 * steps[-1].left_rad)} mrad, by {percent(steps[-1].closed, 1)}. Data: {data}."
     ]
 
 
 def closing_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Gap and cumulative reduction of each model."""
     return [
-        (f"+ {named(step.effect)}" if step.effect else "bare model", three(1e3 * step.left_rad), f"{step.closed:.1%}")
+        (
+            f"+ {named(step.effect)}" if step.effect else "bare model",
+            three(1e3 * step.left_rad),
+            percent(step.closed, 1),
+        )
         for step in evidence_of(diagnosis).closing
     ]
 

@@ -7,6 +7,7 @@ from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
+from dpr_lab.shown import percent
 
 
 def exclusion_words(diagnosis: Diagnosis) -> list[str]:
@@ -15,7 +16,7 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
     undetectable = [name for name, sizes in diagnosis.detectable.items() if sizes and not any(sizes.values())]
     sentences = [
         f"{len(excluded)} effects of the library are absent, or smaller than the size given: a larger one would have"
-        f" been detected in these recordings with a confidence of at least {PAGE.sure:.0%}.",
+        f" been detected in these recordings with a confidence of at least {percent(PAGE.sure)}.",
         "Smaller effects are not excluded. An effect that is indistinguishable from a named one is excluded only in"
         " addition to it.",
     ]
@@ -61,7 +62,7 @@ def _split(diagnosis: Diagnosis) -> tuple[dict[str, list[Exclusion]], list[str]]
 
 
 def _percent(confidence: float) -> str:
-    return "> 99.9%" if confidence > 0.999 else f"{confidence:.1%}"
+    return "> 99.9 %" if confidence > 0.999 else percent(confidence, 1)
 
 
 EXCLUSIONS = EvidenceSection(

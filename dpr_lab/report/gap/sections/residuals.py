@@ -12,6 +12,7 @@ from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.figures import legend_above, new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
 from dpr_lab.report.words import in_words
+from dpr_lab.shown import percent
 
 LINES = {"before": ("bare model", style.SIMULATED), "after": ("corrected model", style.RESIDUAL)}
 """Key of a model -> label and line style."""
@@ -69,8 +70,8 @@ def residual_words(diagnosis: Diagnosis) -> list[str]:
         tails = {name: whiteness.beyond3 for name, whiteness in models.items()}
         sentences.append(
             f"{in_words(joint).capitalize()}: the autocorrelation at lag 1 is {first_lag['before']:.2f} for the bare"
-            f" and {first_lag['after']:.2f} for the corrected model; {tails['before']:.1%} and {tails['after']:.1%} of"
-            " the residuals exceed 3 σ (normal noise: 0.3%)."
+            f" and {first_lag['after']:.2f} for the corrected model; {percent(tails['before'], 1)} and"
+            f" {percent(tails['after'], 1)} of the residuals exceed 3 σ (normal noise: 0.3 %)."
         )
     return [
         "Residuals of a complete model are white and normally distributed, with the standard deviation of the encoder"
@@ -87,7 +88,7 @@ def residual_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
         for name, whiteness in models.items():
             known = whiteness.autocorrelation
             lags = (three(known[k]) if k < len(known) else NONE for k in (1, 2, 5, 10, 20, 40))
-            rows.append((in_words(joint), LINES[name][0], *lags, f"{whiteness.beyond3:.2%}"))
+            rows.append((in_words(joint), LINES[name][0], *lags, percent(whiteness.beyond3, 2)))
     return rows
 
 

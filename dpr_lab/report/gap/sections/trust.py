@@ -12,6 +12,7 @@ from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.figures import new_figure
 from dpr_lab.report.gap.section import EvidenceSection, FoldedTable
 from dpr_lab.report.words import named
+from dpr_lab.shown import percent
 
 
 def trust_figure(diagnosis: Diagnosis) -> Figure | None:
@@ -55,7 +56,7 @@ def _share(share: TrustShare) -> str:
     if not share.of:
         return "0 of 0"
     low, high = share.interval90
-    return f"{share.held} of {share.of} (90 % interval {low:.0%} to {high:.0%})"
+    return f"{share.held} of {share.of} (90 % interval {percent(low)} to {percent(high)})"
 
 
 def _refused(trials: Sequence[TrustTrial]) -> str:
