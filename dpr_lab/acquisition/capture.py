@@ -315,7 +315,9 @@ def _release(device: Device) -> None:
     try:
         device.release()
     except LinkError as error:
-        raise type(error)(f"{error}; RELEASE was sent, so the rods may be free: look before you reach in") from error
+        raise type(error)(
+            f"{error}; RELEASE was sent, so the rods may be free: keep clear until you have checked them"
+        ) from error
 
 
 def _take(device: Device, recording: Recording, settings: CaptureSettings) -> list[Batch]:
@@ -373,7 +375,7 @@ def _follow(
         if any(batch.rows for batch in batches):
             heard_at = now
         elif now - heard_at > (longest := settings.silences_without_samples * device.silence_s):
-            raise DeviceLost(f"{device.url}: the device reports but sent no samples for {longest:g} s")
+            raise DeviceLost(f"{device.url}: the device sends status messages, but sent no samples for {longest:g} s")
         pace.check(now)
         if now < next_look:
             continue

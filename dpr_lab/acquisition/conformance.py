@@ -253,21 +253,25 @@ def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) ->
         torques += [message.tick for message in fresh if isinstance(message, Torque | ArmInput)]
         reports += sum(isinstance(message, Status) for message in fresh)
     if len(arrived) < 2:
-        yield Conformity("samples come", False, f"{len(arrived)} in {settings.timing_s:g} s")
+        yield Conformity("samples arrive", False, f"{len(arrived)} in {settings.timing_s:g} s")
         return
     steps = [(b - a) & 0xFFFF for (_, a), (_, b) in pairwise(arrived)]
     missing = sum(step != 1 for step in steps)
-    yield Conformity("every tick has a sample", not missing, f"{len(arrived)} samples, {missing} steps that are not 1")
+    yield Conformity(
+        "every tick has a sample", not missing, f"{len(arrived)} samples, {missing} tick steps other than 1"
+    )
     if peer.drives:
         without = len({tick for _, tick in arrived[:-1]} - set(torques))  # those of the last samples may be pending
         yield Conformity(
-            "every sample has its torques", not without, f"{len(torques)} of drives, missing for {without} samples"
+            "every sample has its torques",
+            not without,
+            f"{len(torques)} torque messages, missing for {without} samples",
         )
     if not simulated_time:
         rate = sum(steps) / (arrived[-1][0] - arrived[0][0])
         off = abs(rate / settings.rate_hz - 1)
         yield Conformity(
-            "the rate is right", off < settings.rate_off, f"{rate:.1f} Hz, requested {settings.rate_hz} Hz"
+            "the sample rate is correct", off < settings.rate_off, f"{rate:.1f} Hz, requested {settings.rate_hz} Hz"
         )
         low, high = settings.reports_hz
         hz = reports / settings.timing_s

@@ -364,8 +364,8 @@ class Device:
         info, of_arm = self._session.info, isinstance(torque, ArmInput)
         if info is not None and not (info.input_kinds if of_arm else info.torque_kinds):
             raise LinkError(
-                f"{self.url}: the device sends {'inputs of its arm' if of_arm else 'torques'}, but the page"
-                f" of its INFO with their unit was lost: connect again"
+                f"{self.url}: the device sends {'inputs of its arm' if of_arm else 'torques'}, but the INFO"
+                " page that contains their unit was lost: connect again"
             )
         if self._torques is not None:
             self._torques.note(torque)

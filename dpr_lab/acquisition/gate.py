@@ -141,7 +141,7 @@ def _hanging_before(judged: JudgedRun) -> Check | None:
     error = np.abs(judged.hanging)
     rod, worst = RODS[int(error.argmax())], float(error.max())
     sentence = (
-        f"before it was raised the {rod} hung {worst:.3f} rad away from the vertical (limit {limit}):"
+        f"before the rods were raised, the {rod} deviated by {worst:.3f} rad from the vertical (limit {limit}):"
         " lost counts, or a wrong zero in the rig file"
     )
     return Check("hanging_before", worst <= limit, worst, limit, "rad", sentence)
@@ -238,8 +238,8 @@ def _clock(judged: JudgedRun) -> Check | None:
     limit = judged.limits.clock_ppm
     error, words = clock_error(judged.run.clock)
     sentence = (
-        f"the device's clock runs {words} against this computer (limit {limit:g} ppm; a crystal keeps to about 100):"
-        " check its sample timer, all times are wrong by as much"
+        f"the device's clock runs {words} relative to this computer (limit {limit:g} ppm; the error of a"
+        " crystal is about 100 ppm): check its sample timer, because all times have this error"
     )
     return Check("clock", error <= limit, error, limit, "ppm", sentence)
 

@@ -16,7 +16,9 @@ EXIT_CODES = {"pass": 0, "fail": 1, "not decidable": 9}
 
 
 def accept(
-    runs: Annotated[list[Path], typer.Argument(help="Run files (.mcap); three releases or more decide more limits.")],
+    runs: Annotated[
+        list[Path], typer.Argument(help="Run files (.mcap); with three or more releases, more limits are decidable.")
+    ],
     rig: RigName,
     limits: Annotated[Path, typer.Option(help="Limits file (TOML): sizes of effects and ranges of ratios.")],
     out: Annotated[

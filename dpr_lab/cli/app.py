@@ -60,7 +60,9 @@ def _version(show: bool) -> None:
 def _root(
     version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Show the version."),
     no_plugins: bool = typer.Option(
-        False, "--no-plugins", help="Load no plugin of other packages; before the command. Also: DPR_LAB_NO_PLUGINS=1."
+        False,
+        "--no-plugins",
+        help="Load no plugins of other packages. Write this option before the command, or set DPR_LAB_NO_PLUGINS=1.",
     ),
 ) -> None:
     if no_plugins:

@@ -142,14 +142,21 @@ def _show_verified(done: "VerifiedCertificate") -> None:
         table("Claims", ["claim", "certified", "now", "tolerance", "result"], claims)
     broken = [each.claim for each in done.lines if not each.holds]
     if broken:
-        line(f"Does not hold: {', '.join(broken)}.")
+        line(f"Not confirmed: {', '.join(broken)}.")
         return
     departures = [choice.name for choice in done.choices if choice.note]
-    line("Every claim holds under the choices above." if departures else "Every claim holds under the default choices.")
+    line(
+        "Every claim is confirmed with the choices above."
+        if departures
+        else "Every claim is confirmed with the default choices."
+    )
     if departures:
-        line(f"Not the default: {', '.join(departures)}.")
+        line(f"Choices that are not the default: {', '.join(departures)}.")
     if done.names_other_code:
-        line("The certificate names other code. Its claims hold with the running code; the named code was not run.")
+        line(
+            "The certificate was made with other code. Its claims were verified with the installed code, not with"
+            " that code."
+        )
 
 
 def _show_declared(title: str, declared: "Sequence[Declared]") -> None:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 def diagnose(
     runs: Annotated[
-        list[Path], typer.Argument(help="Run files (.mcap); three releases or more distinguish more effects.")
+        list[Path], typer.Argument(help="Run files (.mcap); three or more releases distinguish more effects.")
     ],
     rig: Annotated[
         str,
@@ -37,7 +37,12 @@ def diagnose(
     ] = "",
     simulator: Annotated[
         Path | None,
-        typer.Option(help="Your MJCF, URDF or SDFormat model: start from it and list what to change in it."),
+        typer.Option(
+            help=(
+                "Your MJCF, URDF or SDFormat model: the diagnosis starts from its values and lists what to change in"
+                " it."
+            )
+        ),
     ] = None,
     joints: Annotated[
         str | None, typer.Option(help="With --simulator: joints of the inner and the outer rod, separated by commas.")
@@ -58,9 +63,9 @@ def diagnose(
     fail_on: Annotated[
         str | None,
         typer.Option(
-            help="Exit with 1 on any of these, separated by commas: gap, unexplained, unsure, sensor."
-            " Recordings that cannot show a"
-            " gap, or whose description is probably wrong, always exit with 1.",
+            help="Exit with 1 on any of these, separated by commas: gap, unexplained, unsure, sensor. If the"
+            " recordings cannot show a gap, or if their description is probably wrong, the exit code is always"
+            " 1.",
             callback=REASON_NAMES.check,
             autocompletion=REASON_NAMES.complete,
         ),

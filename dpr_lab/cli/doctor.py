@@ -153,6 +153,6 @@ def _device(url: str, rig: str | None) -> str:
             check_encoders(device, described)
         device.check_rate(rate_hz)
         return (
-            f"{info.uid}, firmware {info.firmware}, protocol {info.major}.{info.minor},"
-            f" counts per turn {', '.join(map(str, info.counts_per_rev))}; {rate_hz} Hz fits the link"
+            f"{info.uid}, firmware {info.firmware}, protocol {info.major}.{info.minor}, counts per turn"
+            f" {', '.join(map(str, info.counts_per_rev))}; {rate_hz} Hz is within the capacity of the link"
         )

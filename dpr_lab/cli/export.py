@@ -24,8 +24,8 @@ def export(
     to: Annotated[
         str | None,
         typer.Option(
-            help="Formats, by comma: python, mjcf, urdf, sdf, fmu, fmu2. Default: mjcf,python,urdf,sdf; with"
-            " --ensemble: mjcf.",
+            help="Formats, separated by commas: python, mjcf, urdf, sdf, fmu, fmu2. Default: mjcf,python,urdf,sdf;"
+            " with --ensemble: mjcf.",
             callback=EXPORT_NAMES.check,
             autocompletion=EXPORT_NAMES.complete,
         ),
@@ -33,8 +33,8 @@ def export(
     check: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Run to replay in each program; effects that a format cannot express are refitted to it. May"
-            " be repeated."
+            help="Run to replay in each program. If a format cannot express an effect, the model is refitted to"
+            " this run without it. May be repeated."
         ),
     ] = None,
     torque: TorqueKind = None,
@@ -174,7 +174,10 @@ def show_replays(name: str, replays: "Sequence[FileReplay]") -> None:
             (each.run, f"{each.until_s:.3g}", *(f"{1e3 * getattr(each, kind):.3g}" for kind in kinds.values()))
             for each in replays
         ]
-        note = "Free runs. The error after minus that of dpr-lab is the cost of effects that the file cannot contain."
+        note = (
+            "Errors of free runs. The file cannot contain all effects; the error after the change minus the error"
+            " of dpr-lab is due to the missing ones."
+        )
         table(f"Replayed with the numbers of {name}", columns, rows, note=note)
 
 

@@ -136,9 +136,9 @@ def _show_length(analysis: "Identifiability") -> None:
         return
     shifts = ", ".join(f"{name} {100 * shift:+.2f} %" for name, shift in analysis.length_error.ratio_shift.items())
     _print(
-        f"L1 is assumed exact. {1e3 * analysis.length_error.error:.2g} mm of error makes e2 = d g / L1 wrong, as an"
-        f" error of g or of the sample clock does: it moves {shifts} and leaves"
-        f" {analysis.length_error.residual_over_noise:.1f} times the noise as residual."
+        f"L1 is assumed exact. An error of {1e3 * analysis.length_error.error:.2g} mm changes e2 = d g / L1,"
+        f" like an error of g or of the sample clock. It changes the ratios by {shifts} and leaves a residual"
+        f" of {analysis.length_error.residual_over_noise:.1f} times the noise."
     )
 
 

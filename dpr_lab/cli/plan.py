@@ -12,16 +12,19 @@ if TYPE_CHECKING:
     from dpr_lab.planning.result import Plan, PlannedRelease
 
 
-HORIZON = "After the horizon the swing depends on how exactly the rods were placed; its information still counts."
+HORIZON = (
+    "Horizon: beyond it, the swing depends on small errors of the initial pose. Its samples still contribute"
+    " information."
+)
 
-NOT_SEEN = "Not seen: undetectable at any size, or inseparable from an effect of the model."
+NOT_SEEN = "Not detectable: not visible at any size, or indistinguishable from an effect of the model."
 
 
 def plan(
     rig: RigName,
     runs: Annotated[
         list[Path] | None,
-        typer.Argument(help="Run files (.mcap) so far; none: a first plan from the rig file alone."),
+        typer.Argument(help="Run files (.mcap) recorded so far; without any, the first plan uses the rig file alone."),
     ] = None,
     budget: Annotated[
         str | None, typer.Option(help="Time at the rig, such as 10min or 1h; default: three releases.")
@@ -80,7 +83,7 @@ def show(made: "Plan") -> None:
             (one.quantity, "" if one.reach is None else f"{one.reach:.2g}", one.unit, "yes" if one.decides else "no")
             for one in made.limits
         ]
-        table("Limits that the rig must keep", ("quantity", "undecided within", "unit", "decided by the plan"), rows)
+        table("Limits of the rig", ("quantity", "undecided range", "unit", "decidable after the plan"), rows)
     for one in made.inseparable:
         line(f"No release separates {' from '.join(one.causes)}. {one.check}")
     if made.releases:
@@ -97,9 +100,9 @@ def _show_detectable(made: "Plan", most: int = 12) -> None:
     """The amplitudes that are hardest to detect with the plan, relative to their typical size."""
     worst = sorted(made.detectable, key=lambda one: -(float("inf") if one.after is None else one.after / one.typical))
     rows = [(one.effect, one.parameter, _size(one.before), _size(one.after), one.unit) for one in worst[:most]]
-    note = f"{len(made.detectable)} amplitudes in all; those that show worst are listed. {NOT_SEEN}"
+    note = f"{len(made.detectable)} amplitudes in total; the table lists those that are hardest to detect. {NOT_SEEN}"
     table("Minimum detectable size", ("effect", "amplitude", "now", "after the plan", "unit"), rows, note=note)
 
 
 def _size(value: float | None) -> str:
-    return "not seen" if value is None else f"{value:.2g}"
+    return "not detectable" if value is None else f"{value:.2g}"

@@ -173,7 +173,7 @@ def show_opened(opened: "Opened", trial: "Trial") -> None:
     line(f"hidden: {effects_listed(outcome.truth)}; diagnosis: {named_by(outcome)}: {outcome.grade}")
 
 
-STRATEGY_COLUMNS = ("strategy", "trials", "median", "mean", "decided", "right when stopped", "forecast error")
+STRATEGY_COLUMNS = ("strategy", "trials", "median", "mean", "decided", "correct when stopped", "forecast error")
 """Columns of the table of strategies."""
 
 

@@ -29,7 +29,10 @@ def tui(
         bool,
         typer.Option(
             "--allow-release",
-            help="In a browser: anyone who has the address may command the device, open the latch and write files.",
+            help=(
+                "With --serve: anyone who has the address can send commands to the device, open the latch and"
+                " write files."
+            ),
         ),
     ] = False,
     serve: Annotated[

@@ -139,7 +139,9 @@ def fmu(model: Model | MovingArmModel, rig: Rig, standard: str = "3.0") -> bytes
         )
         units = [*Path(folder).glob("*.fmu")]
         if built.returncode or not units:
-            raise DprError(f"{package} did not build the FMU: {(built.stderr.strip().splitlines() or ['no word'])[-1]}")
+            raise DprError(
+                f"{package} did not build the FMU: {(built.stderr.strip().splitlines() or ['no message'])[-1]}"
+            )
         return units[0].read_bytes()
 
 

@@ -62,9 +62,9 @@ def _pose_of_H(ours: Recomputed) -> Contradiction:
         return f"row {row + 1}: " + ", ".join(f"{p} {e:.4g}" for p, e in zip(POSES, E, strict=True))
 
     return Contradiction(
-        "Section 3.7 makes H weigh all three poses, but Table 3's H of rows 3 and 7 (37.3511, 4.69242) are Table 1's "
-        "single-pose E of rows 7 and 6 (37.35, 4.69). H is then neither a sum nor a maximum; the smallest pose or X1 "
-        "alone would fit.",
+        "By section 3.7, H combines all three poses, but Table 3's H of rows 3 and 7 (37.3511, 4.69242) are"
+        " Table 1's single-pose E of rows 7 and 6 (37.35, 4.69). H is then neither a sum nor a maximum; the"
+        " smallest pose or X1 alone would fit.",
         f"Table 2 has 53.195 and 64.470 for the same row 6 from X2 and X3. Ours, angles: {shown(2)}; {shown(6)}.",
     )
 
@@ -75,8 +75,8 @@ def _misprints(truth: NDArray[np.float64], rig: Rig) -> Contradiction:
         for label, table, row, parameter in (("Table 1 row 3", TABLE_1, 2, "c2"), ("Table 3 row 6", TABLE_3, 5, "c1"))
     )
     return Contradiction(
-        "Table 1's c2 = 0.0110 (row 3) and Table 3's c1 = 0.00980 (row 6) lie outside the bounds 0.8 Z to 1.2 Z, ten "
-        "times their neighbours: probably misprints.",
+        "Table 1's c2 = 0.0110 (row 3) and Table 3's c1 = 0.00980 (row 6) lie outside the bounds 0.8 Z to 1.2"
+        " Z and are ten times as large as their neighbours: probably misprints.",
         f"E in angles from X1, as printed and with a tenth: {evidence}.",
     )
 

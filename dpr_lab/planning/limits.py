@@ -164,8 +164,12 @@ def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:
                 f" {longest:g} m long"
             )
     if not {"both", rig.rods.mounted} & {*limits.rods.mounted}:
-        raise ConfigError(f"{path}: rods.mounted: leaves out {rig.rods.mounted}, which rig {rig.name} has: add it")
+        raise ConfigError(
+            f"{path}: rods.mounted: does not contain {rig.rods.mounted}, the rods of rig {rig.name}: add it"
+        )
     grid = np.stack(np.meshgrid(*[np.linspace(0.0, 2 * np.pi, 181)] * 2), axis=-1).reshape(-1, 2)
     if not limits.poses.reachable(grid).any():
-        raise ConfigError(f"{path}: poses: no pose fulfils theta1_rad, theta2_rad and elbow_rad at once: widen one")
+        raise ConfigError(
+            f"{path}: poses: no pose is inside the limits of theta1_rad, theta2_rad and elbow_rad: widen one of them"
+        )
     return limits

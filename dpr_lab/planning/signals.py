@@ -94,8 +94,8 @@ def driven_releases(model: PresentModel, limits: PlanLimits) -> list[CandidateRe
                 releases.append(kept)
     if not releases:
         raise ConfigError(
-            "drive: no signal keeps speed_rad_s and angle_rad of the limits file, even at"
-            f" {percent(SIGNALS.least)} of torque_Nm: raise them, or leave out [drive]"
+            "drive: no signal stays within speed_rad_s and angle_rad of the limits file, even at"
+            f" {percent(SIGNALS.least)} of torque_Nm: raise these limits, or remove [drive]"
         )
     return releases
 

@@ -146,7 +146,7 @@ def _sentence(
     state: State, known: Knowledge, releases: Sequence[PlannedRelease], stuck: Sequence[Inseparable], note: str
 ) -> str:
     if state == "enough":
-        return "Enough: the causes are decided. Further releases only make sizes and ratios more exact."
+        return "Enough: the causes are decided. Further releases only improve the accuracy of sizes and ratios."
     if not releases:
         return "No release fits the budget."
     count = f"{len(releases)} release{'s' if len(releases) > 1 else ''}"
@@ -170,12 +170,13 @@ def _assumptions(known: Knowledge) -> list[str]:
     made = [
         "The arm is held.",
         "The model is linearised about the present estimate; the best releases are simulated.",
-        f"A hand places the rods to {angle:.2g} rad (one standard deviation, half the tolerance of the rig's poses)."
-        " Beyond the horizon of a release, what it shows is the mean over such starts.",
-        "Effects that happened once, as lost counts, are not planned for.",
+        f"A hand places the rods to {angle:.2g} rad (one standard deviation, half the tolerance of the rig's"
+        " poses). Beyond the horizon of a release, its information is averaged over such initial states.",
+        "Effects that occurred only once, such as lost counts, are not considered.",
     ]
     if known.inflation > 1.0:
         made.append(
-            f"One reading counts as 1/{known.inflation:.2g}, because the residual of the model exceeds the noise."
+            f"One reading counts as 1/{known.inflation:.2g} of an independent reading, because the residual of"
+            " the model exceeds the noise."
         )
     return made

@@ -17,7 +17,7 @@ from dpr_lab.shown import listed, percent
 COLUMNS = ("parameter", "significant", "mean of first group", "change", "simultaneous interval", "groups", "p-value")
 GROUP_COLUMNS = ("parameter", "groups", "change", "simultaneous interval")
 CHART = (
-    "Control charts: each parameter by run in the order of time, with the mean and the limits of the first group.",
+    "Control charts: each parameter over the runs in order of time, with mean and control limits of the first group.",
     "Estimate of each run as the change from the mean of the first group. Shaded: control limits of single runs of the"
     " first group (critical value times the standard deviation of a run). Differences between poses are not removed."
     " Dotted line: change point of a significant change.",
@@ -150,7 +150,7 @@ def chart(drift: Drift, estimates: Estimates, group: Sequence[int]) -> Figure:
                 axes.axvline(_last(group, parameter.after) + 0.5, **style.HORIZON)
         centres = [float(np.mean([k for k, g in enumerate(group) if g == i])) for i in range(len(drift.groups))]
         panels[-1].set_xticks(centres, drift.groups, fontsize=7.5)
-        panels[-1].set_xlabel("runs in the order of time, by group")
+        panels[-1].set_xlabel("runs in order of time, by group")
         return figure
 
 

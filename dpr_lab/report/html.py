@@ -33,10 +33,10 @@ _RATIO_FORMULAS = (
     "e1 = (m1 l1 + (m2 + mb) L1) g         d = m2 L1 l2",
 )
 _SCALE = (
-    "With the arm clamped no external torque acts on the rods. Every term of the equation of motion is a mass, an"
-    " inertia or a friction, so multiplying all of them by one factor leaves the motion unchanged. They enter only"
-    " through a, b, d, e1, c1 and c2. Six numbers up to a common factor are five ratios: four of the nine parameters"
-    " are not identifiable from a free swing. Determine them with a scale or a calliper."
+    "If the arm is clamped, no external torque acts on the rods. Every term of the equation of motion is a"
+    " mass, an inertia or a friction, so multiplying all of them by one factor leaves the motion unchanged."
+    " They enter only through a, b, d, e1, c1 and c2. Six numbers up to a common factor are five ratios: four"
+    " of the nine parameters are not identifiable from a free swing. Weigh or measure them."
 )
 _DETERMINED_BY = {
     "the recordings": "determined by the recordings, given the measured values",

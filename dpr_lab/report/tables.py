@@ -43,8 +43,9 @@ COMPARISON_COLUMNS = (
     "horizon (s)",
 )
 COMPARISON_NOTE = (
-    "Pairs are θ1, θ2 (inner, outer rod). rms: residual of segments with free initial states. Free run: rms error of"
-    " one simulation from the release to the horizon. Held out: not fitted. ≥: predictable to the end of the record."
+    "Pairs are θ1, θ2 (inner, outer rod). rms: residual of segments with free initial states. Free run: rms"
+    " error of one simulation from the release to the horizon. Held out: not fitted. ≥: predictable up to the"
+    " end of the recording."
 )
 RUN_COLUMNS = ("file", "pose", "samples", "duration (s)", "segments", "χ² per dof", "SHA-256")
 SEARCH_COLUMNS = ("quantity", "value")
@@ -288,7 +289,7 @@ def _held_out(multiples: Sequence[float]) -> str:
     if not multiples:
         return "no run held out"
     worst = f"{three(float(np.max(multiples)))} times the noise floor"
-    return f"1 run held out: {worst}" if len(multiples) == 1 else f"{len(multiples)} runs held out: {worst} at worst"
+    return f"1 run held out: {worst}" if len(multiples) == 1 else f"{len(multiples)} runs held out: at most {worst}"
 
 
 def _worst(rms: Sequence[float] | NDArray[np.float64], noise: Sequence[float] | NDArray[np.float64]) -> float:

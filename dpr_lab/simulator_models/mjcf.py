@@ -262,6 +262,6 @@ def _ends(model: Any, data: Any, body: int) -> Iterator[np.ndarray]:
 def _actuators(model: Any) -> Iterator[ModelActuator]:
     for a in range(model.nu):
         kp, kv = -float(model.actuator_biasprm[a][1]), -float(model.actuator_biasprm[a][2])
-        kind = f"servo with kp {kp:g} and kv {kv:g}" if kp or kv else "motor"
+        kind = f"position servo with kp {kp:g} and kv {kv:g}" if kp or kv else "motor"
         joint = model.joint(int(model.actuator_trnid[a][0])).name
         yield ModelActuator(model.actuator(a).name or f"actuator {a}", joint, kind, float(model.actuator_gear[a][0]))

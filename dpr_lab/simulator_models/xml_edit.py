@@ -92,7 +92,9 @@ class XmlEdit:
         """Set the text of an element without children."""
         tag = self.tags[index]
         if tag.children or b"<" in self._content(index):
-            raise ConfigError(f"<{tag.tag}> of {label} holds more than a text: take it out to have it changed")
+            raise ConfigError(
+                f"<{tag.tag}> of {label} contains more than text: remove the rest so that it can be changed"
+            )
         if tag.text.strip() != value:
             self.changes.append(ChangedAttribute(label, tag.tag, tag.text.strip(), value))
             self._texts[index] = value

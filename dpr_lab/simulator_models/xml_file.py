@@ -39,7 +39,9 @@ def read_xml(path: Path, text: bytes | None = None) -> Element:
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from error
     if len(data) > XML_LIMITS.bytes:
-        raise ConfigError(f"{path}: is larger than {XML_LIMITS.bytes // 1_000_000} MB; a model of a pendulum is not")
+        raise ConfigError(
+            f"{path}: is larger than {XML_LIMITS.bytes // 1_000_000} MB; too large for a model of a pendulum"
+        )
     return parse_xml(data, str(path))
 
 

@@ -40,7 +40,7 @@ def find(url: str, uid: str, ports: Iterable[str], open_port: Callable[[str], Tr
             return link
         link.close()
         met.append(f"{name} ({f'device {uid_there}' if uid_there else 'no DPR device'})")
-    looked = f"searched {', '.join(met)}" if met else "there is no port to search"
+    looked = f"searched {', '.join(met)}" if met else "no port was found"
     raise LinkError(f"{url}: no device whose UID ends in {uid}; {looked}: check cable and power")
 
 

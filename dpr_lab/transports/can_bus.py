@@ -87,7 +87,7 @@ def _open_slcan(url: str, port: str, options: Mapping[str, Any]) -> SlcanBus:
     bitrate, tty_baud = options.get("bitrate", CAN.bitrate), options.get("tty_baud")
     capacities = [_bus_capacity(bitrate)]
     if tty_baud:
-        capacities.append(Capacity(f"{tty_baud} baud", tty_baud, CAN.slcan_sample_bits, "a faster tty_baud"))
+        capacities.append(Capacity(f"{tty_baud} baud", tty_baud, CAN.slcan_sample_bits, "a higher tty_baud"))
     # a pseudo-terminal needs no time to boot
     settle = options.get("settle_s", 0.0 if os.path.realpath(port).startswith("/dev/pts/") else CAN.slcan_settle_s)
     return SlcanBus(url, port, bitrate, tty_baud or CAN.slcan_tty_baud, settle, tuple(capacities))

@@ -143,7 +143,9 @@ def _made(trial: Callable[[int], TrustTrial], count: int, processes: int) -> Ite
             for done in as_completed(numbers):
                 yield numbers[done], done.result()
     except BrokenProcessPool as error:
-        raise DprError("a process of --trust was killed (out of memory?); with --out the diagnosis is kept") from error
+        raise DprError(
+            "a process of --trust was killed (out of memory?); the diagnosis is kept if --out was given"
+        ) from error
 
 
 def _as_found(diagnosis: Diagnosis) -> Effects:

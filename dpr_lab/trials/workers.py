@@ -90,7 +90,7 @@ def on_cluster(
     # it logs a traceback of errors that become one message here
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     if not ADDRESS.fullmatch(scheduler):
-        raise LinkError(f"{scheduler}: is not the address of a scheduler; use for example tcp://127.0.0.1:8786")
+        raise LinkError(f"{scheduler}: is not an address of a scheduler; use for example tcp://127.0.0.1:8786")
     absent = (
         f"{scheduler}: no scheduler answers: check host and port, or start one with `{START_SCHEDULER}`, and"
         f" `{START_WORKERS.format(scheduler=scheduler)}`"

@@ -172,8 +172,8 @@ def _checked(
         )
         if not tried[name].off_rad <= REPLAY_RULE.worse * reference.bare_rad:
             refused[name] = (
-                f"{name} was not written: there the corrected model is off by {1e3 * tried[name].off_rad:.3g} mrad on"
-                f" these runs, the bare model by {1e3 * reference.bare_rad:.3g} mrad; diagnose more recordings, or use"
+                f"{name} was not written: its error on these runs is {1e3 * tried[name].off_rad:.3g} mrad, that"
+                f" of the bare model {1e3 * reference.bare_rad:.3g} mrad; diagnose more recordings, or use"
                 " another format"
             )
     return ExportResult({}, {}, {}, refused, reference.bare_rad, reference.replayed(reference.own), tried)

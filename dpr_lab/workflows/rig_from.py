@@ -187,7 +187,7 @@ def _zeros(chain: "ModelChain", counts: int, notes: list[str]) -> list[int]:
         zeros.append(round(exact))
         if abs(off := exact - round(exact)) > 1e-6:
             notes.append(
-                f"joint {rod.joint.name!r} hangs at {rod.hanging:.6g} rad: zero_counts rounds it by"
+                f"joint {rod.joint.name!r} hangs at {rod.hanging:.6g} rad: the rounding of zero_counts is"
                 f" {1e3 * off * 2 * math.pi / counts:.2g} mrad"
             )
     return zeros

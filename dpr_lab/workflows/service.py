@@ -302,7 +302,7 @@ def _parsed(line: bytes) -> Any:
     """
 
     def refuse(constant: str) -> None:
-        raise ValueError(f"{constant} is no number of JSON")
+        raise ValueError(f"{constant} is not a JSON number")
 
     try:
         return json.loads(line.decode("utf-8"), parse_constant=refuse)

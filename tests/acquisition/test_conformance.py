@@ -24,7 +24,7 @@ def test_the_reference_devices_conform(simulated, firmware: str) -> None:
         link.close()
     assert [(one.what, one.message) for one in found if not one.ok] == []
     assert len(found) >= 15
-    assert found[-3].what == "the rate is right"
+    assert found[-3].what == "the sample rate is correct"
 
 
 class Otherwise:

@@ -71,7 +71,7 @@ def test_torques_of_no_known_unit_are_refused(paper: Rig, tmp_path: Path, table:
     link = WithoutPage(open_transport(simulated(torques=table).url))
     with Device(link) as device:  # pyright: ignore[reportArgumentType]
         device.connect()
-        with pytest.raises(LinkError, match="the page of its INFO with their unit was lost: connect again"):
+        with pytest.raises(LinkError, match="the INFO page that contains their unit was lost: connect again"):
             capture(device, paper, "X2", SHORT, tmp_path, confirm=agree)
 
 

@@ -33,8 +33,8 @@ def test_certify_and_verify_show_the_choices_first(cli: Callable, certified: tup
     done = cli("verify", path)
     assert done.code == 0, done.out + done.err
     assert shows_choices_first(done.out)
-    assert "Every claim holds under the choices above." in done.out
-    assert "Not the default: library, maximum number of effects, seed." in done.out
+    assert "Every claim is confirmed with the choices above." in done.out
+    assert "Choices that are not the default: library, maximum number of effects, seed." in done.out
 
 
 def test_verify_says_the_same_for_programs(cli: Callable, certified: tuple[Path, str]) -> None:
@@ -53,7 +53,7 @@ def test_a_broken_certificate_ends_with_1_and_no_traceback(cli: Callable, certif
     whole["claims"]["a/b"]["value"] = 42.0
     path.write_text(json.dumps(whole), encoding="utf-8")
     done = cli("verify", path)
-    assert (done.code, "Does not hold: seal." in done.out) == (1, True)
+    assert (done.code, "Not confirmed: seal." in done.out) == (1, True)
     whole["choices"]["seed"] = -5
     path.write_text(json.dumps(whole), encoding="utf-8")
     done = cli("verify", path)
@@ -70,11 +70,11 @@ def test_a_certificate_of_other_code_ends_with_1_unless_it_is_accepted(
     whole["made_with"]["code"] = "0" * 64
     path.write_text(Certificate.model_validate_json(json.dumps(whole)).sealed().to_text(), encoding="utf-8")
     done = cli("verify", path)
-    assert (done.code, "Does not hold: made with: code." in done.out) == (1, True)
+    assert (done.code, "Not confirmed: made with: code." in done.out) == (1, True)
     assert "--other-code verifies its claims with this code" in " ".join(done.out.split())
     done = cli("verify", path, "--other-code")
     assert done.code == 0, done.out + done.err
-    assert "Its claims hold with the running code; the named code was not run." in done.out
+    assert "Its claims were verified with the installed code, not with that code." in done.out
 
 
 def test_an_older_certificate_says_so(cli: Callable, tmp_path: Path) -> None:

@@ -159,7 +159,7 @@ def test_an_export_worse_than_the_bare_model_is_refused(saved, tmp_path: Path):
     wrong.save(tmp_path / "wrong.json")
     done = export(ExportRequest(tmp_path / "wrong.json", "paper", ("python",), tmp_path / "out", tuple(files[:1])))
     assert done.files == {}
-    assert "was not written: there the corrected model is off by" in done.refused["python"]
+    assert "was not written: its error on these runs is" in done.refused["python"]
     assert not (tmp_path / "out" / "corrected_model.py").exists()
 
 

@@ -104,7 +104,7 @@ def test_every_format_is_in_the_help_and_on_its_page() -> None:
     root = Path(__file__).parents[2]
     shown = (root / "dpr_lab/cli/export.py").read_text(encoding="utf-8")
     page = (root / "docs/exports.md").read_text(encoding="utf-8")
-    assert f'help="Formats, by comma: {", ".join(FORMATS)}. Default' in shown
+    assert f'help="Formats, separated by commas: {", ".join(FORMATS)}. Default' in shown
     assert [name for name in FORMATS if f"| `{name}` |" not in page] == []
 
 

@@ -215,5 +215,5 @@ def test_a_text_that_holds_more_is_refused(file: Path, name: str) -> None:
         pytest.skip("URDF has attributes only")
     rig = rig_of(file)
     file.write_text(SDF.replace("<damping>0.002", "<damping><!-- guess -->0.002"), encoding="utf-8")
-    with pytest.raises(ConfigError, match="holds more than a text"):
+    with pytest.raises(ConfigError, match="contains more than text"):
         into_file(model_of(identified(rig, c1=2.0), {}, rig.name), rig, file)

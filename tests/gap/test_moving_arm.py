@@ -70,7 +70,7 @@ def test_a_fault_of_the_arm_or_its_drive_is_named_with_its_size(fault, mode):
 @pytest.mark.slow
 def test_signs_and_units_of_the_input_and_an_arm_that_stands_still_are_named():
     _, rig, runs = case("", "driven", seconds=2.0)
-    with pytest.raises(IdentificationError, match="acts against its sign"):
+    with pytest.raises(IdentificationError, match="fitted gain is negative"):
         diagnose([replace(run, arm_input=-run.arm_input) for run in runs], rig)
     with pytest.raises(IdentificationError, match="seems to be in mN m"):
         diagnose([replace(run, arm_input=1e3 * run.arm_input) for run in runs], rig)
@@ -79,7 +79,7 @@ def test_signs_and_units_of_the_input_and_an_arm_that_stands_still_are_named():
     milli = [replace(run, arm_input=1e3 * run.arm_input) for run in runs]
     with pytest.raises(IdentificationError, match=r"in mV\. Import the table with --scale input=0\.001"):
         diagnose(milli, Rig.model_validate(voltage))
-    with pytest.raises(IdentificationError, match="theta0 turns the other way"):
+    with pytest.raises(IdentificationError, match="the sign of theta0 is reversed"):
         diagnose([replace(run, theta=run.theta * [-1.0, 1.0, 1.0]) for run in runs], rig)
     with pytest.raises(RunError, match="stands still"):
         diagnose([replace(run, theta=run.theta * [0.0, 1.0, 1.0]) for run in runs], rig)

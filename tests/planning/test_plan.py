@@ -125,7 +125,7 @@ def test_a_repeated_release_is_worth_less_and_a_plan_does_not_repeat_itself(pape
 def test_each_release_says_what_it_adds(paper: Rig) -> None:
     first, second, third = plan(paper).releases
     assert first.reason.startswith("shows effects that are not named so far (0.")
-    assert second.reason.startswith("tests on another swing what the first one shows")
+    assert second.reason.startswith("verifies the result of the first release with another swing")
     shares = np.array([third.ratio_std[name] / std for name, std in second.ratio_std.items()])
     assert third.reason == f"standard deviations of the ratios fall to {np.exp(np.log(shares).mean()):.2g} times"
 
@@ -159,7 +159,10 @@ def test_a_plan_after_runs_speaks_of_the_open_causes(two_runs: list[Run], two_fo
     ("text", "words"),
     [
         ("[poses]\ntheta1_rad = [3.0, 2.0]", "reversed or empty"),
-        ("[poses]\ntheta1_rad = [0.0, 0.1]\ntheta2_rad = [3.0, 3.1]\nelbow_rad = [-0.1, 0.1]", "no pose fulfils"),
+        (
+            "[poses]\ntheta1_rad = [0.0, 0.1]\ntheta2_rad = [3.0, 3.1]\nelbow_rad = [-0.1, 0.1]",
+            "no pose is inside the limits",
+        ),
         ("[poses]\ntheta3_rad = [0.0, 1.0]", "unknown key; there are: elbow_rad, theta1_rad, theta2_rad"),
         ("[recrding]\nlongest_s = 20.0", "recrding: unknown key; nearest of 9: recording"),
         (
@@ -201,7 +204,7 @@ def test_a_budget_for_less_than_one_release_is_refused(paper: Rig) -> None:
 
 def test_drives_that_can_do_nothing_are_refused(paper: Rig) -> None:
     still = limits(drive={"torque_Nm": [0.2, 0.1], "speed_rad_s": [1e-6, 1e-6]})
-    with pytest.raises(ConfigError, match="no signal keeps speed_rad_s"):
+    with pytest.raises(ConfigError, match="no signal stays within speed_rad_s"):
         plan(paper, limits=still)
 
 

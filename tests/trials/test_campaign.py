@@ -136,7 +136,7 @@ def _die(case: dict[str, object]) -> dict[str, object]:
 @pytest.mark.slow
 def test_without_a_scheduler_the_operator_reads_what_to_start() -> None:
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
-    with pytest.raises(LinkError, match="is not the address of a scheduler"):
+    with pytest.raises(LinkError, match="is not an address of a scheduler"):
         list(on_cluster(dict, [{}], "somewhere"))
     with pytest.raises(LinkError, match="no scheduler answers"):
         list(on_cluster(dict, [{}], "tcp://127.0.0.1:1", connect_s=1))

@@ -71,7 +71,9 @@ def _drawn(model: Model, component: PosteriorComponent, rng: np.random.Generator
         drawn = signed(values | dict(zip(component.free, (mean + step).tolist(), strict=True)))
         if _possible(drawn):
             return _with_values(model, component, drawn, _scale_factor(model, rng))
-    raise RunError("hardly a draw from the posterior is physical: these recordings do not determine the model")
+    raise RunError(
+        "almost no sample of the posterior is physically possible: these recordings do not determine the model"
+    )
 
 
 def _root(covariance: Array) -> Array:

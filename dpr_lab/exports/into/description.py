@@ -147,7 +147,9 @@ def into_description(
             editor.set_joint(edit, file.joint(edit, joint), f"joint {joint}", words)
             changes += edit.changes
             edit = file.editable(edit.text())
-    reason = f"{path}: the changed file does not contain the written numbers when it is read again: change it by hand"
+    reason = (
+        f"{path}: the changed file does not contain the written numbers when it is read again: change the file by hand"
+    )
     refuse_overridden(file.chain(file.model(edit)), targets, made.rods[0].length, editor.words, reason)
     return PatchedModel(edit.text(), tuple(changes), left_out(model, {*expressed, *added.effects}, name), added)
 
@@ -203,7 +205,7 @@ def _moved(
     before, step = measured(place), 0.1
     slopes = np.array([(measured(place + step * unit) - before) / step for unit in np.eye(3)]).T
     if abs(np.linalg.det(slopes)) < 0.5:
-        raise ConfigError(f"{file.path}: the place of {label} is given elsewhere: change it by hand")
+        raise ConfigError(f"{file.path}: the position of {label} is defined elsewhere: change it by hand")
     moved = place + np.linalg.solve(slopes, shift)
     file.editor.set_place(edit, owner, label, np.where(np.abs(moved) < 1e-12, 0.0, moved))
     return edit

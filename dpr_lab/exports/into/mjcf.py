@@ -170,7 +170,7 @@ def _lengthen(edit: XmlEdit, file: _File, longer: float) -> None:
     (_, inner), (_, outer) = file.tags(edit, 0), file.tags(edit, 1)
     names = [rod.joint.name for rod in file.chain.rods]
     if edit.tags[outer].parent != inner:
-        raise ConfigError(f"{file.path}: the body of {names[1]!r} is not directly in that of {names[0]!r}")
+        raise ConfigError(f"{file.path}: the body of {names[1]!r} is not a child of that of {names[0]!r}")
     frame = file.compiled.body(names[1])
     moved = file.compiled.body(names[0]).turned.T @ (longer * file.chain.rods[0].along)
     edit.set(outer, f"body {frame.name}", pos=numbers(frame.local_place + moved))

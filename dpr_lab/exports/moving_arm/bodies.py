@@ -29,8 +29,9 @@ def arm_bodies(model: MovingArmModel, rig: Rig, expressed: Mapping[str, Words], 
     """
     if "A" not in {name.split("/")[0] for name in model.ratios}:
         raise ConfigError(
-            "the recordings of this model do not determine the inertia of the arm, which bodies need: identify from"
-            " recordings with a free arm, or one that is driven by a torque, current or voltage; or export to python"
+            "the recordings of this model do not determine the inertia of the arm, which a format of rigid"
+            " bodies requires: identify from recordings with a free arm, or one that is driven by a torque,"
+            " current or voltage; or export to python"
         )
     values, both, constants = model.sizes, model.mounted == "both", rig_constants(rig)
     length = model.rig.L1 + sum(words.get("added_length", 0.0) for words in expressed.values())
@@ -53,4 +54,4 @@ def arm_bodies(model: MovingArmModel, rig: Rig, expressed: Mapping[str, Words], 
             held_by = words_of_joint(expressed, ARM)
             arm = Arm(L0, alone, values["c0"], held_by, model.input, values["gain"] if model.input else 0.0)
             return Bodies(tuple(rods), 0.0, model.rig.g, 0.0, arm)
-    raise ConfigError("no bodies with positive masses move as this model does: export to python")
+    raise ConfigError("no bodies with positive masses have the motion of this model: export to python")

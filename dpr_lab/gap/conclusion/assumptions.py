@@ -36,13 +36,14 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
     if state.recordings.arm_moves:
         made.append(_arm(state))
     elif all(record.arm_moves is False for record in records):
-        made.append("According to encoder 0 the arm stood still, so a compliant arm was not considered.")
+        made.append("According to encoder 0 the arm stood still, so compliance of the arm was not considered.")
     elif any(record.arm_moves is None for record in records):
         made.append("The arm's angle was not recorded.")
     if state.recordings.torques_sampled:
         made.append(
-            "The known torques change between rows: held until the next row they would act half a row late. Each was"
-            " therefore taken to act from half a row before its instant to half a row after."
+            "The known torques change between rows. Held until the next row, they would act half a row late on"
+            " average. Each value was therefore assumed to act from half a row before to half a row after its"
+            " instant."
         )
     if state.recordings.exact_torques:
         made.append(
@@ -94,11 +95,17 @@ def _arm(state: Advised) -> str:
         return f"{text}; no torque acts on it but friction, springs and the rods."
     kind = rig.motor.input if rig.motor else "torque"
     if DRIVE_GAIN.name in state.problem.always:
-        return f"{text}; so is the torque over the {kind}: the rig file does not measure the motor's constants."
+        return (
+            f"{text}, and so is the ratio of torque to {kind}, because the rig file contains no measured motor"
+            " constants."
+        )
     known = "the motor's constants of the rig file" if kind != "torque" else "that it is a torque in N m"
     if any(setup.torques and setup.torques.scaled for setup in setups):
-        return f"{text}; the {kind} is known by {known}, which fixes the scale of all torques."
-    return f"{text}; the {kind} is known by {known}, and the rods by their measured values, so that an error shows."
+        return f"{text}; the torque of the {kind} is known from {known}, which fixes the scale of all torques."
+    return (
+        f"{text}; the torque of the {kind} is known from {known}, and the rods from their measured values, so an"
+        " error between the two is detectable."
+    )
 
 
 def _torque_noise(state: Advised) -> list[str]:
@@ -126,7 +133,7 @@ def _geared(state: Advised) -> list[str]:
     joints = listed([f"joint {joint}" for joint in state.recordings.rig.joints.geared])
     are = "is" if len(names) == 1 else "are"
     return (
-        [f"The rig file has a geared motor on {joints}: {listed(names)} {are} in the model at any size."]
+        [(f"The rig file has a geared motor on {joints}: {listed(names)} {are} always in the model, even if small.")]
         if names
         else []
     )
@@ -137,7 +144,7 @@ def _misleading(state: Advised) -> list[str]:
     names = state.selection.misleading
     was = "was" if len(names) == 1 else "were"
     text = (
-        "excluded from the model, because the prediction of the held-out runs is better without. These runs"
+        "excluded from the model, because the held-out runs are predicted better without it. These runs"
         " therefore influenced the selection."
     )
     return [f"{listed(names)} {was} {text}"] if names else []

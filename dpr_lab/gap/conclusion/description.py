@@ -66,8 +66,9 @@ def _wrong_gravity(rig: Rig, selection: Selection) -> str:
     if not rig.rig.on_earth(g):
         return ""
     return (
-        f"g = {rig.g:g} m/s^2 in the rig file is not the gravity of the earth, and with g = {g:.4g} m/s^2 these"
-        f" recordings need no error of L1 = {rig.L1:g} m or of the clock. Correct g in the rig file and diagnose again."
+        f"g = {rig.g:g} m/s^2 in the rig file is not a value that occurs on earth. With g = {g:.4g} m/s^2, the"
+        f" recordings are explained without an error of L1 = {rig.L1:g} m or of the clock. Correct g in the rig"
+        " file and diagnose again."
     )
 
 

@@ -126,7 +126,7 @@ def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tu
     """Measured constants: name, source, and the rig with the constant changed by one standard uncertainty."""
     if not fitted:
         std = ASSUMED.rule_m * ASSUMED.rectangular
-        how = f"{1e3 * std:.2g} mm, assumed: read off a rule to {1e3 * ASSUMED.rule_m:g} mm; the rig file gives none"
+        how = f"{1e3 * std:.2g} mm, assumed: read from a ruler to {1e3 * ASSUMED.rule_m:g} mm; the rig file gives none"
         yield "L1", how, known._replace(L1=known.L1 + std)
     std = ASSUMED.gravity * ASSUMED.rectangular
     yield "g", f"{std:.2g} m/s², assumed: anywhere on earth at sea level", known._replace(g=known.g + std)

@@ -80,7 +80,7 @@ def _undisturbed(recordings: Recordings, recording: Record, ratios: Array) -> Re
     one = replace(recordings, ratios=None).only([recording])
     until = _pushed_until(*_followed(one, ratios))
     if until is not None:
-        evidence = f"the rods gain energy until {until:.2g} s: a hand still pushes, these readings are left out"
+        evidence = f"the rods gain energy until {until:.2g} s: a hand still pushes, so these readings are excluded"
         return _with(recording.only(recording.t >= until), [Disturbed(float(recording.t[0]), until, evidence)])
     disturbed = _outstanding(one, ratios)
     # A kick at the start of a segment is not visible in any segment, so the recording is also cut at other instants.
@@ -159,10 +159,10 @@ def _outstanding(one: Recordings, ratios: Array) -> list[Disturbed]:
             continue
         kick = _kick(one, short, followed, s, others)
         if kick is not None:
-            disturbed.append(Disturbed(kick, kick, "the speed jumps as by a kick: no segment spans it"))
+            disturbed.append(Disturbed(kick, kick, "the speed jumps as after a kick: no segment contains this instant"))
         elif level[s] > RULES.pushed * others:
             first, last = float(short.t[edges[s]]), float(short.t[edges[s + 1] - 1])
-            evidence = f"until {last:.2g} s the rods move as no free rods do, as if a hand pushed: left out"
+            evidence = f"until {last:.2g} s the rods move as if a hand pushed them, not as free rods: excluded"
             disturbed.append(Disturbed(first, float(np.nextafter(last, np.inf)), evidence))
     return disturbed
 

@@ -63,15 +63,15 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
     if as_read.chi2 > RULES.suspicious * as_read.linear.residual.size or gain < 0.0:
         if RULES.better * _fitted(_mirrored(recordings), start).chi2 < as_read.chi2:
             raise IdentificationError(
-                "theta0 turns the other way: with its sign reversed the recordings fit. Import the table with"
-                " --scale theta0=-1, or reverse the direction of encoder 0 in [encoders]"
+                "the sign of theta0 is reversed: with the opposite sign, the model fits the recordings. Import"
+                " the table with --scale theta0=-1, or reverse the direction of encoder 0 in [encoders]"
             )
     motor = recordings.rig.motor
     if motor is None or not recordings.driven_arm:
         return
     if gain < 0.0:
         raise IdentificationError(
-            f"the {motor.input} acts against its sign: the fitted gain is negative. Import the table with"
+            f"the sign of the {motor.input} is reversed: the fitted gain is negative. Import the table with"
             " --scale input=-1"
         )
     for exponent, unit in _units(gain, motor.input) if nominal_gain(recordings.rig) else ():

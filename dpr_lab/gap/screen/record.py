@@ -87,7 +87,7 @@ class Record:
 
     def without(self, t: Array, off: NDArray[np.bool_]) -> "Record":
         """The record without the readings of some axes at some instants t (n,), each with a finding."""
-        evidence = "an outlier from the swing that fits all other readings"
+        evidence = "an outlier: the model fits all other readings"
         findings = [
             Finding("outlier", self.run.name, ALL_AXES[axis], float(t[i]), evidence)
             for i, axis in np.argwhere(off).tolist()
@@ -123,7 +123,7 @@ def record(run: Run, rig: Rig, settings: ThinningSettings = THINNING) -> Record:
     holes = np.flatnonzero(apart > max(settings.gap_s, settings.gap_spacings * usual))
     breaks = np.sort(np.concatenate([[at for at, _ in seen.breaks], t[holes] + 1e-6]))
     if not cut(t, np.inf, breaks):
-        raise RunError(f"{run.name}: nowhere {MIN_SAMPLES} trusted samples without a gap: nothing to diagnose")
+        raise RunError(f"{run.name}: no sequence of {MIN_SAMPLES} valid samples without a gap: nothing to diagnose")
     step = min(STEP, settings.turn / max(fastest, 1e-3))
     thinned = max(1, round(run.rate_hz / (rate_hz or run.rate_hz)))
     correlation = float(rest_correlation(run, rig, thinned).mean())

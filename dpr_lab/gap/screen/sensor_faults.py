@@ -179,7 +179,7 @@ def with_arm(seen: Screened, rig: Rig) -> Screened:
     keep = np.ones(len(theta0), dtype=np.bool_)
     faults = local_faults(seen.t, theta0, keep, (noise, seen.jitter_s), 1.0 / seen.run.rate_hz)
     keep[faults.outliers] = False
-    evidence = "one reading off the polynomial through its neighbours"
+    evidence = "one reading deviates from the polynomial through its neighbours"
     outliers = [Finding("outlier", seen.run.name, ALL_AXES[2], at, evidence) for at in seen.t[faults.outliers].tolist()]
     return replace(
         seen,
@@ -200,7 +200,10 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
         return run, []
     even -= min(even[run.t >= 0.0].min(), 0.0)  # no reading of the swing may come before the release
     rms = float(np.std(run.t - even))
-    evidence = f"the stamps jitter by {1e3 * rms:.2g} ms rms about an even clock; the readings fit even instants better"
+    evidence = (
+        f"the time stamps deviate by {1e3 * rms:.2g} ms rms from a uniform clock; the readings fit uniform instants"
+        " better"
+    )
     return replace(run, t=even), [Finding("stamp_jitter", run.name, None, None, evidence)]
 
 
@@ -215,11 +218,11 @@ def _late(run: Run, t: Array, joints: Array, settings: ScreenSettings) -> tuple[
     place = max(places, key=lambda place: float(np.mean(again[place])))
     name, share, elsewhere = "repeated_sample", np.mean(again[place]), np.mean(again[~place])
     if share > settings.repeating:
-        late, evidence = place, f"one reading in {delay.cycle} repeats the one before"
+        late, evidence = place, f"one reading in {delay.cycle} repeats the previous one"
     elif share > elsewhere + settings.stretch:
         late = place & again
         first, last = np.quantile(t[late], [0.1, 0.9])  # by chance, a few others are equal too
-        evidence = f"mostly between {first:.2f} and {last:.2f} s, one reading in {delay.cycle} repeats the one before"
+        evidence = f"mostly between {first:.2f} and {last:.2f} s, one reading in {delay.cycle} repeats the previous one"
     else:
         late, name = delay.late, "periodic_delay"
         size, side = abs(delay.delay_s), "after" if delay.delay_s > 0 else "before"

@@ -90,7 +90,9 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
     noise, total = left.level * float(dof[followed].sum()), float(left_out_chi2(before, fold)[followed].sum())
     if residual_statistics(problem, before).z < RULES.gap_from or not followed.any() or total <= noise:
-        return split([total] * 4, noise, names, (), "There is no gap above the noise to divide.")
+        return split(
+            [total] * 4, noise, names, (), "There is no gap above the noise, so there is no repeatability to compute."
+        )
     parts = _Parts.of(problem, after, fold, followed)
     explained = parts.left_out()
     if fold.max() == 0 or min(np.bincount(fold[followed], minlength=fold.max() + 1)) < RULES.segments:

@@ -101,8 +101,8 @@ def _worth_its_price(sets: FittedSets, current: Hypothesis, proposal: Proposal) 
     if current.cost - model.cost < limit:
         return Decision(False, f"the criterion falls by less than {limit:.3g}, which is not significant")
     if accepted(sets.bare, current, model):
-        return Decision(True, "only noise remains" if at_noise_floor(model) else "explains more than chance")
-    return Decision(False, f"the excess shrinks by less than a factor of {THRESHOLDS.slow:g}")
+        return Decision(True, "only noise remains" if at_noise_floor(model) else "explains more than random noise")
+    return Decision(False, f"the excess decreases by less than a factor of {THRESHOLDS.slow:g}")
 
 
 def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:

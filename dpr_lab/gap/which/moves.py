@@ -33,7 +33,7 @@ def _with_what_is_known(sets: FittedSets, current: Hypothesis) -> Iterator[Propo
 
 
 def _known(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    return Decision(True, "every rig of this kind has them")
+    return Decision(True, "present in every rig of this kind")
 
 
 def _converged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:

@@ -122,7 +122,7 @@ def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposa
 def _nearly_as_good_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     decision = _better_with_fewer_parameters(sets, current, proposal)
     if not decision.accepted and follows_remainder(sets.bare, current, proposal.model):
-        return Decision(True, "the curve adds only what small unknown causes leave")
+        return Decision(True, "the curve only fits the remainder of small unknown causes")
     return decision
 
 
@@ -146,12 +146,12 @@ def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 def _closer(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     model = proposal.model
     if follows_remainder(sets.bare, model, current):
-        return Decision(False, "the curve adds only what small unknown causes leave")
+        return Decision(False, "the curve only fits the remainder of small unknown causes")
     if excess(current) >= THRESHOLDS.slow * excess(model):
-        return Decision(True, f"the excess shrinks by more than a factor of {THRESHOLDS.slow:g}")
+        return Decision(True, f"the excess decreases by more than a factor of {THRESHOLDS.slow:g}")
     if model.key == current.key:
-        return Decision(True, "the same effects in a better shape")
-    return Decision(False, f"the excess shrinks by less than a factor of {THRESHOLDS.slow:g}")
+        return Decision(True, "the same effects with a better shape")
+    return Decision(False, f"the excess decreases by less than a factor of {THRESHOLDS.slow:g}")
 
 
 def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -176,7 +176,7 @@ def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) ->
     if at_noise_floor(best) < at_noise_floor(current):
         return Decision(False, "the residual exceeds the noise")
     if follows_remainder(sets.bare, best, current):
-        return Decision(False, "the curve adds only what small unknown causes leave")
+        return Decision(False, "the curve only fits the remainder of small unknown causes")
     if current.cost - best.cost > chance:
         return Decision(True, f"the criterion falls by more than {chance:.3g}")
     return Decision(False, f"the criterion falls by less than {chance:.3g}, which is not significant")
@@ -254,7 +254,10 @@ SECOND_CAUSE = Move(
 )
 SEVERAL_CAUSES = Move(
     "several causes",
-    "an effect of many parameters is replaced by others that explain more, or nearly all, with fewer",
+    (
+        "an effect with many parameters is replaced by others that explain more, or nearly as much, with fewer"
+        " parameters"
+    ),
     _several_for_one,
     _nearly_as_good_with_fewer_parameters,
     then="repeat",

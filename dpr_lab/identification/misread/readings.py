@@ -89,7 +89,7 @@ _ABSOLUTE = (
     'the angles of the outer rod are relative to the vertical (import with --angles absolute, or joint2 = "absolute")'
 )
 _DEGREES = "the angles are in degrees (import with --unit deg)"
-_EXCHANGED = "inner and outer rod are exchanged (order of the columns, or of the encoders)"
+_EXCHANGED = "inner and outer rod are swapped (order of the columns, or of the encoders)"
 
 _ANGLES = (
     _of_angles(
@@ -213,19 +213,20 @@ def _torque_unit(unit: str, factor: float) -> Misreading:
 
 _TORQUES = (
     Misreading(
-        "the sign of torque 2 is reversed (import with --scale tau2=-1, or turn the sign of the drive)",
+        "the sign of torque 2 is reversed (import with --scale tau2=-1, or reverse the sign of the drive)",
         _driven(lambda torques: torques * [1.0, -1.0]),
     ),
     Misreading(
-        "the sign of torque 1 is reversed (import with --scale tau1=-1, or turn the sign of the drive)",
+        "the sign of torque 1 is reversed (import with --scale tau1=-1, or reverse the sign of the drive)",
         _driven(lambda torques: torques * [-1.0, 1.0]),
     ),
     Misreading(
-        "the signs of both torques are reversed (import with --scale tau1=-1,tau2=-1, or turn the signs of the angles)",
+        "the signs of both torques are reversed (import with --scale tau1=-1,tau2=-1, or reverse the signs of"
+        " the angles)",
         _driven(lambda torques: -torques),
     ),
     Misreading(
-        "torque 1 and torque 2 are exchanged (name their columns: --columns tau1=NAME,tau2=NAME)",
+        "torque 1 and torque 2 are swapped (name their columns: --columns tau1=NAME,tau2=NAME)",
         _driven(lambda torques: torques[:, ::-1]),
     ),
     *map(_torque_unit, ("mN m", "N cm", "kN m"), (1e-3, 1e-2, 1e3)),

@@ -60,8 +60,9 @@ def _unconverged(recordings: Sequence[ArmRecording]) -> str:
         moved = float(np.ptp(one.run.theta[:, 0]))
         if one.run.arm_mode == "free" and moved < DOUBTS.hardly_rad:
             return (
-                f"{one.run.file or one.run.name}: its arm moves by {moved:.2g} rad only, which determines neither A nor"
-                " c0: something holds it. Import the table with --arm clamped, or record swings that move the arm"
+                f"{one.run.file or one.run.name}: its arm moves by {moved:.2g} rad only, which determines"
+                " neither A nor c0; it seems to be held. Import the table with --arm clamped, or record swings"
+                " that move the arm"
             )
     return "the fit did not converge: give [arm] A and c0 better nominal values"
 
@@ -75,11 +76,16 @@ def _mirrored_fit(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording]
     gain = SWING_PARAMETERS.index("gain")
     rods = "theta1=-1,theta2=-1" if rig.rods.mounted == "both" else "theta1=-1"
     with_rods = "gain" in fit.problem.unknowns.free and other.p[gain] > 0
-    subject = "the rods turn the other way than the arm and its input" if with_rods else "theta0 turns the other way"
+    subject = (
+        "the sign of the rods is opposite to that of the arm and its input"
+        if with_rods
+        else "the sign of theta0 is reversed"
+    )
     remedy = f"--scale {rods}" if with_rods else "--scale theta0=-1"
     return (
-        f"{subject}: with the sign reversed the reduced chi-square falls from {misfit:.3g} to {other_misfit:.3g}:"
-        f" import the table with {remedy}, or for a device turn [encoders] direction"
+        f"{subject}: with the sign reversed the reduced chi-square falls from {misfit:.3g} to"
+        f" {other_misfit:.3g}: import the table with {remedy}, or, for a device, reverse direction in"
+        " [encoders]"
     )
 
 
@@ -96,8 +102,8 @@ def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
     gain, expected = float(fit.p[SWING_PARAMETERS.index("gain")]), nominal_gain(rig) / unknowns.scale_value
     if gain < 0:
         return [
-            f"the {motor.input} has the wrong sign: import the table with --scale input=-1, or turn the arm"
-            " (--scale theta0=-1)"
+            f"the {motor.input} has the wrong sign: import the table with --scale input=-1, or reverse the sign"
+            " of the arm (--scale theta0=-1)"
         ]
     factor = gain / expected if expected else 1.0
     if 1 / DOUBTS.unit < factor < DOUBTS.unit:
@@ -117,9 +123,9 @@ def stop_sentence(recording: ArmRecording) -> str:
         return ""
     for end, angle, contacts in stops(run.t, run.theta[:, 0]):
         return (
-            f"{run.file or run.name}: the arm hits a stop at theta0 = {angle:.3g} rad, its {end} angle, {len(contacts)}"
-            f" times: its speed changes at once there, first at {contacts[0]:.2f} s. Record smaller motions, or import"
-            f" the part before it (--duration-s {max(contacts[0] - 0.01, 0.0):.2f})"
+            f"{run.file or run.name}: the arm hits a stop at theta0 = {angle:.3g} rad, its {end} angle,"
+            f" {len(contacts)} times: its speed changes abruptly there, first at {contacts[0]:.2f} s. Record"
+            f" smaller motions, or import the part before it (--duration-s {max(contacts[0] - 0.01, 0.0):.2f})"
         )
     return ""
 

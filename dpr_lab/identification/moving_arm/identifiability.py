@@ -81,7 +81,7 @@ ARM_INSTRUMENTS = (
         BenchReading("torque constant", "N m/A", "kt"),
     ),
     ArmInstrument(
-        "measure A", "A", 0.02, "accelerate the arm by a weight on a thread over a pulley and measure the time",
+        "measure A", "A", 0.02, "accelerate the arm by a weight on a string over a pulley and measure the time",
         BenchReading("total inertia about the arm's axis", "kg m^2", "A"),
     ),
     ArmInstrument(

@@ -121,8 +121,8 @@ def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig) -> list[str]:
         return []
     if motor.input == "current" and motor.kt is None:
         return [
-            f"[motor] of the rig file does not give kt: a current shows kt/{unknowns.scale} only. Add kt, or import the"
-            " torque, to know absolute sizes"
+            f"[motor] of the rig file does not give kt: a current shows kt/{unknowns.scale} only. Add kt, or"
+            " import the torque, to determine absolute sizes"
         ]
     if motor.input != "voltage":
         return []

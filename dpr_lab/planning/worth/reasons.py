@@ -49,7 +49,7 @@ def reason(before: Expected, after: Expected, needed: bool = False) -> Reason:
         after: after it
         needed: whether nothing is decided with the earlier releases alone
     """
-    parts = ["tests on another swing what the first one shows"] if needed else []
+    parts = ["verifies the result of the first release with another swing"] if needed else []
     causes = before.gain.causes
     added = {pair: bits - causes.get(pair, 0.0) for pair, bits in after.gain.causes.items()}
     if added and max(added.values()) >= NOTICEABLE.causes:
@@ -58,7 +58,7 @@ def reason(before: Expected, after: Expected, needed: bool = False) -> Reason:
     if (bits := after.gain.library - before.gain.library) >= NOTICEABLE.library:
         parts.append(f"shows effects that are not named so far ({bits:.2f} bits)")
     if after.gain.limits - before.gain.limits >= NOTICEABLE.limits:
-        parts.append("tests the limits more exactly")
+        parts.append("tests the limits more accurately")
     share = float(np.exp(np.log(after.ratio_std / before.ratio_std).mean()))
     return Reason("; ".join(parts) or f"standard deviations of the ratios fall to {share:.2g} times", not parts)
 
@@ -69,4 +69,4 @@ def only_ratios_sentence(reasons: Sequence[Reason]) -> str:
     if not numbers:
         return ""
     several = len(numbers) > 1
-    return f" Release{'s' * several} {listed(numbers)} only make{'' if several else 's'} the ratios more exact."
+    return f" Release{'s' * several} {listed(numbers)} only improve{'' if several else 's'} the accuracy of the ratios."

@@ -77,7 +77,7 @@ def evidence_of(diagnosis: Diagnosis) -> Evidence:
         ValueError: the diagnosis is of an older version, without evidence.
     """
     if diagnosis.evidence is None:
-        raise ValueError("this diagnosis holds no evidence")
+        raise ValueError("this diagnosis contains no evidence")
     return diagnosis.evidence
 
 

@@ -36,9 +36,9 @@ FINDING_COLUMNS = ("fault", "run", "axis", "time (s)", "evidence")
 
 SEARCH_COLUMNS = ("move", "change of the set", "criterion", "change", "decision", "reason")
 SEARCH_NOTE = (
-    "Every trial of the model search in order; each starts from the last accepted set. Criterion of the"
-    " tested set: held-out chi-square plus a penalty for the parameters; negative changes are better. Trials"
-    " above a row 'short segments' were made in short segments."
+    "Every trial of the model search in order; each starts from the last accepted set. Criterion of the tested"
+    " set: held-out chi-square plus a penalty for the parameters; negative changes are better. Trials above"
+    " the row 'short segments' were made with short segments."
 )
 
 EFFECT_NOTE = (

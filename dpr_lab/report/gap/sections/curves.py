@@ -108,8 +108,9 @@ CURVES = EvidenceSection(
     words=curves_words,
     figure=curves_figure,
     alternative="Line charts of the angles of rods and arm (measured, bare model, corrected model) and of its input.",
-    caption="Angles of the rods, 0 = upright, π = hanging: measured (broad), bare model (dashed) and corrected model"
-    " (thin), up to the predictability horizon. Below: error of each simulation, in mrad; input of a driven arm.",
+    caption="Angles of the rods, 0 = upright, π = hanging: measured (thick), bare model (dashed) and corrected model"
+    " (thin), up to the predictability horizon. Below: error of each simulation, in mrad; input of a driven"
+    " arm.",
     tables=(
         FoldedTable(
             "Curves, values",

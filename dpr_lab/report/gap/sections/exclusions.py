@@ -22,7 +22,7 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
     ]
     if not_excluded:
         sentences.append(
-            "Not excluded, because the remainder has a component of their shape:"
+            "Not excluded, because the remainder has a component with their signature:"
             f" {', '.join(map(named, not_excluded))}."
         )
     if undetectable:
@@ -30,8 +30,8 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
         sentences.append(f"Undetectable at any size in addition to the named effects: {names}.")
     if diagnosis.verdict in ("partly_explained", "unexplained"):
         sentences.append(
-            "The remainder has no named cause and could compensate an effect. The confidence assumes that the remainder"
-            " has a different shape."
+            "The remainder has no named cause and could compensate an effect. The confidence assumes that its"
+            " signature differs from that of the effect."
         )
     return sentences
 
