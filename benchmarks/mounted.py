@@ -66,7 +66,7 @@ def apart(test: ScoreTest, pair: tuple[str, str]) -> float:
     assert second is not None
     size = np.array([parameter.typical for parameter in first.effect.amplitudes])
     typical: Score = replace(first, amplitudes=size)
-    space = test.beside(first.columns)
+    space = test.projected(first.columns)
     x = size / space.scale
     return float(np.sqrt(max(x @ space.H @ x, 0.0) * max(1 - test.cosine(typical, second) ** 2, 0.0)))
 

@@ -23,6 +23,7 @@ from dpr_lab.exports.into import WORDS, into_file
 from dpr_lab.exports.into.least_change import least_change
 from dpr_lab.exports.refit import fitted_in_words
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.identification.model import Model
 from dpr_lab.rig import load_rig
 from dpr_lab.shown import percent
 from dpr_lab.simulator_models import read_model
@@ -168,7 +169,9 @@ def trial(number: int) -> Result:
         diagnosis = diagnose(runs, rig)
         read = read_model(file)
         chain = double_pendulum(read, (), rig.g if read.gravity is None else None)
-        model = fitted_in_words(corrected_model(diagnosis, runs, rig), WORDS[read.format], runs, rig)
+        corrected = corrected_model(diagnosis, runs, rig)
+        assert isinstance(corrected, Model)
+        model = fitted_in_words(corrected, WORDS[read.format], runs, rig)
         least = least_change(diagnosis, model, rig, chain, runs)
         patched = into_file(least.model, rig, file)
     first = least.causes[0] if least.causes else None

@@ -89,7 +89,7 @@ def test_a_driven_rig_is_identified_in_absolute_numbers_over_either_link(
     assert np.array_equal(serial.swing.theta, bus.swing.theta)
     assert np.array_equal(serial.swing.torques, bus.swing.torques)
     model = identify([bus, other], paper)
-    truth = dict(zip(BASE, base_parameters(load_plant("paper").Z, paper.L1, paper.g), strict=True))
+    truth = dict[str, float](zip(BASE, base_parameters(load_plant("paper").Z, paper.L1, paper.g), strict=True))
     for name, value in model.base.items():
         assert value.fixed_by == "data"
         assert value.value == pytest.approx(truth[name], abs=3 * (value.std or 0.0)), name

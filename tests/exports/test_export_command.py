@@ -30,7 +30,7 @@ from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.workflows.export import ExportRequest, export
 
-FRICTION = {
+FRICTION: dict[str, dict[str, float]] = {
     f"friction_curve_joint{j}": dict(
         zip(
             ("forward_Nm", "backward_Nm", "rise1_Nm", "rise2_Nm", "rise3_Nm", "rise4_Nm"),
@@ -40,7 +40,7 @@ FRICTION = {
     )
     for j in (1, 2)
 }
-OFFSET = {"encoder_offset_joint2": {"offset_rad": 0.01}}
+OFFSET: dict[str, dict[str, float]] = {"encoder_offset_joint2": {"offset_rad": 0.01}}
 
 
 def whole_model(rig: Rig, estimate) -> Model:

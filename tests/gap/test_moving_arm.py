@@ -13,6 +13,7 @@ from dpr_lab.estimation.arm_motion import arm_motion
 from dpr_lab.exports.corrected import corrected_model
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.identification.identify import polish
+from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
@@ -58,8 +59,10 @@ def test_a_fault_of_the_arm_or_its_drive_is_named_with_its_size(fault, mode):
     assert done.determined["A/a"].value == pytest.approx(plant.A / inertia, rel=0.03)
     gravity = plant.rods["m1"] * plant.rods["l1"] * plant.g
     assert done.determined["e1/a"].value == pytest.approx(gravity / inertia, rel=0.03)
+    assert done.scale is not None
     assert done.scale.inertia == "a"
     corrected = corrected_model(done, runs, rig)
+    assert isinstance(corrected, MovingArmModel)
     assert fault in corrected.effects or done.effects[0].name in corrected.effects
     assert corrected.sizes["A"] / corrected.sizes["a"] == pytest.approx(done.determined["A/a"].value, rel=1e-3)
     bare = corrected.model_copy(update={"effects": {}})
@@ -67,16 +70,21 @@ def test_a_fault_of_the_arm_or_its_drive_is_named_with_its_size(fault, mode):
     assert all(rms[0][joint] <= 1.01 * rms[1][joint] for joint in rms[0])
 
 
+def scaled(runs: list[Run], factor: float) -> list[Run]:
+    """The runs with all inputs of the arm times a factor."""
+    return [replace(run, arm_input=factor * np.asarray(run.arm_input)) for run in runs]
+
+
 @pytest.mark.slow
 def test_signs_and_units_of_the_input_and_an_arm_that_stands_still_are_named():
     _, rig, runs = case("", "driven", seconds=2.0)
     with pytest.raises(IdentificationError, match="fitted gain is negative"):
-        diagnose([replace(run, arm_input=-run.arm_input) for run in runs], rig)
+        diagnose(scaled(runs, -1.0), rig)
     with pytest.raises(IdentificationError, match="seems to be in mN m"):
-        diagnose([replace(run, arm_input=1e3 * run.arm_input) for run in runs], rig)
+        diagnose(scaled(runs, 1e3), rig)
     constant = {"nominal": 1.0, "lower": 0.5, "upper": 2.0}
     voltage = rig.model_dump(exclude_none=True) | {"motor": {"input": "voltage", "kt": constant, "R": constant}}
-    milli = [replace(run, arm_input=1e3 * run.arm_input) for run in runs]
+    milli = scaled(runs, 1e3)
     with pytest.raises(IdentificationError, match=r"in mV\. Import the table with --scale input=0\.001"):
         diagnose(milli, Rig.model_validate(voltage))
     with pytest.raises(IdentificationError, match="the sign of theta0 is reversed"):

@@ -179,7 +179,7 @@ class Page(HTMLParser):
         assert not self.open
 
     def handle_starttag(self, tag, attrs):
-        assert all(value.startswith("data:") for name, value in attrs if name in ("src", "href"))
+        assert all(str(value).startswith("data:") for name, value in attrs if name in ("src", "href"))
         if tag not in VOID:
             self.open.append(tag)
 

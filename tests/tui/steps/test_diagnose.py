@@ -22,7 +22,7 @@ from dpr_lab.report.gap.tables import next_steps, sentence
 from dpr_lab.report.tables import run_name
 from dpr_lab.report.words import in_words, named
 from dpr_lab.shown import percent
-from dpr_lab.tui.jobs.job_events import JobCompiling, JobProgress
+from dpr_lab.tui.jobs.job_events import JobCompiling, JobEvent, JobProgress
 from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess
 from dpr_lab.tui.steps.diagnose import STAGES_S, STEADY, DiagnoseStep
 from dpr_lab.tui.texts import Bars
@@ -119,7 +119,8 @@ async def test_the_first_start_says_that_it_compiles_and_then_how_long_it_goes_o
     async with lab(DiagnoseStep, runs=recorded) as pilot:
         shown = step(pilot.app)
 
-        async def heard(event: object) -> None:
+        async def heard(event: JobEvent) -> None:
+            assert shown.job is not None
             shown.post_message(JobHeard(shown.job, event))
             await pilot.pause()
 
@@ -129,7 +130,8 @@ async def test_the_first_start_says_that_it_compiles_and_then_how_long_it_goes_o
         assert " ".join(text(pilot.app, "#state").split()) == f"{COMPILING} (kernel 2)"
         assert shown.work.endswith("s, compiling")
         await heard(JobProgress(StageBegan(4, 9, "which")))
-        seconds = int(re.search(r", about (\d+) s left$", shown.work)[1])
+        (left,) = re.findall(r", about (\d+) s left$", shown.work)
+        seconds = int(left)
         typical = len(recorded) * (STAGES_S["which"] + STAGES_S["report"])
         assert typical - PATIENCE_S < seconds < 1.2 * typical
         assert "compiling" not in text(pilot.app, "#state")
@@ -167,7 +169,7 @@ async def test_runs_stand_by_pose_and_time_and_no_list_is_empty(lab, fixed_diagn
         assert "20261121T101500Z" not in far
         assert "indistinguishable from: –" not in which
         assert which.count("indistinguishable from:") == sum(
-            len(e.members) > 1 for e in step(pilot.app)._diagnosis.effects
+            len(e.members) > 1 for e in load_diagnosis(tmp_path / "diagnosis.json").effects
         )
 
 
@@ -246,9 +248,9 @@ def test_an_interval_that_opens_at_the_edges_does_not_flatten_the_curve() -> Non
 def test_where_nothing_is_left_there_is_no_bar() -> None:
     # The bar was full at the noise floor.
     rows = [("before", 3.0, None, ""), ("nothing left", 0.0, None, ""), ("hardly", 0.001, None, "")]
-    console = Console(width=60, file=io.StringIO())
-    console.print(Bars(rows))
-    drawn = console.file.getvalue().splitlines()
+    page = io.StringIO()
+    Console(width=60, file=page).print(Bars(rows))
+    drawn = page.getvalue().splitlines()
     assert drawn[0].count("█") > 30
     assert drawn[1].count("█") == drawn[2].count("█") == 0
 
