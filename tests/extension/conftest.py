@@ -1,0 +1,77 @@
+"""A copy of the packages, to be extended and run."""
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+class Copy:
+    """The packages in a folder of their own, to be extended and run."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        for name in ("dpr_lab", "firmware_protocol", "sim_device", "configs"):
+            shutil.copytree(ROOT / name, folder / name)  # with its bytecode: nothing is compiled again
+
+    def add(self, file: str, text: str) -> None:
+        """A new file."""
+        path = self.folder / file
+        assert not path.exists(), f"{file} is there already"
+        path.write_text(textwrap.dedent(text), encoding="utf-8")
+
+    def row(self, file: str, table: str, row: str, imported: str = "") -> None:
+        """One more row at the end of a table, and the import that it needs."""
+        path = self.folder / file
+        text = path.read_text(encoding="utf-8")
+        tree = ast.parse(text)
+        rows = table_of(tree, table)
+        assert rows.end_lineno is not None
+        assert rows.end_col_offset is not None
+        lines = text.splitlines(keepends=True)
+        end = sum(map(len, lines[: rows.end_lineno - 1])) + rows.end_col_offset - 1
+        before = text[:end].rstrip()
+        text = f"{before}{'' if before.endswith(',') else ','} {row},{text[end:]}"
+        last = max(node.end_lineno or 0 for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom))
+        lines = text.splitlines(keepends=True)
+        path.write_text("".join([*lines[:last], f"{imported}\n" if imported else "", *lines[last:]]), encoding="utf-8")
+
+    def run(self, code: str, timeout: float = 600.0, *, cache: bool = False) -> str:
+        """What a program prints that works with this copy; `cache`: its kernels are others, and kept beside it."""
+        program = textwrap.dedent(code)
+        environment = {**os.environ, "PYTHONPATH": str(self.folder)}
+        environment |= {"NUMBA_CACHE_DIR": str(self.folder / "cache")} if cache else {}
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            cwd=self.folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+
+def table_of(tree: ast.Module, name: str) -> ast.Tuple | ast.Dict:
+    """The rows of a module-level table: a tuple or a dict, perhaps inside the expression that makes it."""
+    for node in tree.body:
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        if any(isinstance(target, ast.Name) and target.id == name for target in targets):
+            value = node.iter if isinstance(node, ast.For) else getattr(node, "value", None)
+            assert isinstance(value, ast.AST)
+            return next(part for part in ast.walk(value) if isinstance(part, ast.Tuple | ast.Dict))
+    raise AssertionError(f"no table {name}")
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Copy:
+    """One for all tests of a file: each adds another row."""
+    return Copy(tmp_path_factory.mktemp("copy"))

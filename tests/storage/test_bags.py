@@ -1,0 +1,57 @@
+"""Bags of ROS 2: joint states as a recording, and a run as joint states."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.errors import RunError
+from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.storage.export import export
+from tests.storage.swing_files import BAGS, RIG, ROWS, THETA1, THETA2, T, is_the_swing, read, text, write_mcap
+
+
+@pytest.mark.parametrize("suffix", BAGS)
+def test_joint_states_of_a_bag(tmp_path: Path, suffix: str) -> None:
+    joints = ("elbow", "gripper", "shoulder")
+    rows = np.column_stack([T, THETA2, 0 * T, THETA1])
+    named = {"theta1": "shoulder", "theta2": "elbow"}
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    (folder / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
+    for number, part in enumerate(np.array_split(rows, 11)):
+        BAGS[suffix](folder / f"bag_{number}{suffix}", [("/joint_states", joints, part)])
+    assert is_the_swing(read(folder, columns=named))
+    one = BAGS[suffix](tmp_path / f"one{suffix}", [("/joint_states", joints, rows)])
+    run = read(one, columns=named)
+    assert is_the_swing(run)
+    assert "joints of /joint_states: elbow, gripper, shoulder" in run.notes
+    with pytest.raises(RunError, match="the table has: t, elbow, gripper, shoulder"):
+        read(one)
+
+
+@pytest.mark.parametrize("suffix", BAGS)
+def test_bags_that_cannot_be_understood(tmp_path: Path, suffix: str) -> None:
+    joints = ("theta1", "theta2")
+    write = BAGS[suffix]
+    two = write(tmp_path / f"two{suffix}", [("/a", joints, ROWS), ("/b", joints, ROWS + 0.1)])
+    with pytest.raises(RunError, match="on several topics: choose one with --take: /a, /b"):
+        read(two)
+    assert is_the_swing(read(two, take=("/a",)))
+    for topics, said in (
+        ([], "contains no sensor_msgs/JointState"),
+        ([("/a", ("theta1", "theta1"), ROWS)], "two joints with the same name in a JointState: theta1, theta1"),
+        ([("/a", ("theta1", "theta2", "tip"), ROWS)], "a JointState of 3 names and 2 positions"),
+    ):
+        with pytest.raises(RunError, match=said):
+            read(write(tmp_path / f"{len(said)}{suffix}", topics))
+
+
+def test_a_run_is_exported_as_joint_states_and_comes_back(tmp_path: Path) -> None:
+    run = import_csv(text(tmp_path / "a.csv", ROWS, head="t,theta1,theta2\n"), RIG, out=tmp_path / "run.mcap")
+    bag = export(run, tmp_path / "b.mcap")
+    assert is_the_swing(read(bag))
+    with pytest.raises(RunError, match="is already a run of dpr-lab"):
+        read(tmp_path / "run.mcap")
+    unstamped = write_mcap(tmp_path / "c.mcap", [("/joint_states", ("theta1", "theta2"), ROWS)], stamped=False)
+    assert is_the_swing(read(unstamped))

@@ -1,0 +1,59 @@
+"""Points of a video tracker as a recording."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.errors import RunError
+from tests.storage.swing_files import THETA1, THETA2, N, T, is_the_swing, read, text
+
+PIVOT, L1, L2 = np.array([310.0, 240.0]), 180.0, 120.0
+RNG = np.random.default_rng(7)
+ELBOW = PIVOT + L1 * np.column_stack([-np.sin(THETA1), np.cos(THETA1)])
+TIP = ELBOW + L2 * np.column_stack([-np.sin(THETA2), np.cos(THETA2)])
+
+
+def pixels(up: float = 1.0, noise: float = 0.0) -> list[np.ndarray]:
+    seen = [np.broadcast_to(PIVOT, ELBOW.shape), ELBOW, TIP]
+    return [(points + RNG.normal(0, noise, points.shape)) * (1, up) for points in seen]
+
+
+def test_points_of_tracker(tmp_path: Path) -> None:
+    _, elbow, tip = pixels()
+    rows = np.column_stack([T, elbow, tip])
+    head = "#multi:\n\tmass A\t\tmass B\t\t\nt\tx\ty\tx\ty\t\n"
+    file = text(tmp_path / "a.txt", rows, "\t", head)
+    run = read(file)
+    assert is_the_swing(run, atol=1e-6)
+    assert any("pivot (centre of the elbow's circle), elbow mass A, tip mass B" in note for note in run.notes)
+    with pytest.raises(RunError, match="angles from points are absolute"):
+        read(file, zero="hanging")
+
+
+def test_points_of_deeplabcut_and_their_noise(tmp_path: Path) -> None:
+    points = pixels(up=-1.0, noise=0.5)
+    certain = np.ones(N)
+    certain[40:43] = 0.1
+    points[1][40:43] += 300
+    columns = [column for point in points for column in (*point.T, certain)]
+    names = ["pivot", "elbow", "tip"]
+    scorer = "scorer," + ",".join(["DLC_resnet50"] * 9)
+    parts = "bodyparts," + ",".join(name for name in names for _ in range(3))
+    head = f"{scorer}\n{parts}\ncoords," + ",".join(["x", "y", "likelihood"] * 3) + "\n"
+    file = text(tmp_path / "a.csv", np.column_stack([np.arange(N), *columns]), head=head)
+    with pytest.raises(RunError, match="for a table without time give --rate-hz"):
+        read(file)
+    run = read(file, rate_hz=200.0)
+    kept = np.delete(np.arange(N), [40, 41, 42])
+    np.testing.assert_allclose(run.theta[:, 1], THETA1[kept], atol=5 * 0.5 / L1)
+    noise = [float(note.split("noise ")[1].split()[0]) for note in run.notes if "noise" in note]
+    assert noise == pytest.approx([0.5 / L1, 0.5 * np.sqrt(2) / L2], rel=0.3)
+    with pytest.raises(RunError, match=r"changes its length by .* these points are not its ends"):
+        read(file, rate_hz=200.0, take=("pivot", "tip", "elbow"))
+
+
+def test_columns_of_x_and_y_are_points_too(tmp_path: Path) -> None:
+    rows = np.column_stack([T, *pixels(up=-1.0)])
+    file = text(tmp_path / "a.csv", rows, head="t_s,x0_px,y0_px,x1_px,y1_px,x2_px,y2_px\n")
+    assert is_the_swing(read(file), atol=1e-6)
