@@ -161,7 +161,7 @@ def app(tmp_path: Path) -> Iterator[DprApp]:
 @pytest.fixture
 def said() -> Callable[[DprApp], str]:
     """(app) -> all notices that are shown, in one text."""
-    return lambda app: "\n".join(notice.message for notice in app._notifications)
+    return lambda app: "\n".join(notice.message for notice in app.notices)
 
 
 @pytest.fixture

@@ -175,11 +175,11 @@ async def test_quitting_asks_only_when_something_would_be_lost(tmp_path: Path) -
         assert not isinstance(app.screen, Question)
         await pilot.press("ctrl+q", "y")
         await pilot.pause()
-        assert app._exit
+        assert app.return_code == 0
     calm = faulty(tmp_path)
     async with calm.run_test(size=(80, 24)) as pilot:
         await pilot.press("ctrl+q")
-        assert calm._exit
+        assert calm.return_code == 0
 
 
 async def test_a_field_takes_letters_and_escape_leaves_it(tmp_path: Path) -> None:

@@ -102,14 +102,14 @@ async def test_every_text_names_the_key_as_it_is(tmp_path: Path) -> None:
         step = app.query_one(CaptureStep)
         app.device.connected = app.device.lost = None
         await pilot.press("f7")
-        assert "press f8 to be guided" in "\n".join(notice.message for notice in app._notifications)
+        assert "press f8 to be guided" in "\n".join(notice.message for notice in app.notices)
         step.attempt = Attempt(1, "X1", load_rig("paper").poses["X1"], Phase.READY)
         app.device.note(Idle((0.0, 3.1, 0.1), True, math.inf))
         app.device.connected = CONNECTED
         step._draw()
         assert "Press f7 to RELEASE" in str(app.query_one("#headline").render())
         await pilot.press("d")  # it said "of 20 s" of a recording of 10 s
-        assert "An attempt is under way: end it with x" in "\n".join(notice.message for notice in app._notifications)
+        assert "An attempt is under way: end it with x" in "\n".join(notice.message for notice in app.notices)
         assert step.options.duration == 10.0
         step.attempt = None
         app.device.note(RecorderFailed(None, "gone", alive=False))

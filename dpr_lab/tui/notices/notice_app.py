@@ -3,7 +3,7 @@
 from typing import Any
 
 from textual.app import App
-from textual.notifications import Notify, SeverityLevel
+from textual.notifications import Notification, Notify, SeverityLevel
 
 from dpr_lab.tui.notices.message_log import MessageLog
 from dpr_lab.tui.notices.message_screen import MessageScreen
@@ -16,6 +16,11 @@ class NoticeApp(App[None]):
     messages: MessageLog
     error_title: str = "Error"
 
+    @property
+    def notices(self) -> list[Notification]:
+        """The messages that are currently shown, oldest first."""
+        return [*self._notifications]
+
     def notify(self, message: str, *, severity: SeverityLevel = "information", **options: Any) -> None:
         """Show a message; an error stays until Escape or another step."""
         if severity == "error":
@@ -24,7 +29,7 @@ class NoticeApp(App[None]):
 
     def on_notify(self, event: Notify) -> None:
         """Log a message unless it is currently shown; if space is short, errors are removed last."""
-        new, standing = event.notification, [*self._notifications]
+        new, standing = event.notification, self.notices
         if any(notice.message == new.message for notice in standing):
             event.prevent_default()
             return

@@ -48,7 +48,7 @@ async def test_errors_stay_until_escape_and_are_listed_by_key(tmp_path: Path, sa
             app.notify(f"hint {number}")
         await pilot.pause()
         assert said(app).splitlines() == ["RELEASE was sent, so the rods may be free", "hint 4"]
-        (error, hint) = app._notifications
+        (error, hint) = app.notices
         assert error.timeout == NOTICES.stays_s
         assert "f4: all messages" in error.title
         assert hint.timeout < 60

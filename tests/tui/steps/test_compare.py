@@ -277,7 +277,7 @@ async def test_another_models_file_is_simulated_as_second_curve(
         assert np.allclose(drawn["2nd model"], drawn["free run"])
         assert (pilot.app.workspace.out / "report" / "report.html").stat().st_mtime_ns == before
         await pilot.press("escape", "i", *["backspace"] * len(str(other)), *"gone.json", "enter")
-        await until(pilot, lambda: any("gone.json" in notice.message for notice in pilot.app._notifications))
+        await until(pilot, lambda: any("gone.json" in notice.message for notice in pilot.app.notices))
 
 
 async def test_what_was_compared_before_is_shown_without_simulating(lab, fixed_model: Path, tmp_path: Path) -> None:

@@ -305,7 +305,7 @@ async def test_not_every_run_can_be_held_out(lab) -> None:
     async with lab(DiagnoseStep, runs=runs, held_out=runs) as pilot:
         await pilot.press("s")
         assert step(pilot.app).job is None
-        (notice,) = pilot.app._notifications
+        (notice,) = pilot.app.notices
         assert "hold out fewer" in notice.message
 
 
@@ -319,7 +319,7 @@ async def test_a_model_of_another_rig_is_refused(
     async with lab(DiagnoseStep, runs=recorded, model=tmp_path / "other.json") as pilot:
         await pilot.press("s")
         await until(pilot, lambda: step(pilot.app).job is None)
-        (notice,) = pilot.app._notifications
+        (notice,) = pilot.app.notices
         assert "the model is of rig other" in notice.message
         assert pilot.app.workspace.diagnosis is None
 
@@ -330,7 +330,7 @@ async def test_a_recording_cannot_be_held_out_from_itself(lab, until, recorded: 
     async with lab(DiagnoseStep, runs=recorded, held_out=[copy]) as pilot:
         await pilot.press("s")
         await until(pilot, lambda: step(pilot.app).job is None)
-        (notice,) = pilot.app._notifications
+        (notice,) = pilot.app.notices
         assert f"{copy}: is the same recording as {recorded[0]}" in notice.message
 
 
@@ -342,7 +342,7 @@ async def test_numbers_out_of_range_are_refused(lab) -> None:
             before, entry.value = entry.value, value
             await pilot.press("s")
             assert step(pilot.app).job is None
-            (notice,) = pilot.app._notifications
+            (notice,) = pilot.app.notices
             assert f"{field} = {value!r}" in notice.message
             pilot.app.clear_notifications()
             entry.value = before
@@ -357,7 +357,7 @@ async def test_a_damaged_diagnosis_is_told_and_the_step_lives_on(lab, tmp_path: 
     broken = tmp_path / "diagnosis.json"
     broken.write_text(content)
     async with lab(DiagnoseStep, diagnosis=broken) as pilot:
-        (notice,) = pilot.app._notifications
+        (notice,) = pilot.app.notices
         assert said in notice.message
         assert step(pilot.app).outcome() == ""
 

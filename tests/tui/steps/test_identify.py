@@ -79,8 +79,8 @@ async def test_a_model_that_is_found_meanwhile_is_told_and_taken_up(lab, until, 
         await pilot.press("s", "n")
         compare = pilot.app.query_one(CompareStep)
         assert "identify one in step 4" in compare.missing()
-        await until(pilot, lambda: pilot.app._notifications)
-        (notice,) = pilot.app._notifications
+        await until(pilot, lambda: pilot.app.notices)
+        (notice,) = pilot.app.notices
         assert notice.message == "Identify is done: model of 3 runs"
         await until(pilot, compare.outcome)
 
@@ -105,7 +105,7 @@ async def test_a_run_that_cannot_be_read_is_named(lab, until, recorded: list[Pat
     async with lab(IdentifyStep, runs=[broken]) as pilot:
         await pilot.press("s")
         await until(pilot, lambda: step(pilot.app).job is None)
-        (notice,) = pilot.app._notifications
+        (notice,) = pilot.app.notices
         assert str(broken) in notice.message
         assert str(broken) in text(pilot.app, "#state")
 
@@ -116,7 +116,7 @@ async def test_a_recording_chosen_twice_is_refused(lab, until, recorded: list[Pa
     async with lab(IdentifyStep, runs=[*recorded, copy]) as pilot:
         await pilot.press("s")
         await until(pilot, lambda: step(pilot.app).job is None)
-        (notice,) = pilot.app._notifications
+        (notice,) = pilot.app.notices
         assert f"{copy}: is the same recording as {recorded[0]}" in notice.message
         assert pilot.app.workspace.model is None
 
@@ -126,7 +126,7 @@ async def test_without_runs_it_says_what_must_come_first(lab) -> None:
         assert "No runs selected" in step(pilot.app).missing()
         await pilot.press("s")
         assert step(pilot.app).job is None
-        (notice,) = pilot.app._notifications
+        (notice,) = pilot.app.notices
         assert "No runs selected" in notice.message
 
 
@@ -135,7 +135,7 @@ async def test_a_seed_that_is_none_is_refused(lab) -> None:
         pilot.app.query_one("#seed", Input).value = "-1"
         await pilot.press("s")
         assert step(pilot.app).job is None
-        (notice,) = pilot.app._notifications
+        (notice,) = pilot.app.notices
         assert "seed = '-1'" in notice.message
 
 
@@ -163,7 +163,7 @@ async def test_a_damaged_model_is_told_and_the_step_lives_on(lab, tmp_path: Path
     broken = tmp_path / "model.json"
     broken.write_text("{}")
     async with lab(IdentifyStep, model=broken) as pilot:
-        (notice,) = pilot.app._notifications
+        (notice,) = pilot.app.notices
         assert "is not a model of dpr-lab" in notice.message
         assert step(pilot.app).job is None
 

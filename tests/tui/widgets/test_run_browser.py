@@ -151,8 +151,8 @@ async def test_export_writes_the_format_that_was_picked(lab, until, folder: Path
         exported = folder.parent / "exports" / "first.csv"
         assert exported.read_text().startswith("t_s,theta0_rad")
         await pilot.press("e", "enter")
-        await until(pilot, lambda: pilot.app._notifications)
-        (notice,) = pilot.app._notifications
+        await until(pilot, lambda: pilot.app.notices)
+        (notice,) = pilot.app.notices
         assert "exists already" in notice.message
 
 
@@ -215,7 +215,7 @@ async def test_runs_of_another_folder_are_listed_beside_what_was_chosen(
         await pilot.press("o", "down")
         assert field.value == str(other)
         await pilot.press("end", "backspace", "enter")
-        await until(pilot, lambda: any("no such folder" in notice.message for notice in pilot.app._notifications))
+        await until(pilot, lambda: any("no such folder" in notice.message for notice in pilot.app.notices))
         await pilot.press("escape", "asterisk", "enter")
         await until(pilot, lambda: answer.asked)
         assert {path.name for path in answer.given or ()} == {"far.mcap", "first.mcap"}
