@@ -54,7 +54,7 @@ def write_h5(path: Path, prefix: bytes = b"", **held: np.ndarray) -> Path:
     return path
 
 
-def write_npz(path: Path, **held: np.ndarray) -> Path:
+def write_npz(path: Path, **held: Any) -> Path:
     np.savez_compressed(path, **held)
     return path
 

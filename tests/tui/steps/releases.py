@@ -1,5 +1,7 @@
 """Keys and states of a guided release, for tests of the step Capture."""
 
+# pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
+
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,6 +19,7 @@ SECOND = CaptureOptions(duration=1.0, pose_timeout=600.0, rest_timeout=60.0)
 
 async def connect(pilot: Pilot[None], until, url: str, options: CaptureOptions = SECOND) -> CaptureStep:
     app = pilot.app
+    assert isinstance(app, DprApp)
     app.workspace.link = url
     await app.services.connect()
     await until(pilot, lambda: app.device.connected)

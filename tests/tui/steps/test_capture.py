@@ -1,5 +1,7 @@
 """The guided release with a Pilot at the keys and a simulated device at the end of a real link."""
 
+# pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
+
 from dataclasses import replace
 
 import pytest

@@ -1,5 +1,7 @@
 """The page of the step Capture, without a device: what it says of the rods, the latch and the recordings."""
 
+# pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
+
 import math
 import time
 from dataclasses import replace
@@ -33,7 +35,7 @@ async def test_from_the_order_to_the_open_latch_nothing_says_closed(app: DprApp)
     # For 0.24 s after the latch opened, headline and status row said CLOSED.
     async with app.run_test(size=(80, 24)) as pilot:
         device = app.device
-        device.connected = Connected(SIM, DeviceInfo("1.0.0", "1", (16384,) * 3, 4000, 1000), 1000, (), "")
+        device.connected = Connected(SIM, DeviceInfo("1.0.0", "1", (16384, 16384, 16384), 4000, 1000), 1000, (), "")
         await pilot.press("3")
         step = app.query_one(CaptureStep)
         step.attempt = Attempt(1, "X1", step._rig.poses["X1"])
@@ -64,7 +66,7 @@ async def test_a_release_whose_outcome_is_unknown_stays_in_sight(app: DprApp, sa
     # "RELEASE was sent, the rods may be free" vanished within 34 s and "CLOSED when last seen" remained.
     async with app.run_test(size=(80, 24)) as pilot:
         device = app.device
-        device.connected = Connected(SIM, DeviceInfo("1.0.0", "1", (16384,) * 3, 4000, 1000), 1000, (), "")
+        device.connected = Connected(SIM, DeviceInfo("1.0.0", "1", (16384, 16384, 16384), 4000, 1000), 1000, (), "")
         await pilot.press("3")
         step = app.query_one(CaptureStep)
         step.attempt = Attempt(1, "X1", step._rig.poses["X1"])
@@ -116,7 +118,7 @@ async def test_the_page_asks_for_what_is_left_to_do(app: DprApp, monkeypatch: py
     # The latch was told to close that was closed, and red arrows turned rods that had nowhere to go any more.
     monkeypatch.setattr(Sighting, "fresh", lambda *_: True)
     async with app.run_test(size=(80, 24)) as pilot:
-        app.device.connected = Connected(SIM, DeviceInfo("1.0.0", "1", (16384,) * 3, 4000, 1000), 1000, (), "")
+        app.device.connected = Connected(SIM, DeviceInfo("1.0.0", "1", (16384, 16384, 16384), 4000, 1000), 1000, (), "")
         await pilot.press("3")
         step, readout = app.query_one(CaptureStep), app.query_one("#readout", Static)
 

@@ -1,7 +1,10 @@
 """The countdown before a release: what starts it, and what stops it."""
 
+# pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
+
 import random
 import time
+from dataclasses import replace
 
 import pytest
 from textual import events
@@ -66,7 +69,8 @@ async def test_any_other_key_and_rods_that_move_stop_the_countdown(
         await pilot.press("r")
         assert isinstance(app.screen, Countdown)
         rest = step.attempt.rest
-        moving = type(rest)(rest.theta, rest.error, rest.tolerance, 0.5, rest.spread, False, "the rods still moved")
+        assert rest is not None
+        moving = replace(rest, speed=0.5, ok=False, restless="the rods still moved")
         app.clear_notifications()
         step.hear(AttemptSeen(step.attempt.number, moving, True, time.monotonic()))
         await until(pilot, lambda: "nothing was released" in said(app))

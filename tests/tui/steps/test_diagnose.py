@@ -1,5 +1,7 @@
 """Step 6: the verdict first, then which, where, how far, and what next; saved as the command saves it."""
 
+# pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
+
 import io
 import json
 import re
