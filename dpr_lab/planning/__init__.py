@@ -1,1 +1,1 @@
-"""Experiment planning: which releases to record next, what they are expected to show, and when there are enough."""
+"""Experiment planning: which releases to record next, their expected information, and when to stop."""

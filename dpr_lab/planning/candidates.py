@@ -1,4 +1,4 @@
-"""Candidate releases: start poses spread over what can be reached, their neighbours, and what can be mounted."""
+"""Candidate releases: start poses spread over the reachable angles, their neighbours, and all permitted mountings."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -17,36 +17,37 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """How start poses are searched for."""
+    """Settings of the search for start poses."""
 
     spread: int = 40
-    """Poses that the search begins with, spread evenly."""
+    """Number of evenly spread poses with which the search starts."""
     screened_s: float = 10.0
-    """Duration at which they are compared."""
+    """Duration at which these poses are compared, s."""
     best: int = 3
-    """Poses that are refined."""
+    """Number of poses that are refined."""
     neighbours: int = 4
-    """Poses tried near each of them."""
+    """Number of neighbours of each of them."""
     near_rad: float = 0.3
-    """Standard deviation of their distance, halved in the second round."""
+    """Standard deviation of the distance of the neighbours, halved in the second round."""
     finalists: int = 2
-    """Releases of which the best duration is sought."""
+    """Number of releases whose duration is optimised."""
     placements: int = 2
-    """Starts as a hand leaves them, over which what the finalists show is averaged."""
+    """Number of initial states with a random placement error, over which the information of these releases is averaged.
+    """
     quiet_deg: tuple[float, ...] = (5.0, 15.0, 40.0)
-    """Amplitudes about hanging, of one rod and of both, that are tried besides: swings that come to rest."""
+    """Additional candidates: amplitudes about hanging, of one rod and of both. These swings come to rest."""
 
     repeated: float = 0.5
-    """Share of its worth that a repeated release loses: what the model lacks shows in both alike."""
+    """Share of the value that a repeated release loses, because a model error affects both releases in the same way."""
     alike_rad: float = 0.5
-    """Distance of start poses at which most of that loss is gone."""
+    """Distance of two start poses at which most of this loss has disappeared."""
 
 
 SEARCH = Search()
 
 
 def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Array:
-    """(n, 2) reachable start angles, evenly spread, and quiet ones about hanging."""
+    """(n, 2) reachable start angles: an evenly spread set, and small angles about hanging."""
     points = qmc.Sobol(2, rng=rng).random_base2(int(np.ceil(np.log2(count))) + 4)
     spread = 2 * np.pi * points
     reached = spread[limits.poses.reachable(spread)]
@@ -68,13 +69,13 @@ def near(
 
 
 def placements(release: CandidateRelease, std: float, count: int, rng: np.random.Generator) -> list[CandidateRelease]:
-    """The release as a hand leaves it, some times."""
+    """Copies of the release with random placement errors of the start pose."""
     off = std * rng.standard_normal((count, 2))
     return [replace(release, theta1=release.theta1 + a, theta2=release.theta2 + b) for a, b in off.tolist()]
 
 
 def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> float:
-    """Share of the worth of a release that remains next to earlier ones, 1 if none is similar."""
+    """Share of the value of a release that remains after earlier releases; 1 if none is similar."""
     alike = [
         np.exp(-0.5 * (_apart(release, other) / SEARCH.alike_rad) ** 2)
         for other in made
@@ -84,12 +85,12 @@ def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> floa
 
 
 def _apart(first: CandidateRelease, second: CandidateRelease) -> float:
-    """Distance of two start poses, whole turns apart, rad."""
+    """Distance of two start poses modulo full turns, rad."""
     return float(np.hypot(*((first.start - second.start + np.pi) % (2 * np.pi) - np.pi)[:2]))
 
 
 def mountings(rig: Rig, limits: PlanLimits) -> Iterator[tuple[Mounting, AddedMass | None]]:
-    """What may hang on the rig, as it is now first."""
+    """Permitted mountings; the present one first."""
     now: Mounting = rig.rods.mounting
     allowed: list[Mounting] = [now, *limits.rods.mounted]
     if "clamped" in limits.rods.elbow:
@@ -103,7 +104,7 @@ def mountings(rig: Rig, limits: PlanLimits) -> Iterator[tuple[Mounting, AddedMas
 
 
 def minutes(release: CandidateRelease, before: tuple[Mounting, AddedMass | None], limits: PlanLimits) -> float:
-    """Cost of a release after another mounting, minutes."""
+    """Time of a release after a release with another mounting, minutes."""
     mounting, mass = before
     cost = limits.minutes.place + release.duration_s / 60
     if release.added != mass:

@@ -1,10 +1,11 @@
-r"""When to stop: whether the causes are decided, and how probable it is that some more releases decide them.
+r"""Stopping rule: whether the causes are decided, and the probability that further releases decide them.
 
-A cause is decided if one effect of a class and of its alternatives has a probability of `SURE`. If cause t is the right
-one, further releases raise its log odds against each other cause j by a normal amount of mean d^2 / 2 and variance d^2
-(`dpr_lab.planning.worth.criteria`). The probability of a decision is the share of draws, over the posterior of the
-causes and over that amount, in which one cause reaches `SURE`. A cause outside the library keeps its probability. What
-is found may still change with a further release: `holds` is the share of such forecasts that came true in campaigns.
+A cause is decided if one effect of a class and of its alternatives has a probability of at least `SURE`. If cause t is
+true, further releases increase its log odds against each other cause j by a normally distributed amount of mean d^2 / 2
+and variance d^2 (`dpr_lab.planning.worth.criteria`). The probability of a decision is the share of random draws, of the
+true cause from its posterior and of this amount, in which one cause reaches `SURE`. A cause outside the library keeps
+its probability. A decision may change again with a further release: `holds` is the share of forecast decisions that
+were correct in campaigns.
 """
 
 from collections.abc import Sequence
@@ -23,29 +24,29 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Stopping:
-    """When recordings are enough, and what a forecast assumes."""
+    """Settings of the stopping rule and of the forecast."""
 
     fewest: int = 2
-    """Releases without which nothing is decided: with one alone nothing was tested on another."""
+    """Minimum number of releases for a decision: a single release is not validated by another one."""
     holds: float = 1.0
-    """Share of forecast decisions that come true, by `trials campaign --plan`."""
+    """Share of forecast decisions that are correct, by `trials campaign --plan`."""
     likely: float = 0.9
-    """Probability of a decision from which so many releases are recommended."""
+    """Probability of a decision from which this number of releases is recommended."""
     draws: int = 256
-    """Draws for each cause."""
+    """Number of random draws for each cause."""
     open: float = 0.05
-    """Probability relative to the likeliest cause from which another one is open."""
+    """Probability relative to the most probable cause from which another cause is undecided."""
     separable: float = 6.0
     """d^2 from which two causes count as separable: odds of 20 to 1 on average."""
     repeats: int = 5
-    """Releases that may add up to that."""
+    """Number of releases whose d^2 may be summed to reach this value."""
 
 
 STOPPING = Stopping()
 
 
 def decided(diagnosis: Diagnosis, runs: int) -> bool:
-    """Whether the recordings are enough: no gap, or each cause named surely enough and the gap explained."""
+    """Whether the recordings are sufficient: there is no gap, or each cause is decided and the gap is explained."""
     if runs < STOPPING.fewest or diagnosis.hints:
         return False
     if diagnosis.verdict == "no_gap":
@@ -70,7 +71,7 @@ def decision_probability(pairs: Sequence[OpenPairs], gained: Sequence[Array]) ->
 
 
 def _decided(p: Array, d2: Array) -> float:
-    """Of the causes of one named effect."""
+    """Random draws in which the cause of one named effect is decided."""
     outside = max(1.0 - float(p.sum()), 0.0)
     normal = stats.norm.ppf(stats.qmc.Sobol(len(p), rng=np.random.default_rng(0)).random(STOPPING.draws) % 1.0)
     normal = np.clip(normal, -6.0, 6.0)

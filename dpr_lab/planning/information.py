@@ -1,15 +1,14 @@
-r"""Fisher information of planned releases on ratios and effects, for many releases at once.
+r"""Fisher information of planned releases about ratios and effects, for many releases at once.
 
-A release is simulated at the present estimate and cut into the segments that a diagnosis fits. With A_s the whitened
-slopes of segment s by ratios and amplitudes, its initial state projected out,
+A release is simulated with the present estimate and cut into the segments that a diagnosis fits. With A_s the whitened
+Jacobian of segment s by ratios and amplitudes, after projecting out its initial state,
 
     H = sum over segments before the horizon of A_s^T A_s.
 
-The horizon is the predictability of the planned swing: with Phi(t) the sensitivity of the state to the start pose and
-s the standard deviation of the pose as a hand leaves it, it ends where s |Phi(t)| exceeds a limit. After that the swing
-is another one than the one planned, and what it would show is not counted.
-
-The slopes of all columns, releases and segments are one batch of lanes.
+The horizon is the predictability horizon of the planned swing. With Phi(t) the sensitivity of the state to the start
+pose and s the standard deviation of a manually placed pose, it is the time at which s |Phi(t)| exceeds a limit. Beyond
+it the actual swing differs from the planned one, and its information is not counted. The columns of the Jacobian, all
+releases and all segments are computed as lanes of one batch.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,20 +34,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class SwingSettings:
-    """How a planned release is simulated."""
+    """Settings of the simulation of a planned release."""
 
     rate_hz: int = 50
-    """Instants at which readings are compared; each stands for all that are taken until the next."""
+    """Rate at which readings are compared; each reading represents all samples up to the next one."""
     path_hz: int = 200
-    """Instants of the swing from which speeds at the start of segments are differences."""
+    """Rate of the simulated swing; the speeds at the start of segments are differences of its angles."""
     step_s: float = 5e-3
-    """Longest Runge-Kutta step; slopes take twice that."""
+    """Longest Runge-Kutta step; the Jacobian is computed with twice this step."""
     horizon_hz: int = 20
-    """Instants at which predictability is checked."""
+    """Rate at which predictability is checked."""
     lost_rad: float = 0.5
-    """Standard deviation of an angle from which the swing counts as another one than planned."""
+    """Standard deviation of an angle from which the swing counts as unpredictable."""
     batch: int = 16
-    """Releases at a time, to stay within memory."""
+    """Number of releases in one batch; limits the memory."""
 
 
 SWING = SwingSettings()
@@ -56,30 +55,30 @@ SWING = SwingSettings()
 
 @dataclass(frozen=True, slots=True)
 class PresentModel:
-    """The rig as it is known now, and what is unknown of it."""
+    """Present estimate of the rig, and its unknowns."""
 
     estimate: Estimate
-    """Ratios and effects; no segments."""
+    """Ratios and effects; without segments."""
     columns: tuple[FreeParameter, ...]
     """The unknowns: ratios, b and p/b, then amplitudes of effects."""
     rods: RodsWithEffects
     noise: Array
     """(2,) standard deviation of the mean of one second of readings, rad sqrt(s)."""
     placement_rad: float
-    """Standard deviation of a start pose."""
+    """Standard deviation of a manually placed start pose."""
     rezeroed: bool = False
-    """Whether the encoders are zeroed before each recording, so that each has zeros of its own."""
+    """Whether the encoders are zeroed before each recording, so that each recording has its own zeros."""
 
 
 @dataclass(frozen=True, slots=True)
 class Informed:
-    """One release, and what it is expected to show."""
+    """A release and its expected information."""
 
     release: CandidateRelease
     information: Array
-    """(k, k) Fisher information of the unknowns."""
+    """(k, k) Fisher information about the unknowns."""
     horizon_s: float
-    """Predictability horizon, at most its duration."""
+    """Predictability horizon, at most the duration."""
 
 
 def informed(
@@ -88,12 +87,12 @@ def informed(
     """Simulate releases and compute their information.
 
     Args:
-        releases: what could be recorded
+        releases: the candidates
         model: the present estimate
-        durations: shorter durations that each release is rated at too, s
+        durations: shorter durations for which the information is also computed, s
 
     Returns:
-        each release, in order, at its own duration and at those that are shorter
+        each release, in order, with its own duration and with the shorter ones
     """
     rated = []
     for batch in _batches(releases):
@@ -107,10 +106,10 @@ def informed(
 
 
 def _batches(releases: Sequence[CandidateRelease]) -> Iterator[list[CandidateRelease]]:
-    """Neighbours of one duration, some at a time."""
+    """Batches of releases of equal duration."""
     for _, group in groupby(releases, key=lambda one: one.duration_s):
-        alike = list(group)
-        yield from (alike[i : i + SWING.batch] for i in range(0, len(alike), SWING.batch))
+        members = list(group)
+        yield from (members[i : i + SWING.batch] for i in range(0, len(members), SWING.batch))
 
 
 def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
@@ -129,9 +128,9 @@ def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> 
 
 
 def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Problem, Array]:
-    """Releases of one duration cut into segments, readings zero, and (segments, 4) states where those start.
+    """Releases of one duration cut into segments with readings of zero, and (segments, 4) their initial states.
 
-    A segment starts `PAD`, one sample, before its first sample; the first one at the release.
+    A segment starts `PAD`, one sample, before its first sample; the first one starts at the release.
     """
     path, rate = simulated_states(batch, model), SWING.rate_hz
     length, apart = round(LENGTHS.working * rate), SWING.path_hz // rate
@@ -145,7 +144,7 @@ def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Pr
 
 
 def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
-    """(releases, segments, m, k) whitened slopes of all columns, initial states and own zeros projected out."""
+    """(releases, segments, m, k) whitened Jacobian, after projecting out initial states and own zeros."""
     problem, states = laid_out(batch, model)
     linear = linearise(problem, model.estimate.changed(initial=states), model.columns, predicted=problem.measured)
     A = linear.A.reshape(len(batch), -1, *linear.A.shape[1:])
@@ -153,7 +152,7 @@ def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
 
 
 def _weight(batch: Sequence[CandidateRelease], model: PresentModel, samples: int) -> Array:
-    """(samples, 2) one over the noise of a reading; none of a joint that is not there."""
+    """(samples, 2) inverse of the noise of a reading; zero for a joint without a rod."""
     read = np.array([[1.0, float(not one.setup.alone)] for one in batch])
     return np.repeat(read / (model.noise * np.sqrt(SWING.rate_hz)), samples, axis=0)
 
@@ -169,7 +168,7 @@ def _without_zeros(A: Array, linear: Linearisation, problem: Problem, releases: 
 
 
 def _horizons(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
-    """(releases,) until when the swing is the one planned, s."""
+    """(releases,) predictability horizons, s."""
     t = np.arange(1, round(batch[0].duration_s * SWING.horizon_hz) + 1) / SWING.horizon_hz
     whole = segments([t] * len(batch), range(len(batch)), [one.setup for one in batch], SWING.step_s)
     starts = np.array([one.start for one in batch])

@@ -1,11 +1,8 @@
-"""What is known before the next release: the estimate, its information, and the causes that are still open.
+"""Knowledge before the next release: estimate, information, and undecided causes.
 
-The unknowns are the ratios, b and p/b, and the amplitudes of every effect that a release could show. Their information
-is that of the rig file's prior and of the runs so far,
-
-    F = P^-1 + H / f,
-
-with f the chi-square that one reading of these runs costs. Without runs it is the prior's alone.
+The unknowns are the ratios, b and p/b, and the amplitudes of every effect that is detectable in a release. Their
+information is that of the prior of the rig file and of the runs recorded so far, F = P^-1 + H / f, where f is the
+variance inflation of a reading in these runs. Without runs, the prior alone is used.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,38 +36,38 @@ RATIO_COLUMNS = len(UNKNOWN_RATIOS)
 
 @dataclass(frozen=True, slots=True)
 class Causes:
-    """One named effect and what else could be the cause in its place."""
+    """A named effect and its alternatives."""
 
     about: str
     """The named effect."""
     probabilities: Mapping[str, float]
-    """Each candidate cause, the named effect among them, and its probability."""
+    """Probability of each candidate cause, including the named effect."""
 
 
 @dataclass(frozen=True, slots=True)
 class Knowledge:
-    """The rig as it is known now."""
+    """Knowledge of the rig before the next release."""
 
     rig: Rig
     model: PresentModel
     prior: Array
     """(k, k) information of the rig file."""
     information: Array
-    """(k, k) F, of prior and runs."""
+    """(k, k) F, the information of prior and runs."""
     inflation: float = 1.0
-    """f: chi-square that one reading costs, of the runs so far and of those to come."""
+    """Variance inflation f of a reading, in past and future runs."""
     named: frozenset[str] = frozenset()
     """Effects of the model."""
     causes: tuple[Causes, ...] = ()
-    """Of each named effect."""
+    """Candidate causes of each named effect."""
     unexplained: float = 0.0
     """Probability of a cause outside the library."""
     diagnosis: Diagnosis | None = None
-    """Of the runs so far; None without runs."""
+    """Diagnosis of the runs recorded so far; None without runs."""
     made: tuple[CandidateRelease, ...] = ()
-    """The runs so far as releases."""
+    """The runs recorded so far, as releases."""
     places: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    """Effect -> its columns among the unknowns."""
+    """Effect -> its columns in the vector of unknowns."""
 
     @property
     def amplitudes(self) -> Array:
@@ -81,12 +78,12 @@ class Knowledge:
 
     @property
     def fitted(self) -> list[int]:
-        """Columns that a fit frees in any case: the ratios, b and p/b, and effects of the model."""
+        """Columns that every fit estimates: the ratios, b and p/b, and the effects of the model."""
         return [*range(RATIO_COLUMNS), *(i for name in self.named for i in self.places.get(name, ()))]
 
 
 def known_before(rig: Rig, driven: bool = False) -> Knowledge:
-    """What the rig file alone says.
+    """Knowledge from the rig file alone.
 
     Args:
         rig: the rig
@@ -98,12 +95,12 @@ def known_before(rig: Rig, driven: bool = False) -> Knowledge:
 
 
 def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, driven: bool = False) -> Knowledge:
-    """What runs and their diagnosis add to the rig file.
+    """Knowledge from the rig file, the runs and their diagnosis.
 
     Args:
         runs: the runs that were diagnosed
         rig: the rig
-        diagnosis: of these runs
+        diagnosis: diagnosis of these runs
         driven: whether drives may act in the next release
     """
     ratios, params = diagnosis.unknowns, effect_params(diagnosis.model_effects)
@@ -130,7 +127,7 @@ def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, driven: boo
 
 
 def _made(run: Run) -> CandidateRelease:
-    """A run as a release."""
+    """Convert a run to a release."""
     _, theta1, theta2 = run.theta[np.searchsorted(run.t, 0.0)].tolist()
     return CandidateRelease(theta1, theta2, run.duration, run.mounting, run.added_mass)
 
@@ -148,7 +145,7 @@ def _model(rig: Rig, ratios: Array, params: Array, noise: Array, driven: bool) -
 
 
 def _can_act(effect: Effect, driven: bool) -> bool:
-    """Whether an effect may act in a planned release: its arm is clamped, and what happened once is over."""
+    """Whether an effect can act in a planned release: its arm is clamped, and unique events do not recur."""
     return not (effect.event or effect.absorbed_by or effect.of_arm) and (driven or not effect.driven)
 
 
@@ -165,7 +162,7 @@ def _places(model: PresentModel) -> dict[str, tuple[int, ...]]:
 
 
 def _prior_information(prior: Prior, model: PresentModel) -> Array:
-    """(k, k) of the rig file: of ratios, b and p/b, and of amplitudes by their limits."""
+    """(k, k) information of the rig file: ratios, b and p/b, and amplitudes by their limits."""
     information = np.zeros((len(model.columns), len(model.columns)))
     seen = np.isfinite(prior.mean)
     places = np.flatnonzero(seen)
@@ -188,7 +185,7 @@ def information_of_runs(recordings: Recordings, model: PresentModel) -> Array:
 
 
 def _causes(diagnosis: Diagnosis) -> Iterator[Causes]:
-    """Of each named effect: its class by the odds of the members, and its alternatives."""
+    """Candidate causes of each named effect: the members of its class by their odds, and its alternatives."""
     for effect in diagnosis.effects:
         odds = {name: effect.odds.get(name, 1 / len(effect.members)) for name in effect.members}
         own = {name: effect.probability * share for name, share in odds.items()}

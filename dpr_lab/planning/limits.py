@@ -21,7 +21,7 @@ torque_Nm = [0.2, 0.1]
 speed_rad_s = [15.0, 20.0]
 rate_hz = 200
 
-A file may hold the limits of `dpr-lab accept` too ([effects], [ratios]): a plan then tells which of them it decides.
+A file may also contain the limits of `dpr-lab accept` ([effects], [ratios]); a plan then states which it decides.
 """
 
 import math
@@ -47,11 +47,11 @@ class ReachablePoses(RigTable):
     """Start angles that a hand or a latch can reach, absolute, 0 = upright, rad."""
 
     theta1_rad: Range = (0.0, 2 * math.pi)
-    """Of the inner rod, from and to."""
+    """Range of the inner rod."""
     theta2_rad: Range = (0.0, 2 * math.pi)
-    """Of the outer rod."""
+    """Range of the outer rod."""
     elbow_rad: Range | None = None
-    """Of theta2 - theta1 within half a turn, where the elbow does not turn all the way round."""
+    """Range of theta2 - theta1 modulo full turns, for an elbow that cannot make a full turn."""
 
     @model_validator(mode="after")
     def _in_order(self) -> "ReachablePoses":
@@ -62,7 +62,7 @@ class ReachablePoses(RigTable):
         return self
 
     def reachable(self, theta: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(n,) which of (n, 2) start angles can be reached; whole turns do not count."""
+        """(n,) whether (n, 2) start angles are reachable, modulo full turns."""
         inside = _within(theta[:, 0], self.theta1_rad) & _within(theta[:, 1], self.theta2_rad)
         if self.elbow_rad is not None:
             bend = (theta[:, 1] - theta[:, 0] + np.pi) % (2 * np.pi) - np.pi
@@ -79,9 +79,9 @@ class RecordingTimes(RigTable):
     """Durations of a recording, s."""
 
     shortest_s: Annotated[float, Field(ge=1, le=600, strict=True)] = 10.0
-    """A recording is not shorter."""
+    """Minimum duration of a recording."""
     longest_s: Annotated[float, Field(ge=1, le=600, strict=True)] = 30.0
-    """A recording is not longer."""
+    """Maximum duration of a recording."""
 
     @model_validator(mode="after")
     def _in_order(self) -> "RecordingTimes":
@@ -95,12 +95,12 @@ class RecordingTimes(RigTable):
 
 
 class AllowedRods(RigTable):
-    """What may hang on the rig."""
+    """Rods that may be mounted."""
 
     mounted: tuple[Literal["both", "inner", "outer"], ...] = ("both",)
-    """Which rods."""
+    """Permitted mountings."""
     elbow: tuple[Literal["free", "clamped"], ...] = ("free",)
-    """Whether joint 2 may be clamped; it must be free in some recordings unless it cannot be."""
+    """Permitted states of joint 2; `free` must be among them unless joint 2 is always clamped."""
 
 
 class DriveLimits(RigTable):
@@ -119,33 +119,33 @@ class DriveLimits(RigTable):
 
 
 class StepMinutes(RigTable):
-    """What the steps of a recording cost, minutes."""
+    """Duration of the steps of a recording, minutes."""
 
     place: Minutes = 0.5
-    """To place the rods, wait for rest and release them."""
+    """Placing the rods, waiting for rest, and releasing them."""
     mass: Minutes = 1.0
-    """To clamp a mass on or take it off."""
+    """Clamping or removing a mass."""
     clamp: Minutes = 2.0
-    """To clamp or free the elbow."""
+    """Clamping or freeing the elbow."""
     mount: Minutes = 5.0
-    """To mount other rods."""
+    """Mounting other rods."""
 
 
 class PlanLimits(Limits):
-    """The limits of a plan, and those that the rig must keep."""
+    """Limits of a plan, and limits of the rig for `dpr-lab accept`."""
 
     poses: ReachablePoses = ReachablePoses()
     """Reachable start poses."""
     recording: RecordingTimes = RecordingTimes()
     """Durations."""
     rods: AllowedRods = AllowedRods()
-    """What may be mounted."""
+    """Permitted mountings."""
     masses: tuple[AddedMass, ...] = ()
     """Known masses that may be clamped on."""
     drive: DriveLimits | None = None
     """Joint drives; without the table there are none."""
     minutes: StepMinutes = StepMinutes()
-    """Costs in time."""
+    """Duration of the steps."""
 
 
 def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:

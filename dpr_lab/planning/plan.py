@@ -1,4 +1,4 @@
-"""Plan recordings: what to record next, what it is expected to show, and when to stop."""
+"""Planning of recordings: what to record next, its expected information, and when to stop."""
 
 import time
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ class PlanLength:
     """Number of planned releases."""
 
     usual: int = 3
-    """Number without a budget: so many releases distinguish most effects."""
+    """Number without a budget: this many releases distinguish most effects."""
     most: int = 12
     """Maximum number within a budget."""
 
@@ -50,12 +50,12 @@ def plan(
 
     Args:
         rig: the rig
-        runs: recordings so far
-        diagnosis: of these recordings; made here where it is left out
-        limits: what can be reached, mounted and driven, and what it costs
+        runs: the runs recorded so far
+        diagnosis: diagnosis of these runs; None: it is computed here
+        limits: reachable poses, permitted mountings, drives, and the duration of each step
         budget_min: time at the rig, minutes; without it three releases are planned, none if the causes are decided
-        count: how many releases, at most
-        seed: of the poses that the search begins with
+        count: maximum number of releases
+        seed: seed of the start poses of the search
 
     Raises:
         ConfigError: the budget is too small for one release, or no pose can be reached.
@@ -77,7 +77,7 @@ def plan(
 
 
 def _enough(known: Knowledge, limits: PlanLimits) -> bool:
-    """Whether nothing needs to be recorded: the causes are decided, and no limit needs a test."""
+    """Whether no further recording is needed: the causes are decided, and no limit needs a test."""
     settled = known.diagnosis is not None and decided(known.diagnosis, len(known.made))
     return settled and not (limits.effects or limits.ratios)
 

@@ -1,4 +1,4 @@
-"""A release that can be recorded: start pose, duration, what hangs on the rig, and what drives the joints."""
+"""A release that can be recorded: start pose, duration, mounting and drive signal."""
 
 import math
 from dataclasses import dataclass
@@ -13,18 +13,18 @@ from dpr_lab.setup import Setup, Torques
 
 @dataclass(frozen=True, slots=True)
 class CandidateRelease:
-    """One recording, before it is made."""
+    """A candidate for the next recording."""
 
     theta1: float
-    """Absolute angle of the inner rod when it is let go at rest, 0 = upright, rad."""
+    """Absolute angle of the inner rod at rest at the release, 0 = upright, rad."""
     theta2: float
     """Absolute angle of the outer rod, rad."""
     duration_s: float
-    """How long to record, s."""
+    """Duration of the recording, s."""
     mounting: Mounting = "both"
-    """What swings: both rods, one rod alone, or both with the elbow clamped."""
+    """Mounting: both rods, one rod alone, or both with the elbow clamped."""
     added: AddedMass | None = None
-    """A known mass to be clamped on."""
+    """Known mass to be clamped to a rod."""
     torques: Torques | None = None
     """The input signal of joint drives; None for a free swing."""
     signal: Literal["", "multisine", "chirp"] = ""
@@ -32,19 +32,19 @@ class CandidateRelease:
 
     @property
     def setup(self) -> Setup:
-        """What hangs on the rig and drives it."""
+        """Mounting and drives as a setup."""
         elbow = round(self.theta2 - self.theta1, 1) if self.mounting == "clamped" else 0.0
         return Setup(self.mounting, self.added, elbow, self.torques)
 
     @property
     def start(self) -> NDArray[np.float64]:
-        """(4,) state at the release: theta1, theta2, and no speed, rad and rad/s."""
+        """(4,) state at the release: theta1, theta2 and speeds of zero, rad and rad/s."""
         theta2 = self.theta1 if self.setup.alone else self.theta2
         return np.array([self.theta1, theta2, 0.0, 0.0])
 
     @property
     def words(self) -> str:
-        """The release in words."""
+        """Description of the release in words."""
         text = f"theta1 = {self.theta1:.2f} rad ({math.degrees(self.theta1):.0f} deg)"
         if not self.setup.alone:
             text += f", theta2 = {self.theta2:.2f} rad ({math.degrees(self.theta2):.0f} deg)"

@@ -81,7 +81,7 @@ class PlannedRelease(_Record):
         return self._torques
 
     def driven_by(self, torques: Torques | None) -> Self:
-        """The same with its input signal."""
+        """The release with its input signal."""
         release = self.model_copy()
         release._torques = torques
         return release

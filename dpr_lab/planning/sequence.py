@@ -1,4 +1,4 @@
-"""A sequence of releases, one after another the one that is worth most per minute."""
+"""Greedy sequence of releases: each one has the greatest value per minute after the previous ones."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,34 +24,36 @@ class SequenceStep:
 
     release: CandidateRelease
     information: Array
-    """(k, k) Fisher information that it adds."""
+    """(k, k) Fisher information of this release."""
     horizon_s: float
     """Predictability horizon of the planned swing."""
     minutes: float
-    """What it costs after the one before."""
+    """Duration after the previous release, minutes."""
     worth: float
-    """Weighed bits that it adds."""
+    """Weighted sum of the bits that it adds."""
     price: float
-    """Minutes that its worth is divided by: all of them within a budget, those of the operator's hands without one."""
+    """Minutes by which the value is divided: the whole duration if there is a budget, otherwise only the operator's
+    time.
+    """
     simulated: float | None = None
-    """Delta D^2 of the most open pair by simulation over that by linearisation; None where nothing is open."""
+    """Ratio of the simulated to the linearised Delta D^2 of the least decided pair; None without an undecided pair."""
 
 
 @dataclass(frozen=True, slots=True)
 class SequenceSoFar:
-    """What there is before the next release of a sequence."""
+    """State before the next release of a sequence."""
 
     information: Array
-    """(k, k) of prior, runs and the releases chosen so far."""
+    """(k, k) information of prior, runs and the releases chosen so far."""
     made: tuple[CandidateRelease, ...]
-    """Runs and the releases chosen so far."""
+    """The runs and the releases chosen so far."""
     mounted: Mounted
-    """What hangs on the rig."""
+    """Present mounting."""
     left: float
-    """Minutes that are left."""
+    """Remaining minutes."""
 
     def after(self, step: SequenceStep) -> "SequenceSoFar":
-        """After a release."""
+        """State after a release."""
         return SequenceSoFar(
             self.information + step.information,
             (*self.made, step.release),
@@ -68,14 +70,14 @@ class Planner:
     limits: PlanLimits
     rng: np.random.Generator
     signals: Sequence[CandidateRelease] = ()
-    """Driven releases to choose from as well."""
+    """Candidate releases with driven joints."""
 
     def sequence(self, count: int, budget_min: float | None) -> list[SequenceStep]:
-        """Releases, each the best after those before it.
+        """Sequence of releases, each the best one after the previous ones.
 
         Args:
-            count: how many, at most
-            budget_min: within so many minutes; None: no limit
+            count: maximum number of releases
+            budget_min: time at the rig, minutes; None: no limit
         """
         known = self.objective.known
         pool, steps = self._pool(), list[SequenceStep]()
@@ -106,7 +108,7 @@ class Planner:
         return informed([_bent(one) for one in releases], self.objective.known.model, durations)
 
     def _best(self, pool: list[Informed], now: SequenceSoFar) -> SequenceStep | None:
-        """The best of the pool, refined; None where nothing fits the time that is left."""
+        """Best release of all candidates, refined; None if none fits the remaining time."""
         ranked = self._ranked(pool, now)
         if not ranked:
             return None
@@ -121,13 +123,13 @@ class Planner:
         return max((self._final(one, now) for one in ranked[: SEARCH.finalists]), key=_rate)
 
     def _final(self, step: SequenceStep, now: SequenceSoFar) -> SequenceStep:
-        """The release at its best duration, its worth as simulation confirms it."""
+        """Release with its best duration; its value is corrected by the nonlinear simulation."""
         averaged = self._averaged(step, now)
         share = self.objective.simulated(averaged.release, averaged.information)
         return averaged if share is None else replace(averaged, worth=averaged.worth * min(share, 1.0), simulated=share)
 
     def _ranked(self, pool: Sequence[Informed], now: SequenceSoFar) -> list[SequenceStep]:
-        """The releases that fit the time left, the best first."""
+        """Releases that fit the remaining time, the best first."""
         F, f = now.information, self.objective.known.inflation
         before = self.objective.worth(F)
         steps = [
@@ -145,7 +147,7 @@ class Planner:
         return sorted(steps, key=_rate, reverse=True)
 
     def _averaged(self, step: SequenceStep, now: SequenceSoFar) -> SequenceStep:
-        """The release at its best duration, what it shows averaged over starts as a hand leaves them."""
+        """Release with its best duration; its information is averaged over random placement errors."""
         release, times = step.release, self.limits.recording
         if release.torques is not None:
             return step
@@ -166,7 +168,7 @@ def _mounted(release: CandidateRelease) -> Mounted:
 
 
 def _bent(release: CandidateRelease) -> CandidateRelease:
-    """A rod alone follows its own angle."""
+    """Angle of an absent rod: it follows the mounted one."""
     return replace(release, theta2=release.theta1) if release.setup.alone else release
 
 

@@ -34,18 +34,18 @@ COLUMNS = ("t_s", "tau1_Nm", "tau2_Nm")
 
 @dataclass(frozen=True, slots=True)
 class SignalSettings:
-    """Which signals are tried."""
+    """Settings of the input signals."""
 
     duration_s: float = 10.0
-    """Length."""
+    """Duration of a signal, s."""
     lowest_hz: float = 0.3
     """Lowest frequency."""
     joints: tuple[tuple[float, float], ...] = ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
-    """Shares of the torque limits of joint 1 and joint 2."""
+    """Fractions of the torque limits of joint 1 and joint 2."""
     shrink: float = 0.75
-    """Factor by which an amplitude is lowered until the swing keeps its limits."""
+    """Factor by which the amplitude is reduced until the swing stays within its limits."""
     least: float = 0.02
-    """Share of the torque limit below which a signal is given up."""
+    """Fraction of the torque limit below which a signal is discarded."""
 
 
 SIGNALS = SignalSettings()
@@ -71,7 +71,7 @@ SHAPES: dict[Literal["multisine", "chirp"], Callable[[Array, float, float], Arra
     "multisine": multisine,
     "chirp": chirp,
 }
-"""Kind of a signal -> its values at instants, between two frequencies."""
+"""Kind of signal -> its values at given instants, between two frequencies."""
 
 
 def driven_releases(model: PresentModel, limits: PlanLimits) -> list[CandidateRelease]:
@@ -101,7 +101,7 @@ def driven_releases(model: PresentModel, limits: PlanLimits) -> list[CandidateRe
 
 
 def _within(release: CandidateRelease, model: PresentModel, limits: DriveLimits) -> CandidateRelease | None:
-    """The release at the largest amplitude that keeps speeds and angles; None where none does."""
+    """Release with the largest amplitude that stays within the limits of speed and angle; None if there is none."""
     share, torques = 1.0, release.torques
     assert torques is not None
     while share >= SIGNALS.least:

@@ -1,12 +1,12 @@
-"""Nonlinear check of a planned release: what one cause would read, fitted with another in its place.
+"""Nonlinear check of a planned release: simulate one cause and fit another to the simulated readings.
 
-The linearised distance of two causes holds near the estimate. So the best few releases are simulated under the likelier
-cause, and the other one is fitted to the readings by Gauss-Newton steps, with what the runs so far say of all unknowns
-as its prior,
+The linearised distance of two causes is valid near the estimate. Therefore the best releases are simulated under the
+more probable cause, and the other cause is fitted to the readings by Gauss-Newton steps, with the information of the
+runs as prior:
 
-    min over p and initial states of  chi2(p) + (p - p*)^T F (p - p*),
+    min over p and initial states of chi2(p) + (p - p*)^T F (p - p*),
 
-with p* the best fit of the other cause to the runs so far. The rest at the minimum is Delta D^2.
+where p* is the best fit of the other cause to the runs recorded so far. The minimum is Delta D^2.
 """
 
 from dataclasses import dataclass, replace
@@ -27,12 +27,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class SimulatedFit:
-    """How the other cause is fitted."""
+    """Settings of the fit of the other cause."""
 
     least: float = 1.0
-    """Linearised Delta D^2 below which a release tells so little that nothing is simulated."""
+    """Linearised Delta D^2 below which the release is not simulated, because its information is too small."""
     iterations: int = 6
-    """Gauss-Newton steps from the linear solution, after which the rest hardly changes."""
+    """Number of Gauss-Newton steps from the linear solution; further steps hardly change the minimum."""
 
 
 SIMULATED_FIT = SimulatedFit()
@@ -71,7 +71,7 @@ def simulated_distance(
 
 
 def _with(known: Knowledge, pairs: OpenPairs, cause: int, initial: Array) -> Estimate:
-    """The model with one cause at its size in place of the named one."""
+    """The model with one cause, at its estimated size, instead of the named effect."""
     about = pairs.about
     vector = known.model.estimate.vector.copy()
     if pairs.names[cause] != about:
@@ -84,7 +84,7 @@ def _with(known: Knowledge, pairs: OpenPairs, cause: int, initial: Array) -> Est
 
 
 def _best_fit(known: Knowledge, pairs: OpenPairs, truth: int, other: int, initial: Array, free: list[int]) -> Estimate:
-    """The best fit of the other cause to the runs so far if `truth` is right, by the linear solution."""
+    """Best fit of the other cause to the runs recorded so far if `truth` is the cause, by the linear solution."""
     own = list(pairs.places[truth])
     lost = known.information[np.ix_(free, own)] @ pairs.sizes[truth]
     shift = np.asarray(np.linalg.solve(known.information[np.ix_(free, free)], lost), dtype=np.float64)

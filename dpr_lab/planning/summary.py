@@ -1,4 +1,4 @@
-"""The result of planning from a sequence of releases: what each adds, the forecast, and what no release decides."""
+"""Result of planning from a sequence of releases: their reasons, the forecast, and causes that no release decides."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -60,7 +60,7 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
 
 
 def _reasons(objective: Objective, after: Array) -> list[Reason]:
-    """Of each release, from (releases + 1, k, k) information before and after."""
+    """Reason of each release, from (releases + 1, k, k) information before and after it."""
     expected = [Expected(objective.gain(F), ratio_std(objective.known, F)) for F in after]
     first = len(objective.known.made) + 1
     return [
@@ -119,7 +119,7 @@ def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
 
 
 def _inseparable(objective: Objective, steps: Sequence[SequenceStep]) -> list[Inseparable]:
-    """Pairs that even a number of the best releases leave open, with the bench check that separates them."""
+    """Pairs of causes that even several of the best releases do not decide, with the bench check that decides them."""
     if not steps:
         return []
     stuck = []
@@ -167,7 +167,7 @@ def _sentence(
 
 def _assumptions(known: Knowledge) -> list[str]:
     angle = known.model.placement_rad
-    made = [
+    assumptions = [
         "The arm is held.",
         "The model is linearised about the present estimate; the best releases are simulated.",
         f"A hand places the rods to {angle:.2g} rad (one standard deviation, half the tolerance of the rig's"
@@ -175,8 +175,8 @@ def _assumptions(known: Knowledge) -> list[str]:
         "Effects that occurred only once, such as lost counts, are not considered.",
     ]
     if known.inflation > 1.0:
-        made.append(
+        assumptions.append(
             f"One reading counts as 1/{known.inflation:.2g} of an independent reading, because the residual of"
             " the model exceeds the noise."
         )
-    return made
+    return assumptions

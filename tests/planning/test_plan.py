@@ -172,7 +172,7 @@ def test_a_plan_after_runs_speaks_of_the_open_causes(two_runs: list[Run], two_fo
         ("[drive]\ntorque_Nm = 0.1", "drive.torque_Nm = 0.1: must be a list in square brackets"),
         ("[recording]\nlongest_s = 5.0", "shortest_s = 10 (default) is above longest_s = 5: give"),
         ("[recording]\nshortest_s = 9.0\nlongest_s = 5.0", "shortest_s = 9 is above longest_s = 5: give"),
-        ('[rods]\nmounted = ["inner"]', "leaves out both"),
+        ('[rods]\nmounted = ["inner"]', "does not contain both"),
         ('[[masses]]\nrod = "outer"\nmass = 0.1\nposition = 0.9', "is 0.4 m long"),
         ("[drive]\ntorque_Nm = [0.1]", "drive.torque_Nm.1"),
         ("[drive]\ntorque_Nm = [0.1, -0.1]", "drive.torque_Nm.1 = -0.1"),

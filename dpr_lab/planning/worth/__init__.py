@@ -1,1 +1,1 @@
-"""Worth of information: bits about causes, library, ratios and limits, and what a release adds."""
+"""Value of information: bits about causes, library, ratios and limits, and the reason of each release."""

@@ -1,23 +1,24 @@
-r"""What more information is worth: bits about causes, about the rest of the library, and about the ratios.
+r"""Value of information: bits about the causes, about other effects of the library, and about the ratios.
 
-**Causes (T-optimality).** If A is the cause, with amplitudes a, the squared distance of the readings from the nearest
-that B can do, ratios and all other effects of the model being fitted, is
+**Causes (T-optimality).** If A is the cause, with amplitudes a, the squared distance of its readings from the nearest
+readings under B, with ratios and all other effects of the model fitted, is
 
-    D^2(A, B) = a^T (G_AA - G_AB G_BB^-1 G_BA) a + trace(... cov(a)),
+    D^2(A, B) = a^T (G_AA - G_AB G_BB^-1 G_BA) a + trace((G_AA - G_AB G_BB^-1 G_BA) cov(a)),
 
-with G the information of both, given what is fitted. Its expectation over the posterior of a adds the trace. A further
-recording raises the log odds by a normal amount of mean d^2 / 2 and variance d^2, with d^2 = Delta D^2 / T and T the
-temperature of the probabilities of a diagnosis. The expected fall of the entropy between both causes, by their present
-probabilities, is what the recording is worth.
+where G is the information about both, given the fitted unknowns. The trace is the contribution of the posterior
+uncertainty of a. A further recording increases the log odds of the true cause by a normally distributed amount of mean
+d^2 / 2 and variance d^2, where d^2 = Delta D^2 / T and T is the temperature of the probabilities of a diagnosis. The
+value of the recording is the expected reduction of the entropy between both causes, given their present probabilities.
 
-**Library.** No plan may assume that the causes named so far are the right ones. So the same is asked of every amplitude
-of the library against every other one and against none, at several sizes and with even odds: their mean in bits.
+**Library.** A plan must not assume that the causes named so far are correct. Therefore the same bits are computed for
+every amplitude of the library against every other one and against none, at several sizes and even odds, and averaged.
 
-**Ratios (D-optimality).** log2 of the fall of the volume of their covariance, other effects as in the model.
+**Ratios (D-optimality).** log2 of the reduction of the volume of their covariance, with the effects of the model
+fitted.
 
-Sources: G. E. P. Box & W. J. Hill (1967), Discrimination among mechanistic models, Technometrics 9, 57-71.
-A. C. Atkinson & V. V. Fedorov (1975), The design of experiments for discriminating between two rival models, Biometrika
-62, 57-70. K. Chaloner & I. Verdinelli (1995), Bayesian experimental design: a review, Statistical Science 10, 273-304.
+Sources: G. E. P. Box & W. J. Hill (1967), Discrimination among mechanistic models, Technometrics 9, 57-71. A. C.
+Atkinson & V. V. Fedorov (1975), The design of experiments for discriminating between two rival models, Biometrika 62,
+57-70. K. Chaloner & I. Verdinelli (1995), Bayesian experimental design: a review, Statistical Science 10, 273-304.
 """
 
 from collections.abc import Iterable, Sequence
@@ -38,28 +39,29 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Worth:
-    """How the parts of a plan's worth are weighed."""
+    """Weights of the parts of the value of a plan."""
 
     library: float = 0.3
-    """Bits that a bit about the library counts as, while causes are open: the share of the plan that guards against a
-    cause that nobody thinks of."""
+    """Weight of a bit about the library while causes are undecided: the part of the plan that can detect an unexpected
+    cause.
+    """
     ratios: float = 0.02
-    """The same of a bit about the ratios: they matter once causes are decided."""
+    """Weight of a bit about the ratios; it matters once the causes are decided."""
     limits: float = 0.3
-    """The same of a bit about a quantity that has a limit: log2 of its standard deviation."""
+    """Weight of a bit about a quantity with a limit: log2 of its standard deviation."""
     sizes: tuple[float, ...] = (0.1, 0.3, 1.0)
-    """Sizes of the library's amplitudes, in typical ones."""
+    """Sizes of the library's amplitudes, in units of their typical size."""
     least: float = 0.01
-    """Probability below which a cause is out of the question."""
+    """Probability below which a cause is not considered."""
     seen: float = 1e-6
-    """Share of the information of an amplitude that what is fitted must leave, for it to be seen at all."""
+    """Minimum share of the information about an amplitude that must remain after the fit, for it to be detectable."""
 
 
 WORTH = Worth()
 
 
 def given(F: Array, fitted: Sequence[int], own: Sequence[int]) -> Array:
-    """Information of some unknowns when others are fitted too: the Schur complement."""
+    """Information about some unknowns when others are fitted too: the Schur complement."""
     across = F[np.ix_(fitted, own)]
     scale = 1 / np.sqrt(np.diag(F)[list(fitted)])
     inner = F[np.ix_(fitted, fitted)] * scale[:, None] * scale + 1e-12 * np.eye(len(scale))
@@ -68,15 +70,15 @@ def given(F: Array, fitted: Sequence[int], own: Sequence[int]) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class OpenPairs:
-    """The causes of one named effect, with the sizes that each would have."""
+    """Candidate causes of one named effect, with the size that each would have."""
 
     about: str
     """The named effect."""
     names: tuple[str, ...]
     probabilities: Array
-    """(n,) of each; they add up to one less what is outside."""
+    """(n,) probability of each cause; their sum is 1 minus the probability of a cause outside the library."""
     fitted: tuple[int, ...]
-    """Columns of what is fitted in any case."""
+    """Columns that every fit estimates."""
     places: tuple[tuple[int, ...], ...]
     """Columns of each cause."""
     sizes: tuple[Array, ...]
@@ -86,7 +88,7 @@ class OpenPairs:
 
     @classmethod
     def of(cls, known: Knowledge, causes: Causes) -> "OpenPairs":
-        """The causes that are not out of the question and that a release could show."""
+        """The causes that are probable enough and detectable in a release."""
         names = [name for name, p in causes.probabilities.items() if name in known.places and (p > WORTH.least)]
         others = [i for i in known.fitted if i not in known.places.get(causes.about, ())]
         about = known.places.get(causes.about, ())
@@ -110,12 +112,12 @@ class OpenPairs:
         )
 
     def sized_distance(self, F: Array, truth: int, other: int) -> float:
-        """D^2 of two causes at the sizes expected, without their spread."""
+        """D^2 of two causes at their expected sizes, without the uncertainty of the sizes."""
         none = tuple(np.zeros_like(spread) for spread in self.spreads)
         return float(replace(self, spreads=none).distances(F)[truth, other])
 
     def distances(self, F: Array) -> Array:
-        """(n, n) expected D^2 of the readings under each cause (row) from the nearest of each other (column)."""
+        """(n, n) expected D^2 of readings under each cause (row) from the nearest ones under each other (column)."""
         columns = list(dict.fromkeys(i for own in self.places for i in own))
         G = given(F, self.fitted, columns)
         rows = [[columns.index(i) for i in own] for own in self.places]
@@ -133,10 +135,10 @@ class OpenPairs:
         return apart
 
     def gained(self, before: Array, F: Array) -> Array:
-        """(n, n) d^2 that information adds to the log odds of each cause against each other.
+        """(n, n) d^2 that information adds to the log odds of each cause against each other one.
 
-        A form that is contained in a richer one is never worse explained by it. The evidence for it is that against
-        the added amplitude.
+        A richer form that contains a simpler one never fits worse. The evidence for the richer form is the evidence for
+        its additional amplitude.
         """
         d2 = np.maximum(self.distances(F) - before, 0.0) / CALIBRATION.temperature
         for i, name in enumerate(self.names):
@@ -147,9 +149,9 @@ class OpenPairs:
 
 
 def _with_hidden(name: str, about: str, own: Sequence[int], known: Knowledge, sizes: Array, target: Array) -> Array:
-    """Sizes of a cause; what a richer form adds to the named effect is taken as large as it may still be hidden.
+    """Sizes of a cause; the additional amplitude of a richer form has the largest size that could be undetected.
 
-    A diagnosis keeps both in one class until it would show that much.
+    A diagnosis keeps both forms in one class until this size would be detectable.
     """
     if about not in EFFECTS[name].nested or not len(target):
         return sizes
@@ -175,13 +177,13 @@ def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
 
 @cache
 def _even_bits() -> tuple[Array, Array]:
-    """Expected bits at even odds over d, to look up."""
+    """Lookup table of the expected bits at even odds over d."""
     apart = np.concatenate([np.linspace(0.0, 4.0, 41), np.linspace(4.5, 20.0, 32)])
     return apart, np.array([expected_bits([0.5, 0.5], d) for d in apart.tolist()])
 
 
 def library_bits(known: Knowledge, F: Array) -> float:
-    """Mean bits about an amplitude of the library against another, and against none, at even odds."""
+    """Mean bits about an amplitude of the library against another one, and against none, at even odds."""
     own = [i for i in range(RATIO_COLUMNS, len(F)) if known.model.columns[i].effect not in known.named]
     G = given(F, known.fitted, own)
     power = np.maximum(np.diag(G), 0.0)
@@ -202,7 +204,7 @@ def library_bits(known: Knowledge, F: Array) -> float:
 
 
 def ratio_bits(known: Knowledge, F: Array) -> float:
-    """log2 of one over the volume of the covariance of the five ratios, in bits, up to a constant."""
+    """Negative log2 of the volume of the covariance of the five ratios, in bits, up to a constant."""
     rest = [i for i in known.fitted if i >= len(RATIOS)]
     G = given(F, rest, range(len(RATIOS)))
     scale = np.array([known.model.columns[i].size for i in range(len(RATIOS))])
@@ -210,7 +212,7 @@ def ratio_bits(known: Knowledge, F: Array) -> float:
 
 
 def ratio_std(known: Knowledge, F: Array) -> Array:
-    """(5,) expected standard deviations of the ratios, with the effects of the model fitted too."""
+    """(5,) expected standard deviations of the ratios when the effects of the model are fitted too."""
     rest = [i for i in known.fitted if i >= len(RATIOS)]
     return np.sqrt(np.diag(np.linalg.inv(given(F, rest, range(len(RATIOS))))))
 
@@ -218,7 +220,7 @@ def ratio_std(known: Knowledge, F: Array) -> Array:
 def detectable(
     known: Knowledge, F: Array, sigmas: float, names: Iterable[str] | None = None
 ) -> dict[str, dict[str, float | None]]:
-    """Size of every amplitude of some or all effects in standard deviations; None where it is not seen.
+    """Size of each amplitude of some or all effects, in standard deviations; None if it is not detectable.
 
     Args:
         known: what is known now

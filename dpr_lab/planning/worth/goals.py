@@ -1,7 +1,7 @@
-"""Limits that a rig must keep (`dpr-lab accept`) as goals of a plan, and whether its releases decide them.
+"""Limits of a rig (`dpr-lab accept`) as goals of a plan, and whether its releases decide them.
 
 A limit is decided by a 90 % interval, 1.645 standard deviations on either side. A quantity at half its limit, or in the
-middle of its range, passes on average if that reach is below its distance to the limit.
+middle of its range, passes on average if this half width is smaller than its distance from the limit.
 """
 
 from collections.abc import Iterator
@@ -23,18 +23,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """One limit, and how exactly its quantity is known."""
+    """A limit and the expected accuracy of its quantity."""
 
     quantity: str
-    """As `dpr-lab accept` names it."""
+    """Name of the quantity, as in `dpr-lab accept`."""
     unit: str
     """SI."""
     reach: float | None
-    """Half of the 90 % interval; None where no size shows."""
+    """Half width of the 90 % interval; None if the quantity is not detectable."""
     room: float
-    """Distance to the limit from half of it, or from the middle of a range."""
+    """Distance from half the limit to the limit, or from the middle of a range to its ends."""
     single: bool = True
-    """Whether the score test of `accept` gives it an interval."""
+    """Whether the score test of `accept` gives an interval of this quantity."""
 
 
 def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:
@@ -49,7 +49,7 @@ def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:
 
 
 def goal_bits(known: Knowledge, F: Array, limits: Limits) -> float:
-    """log2 of one over the reach of every limit in units of its room, no finer than half of it; summed."""
+    """Sum over the limits of the negative log2 of half width / distance; a ratio below one half adds nothing more."""
     shares = [one.reach / one.room for one in goals(known, F, limits) if one.reach is not None]
     return float(np.sum(-np.log2(np.maximum(shares, 0.5)))) if shares else 0.0
 

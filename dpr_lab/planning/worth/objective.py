@@ -1,4 +1,4 @@
-"""Worth of information for a plan: bits about open causes, the library and the ratios, weighed and added."""
+"""Objective of a plan: weighted sum of the bits about undecided causes, the library, the ratios and the limits."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,17 +18,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """Bits by what they are about, before they are weighed."""
+    """Bits of each part of the objective, unweighted."""
 
     causes: Mapping[tuple[str, str], float]
-    """Of each open pair of causes."""
+    """Bits of each undecided pair of causes."""
     library: float
     ratios: float
     limits: float
 
     @property
     def weighed(self) -> float:
-        """Sum by the weights of a plan."""
+        """Weighted sum of the bits."""
         library = WORTH.library if self.causes else 1.0
         rest = WORTH.ratios * self.ratios + WORTH.limits * self.limits
         return sum(self.causes.values()) + library * self.library + rest
@@ -36,32 +36,32 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class Objective:
-    """What a plan maximises, from what is known now."""
+    """Objective that a plan maximises, given the present knowledge."""
 
     known: Knowledge
     pairs: tuple[OpenPairs, ...]
-    """Of each named effect."""
+    """Candidate causes of each named effect."""
     before: tuple[Array, ...]
-    """(n, n) D^2 that the runs so far hold, of each."""
+    """(n, n) D^2 of the runs recorded so far, for each named effect."""
     ratios: float
     """Bits about the ratios so far."""
     limits: Limits = field(default_factory=Limits)
-    """Limits that the rig must keep."""
+    """Limits of the rig."""
 
     @classmethod
     def of(cls, known: Knowledge, limits: Limits | None = None) -> "Objective":
-        """From what is known, and the limits that the rig must keep."""
+        """Objective from the present knowledge and the limits of the rig."""
         pairs = tuple(OpenPairs.of(known, causes) for causes in known.causes)
         pairs = tuple(one for one in pairs if len(one.names) > 1)
         before = tuple(one.distances(known.information) for one in pairs)
         return cls(known, pairs, before, ratio_bits(known, known.information), limits or Limits())
 
     def gained(self, F: Array) -> list[Array]:
-        """Of each named effect, (n, n) d^2 that further information adds."""
+        """(n, n) d^2 that further information adds, for each named effect."""
         return [one.gained(before, F) for one, before in zip(self.pairs, self.before, strict=True)]
 
     def simulated(self, release: CandidateRelease, information: Array) -> float | None:
-        """Delta D^2 of the most open pair, simulated, over the linearised one; None where none is open."""
+        """Ratio of simulated to linearised Delta D^2 of the least decided pair; None without an undecided pair."""
         if not self.pairs:
             return None
         pairs = max(self.pairs, key=lambda one: float(np.sort(one.probabilities)[-2]))
@@ -77,19 +77,19 @@ class Objective:
         return None if nonlinear is None else nonlinear / linear
 
     def bits(self, F: Array) -> dict[tuple[str, str], float]:
-        """Expected bits of each open pair with that information."""
+        """Expected bits of each undecided pair with this information."""
         return self.bits_of(self.gained(F))
 
     def bits_of(self, gained: list[Array]) -> dict[tuple[str, str], float]:
-        """Expected bits of each open pair, from what is added of each named effect (`gained`)."""
+        """Expected bits of each undecided pair, from the added d^2 of each named effect (`gained`)."""
         of_each = (cause_bits(one, d2) for one, d2 in zip(self.pairs, gained, strict=True))
         return {pair: bits for one in of_each for pair, bits in one.items()}
 
     def gain(self, F: Array) -> Gain:
-        """Bits with that information."""
+        """Bits of each part with this information."""
         ratios = ratio_bits(self.known, F) - self.ratios
         return Gain(self.bits(F), library_bits(self.known, F), ratios, goal_bits(self.known, F, self.limits))
 
     def worth(self, F: Array) -> float:
-        """Weighed sum of bits with that information."""
+        """Weighted sum of the bits with this information."""
         return self.gain(F).weighed

@@ -1,4 +1,4 @@
-"""Why a release of a plan is recorded: what it adds, in words."""
+"""Reason of a release of a plan: what it adds, in words."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from dpr_lab.shown import listed
 
 @dataclass(frozen=True, slots=True)
 class Noticeable:
-    """Bits from which a gain is worth a word."""
+    """Bits from which a gain is mentioned."""
 
     causes: float = 0.05
     library: float = 0.02
@@ -24,7 +24,7 @@ NOTICEABLE = Noticeable()
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What some releases are expected to give."""
+    """Expected results of a sequence of releases."""
 
     gain: Gain
     ratio_std: NDArray[np.float64]
@@ -33,12 +33,12 @@ class Expected:
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """What a release adds to those before it."""
+    """Contribution of a release, in addition to the previous ones."""
 
     text: str
-    """In words."""
+    """Reason in words."""
     only_ratios: bool
-    """Whether it adds nothing noticeable but the exactness of the ratios."""
+    """Whether its only noticeable contribution is the accuracy of the ratios."""
 
 
 def reason(before: Expected, after: Expected, needed: bool = False) -> Reason:
@@ -64,7 +64,7 @@ def reason(before: Expected, after: Expected, needed: bool = False) -> Reason:
 
 
 def only_ratios_sentence(reasons: Sequence[Reason]) -> str:
-    """Which releases only make the ratios more exact, as a further sentence; empty if none does."""
+    """Sentence that lists the releases that only improve the accuracy of the ratios; empty if there are none."""
     numbers = [str(k) for k, one in enumerate(reasons, 1) if one.only_ratios]
     if not numbers:
         return ""
