@@ -197,6 +197,10 @@ class ArmTable(RigTable):
         return self
 
 
+INPUT_UNITS = {"torque": "N m", "current": "A", "voltage": "V", "acceleration": "rad/s²"}
+"""Unit of each input of the arm's drive."""
+
+
 class MotorTable(RigTable):
     """Drive of the arm and the constants of its motor; none of them is needed to identify ratios."""
 

@@ -83,8 +83,8 @@ class Plant:
             torque = np.clip(torque, -size["limit_Nm"], size["limit_Nm"])
         return torque
 
-    def extra(self, q: float, torque: float) -> float:
-        """Further torque on the arm at its angle q."""
+    def extra(self, q: float, speed: float, torque: float) -> float:
+        """Further torque on the arm at its angle q and speed."""
         own, size = self.fault, self.size
         if own == "detent_joint0":
             return size["peak_Nm"] * np.sin(size["order"] * q + 0.7)
@@ -92,6 +92,8 @@ class Plant:
             return torque * size["share"] * np.sin(size["order"] * q + 0.4)
         if own == "hard_stop_joint0":
             return -size["stiffness"] * (max(q - size["range_rad"], 0.0) + min(q + size["range_rad"], 0.0))
+        if own == "air_drag_joint0":
+            return -size["coefficient"] * speed * abs(speed)
         return 0.0
 
 
@@ -117,7 +119,7 @@ def swing(plant: Plant, start: np.ndarray, t: np.ndarray, u: np.ndarray) -> np.n
         if i % substeps == 0:
             q = data.qpos
             theta[i // substeps] = q[0], q[1], q[1] + (q[2] if plant.both else 0.0)
-        data.qfrc_applied[0] = torque[i] + plant.extra(data.qpos[0], torque[i])
+        data.qfrc_applied[0] = torque[i] + plant.extra(data.qpos[0], data.qvel[0], torque[i])
         mujoco.mj_step(model, data)
     return theta
 
@@ -155,6 +157,7 @@ def drawn_plant(rng: np.random.Generator, both: bool, fault: str, reach: float, 
         "torque_ripple_joint0": {"share": 0.15 * some, "order": float(rng.integers(3, 12))},
         "hard_stop_joint0": {"stiffness": 3.0 * largest, "range_rad": 0.5 * some * reach},
         "encoder_scale_joint0": {"excess": 0.02 * some},
+        "air_drag_joint0": {"coefficient": 0.01 * some * largest},
     }.get(fault, {})
     return Plant(rods, J0 * rng.uniform(0.8, 1.2), c0 * rng.uniform(0.7, 1.3), L0, L1, fault=fault, size=size)
 

@@ -13,7 +13,7 @@ import typer
 from dpr_lab.cli.checks import Elbow, RigName, Rods
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 from dpr_lab.cli.listing import Listing
-from dpr_lab.storage.tables.options import AXES, ImportOptions, TypedOption, parse_recorded_at, typed_options
+from dpr_lab.storage.tables.options import ImportOptions, TypedOption, parse_recorded_at, typed_options
 
 if TYPE_CHECKING:
     from dpr_lab.storage.tables.preview import Preview
@@ -116,6 +116,7 @@ import_app.command("csv", help="The same as `import table`. Example: dpr-lab imp
 def _show(understood: "Preview", as_json: bool) -> None:
     """Print the interpretation of a table; no run was written."""
     from dpr_lab.report.text_plot import text_chart
+    from dpr_lab.storage.tables.preview import chart_title, names_of
 
     if as_json:
         emit(understood.to_json())
@@ -126,10 +127,10 @@ def _show(understood: "Preview", as_json: bool) -> None:
         list(understood.facts().items()),
     )
     rows = [[f"{value:.6f}" for value in row] for row in understood.first_rows()]
-    table("First rows (rad; 0 = upright)", ("t_s", *AXES), rows)
-    for axis in (1, 2):
-        line(f"{AXES[axis]}, 0 = upright")
-        for drawn in text_chart(understood.t, understood.theta[:, axis]):
+    table("First rows (rad; rods: 0 = upright)", ("t_s", *names_of(understood.joints)), rows)
+    for joint in understood.joints:
+        line(chart_title(joint))
+        for drawn in text_chart(understood.t, understood.theta[:, joint]):
             line(drawn)
     for note in understood.notes:
         say(note)

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.effects.air_drag import AIR_DRAG_BOTH, AIR_DRAG_OUTER
+from dpr_lab.effects.air_drag import AIR_DRAG_BOTH, AIR_DRAG_JOINT0, AIR_DRAG_OUTER
 from dpr_lab.effects.arm_compliance import ARM_COMPLIANCE
 from dpr_lab.effects.axis_tilt import AXIS_TILT_JOINT0
 from dpr_lab.effects.backlash import BACKLASH_JOINT2
@@ -102,6 +102,7 @@ EFFECTS: dict[str, Effect] = {
         SATURATION_JOINT0,
         HYSTERESIS_JOINT0,
         AXIS_TILT_JOINT0,
+        AIR_DRAG_JOINT0,
     )
 }
 EFFECTS |= plugin_rows("effects", Effect, EFFECTS, lambda _, effect: effect.name, refusal)

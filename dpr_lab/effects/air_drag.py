@@ -1,13 +1,14 @@
 r"""Air drag: quadratic resistance, integrated along the rods.
 
 A point of the inner rod at the distance s from joint 1 moves across its rod at s w1; one of the outer rod, s from
-joint 2, at v(s) = L1 w1 cos(theta2 - theta1) + s w2. The drag force is k v |v| per metre.
+joint 2, at v(s) = L1 w1 cos(theta2 - theta1) + s w2. The drag force is k v |v| per metre. A point of the arm moves
+at its radius times the speed of the arm, so the drag of the arm and of what it carries sums to one coefficient.
 """
 
 import math
 
-from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
-from dpr_lab.effects.quantities import Motion, RigConstants, Terms, torques
+from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
+from dpr_lab.effects.quantities import Joint, Motion, RigConstants, Terms, torques
 from dpr_lab.kernels import inlined
 
 
@@ -51,6 +52,12 @@ def both(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float) 
     carried = outer(motion, constants, coefficient_kg_per_m2)
     own = coefficient_kg_per_m2 * constants.L1**4 / 4.0 * motion.omega1 * abs(motion.omega1)
     return torques(carried.torque1 - own, carried.torque2)
+
+
+@inlined
+def of_arm(joint: Joint, coefficient_kg_m2: float) -> float:
+    """Drag on the arm, N m."""
+    return -coefficient_kg_m2 * joint.speed * abs(joint.speed)
 
 
 _PARAMETERS = (EffectParameter("coefficient_kg_per_m2", "kg/m^2", 5e-3, "positive"),)
@@ -97,5 +104,26 @@ AIR_DRAG_BOTH = Effect(
         BenchQuantity("drag coefficient of a rod", "k", ("coefficient_kg_per_m2",), definition="rho C_d width / 2"),
     ),
     bench_check=_BENCH_CHECK.format(rod="inner"),
+    source=_SOURCE,
+)
+
+AIR_DRAG_JOINT0 = Effect(
+    name="air_drag_joint0",
+    words="air drag of the arm",
+    equation="tau = -k u |u| with u the speed of joint 0",
+    parameters=(EffectParameter("coefficient_kg_m2", "kg m^2", 1e-4, "positive"),),
+    site="joint torque",
+    stage="torque0",
+    kernel=of_arm,
+    joints=(ARM,),
+    dissipative=True,
+    twins=("friction_curve_joint0", "saturation_joint0"),
+    quantities=(
+        BenchQuantity("drag coefficient of the arm", "k", ("coefficient_kg_m2",), definition="rho C_d width L0^4 / 8"),
+    ),
+    bench_check=(
+        "Tape a light card to the arm and repeat: the drag grows several times. Or turn the arm at two constant inputs"
+        " with the rods off: with drag the speed grows by less than the input."
+    ),
     source=_SOURCE,
 )

@@ -1,6 +1,9 @@
+from pathlib import Path
+
 import pytest
 
 from dpr_lab.gap.where.locate import locate
+from tests import one_rod
 
 
 @pytest.mark.parametrize(
@@ -15,3 +18,9 @@ def test_the_map_by_load_says_whether_load_matters(recorded, bare, effects, said
     (sentence,) = (place.sentence for place in places if (place.site, place.coordinate) == ("joint2", "load"))
     assert "depends on load or on the direction of motion alone" in sentence
     assert sentence.endswith(f"{said}.")
+
+
+def test_a_rod_that_is_not_mounted_has_no_map(bare, tmp_path: Path) -> None:
+    rig, runs = one_rod.recorded(one_rod.Rod(dry=0.02, duration=5.0), 1, tmp_path)
+    places = locate(*bare(runs, rig))
+    assert {place.site for place in places} == {"joint1", "encoder1"}

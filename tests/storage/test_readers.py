@@ -103,7 +103,7 @@ def test_a_preview_says_what_was_understood_and_writes_nothing(tmp_path: Path) -
     assert facts["columns"] == "t = t, theta1 = theta1, theta2 = theta2"
     assert facts["angles"] == "rad, absolute, upright is 0"
     assert facts["rate"].startswith("200 Hz, steps 0.005 to 0.205 s; 1 gap")
-    assert found.first_rows()[0] == pytest.approx((0.0, 0.0, THETA1[0], THETA2[0]))
+    assert found.first_rows()[0] == pytest.approx((0.0, THETA1[0], THETA2[0]))
     assert [path.name for path in tmp_path.iterdir()] == ["a.mat"]
     fast = text(tmp_path / "b.csv", np.column_stack([T, np.degrees(ROWS[:, 1:])]), head="t,theta1,theta2\n")
     asked = [question.sentence for question in preview(fast, RIG, ImportOptions(**GUESSED)).questions]

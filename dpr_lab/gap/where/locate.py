@@ -68,9 +68,15 @@ def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
 
 
 def _maps(problem: Problem) -> Iterator[tuple[int, str, "Map"]]:
-    """Every map of every joint; the load of an arm's joint is not known."""
+    """Every map of every joint; the load of an arm's joint is not known, and joint 2 needs an outer rod that turns."""
+    setups = problem.segments.setups
+    unknown = {
+        1: _OF_TORQUES if all(setup.held for setup in setups) else (),
+        2: (_friction_by_load,),
+    }
     for joint in range(problem.axes):
-        yield from ((joint, name, make) for name, make in MAPS.items() if joint < 2 or make is not _friction_by_load)
+        if joint != 1 or not all(setup.alone for setup in setups):
+            yield from ((joint, name, make) for name, make in MAPS.items() if make not in unknown.get(joint, ()))
 
 
 def where_sentence(places: tuple[Place, ...]) -> str:
@@ -143,6 +149,8 @@ MAPS: Mapping[str, Map] = {
     "error by speed": _error_by_speed,
 }
 """All maps of each joint that are plotted."""
+
+_OF_TORQUES = (_torque_by_angle, _torque_by_speed, _friction_by_time, _friction_by_load)
 
 
 def _place(problem: Problem, base: Hypothesis, along: Trajectory, joint: int, name: str, make: Map) -> Place:

@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import INPUT_UNITS
 from dpr_lab.storage.tables.columns import AXES
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import PLAUSIBLE
 from dpr_lab.storage.tables.questions import TableQuestion
+from dpr_lab.storage.tables.torques import PASSIVE
 from dpr_lab.storage.tables.understand import understand
 
 
@@ -41,8 +43,12 @@ class Preview:
     """Doubts about the interpretation."""
     torques: dict[str, tuple[str, str]]
     """Columns of joint 1 and 2 for each kind of known torques, `measured` first; the kind is empty if not stated."""
-    largest_Nm: float
-    """Maximum absolute value of all known torques, N m."""
+    largest_input: float
+    """Maximum absolute value of all known torques, or of the input of the arm's drive."""
+    input_unit: str
+    """Unit of `largest_input`: N m of torques; N m, A, V or rad/s² of the input of the arm's drive."""
+    joints: tuple[int, ...]
+    """Joints with a recorded angle: 0 of an arm that is not clamped, 1, and 2 if both rods are mounted."""
     rest_s: float
     """Duration of the rest before the release, s."""
     recorded_at: str
@@ -63,8 +69,10 @@ class Preview:
         axes = ", ".join(f"{axis} = {name}" for axis, name in self.columns.items())
         gaps = f"; {self.gaps} gaps" if self.gaps else "; no gaps"
         rest = f" and {self.rest_s:.4g} s of rest before it" if self.rest_s else ""
-        kinds = [f"{kind} {' and '.join(pair)}".strip() for kind, pair in self.torques.items()]
-        driven = {"torques": f"{'; '.join(kinds)}; up to {self.largest_Nm:.4g} N m, held until the next row"}
+        columns = {kind: [name for name in pair if name != PASSIVE] for kind, pair in self.torques.items()}
+        kinds = [f"{kind} {' and '.join(names)}".strip() for kind, names in columns.items()]
+        driven = "input" if 0 in self.joints else "torques"
+        known = f"{'; '.join(kinds)}; up to {self.largest_input:.4g} {self.input_unit}, held until the next row"
         return {
             "file": self.kind,
             "columns": axes,
@@ -72,13 +80,14 @@ class Preview:
             "time": f"{self.samples:,} rows, {self.duration_s:.6g} s from the release{rest}, unit {self.time_unit}",
             "recorded": self.recorded_at or "date unknown (--recorded-at)",
             "rate": f"{self.rate_hz:.6g} Hz, steps {self.steps_s[0]:.4g} to {self.steps_s[1]:.4g} s{gaps}",
-            "rods": "; ".join(f"theta{k} {_range(self.theta[:, k])}" for k in (1, 2)),
-            **(driven if kinds else {}),
+            "motion": "; ".join(f"{AXES[joint]} {_range(self.theta[:, joint])}" for joint in self.joints),
+            **({driven: known} if kinds else {}),
         }
 
     def first_rows(self, rows: int = 5) -> list[tuple[float, ...]]:
-        """Times and angles of the first rows, s and rad."""
-        return [(t, *theta) for t, theta in zip(self.t[:rows].tolist(), self.theta[:rows].tolist(), strict=True)]
+        """Times and angles of `joints` in the first rows, s and rad."""
+        angles = self.theta[:rows, list(self.joints)]
+        return [(t, *theta) for t, theta in zip(self.t[:rows].tolist(), angles.tolist(), strict=True)]
 
     @property
     def mend(self) -> tuple[str, ...]:
@@ -98,7 +107,7 @@ class Preview:
             "notes": list(self.notes),
             "questions": [{"sentence": question.sentence, "mend": list(question.mend)} for question in self.questions],
             "torques": [{"kind": kind, "columns": list(pair)} for kind, pair in self.torques.items()],
-            "first_rows": [dict(zip(("t", *AXES), row, strict=True)) for row in self.first_rows()],
+            "first_rows": [dict(zip(("t", *names_of(self.joints)), row, strict=True)) for row in self.first_rows()],
         }
 
 
@@ -110,6 +119,7 @@ def preview(file: Path, rig: Rig, options: ImportOptions, on_progress: OnImport 
     """
     swing = understand(file, rig, options, on_progress)
     steps = np.diff(swing.t)
+    arm, rods = (() if swing.options.arm in (None, "clamped") else (0,)), (1, 2) if rig.rods.mounted == "both" else (1,)
     return Preview(
         file=file,
         kind=swing.kind,
@@ -128,10 +138,22 @@ def preview(file: Path, rig: Rig, options: ImportOptions, on_progress: OnImport 
         rest_s=abs(float(swing.t[0])),
         recorded_at=swing.recorded_at,
         torques=dict(swing.torque_columns),
-        largest_Nm=max((float(np.abs(torque).max()) for torque in swing.torques.values()), default=0.0),
+        largest_input=max((float(np.abs(torque).max()) for torque in swing.torques.values()), default=0.0),
+        input_unit=INPUT_UNITS[rig.motor.input] if rig.motor and swing.options.arm == "driven" else "N m",
+        joints=(*arm, *rods),
         t=swing.t,
         theta=swing.theta,
     )
+
+
+def names_of(joints: tuple[int, ...]) -> tuple[str, ...]:
+    """Names of the angles of joints."""
+    return tuple(AXES[joint] for joint in joints)
+
+
+def chart_title(joint: int) -> str:
+    """Title of the chart of a joint's angle."""
+    return AXES[joint] if joint == 0 else f"{AXES[joint]}, 0 = upright"
 
 
 def _range(theta: NDArray[np.float64]) -> str:

@@ -14,8 +14,7 @@ from textual.widgets import Input, Static
 
 from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.report.text_plot import text_chart
-from dpr_lab.storage.tables.columns import AXES
-from dpr_lab.storage.tables.preview import Preview
+from dpr_lab.storage.tables.preview import Preview, chart_title, names_of
 from dpr_lab.tui.guard import Guarded
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.steps.table_options import option_list, parse_options
@@ -144,8 +143,8 @@ def _lines(preview: Preview) -> list[Content]:
     if preview.mend:
         warnings.append(Content.styled(f"add to the options: {shlex.join(preview.mend)}", "bold"))
     lines = [f"{name:<9}{text}" for name, text in preview.facts().items()]
-    lines += ["", f"{'t_s':>11}" + "".join(f"{axis:>11}" for axis in AXES)]
+    lines += ["", "".join(f"{name:>11}" for name in ("t_s", *names_of(preview.joints)))]
     lines += ["".join(f"{value:>11.5f}" for value in row) for row in preview.first_rows(3)]
-    for axis in (1, 2):
-        lines += ["", f"{AXES[axis]}, 0 = upright", *text_chart(preview.t, preview.theta[:, axis], height=4)]
+    for joint in preview.joints:
+        lines += ["", chart_title(joint), *text_chart(preview.t, preview.theta[:, joint], height=4)]
     return [*warnings, *map(Content, [*preview.notes, *lines])]

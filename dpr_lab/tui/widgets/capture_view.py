@@ -15,7 +15,7 @@ from dpr_lab.acquisition.rest import pose_error
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.report.tables import run_name
 from dpr_lab.rig import Rig
-from dpr_lab.rig_tables import Pose
+from dpr_lab.rig_tables import INPUT_UNITS, Pose
 from dpr_lab.tui.keys import KeyNames
 from dpr_lab.tui.line_breaks import Hanging
 from dpr_lab.tui.recorder.attempt import Attempt, Phase
@@ -34,7 +34,6 @@ CODE_FIRST = "RELEASING after the code that is shown. Any other key stops it"
 SENT = "RELEASE sent: the latch opens. Keep clear"
 MAY_BE_FREE = "RELEASE was sent, the rods may be free: keep clear until the latch is seen again"
 CHOICE = "{capture.keep}: keep it  {capture.again}: put it aside and repeat"
-INPUT_UNITS = {"torque": "N m", "current": "A", "voltage": "V", "acceleration": "rad/s²"}
 TONES = {Phase.READY: "bold $success", Phase.RECORDING: "bold $primary"}
 
 
