@@ -117,7 +117,7 @@ AIR_DRAG_JOINT0 = Effect(
     kernel=of_arm,
     joints=(ARM,),
     dissipative=True,
-    twins=("friction_curve_joint0", "saturation_joint0"),
+    twins=("friction_curve_joint0",),
     quantities=(
         BenchQuantity("drag coefficient of the arm", "k", ("coefficient_kg_m2",), definition="rho C_d width L0^4 / 8"),
     ),

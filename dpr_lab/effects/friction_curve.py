@@ -71,5 +71,6 @@ FRICTION_CURVE = pair(
 
 FRICTION_CURVE_JOINT0 = at_arm(
     FRICTION_CURVE[0],
+    twins=("stribeck_joint0", "air_drag_joint0"),
     bench_check="Drive the arm at constant speeds with the rods off: the torque at each speed is the curve.",
 )
