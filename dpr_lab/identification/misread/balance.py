@@ -7,7 +7,7 @@ With the base parameters a, b, d, e1 and the viscous coefficients c1, c2 (docs/t
 changes by viscous friction, dE = -(c1 w1^2 + c2 (w2 - w1)^2) dt; known torques add tau1 w1 + tau2 (w2 - w1). All
 coefficients enter linearly. A least-squares fit within bounds about the rig file's values has a small residual if
 angles and times are interpreted correctly, and a large one otherwise. It needs neither an initial state nor a
-simulation.
+simulation. A single rod is represented as two equal halves with the same angle (`dpr_lab.dynamics.base`).
 """
 
 from collections.abc import Callable
@@ -15,12 +15,13 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.dynamics.base import base_of_run, whole_parameters
 from dpr_lab.fitting.projection import RIDGE, bounded_solution
 from dpr_lab.identification.misread.local_motion import LocalMotion, LocalMotionSettings, local_motion
 from dpr_lab.rig import Rig
+from dpr_lab.setup import Setup
 
 Array = NDArray[np.float64]
 
@@ -37,6 +38,8 @@ class EnergySettings:
     """Number of zeros per turn that are tried for each rod."""
     refined: int = 5
     """Number of pairs of zeros that are refined, the best first."""
+    zero_step_rad: float = 0.1
+    """First step of the refinement, rad."""
     zero_rows: int = 800
     """Number of rows used in the search for zeros."""
     friction: float = 100.0
@@ -60,10 +63,23 @@ class EnergyFit:
     """The same from the magnitudes of both energies, also for driven rods; accurate to a factor of about ten."""
 
 
+def mounted_base(rig: Rig, Z: ArrayLike) -> Array:
+    """(..., 6) base parameters of the mounted rods from (..., 9) parameters, in the order of `BASE`."""
+    whole = whole_parameters(Z, rig.L1, rig.g)
+    return base_of_run(whole, Setup(mounting=rig.rods.mounting), rig.L1, rig.g)
+
+
 def periods(rig: Rig) -> tuple[float, float]:
-    """Periods of the two small oscillations about hanging with the values of the rig file, longer first, s."""
-    a, b, d, e1, *_ = base_parameters(rig.nominal, rig.L1, rig.g).tolist()
-    squares = np.linalg.eigvals(np.linalg.solve([[a, d], [d, b]], np.diag([e1, d * rig.g / rig.L1])))
+    """Periods of the two small oscillations about hanging with the values of the rig file, longer first, s.
+
+    Both are the same for one degree of freedom; a clamped elbow is assumed to be straight.
+    """
+    a, b, d, e1, *_ = mounted_base(rig, rig.nominal).tolist()
+    e2 = d * rig.g / rig.L1
+    if rig.rods.mounting != "both":
+        period = 2 * np.pi * float(np.sqrt((a + b + 2 * d) / (e1 + e2)))
+        return period, period
+    squares = np.linalg.eigvals(np.linalg.solve([[a, d], [d, b]], np.diag([e1, e2])))
     return tuple(sorted((2 * np.pi / np.sqrt(np.abs(squares))).tolist(), reverse=True))  # type: ignore[return-value]
 
 
@@ -101,29 +117,42 @@ def energy_zeros(t: Array, rods: Array, rig: Rig, settings: EnergySettings = ENE
         fit = _balance(replace(moving, rods=moving.rods + added), None, rig, settings)
         return np.inf if fit is None else fit.residual
 
-    return best_zeros(residual, settings)
+    return best_zeros(residual, rig, settings)
 
 
-def best_zeros(residual: Callable[[Array], float], settings: EnergySettings = ENERGY) -> tuple[float, float]:
-    """Angles to add to both rods, within a turn, with the smallest residual; global search.
+def best_zeros(
+    residual: Callable[[Array], float], rig: Rig, settings: EnergySettings = ENERGY, *, nearest: bool = False
+) -> tuple[float, float]:
+    """Angles to add to both rods, within a turn, with the smallest residual; equal angles for one degree of freedom.
 
     Args:
         residual: residual of a balance as a function of the (2,) added angles, rad
+        rig: the recorded rig
         settings: number of starts
+        nearest: whether to search from the given zeros only
     """
     from scipy.optimize import minimize
 
-    steps = np.arange(settings.zeros) * 2 * np.pi / settings.zeros
-    starts = sorted((np.array(pair) for pair in product(steps, steps)), key=residual)[: settings.refined]
-    best = min((minimize(residual, start, method="Nelder-Mead") for start in starts), key=lambda one: one.fun)
-    inner, outer = np.remainder(best.x + np.pi, 2 * np.pi) - np.pi
-    return float(inner), float(outer)
+    joints = 2 if rig.rods.mounting == "both" else 1
+
+    def of_joints(added: Array) -> float:
+        return residual(np.broadcast_to(added, 2))
+
+    steps = np.zeros(1) if nearest else np.arange(settings.zeros) * 2 * np.pi / settings.zeros
+    starts = sorted((np.array(zeros) for zeros in product(steps, repeat=joints)), key=of_joints)[: settings.refined]
+    simplex = settings.zero_step_rad * np.eye(joints + 1, joints)
+    searches = (
+        minimize(of_joints, start, method="Nelder-Mead", options={"initial_simplex": start + simplex})
+        for start in starts
+    )
+    best = min(searches, key=lambda one: one.fun)
+    inner, outer = np.broadcast_to(np.remainder(best.x + np.pi, 2 * np.pi) - np.pi, 2).tolist()
+    return inner, outer
 
 
 def _balance(moving: LocalMotion, torques: Array | None, rig: Rig, settings: EnergySettings) -> EnergyFit | None:
     near, t, rods, omega = moving.near, moving.t, moving.rods, moving.omega
-    base = base_parameters(rig.nominal, rig.L1, rig.g)
-    a, b, d, e1, c1, c2 = base.tolist()
+    a, b, d, e1, c1, c2 = mounted_base(rig, rig.nominal).tolist()
     (th1, th2), (w1, w2) = rods.T, omega.T
     kinetic = np.array([a * w1**2 / 2, b * w2**2 / 2, d * np.cos(th1 - th2) * w1 * w2])
     potential = np.array([e1 * np.cos(th1), d * rig.g / rig.L1 * np.cos(th2)])

@@ -9,17 +9,18 @@ torques f1, f2 of Coulomb friction, the equations of motion of both rods are
 
 They are linear in all coefficients, which are fitted within bounds about the rig file's values. The balance needs
 accelerations, and thus more rows than the energy balance (`balance`). It sees friction and gravity at every instant,
-so that a wrong zero or scale of one rod does not pass as friction.
+so that a wrong zero or scale of one rod does not pass as friction. With one degree of freedom (a clamped elbow, or one
+rod as two equal halves) only the sum of both equations holds, in which the torques of joint 2 cancel.
 """
 
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.fitting.projection import RIDGE, bounded_solution
-from dpr_lab.identification.misread.balance import ENERGY, best_zeros, periods
+from dpr_lab.identification.misread.balance import ENERGY, best_zeros, mounted_base, periods
 from dpr_lab.identification.misread.local_motion import LocalMotion, LocalMotionSettings, local_motion
 from dpr_lab.rig import Rig
 
@@ -60,15 +61,28 @@ class TorqueBalance:
             added: (2,) angles added to both rods, rad
         """
         columns, target, least, most = self._equations(self.moving.rods + np.asarray(added))
+        return self._solution(columns, target, least, most)[0]
+
+    def zeros(self, *, nearest: bool = False) -> tuple[float, float]:
+        """Angles to add to both rods, within a turn, with the smallest residual, or with the nearest local minimum."""
+        return best_zeros(self._thinned().residual, self.rig, nearest=nearest)
+
+    def inertias(self) -> tuple[float, Array]:
+        """Residual with any L1, and the fitted inertias over the gravity of the inner rod, as of `inertias`."""
+        columns, target, least, most = self._equations(self.moving.rods)
+        gravity = self._gravity_of_outer(self.moving.rods)
+        columns = np.column_stack([*columns.T[:2], columns[:, 2] - gravity, *columns.T[3:], gravity])
+        residual, x = self._solution(columns, target, np.append(least, 1 / ENERGY.slack), np.append(most, ENERGY.slack))
+        base = mounted_base(self.rig, self.rig.nominal)
+        return residual, inertias(base * [*x[:3], 1.0, 1.0, 1.0], x[-1] * base[2] * self.rig.g / self.rig.L1, self.rig)
+
+    def _solution(self, columns: Array, target: Array, least: Array, most: Array) -> tuple[float, Array]:
+        """Residual and coefficients of a fit within bounds; infinite without motion."""
         if not np.std(target) > 0:
-            return np.inf
+            return np.inf, np.ones(len(least))
         H = columns.T @ columns
         x = bounded_solution(H + RIDGE * np.trace(H) * np.eye(len(H)), columns.T @ target, least, most)
-        return float(np.sqrt(2 * np.mean((columns @ x - target) ** 2)))
-
-    def zeros(self) -> tuple[float, float]:
-        """Angles to add to both rods, within a turn, with the smallest residual."""
-        return best_zeros(self._thinned().residual)
+        return float(np.sqrt(np.sum((columns @ x - target) ** 2) / len(self.moving.t))), x
 
     def _thinned(self) -> "TorqueBalance":
         every, moving = max(1, len(self.moving.t) // ENERGY.zero_rows), self.moving
@@ -78,7 +92,7 @@ class TorqueBalance:
 
     def _equations(self, rods: Array) -> tuple[Array, Array, Array, Array]:
         """Columns, target, and bounds of the coefficients relative to the values of the rig file."""
-        a, b, d, e1, c1, c2 = base_parameters(self.rig.nominal, self.rig.L1, self.rig.g).tolist()
+        a, b, d, e1, c1, c2 = mounted_base(self.rig, self.rig.nominal).tolist()
         e2 = d * self.rig.g / self.rig.L1
         (th1, th2), (w1, w2), (al1, al2) = rods.T, self.moving.omega.T, self.moving.alpha.T
         cos, sin, none, turning = np.cos(th1 - th2), np.sin(th1 - th2), np.zeros_like(th1), w2 - w1
@@ -97,10 +111,50 @@ class TorqueBalance:
         if self.torques is not None:
             pairs.append((self.torques[:, 1] - self.torques[:, 0], -self.torques[:, 1]))
             least, most = [*least, 1 / ENERGY.slack], [*most, ENERGY.slack]
-        columns = np.stack([np.concatenate(pair) for pair in pairs], axis=1)
-        target = np.concatenate([e1 * np.sin(th1), none])
-        size = max(float(np.hypot(np.std(e1 * np.sin(th1)), np.std(e2 * np.sin(th2)))), np.finfo(float).tiny)
+        size = self._size(rods)
+        columns = np.stack([self._of_joints(*pair) for pair in pairs], axis=1)
+        target = self._of_joints(e1 * np.sin(th1), none)
         return columns / size, target / size, np.array(least), np.array(most)
+
+    def _of_joints(self, inner: Array, outer: Array) -> Array:
+        """Both equations one after the other, or their sum for one degree of freedom."""
+        return np.concatenate([inner, outer]) if self.rig.rods.mounting == "both" else inner + outer
+
+    def _size(self, rods: Array) -> float:
+        """Rms torque of gravity, N m."""
+        _, _, d, e1, *_ = mounted_base(self.rig, self.rig.nominal).tolist()
+        std1, std2 = (e1 * np.sin(rods[:, 0])).std(), (d * self.rig.g / self.rig.L1 * np.sin(rods[:, 1])).std()
+        return max(float(np.hypot(std1, std2)), float(np.finfo(float).tiny))
+
+    def _gravity_of_outer(self, rods: Array) -> Array:
+        """Column of the torque of gravity on the outer rod, which the column of d contains."""
+        d = mounted_base(self.rig, self.rig.nominal)[2]
+        torque = -d * self.rig.g / self.rig.L1 * np.sin(rods[:, 1])
+        return self._of_joints(np.zeros_like(torque), torque) / self._size(rods)
+
+
+def inertias(base: Array, e2: ArrayLike, rig: Rig) -> Array:
+    """Inertias over the gravity of the inner rod, s^2.
+
+    They are a/e1, b/e1, d/e1; for one degree of freedom (a + b + 2 d) / (e1 + e2).
+
+    Args:
+        base: (..., 6) base parameters of the mounted rods
+        e2: (...,) gravity of the outer rod, N m
+        rig: the recorded rig
+    """
+    a, b, d, e1, *_ = np.moveaxis(base, -1, 0)
+    if rig.rods.mounting == "both":
+        return np.stack([a, b, d], axis=-1) / e1[..., None]
+    return ((a + b + 2 * d) / (e1 + e2))[..., None]
+
+
+def inertia_bounds(rig: Rig) -> tuple[Array, Array]:
+    """Smallest and largest `inertias` at the corners of the bounds of the rig file, s^2."""
+    corners = np.array(list(product(*rig.bounds.T)))
+    base = mounted_base(rig, corners)
+    ratios = inertias(base, base[:, 2] * rig.g / rig.L1, rig)
+    return ratios.min(axis=0), ratios.max(axis=0)
 
 
 def torque_balance(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.held_rods import FreePart
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, periods
+from dpr_lab.identification.misread.torque_balance import inertia_bounds, torque_balance
 from dpr_lab.rig import Rig
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import TO_SECONDS
@@ -58,6 +59,12 @@ class QuestionSettings:
     """Motion of a clamped arm above which a warning is given; a brake and a column yield by less."""
     other_unit: float = 30.0
     """Value of the factor in `time_scale` above which the unit of time must be wrong."""
+    same_rig: float = 0.15
+    """Maximum residual of the torques with any L1 at which inertias are compared with the rig file."""
+    other_rig: float = 1.1
+    """Factor between an inertia over gravity and the nearest value that the rig file allows, above which a warning is
+    given. It is below 1.05 for free swings of the correct rig, 1.15 or more for another one of this repository.
+    """
     energy_rows: int = 200_000
     """Maximum number of rows for the energy test; a wrong interpretation is wrong from the start."""
     pose: tuple[float, float] = (3.0, 10.0)
@@ -103,14 +110,14 @@ class Asked:
     """Kind and (n, 2) torques of the table that the options ignore, N m; None if there are none."""
 
     @property
-    def both_free(self) -> bool:
-        """Whether both rods are mounted and joint 2 is free."""
-        return self.rig.rods.mounted == "both" and self.rig.rods.elbow == "free"
-
-    @property
     def free(self) -> bool:
         """Whether only gravity and friction act."""
         return self.torques is None and not self.arm_moves
+
+    @property
+    def prescribed(self) -> bool:
+        """Whether the arm or the inner rod is moved by an unknown torque."""
+        return self.arm_moves or self.options.inner == "prescribed"
 
     @property
     def swing(self) -> slice:
@@ -149,7 +156,8 @@ def questions(asked: Asked, settings: QuestionSettings = SETTINGS) -> list[Table
     others = [*_arm_questions(asked, theta[:, 0], settings), *_few(asked, t, settings)]
     posed = [] if other else _pose_questions(asked, settings)
     certain = other or posed or any(doubt.mend for doubt in doubts)
-    doubts = doubts if certain else _balance_questions(asked, settings) or doubts
+    if not certain:
+        doubts = _balance_questions(asked, settings) or [*_rig_questions(asked, settings), *doubts]
     return [*doubts, *others, *posed]
 
 
@@ -189,9 +197,9 @@ def _refuse_dead(asked: Asked, theta: Array, settings: QuestionSettings) -> None
 def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[TableQuestion], list[OtherReading]]:
     """Doubts about units, zero, signs and order from the energy of the swing, and corrected interpretations."""
     looked_at, read = asked.looked_at(settings), asked.read(settings)
-    fit = energy_fit(read.t, asked.theta[looked_at, 1:], read.torques, asked.rig) if asked.both_free else None
+    fit = energy_fit(read.t, asked.theta[looked_at, 1:], read.torques, asked.rig)
     residual, others = math.nan, []
-    if fit is not None and not asked.arm_moves:
+    if fit is not None and not asked.prescribed:
         residual = fit.residual
         others = better_readings(fit, read)
         if not others and (doubt := _torque_question(asked, fit, looked_at)):
@@ -235,11 +243,31 @@ def _read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
 
 def _balance_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuestion]:
     """Doubt about zeros, scales and signs from the accelerations of the swing, which see more than its energy."""
-    if asked.arm_moves or not asked.both_free:
+    if asked.prescribed:
         return []
     others = balanced_readings(asked.read(settings))
     broken = "the accelerations do not follow from gravity and friction; they do"
     return [_read_otherwise(broken, others)] if others else []
+
+
+def _rig_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuestion]:
+    """Doubt about the rig file from inertias that its bounds exclude; motors add an inertia of their own."""
+    if not asked.free or asked.prescribed or asked.rig.joints.geared:
+        return []
+    read = asked.read(settings)
+    balance = torque_balance(read.t, read.rods(read.values, read.options), None, read.rig)
+    residual, ratios = (math.inf, np.ones(1)) if balance is None else balance.inertias()
+    least, most = inertia_bounds(asked.rig)
+    off = max(np.max(least / ratios), np.max(ratios / most))
+    if residual > settings.same_rig or off <= settings.other_rig:
+        return []
+    return [
+        TableQuestion(
+            f"the inertia of the rods relative to their weight differs by {off - 1:.0%} from the nearest value that the"
+            f" rig file {asked.rig.rig.name!r} allows: is it the file of the recorded rig (--rig)? Otherwise correct"
+            " its lengths, masses, inertias and their bounds"
+        )
+    ]
 
 
 def _torque_question(asked: Asked, fit: EnergyFit, looked_at: slice) -> TableQuestion | None:

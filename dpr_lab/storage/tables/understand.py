@@ -173,12 +173,12 @@ def _understood(
     notes += wrap_notes(read.values, options) + gap_notes(time)
     origin = float(read.t[np.isfinite(read.t)][0])
     driven, arm = next(iter(read.torques.values()), None), options.arm != "clamped"
-    rods = as_mounted(theta, rig.rods.mounting, str(path))[:, 1:]
-    motion = RodMotion(time, rods, driven, theta[:, 0] if arm else None, origin)
+    mounted = as_mounted(theta, rig.rods.mounting, str(path))
+    motion = RodMotion(time, mounted[:, 1:], driven, theta[:, 0] if arm else None, origin)
     whole = FreePart(0, 0, len(time))
     part = whole if options.keep_rest else free_part(motion, str(path))
     pair = next(iter(driving.values()), (PASSIVE, PASSIVE))
-    asked = Asked(path, rig, options, read.columns, time, theta, read.values, part, driven, arm, pair, read.ignored)
+    asked = Asked(path, rig, options, read.columns, time, mounted, read.values, part, driven, arm, pair, read.ignored)
     if not options.keep_rest:
         refuse_push(asked, origin)
     doubts = questions(asked)
