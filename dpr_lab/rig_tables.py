@@ -152,6 +152,11 @@ class Rods(RigTable):
         """Mounted rods and elbow as one value."""
         return "clamped" if self.elbow == "clamped" else self.mounted
 
+    @property
+    def number(self) -> int:
+        """Number of mounted rods, 1 or 2."""
+        return 2 if self.mounted == "both" else 1
+
 
 InnerMode = Literal["free", "prescribed"]
 """What the inner rod does: it swings, or it moves as its encoder says, by a strong geared motor or a hand."""

@@ -2,6 +2,7 @@
 
 import math
 import sys
+from collections.abc import Sequence
 from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -23,6 +24,7 @@ class Listener:
         self._kernels = 0
         self._bar: Bar = no_bar
         self._title = ""
+        self._rods = 2
 
     def __enter__(self) -> "Listener":
         self._watch.__enter__()
@@ -77,7 +79,10 @@ class Listener:
             case events.DeviceGreeted():
                 say(f"{event.url}: device {event.info.uid}, firmware {event.info.firmware}")
             case events.CaptureBegan():
-                say(f"{event.name}: move the rods to {_angles(event.pose.theta1, event.pose.theta2)} and hold")
+                self._rods = event.rods
+                moved = "rods" if event.rods > 1 else "rod"
+                angles = (event.pose.theta1, event.pose.theta2)[: event.rods]
+                say(f"{event.name}: move the {moved} to {_angles(angles)} and hold")
                 self._at(event.name, 0, event.at_most_s)
             case events.CaptureProgress():
                 self._capture(event.progress)
@@ -130,20 +135,21 @@ class Listener:
 
         match reading:
             case HangReading(ok=False):
-                off = _degrees(reading.error)
+                off = _degrees(reading.error[: self._rods])
                 say(
                     f"the hanging rods deviate by {off} from the vertical: counts were lost, or the zero in"
                     f" the rig file is wrong"
                 )
             case PoseReading():
                 within = f"(within {math.degrees(reading.tolerance):.1f} deg)"
-                self._bar(0, f"{_degrees(reading.error)} from the pose {within}")
+                self._bar(0, f"{_degrees(reading.error[: self._rods])} from the pose {within}")
             case RestReading():
                 self._bar(0, f"at the pose, moving at {reading.speed:.3f} rad/s")
             case Released():
                 self._bar(0, "released")
             case SwingReading():
-                self._bar(reading.t, f"{reading.t:.1f} s, {reading.samples} samples, {RADIANS.speeds(reading.omega)}")
+                speeds = RADIANS.speeds(reading.omega[: self._rods])
+                self._bar(reading.t, f"{reading.t:.1f} s, {reading.samples} samples, {speeds}")
             case _:
                 pass
 
@@ -162,9 +168,11 @@ def named_by(outcome: "TrialOutcome") -> str:
     return f"{effects_listed(outcome.named)} ({verdict})" if outcome.named else verdict
 
 
-def _angles(theta1: float, theta2: float) -> str:
-    return f"theta1 = {math.degrees(theta1):.1f} deg, theta2 = {math.degrees(theta2):.1f} deg (0 = upright)"
+def _angles(theta: Sequence[float]) -> str:
+    """Angles of the mounted rods."""
+    named = (f"theta{rod} = {math.degrees(angle):.1f} deg" for rod, angle in enumerate(theta, 1))
+    return f"{', '.join(named)} (0 = upright)"
 
 
-def _degrees(errors: tuple[float, float]) -> str:
+def _degrees(errors: Sequence[float]) -> str:
     return " and ".join(f"{math.degrees(error):+.1f} deg" for error in errors)

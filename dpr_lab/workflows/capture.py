@@ -115,7 +115,7 @@ def _captures(
 
     options = request.options
     for name in (request.poses or tuple(rig.poses)) * request.repeat:
-        on_event(CaptureBegan(name, rig.poses[name], options.longest))
+        on_event(CaptureBegan(name, rig.poses[name], options.longest, rig.rods.number))
         captured = capture_run(
             device, rig, name, options, request.out, lambda progress: on_event(CaptureProgress(progress)), confirm
         )

@@ -102,6 +102,8 @@ class CaptureBegan:
     pose: "Pose"
     at_most_s: float
     """Maximum duration of the recording, s."""
+    rods: int = 2
+    """Number of mounted rods; a single one is theta1."""
 
 
 @dataclass(frozen=True, slots=True)

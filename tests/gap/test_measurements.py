@@ -112,6 +112,8 @@ def test_a_value_of_another_quantity_is_questioned_where_the_one_to_measure_is_n
     asked = r"do not determine the extra friction torque at rest.*Did you measure the Coulomb friction torque of"
     with pytest.raises(RunError, match=asked):
         update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0009, std=5e-5))
+    with pytest.raises(RunError, match=r"0.006 N m is 6.59 times the Coulomb friction torque of .*, 0.00091 N m"):
+        update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.006, std=1e-4))
     confirmed = CheckAnswer(value=0.0009, std=5e-5, confirmed=True)
     assert update(diagnosis, diagnosis.checks[0], confirmed).checks_done
     assert update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0004, std=5e-5)).checks_done

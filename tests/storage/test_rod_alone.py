@@ -4,12 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.inspect import info
 from dpr_lab.storage.reader import load_run
+from dpr_lab.storage.tables.preview import preview
 
 ONE_ROD = """
 [rig]
@@ -94,3 +97,64 @@ def test_a_clamped_elbow_keeps_its_angle(paper: Rig, tmp_path: Path) -> None:
 def test_one_rod_has_no_elbow(paper: Rig) -> None:
     with pytest.raises(ValueError, match="no elbow to clamp"):
         paper.with_rods("inner", "clamped")
+
+
+def friction_swing(one: Rig) -> np.ndarray:
+    """(n, 2) times and angles to hanging of one rod with viscous and Coulomb friction, rounded to 0.1 degree."""
+    length, mass, inertia = one.nominal[[0, 2, 7]].tolist()
+    about_pivot = inertia + mass * length**2
+
+    def slope(_: float, y: np.ndarray) -> list[float]:
+        torque = -mass * one.g * length * np.sin(y[0]) - 2e-4 * y[1] - 5e-4 * np.tanh(y[1] / 0.01)
+        return [y[1], torque / about_pivot]
+
+    t = np.arange(0, 4, 0.005)
+    angle = solve_ivp(slope, (0, 4), [2.0, 0.0], t_eval=t, rtol=1e-8).y[0]
+    return np.column_stack([t, np.radians(np.round(np.degrees(angle), 1))])
+
+
+def test_a_right_table_of_one_rod_is_not_questioned(one: Rig, tmp_path: Path) -> None:
+    file = table(tmp_path, "t,theta1", friction_swing(one))
+    assert preview(file, one, ImportOptions(zero="hanging")).questions == ()
+
+
+@pytest.mark.parametrize(
+    ("scale", "added", "mend"),
+    [
+        (1.0, np.pi, "--zero upright"),
+        (1.0, 0.524, "--offset -0.52"),
+        (1.0, -0.175, "--offset 0.17"),
+        (0.5, 0.0, "--scale 2"),
+        (2.0, 0.0, "--scale 0.5"),
+        (180 / np.pi, 0.0, "--unit deg"),
+    ],
+)
+def test_a_wrong_reading_of_one_rod_is_questioned(
+    one: Rig, tmp_path: Path, scale: float, added: float, mend: str
+) -> None:
+    file = table(tmp_path, "t,theta1", friction_swing(one) * [1.0, scale] + [0.0, added])
+    assert " ".join(preview(file, one, ImportOptions(zero="hanging")).mend).startswith(mend)
+
+
+def test_the_rig_file_of_another_rod_is_questioned(one: Rig, tmp_path: Path) -> None:
+    file = table(tmp_path, "t,theta1", friction_swing(one) * [1.65, 1.0])
+    (question,) = preview(file, one, ImportOptions(zero="hanging")).questions
+    assert "is it the file of the recorded rig" in question.sentence
+
+
+def test_a_zero_of_rods_with_a_clamped_elbow_is_questioned(paper: Rig, tmp_path: Path) -> None:
+    clamped = paper.with_rods(elbow="clamped")
+    a, b, d, e1, *_ = base_parameters(paper.nominal, paper.L1, paper.g).tolist()
+    e2 = d * paper.g / paper.L1
+
+    def slope(_: float, y: np.ndarray) -> list[float]:
+        return [y[1], -((e1 + e2) * np.sin(y[0]) + 1e-3 * y[1]) / (a + b + 2 * d)]
+
+    t = np.arange(0, 4, 0.005)
+    angle = solve_ivp(slope, (0, 4), [2.0, 0.0], t_eval=t, rtol=1e-8).y[0]
+    right = table(tmp_path, "t,theta1,theta2", t, angle, angle)
+    assert preview(right, clamped, ImportOptions(zero="hanging")).questions == ()
+    wrong = table(tmp_path, "t,theta1,theta2", t, angle + 0.5, angle + 0.5)
+    option, value = preview(wrong, clamped, ImportOptions(zero="hanging")).mend
+    assert option == "--offset"
+    assert float(value) == pytest.approx(-0.5, abs=0.02)

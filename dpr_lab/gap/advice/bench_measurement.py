@@ -120,21 +120,25 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
 def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained: bool, predicted: Predictions) -> str:
     """A question about a value, with the way to confirm it; empty if the value is plausible.
 
-    A value is questioned if no candidate predicts it, or if the recordings give it for another quantity and do not
-    determine the measured one.
+    A value is questioned if no candidate predicts it. If the recordings do not determine the measured quantity, it is
+    questioned if it is that of another quantity, or much larger than all fitted ones with the same unit.
     """
     assert check.quantity is not None
-    quantity, estimate = check.quantity, predicted.estimate
+    quantity, estimate, fitted = check.quantity, predicted.estimate, _same_unit(diagnosis, check)
     confused = [
         f" Did you measure {name}, whose estimate is {quantity.shown(size)}?"
-        for name, size in _same_unit(diagnosis, check)
+        for name, size in fitted
         if abs(value - size) <= SETTINGS.questioned * SETTINGS.model_error * abs(size)
     ]
-    if explained and (estimate or not confused):
+    name, size = max(fitted, key=lambda one: abs(one[1]), default=("", np.inf))
+    larger = not estimate and abs(value) > SETTINGS.undetermined * abs(size)
+    if explained and (estimate or not (confused or larger)):
         return ""
     contradicts = f"check {check.id}: no candidate cause predicts a {quantity.name} of {quantity.shown(value)}."
     if explained:
         contradicts = f"check {check.id}: the recordings do not determine the {quantity.name}."
+    if larger:
+        contradicts += f" {quantity.shown(value)} is {abs(value / size):.3g} times {name}, {quantity.shown(size)}."
     elif estimate:
         low, high = map(quantity.shown, estimate.interval90)
         contradicts += (

@@ -62,6 +62,10 @@ class CheckSettings:
     """
     questioned: float = 3.0
     """Standard deviations from every prediction beyond which a value is questioned; one correct value in 370 is."""
+    undetermined: float = 3.0
+    """Factor on the largest fitted size with the same unit above which a value is questioned that the recordings do not
+    determine: friction at rest, for example, is at most about twice that of sliding. Assumed.
+    """
     largest: float = 1e6
     """Maximum accepted value and uncertainty, in typical or fitted sizes, whichever is larger."""
     largest_power: float = 6.0

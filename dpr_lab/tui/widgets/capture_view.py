@@ -217,7 +217,7 @@ def _live(state: CaptureState) -> Iterator[Content]:
     elif state.seen.theta is not None:
         yield Content.styled(readout.angles_text(state.seen.theta, state.unit), "bold")
     if attempt is not None and attempt.phase is Phase.RECORDING and attempt.recorded is not None:
-        yield Content(state.unit.speeds(attempt.recorded.omega))
+        yield Content(state.unit.speeds(attempt.recorded.omega[: state.rig.rods.number]))
     if attempt is not None and attempt.phase is not Phase.RECORDING:
         yield readout.rest_text(attempt.rest, state.rig, state.unit)
     if state.ordered is not None:
@@ -244,7 +244,10 @@ def _placement(state: CaptureState) -> Placement | None:
     else:
         pose, theta = state.rig.poses.get(state.pose), state.seen.theta
         error = _error(theta, pose) if pose is not None and theta is not None else None
-    return None if pose is None or error is None else Placement((pose.theta1, pose.theta2), error, pose.tolerance)
+    if pose is None or error is None:
+        return None
+    rods = state.rig.rods.number
+    return Placement((pose.theta1, pose.theta2)[:rods], error[:rods], pose.tolerance)
 
 
 def _error(theta: tuple[float, float, float], pose: Pose) -> tuple[float, float]:

@@ -19,18 +19,19 @@ GOOD, BAD, UNKNOWN = "✔", "✘", "?"
 class Placement:
     """The rods and their target pose."""
 
-    wanted: tuple[float, float]
-    """Angles of inner and outer rod, rad."""
-    error: tuple[float, float]
+    wanted: tuple[float, ...]
+    """Angles of the mounted rods, inner rod first, rad."""
+    error: tuple[float, ...]
     """Errors relative to the target without whole turns, rad."""
     tolerance: float
 
 
 def placement_text(placement: Placement, unit: AngleUnit) -> Content:
-    """Two lines for each rod: the angle, and the angle and direction to turn it."""
+    """Two lines for each mounted rod: the angle, and the angle and direction to turn it."""
+    names = ("inner θ1", "outer θ2") if len(placement.wanted) > 1 else ("rod θ1",)
     lines = [
         line
-        for name, wanted, error in zip(("inner θ1", "outer θ2"), placement.wanted, placement.error, strict=True)
+        for name, wanted, error in zip(names, placement.wanted, placement.error, strict=True)
         for line in _rod(name, wanted, error, placement.tolerance, unit)
     ]
     return Content("\n").join(lines)
