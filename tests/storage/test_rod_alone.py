@@ -138,8 +138,8 @@ def test_a_wrong_reading_of_one_rod_is_questioned(
 
 def test_the_rig_file_of_another_rod_is_questioned(one: Rig, tmp_path: Path) -> None:
     file = table(tmp_path, "t,theta1", friction_swing(one) * [1.65, 1.0])
-    (question,) = preview(file, one, ImportOptions(zero="hanging")).questions
-    assert "is it the file of the recorded rig" in question.sentence
+    questions = preview(file, one, ImportOptions(zero="hanging")).questions
+    assert "is it the file of the recorded rig" in questions[0].sentence
 
 
 def test_a_zero_of_rods_with_a_clamped_elbow_is_questioned(paper: Rig, tmp_path: Path) -> None:
