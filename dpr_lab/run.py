@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -182,6 +183,16 @@ class Run(Shown):
 def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
     """Runs as a tuple; a single run counts as one."""
     return (runs,) if isinstance(runs, Run) else tuple(runs)
+
+
+def with_distinct_names(runs: Iterable[Run]) -> tuple[Run, ...]:
+    """The same runs; a name that occurred before is numbered, because results are listed by the names of runs."""
+    named: dict[str, Run] = {}
+    for run in runs:
+        numbered = (f"{run.name} ({i})" for i in count(2))
+        name = next(name for name in chain([run.name], numbered) if name not in named)
+        named[name] = run if name == run.name else replace(run, name=name)
+    return tuple(named.values())
 
 
 def moves(runs: Iterable[Run]) -> bool:

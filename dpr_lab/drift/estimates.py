@@ -12,8 +12,8 @@ from dpr_lab.estimation.motion import refuse_without_motion
 from dpr_lab.fitting.estimate import SCALE, FreeParameter, alone_share
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
-from dpr_lab.gap.conclusion.ratios import ratio_of
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters
+from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.identification.misread.solvable import solvable

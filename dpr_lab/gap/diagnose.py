@@ -55,7 +55,7 @@ from dpr_lab.identification.misread.refuse import refuse_negative_scale
 from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.progress import StageBegan
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run, as_runs
+from dpr_lab.run import Run, as_runs, with_distinct_names
 
 STAGES = ("screen", "bare model", "where", "which", "classes", "how far", "advice", "evidence")
 """Names of the stages, in order."""
@@ -90,9 +90,11 @@ def diagnose(
         IdentificationError: known torques or masses fit only a negative inertia.
     """
     started = time.perf_counter()
+    fitted = as_runs(runs)
+    named = with_distinct_names([*fitted, *as_runs(held_out)])
     request = Request(
-        runs=as_runs(runs),
-        held_out=as_runs(held_out),
+        runs=named[: len(fitted)],
+        held_out=named[len(fitted) :],
         rig=rig,
         library=EFFECTS if library is None else library,
         max_effects=max_effects,

@@ -24,7 +24,7 @@ def each_its_own(laws: Sequence[Law], seed: int, **library: str) -> Diagnosis:
     rig, base = rig_and_base(rng)
     runs = [record(rig, base, [own], rng, pose) for pose, own in zip(POSES, laws, strict=True)]
     names = {k: EFFECTS[k] for k in library} if library else EFFECTS
-    return diagnose([replace(run, name=run.pose or "") for run in runs], rig, library=names)
+    return diagnose([replace(run, name="swing") for run in runs], rig, library=names)
 
 
 def of(found: Diagnosis) -> GapBudget:
@@ -85,6 +85,8 @@ def test_a_parameter_drawn_anew_for_each_recording_varies() -> None:
     (parameter,) = budget.parameters
     assert (parameter.effect, parameter.name) == ("coulomb_joint1", "torque_Nm")
     assert parameter.spread == pytest.approx(1e-3, rel=0.1)
+    assert list(parameter.values) == ["swing", "swing (2)", "swing (3)"]
+    assert np.diff([*parameter.values.values()]) == pytest.approx([1e-3, 1e-3], rel=0.1)
     assert parameter.sigmas > 10
     assert "torque of Coulomb friction, joint 1 [coulomb_joint1] varies by 1.0" in repeatability_sentences(found)[1]
 

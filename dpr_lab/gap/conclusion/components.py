@@ -17,6 +17,7 @@ from dpr_lab.gap.classes.posterior import CALIBRATION
 from dpr_lab.gap.conclusion.scatter import between_recordings
 from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, follows_remainder
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.gap.where.discrepancy import Discrepancy
 from dpr_lab.gap.which.selected import Selection
@@ -54,15 +55,34 @@ def components(
 
 
 def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
+    """The selected set and other sets that may be true, the most probable first, with their weights."""
     chosen = selection.chosen
-    others = {at.key: at for at in selection.fitted.values() if np.isfinite(at.cost)} | {chosen.key: chosen}
+    others = {at.key: at for at in selection.fitted.values() if at is not chosen and _may_be_true(selection, at)}
+    models = {**others, chosen.key: chosen}
     span = 2 * chosen.residuals.inflation * CALIBRATION.temperature
-    weights = {key: float(np.exp(min((chosen.cost - at.cost) / span, 0.0))) for key, at in others.items()}
-    ranked = sorted(others, key=lambda key: (key != chosen.key, -weights[key]))
-    whole = sum(weights.values())
-    for key in ranked[: MIXTURE.most]:
-        if key == chosen.key or weights[key] >= MIXTURE.least * whole:
-            yield others[key], weights[key]
+    logs = {key: -_worse(at, chosen) / span for key, at in models.items()}
+    most = max(logs.values())
+    weights = {key: float(np.exp(log - most)) for key, log in logs.items()}
+    ranked = sorted(models, key=lambda key: (-weights[key], key != chosen.key))
+    kept = [key for key in ranked if weights[key] >= MIXTURE.least * sum(weights.values())][: MIXTURE.most]
+    for key in kept if chosen.key in kept else [*kept[: MIXTURE.most - 1], chosen.key]:
+        yield models[key], weights[key]
+
+
+def _may_be_true(selection: Selection, at: Hypothesis) -> bool:
+    """Whether nothing but its cost speaks against a set: possible sizes, no effect that held-out runs refute."""
+    refuted = set(selection.misleading) & at.key or at.key in selection.impossible
+    return bool(np.isfinite(at.cost)) and not refuted and not follows_remainder(selection.base, at, selection.chosen)
+
+
+def _worse(at: Hypothesis, chosen: Hypothesis) -> float:
+    """Cost of a set above that of the selected one, with the remainder of either as noise for both.
+
+    Each effect beyond the number of the selected set was the best of hundreds, so it must explain more than chance.
+    """
+    inflation = max(at.residuals.inflation, chosen.residuals.inflation)
+    further = max(len(at.effects) - len(chosen.effects), 0)
+    return at.cost_at(inflation) - chosen.cost_at(inflation) + further * THRESHOLDS.chance * inflation
 
 
 def _component(

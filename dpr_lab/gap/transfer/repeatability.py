@@ -31,13 +31,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.fitting.cut import carried
-from dpr_lab.fitting.estimate import Estimate, FreeParameter
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import TINY
 from dpr_lab.gap.hypothesis.cross_validation import PRIOR, folds, left_out_chi2
 from dpr_lab.gap.hypothesis.residuals import residual_statistics
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
+from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.gap_budget import GapBudget, VaryingParameter
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.out_of_sample import block
@@ -106,7 +106,14 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     varying = parts.varying()
     freed = float(parts.left_out([one.column for one in varying]).sum()) + sum(one.chance for one in varying)
     levels = [total, float(explained.sum()), float(unmodelled.sum()), freed]
-    shown = [one.shown(after.free[after.inside[one.column]], after.estimate, names) for one in varying]
+    alone = all(setup.mounting == "inner" for setup in problem.segments.setups)
+    shown = []
+    for one in varying:
+        parameter = after.free[after.inside[one.column]]
+        name, common, per = parameter.name, parameter.read(after.estimate), 1.0
+        if parameter.block == "ratios":
+            name, common, per = ratio_of(parameter, after.estimate, everything.rig, alone=alone) or (name, common, per)
+        shown.append(one.shown(parameter.effect, name, common, PRIOR * parameter.size / per, names))
     return split(levels, noise, names, shown, "")
 
 
@@ -158,14 +165,13 @@ class _Varying:
     chance: float
     """Reduction of chi2 that fitting noise alone would cause."""
 
-    def shown(self, parameter: FreeParameter, at: Estimate, names: Sequence[str]) -> VaryingParameter:
-        """The public result; the quarters of a single recording are numbered."""
-        unit, common = PRIOR * parameter.size, parameter.read(at)
+    def shown(self, effect: str, name: str, common: float, unit: float, names: Sequence[str]) -> VaryingParameter:
+        """The public result: common value and unit of the column in SI; quarters of a single recording are numbered."""
         spread, error = np.std(self.own, ddof=1), np.sqrt(np.mean(self.std**2))
         labels = names if len(names) > 1 else [f"{names[0]}, quarter {i + 1}" for i in range(len(self.own))]
         return VaryingParameter(
-            effect=parameter.effect,
-            name=parameter.name,
+            effect=effect,
+            name=name,
             values=dict(zip(labels, (common + unit * self.own).tolist(), strict=True)),
             std=float(unit * error),
             spread=float(unit * np.sqrt(max(spread**2 - error**2, 0.0))),
