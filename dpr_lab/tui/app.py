@@ -186,7 +186,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         """Report a key without a function."""
         if event.is_printable and len(self.screen_stack) == 1 and event.key not in self.screen.active_bindings:
             key, keys = self.get_key_display(Binding(event.key, "")), self.services.keys.of("app.help")
-            self.notify(f"{key} has no function here now; {keys} shows the keys", timeout=NOTICES.hint_s, markup=False)
+            self.notify(f"{key} has no function here; {keys} shows the keys", timeout=NOTICES.hint_s, markup=False)
 
     def on_cursor_position(self, event: events.CursorPosition) -> None:
         """Register that the terminal confirmed a frame."""
@@ -243,7 +243,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         if small and not main.has_class("-too-small"):
             self._had_focus = main.focused  # a hidden widget loses the focus
         main.set_class(small, "-too-small")
-        need = f"{width}x{height} is too small: the bench needs {LEAST[0]}x{LEAST[1]}. Make the window larger"
+        need = f"{width}x{height} is too small: the screen needs {LEAST[0]}x{LEAST[1]}. Make the window larger"
         self.query_one("#too-small", Static).update(f"{need}, or the font smaller. A recording continues meanwhile.")
         self.call_after_refresh(self._resized)
 

@@ -67,8 +67,8 @@ def about_keys() -> str:
     [capture]
     release = "space"
 
-The places are `app`, `chart`, `slider`, `runs` and the steps, the actions those of README's table; a file that names an
-action or a key that does not exist, or gives two actions of one place the same key, is refused with the reason.
+The sections are `app`, `chart`, `slider`, `runs` and the names of the steps. The README lists the actions. A file with
+an unknown action or key, or with one key for two actions of a section, is rejected with the reason.
 """
 
 

@@ -254,7 +254,7 @@ async def test_a_screen_that_is_too_small_says_so_and_keeps_what_is_true_of_the_
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
     async with app.run_test(size=(60, 20)) as pilot:
         await pilot.pause()
-        assert "60x20 is too small: the bench needs 80x24" in str(app.query_one("#too-small", Static).render())
+        assert "60x20 is too small: the screen needs 80x24" in str(app.query_one("#too-small", Static).render())
         shown = app.export_screenshot()
         assert "no&#160;device" in shown
         assert "Connect" not in shown

@@ -18,7 +18,7 @@ class Inbox:
         self._go_ahead: queue.SimpleQueue[GoAhead] = queue.SimpleQueue()
         self._cancelled: set[int] = set()
         self.gone = False
-        """Whether the screen is lost."""
+        """Whether the screen has ended."""
         threading.Thread(target=self._listen, name="orders", daemon=True).start()
 
     def next(self) -> Exercise | CaptureAttempt | None:
@@ -38,7 +38,7 @@ class Inbox:
     def why_to_end(self, attempt: int) -> str:
         """Reason why an attempt must end; empty if it need not."""
         if self.gone:
-            return "the screen is lost"
+            return "the screen has ended"
         return "stopped by the operator" if attempt in self._cancelled else ""
 
     def _listen(self) -> None:

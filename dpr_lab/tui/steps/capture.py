@@ -52,7 +52,7 @@ class CaptureChoices:
 
 CHOICES = CaptureChoices()
 BUSY = "An attempt is under way: end it with {capture.end}, or keep ({capture.keep}) or repeat ({capture.again}) it"
-UNDECIDED = "A recorded swing waits: keep it with {capture.keep}, or put it aside and repeat with {capture.again}"
+UNDECIDED = "Keep the recorded swing with {capture.keep}, or put it aside and repeat with {capture.again}"
 
 
 class CaptureStep(Step):
@@ -64,18 +64,18 @@ Record one free swing for each pose of the rig.
 
 1. `{capture.start}` closes the latch and guides you: turn each rod until its mark is between the brackets.
 2. Let the rods come to rest in the latch.
-3. `{capture.release}` starts a countdown; **any other key stops it**. It begins once the terminal has confirmed that it
-   drew it; where a number is not confirmed within 0.3 s, nothing is released. At its end the latch opens and the swing
-   is recorded.
-4. The recording is judged. `{capture.keep}` keeps it, `{capture.again}` puts it into `runs/aside` and starts the same
+3. `{capture.release}` starts a countdown; **any other key stops it**. The countdown begins when the terminal confirms
+   that it is displayed. If the terminal does not confirm a number within 0.3 s, nothing is released. At the end of the
+   countdown the latch opens and the swing is recorded.
+4. The recording is checked. `{capture.keep}` keeps it. `{capture.again}` moves it to `runs/aside` and starts the same
    pose again.
 
-`{capture.end}` ends an attempt; the rods stay held, and what was recorded is kept. Nothing but the countdown ever opens
-the latch. `{capture.pose_up}` and `{capture.pose_down}` choose the pose, `{capture.length}` how long to record,
-`{capture.repeats}` how often. `{capture.connect}` connects again after the cable was out. `{app.import}` imports a
-recording of another logger in the place of a capture.
+`{capture.end}` ends an attempt; the rods stay held, and the data recorded so far are kept. Only the countdown opens the
+latch. `{capture.pose_up}` and `{capture.pose_down}` select the pose, `{capture.length}` the duration of the recording,
+and `{capture.repeats}` the number of releases of each pose. `{capture.connect}` connects again after a loss of the
+link. `{app.import}` imports a recording of another logger instead.
 
-What is grey is old: the device was not heard since, and the latch may have opened.
+Grey values are old: no message has arrived from the device since then, and the latch may have opened.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding(
@@ -91,8 +91,8 @@ What is grey is old: the device was not heard since, and the latch may have open
         Binding("x", "end", "End", id="capture.end", tooltip="end the attempt"),
         Binding("up", "pose(-1)", "Pose", id="capture.pose_up", tooltip="previous pose", show=False),
         Binding("down", "pose(1)", "Pose", id="capture.pose_down", tooltip="next pose", show=False),
-        Binding("d", "length", "How long", id="capture.length", tooltip="how long to record", show=False),
-        Binding("f", "repeats", "How often", id="capture.repeats", tooltip="how often to record each pose", show=False),
+        Binding("d", "length", "Duration", id="capture.length", tooltip="duration of the recording", show=False),
+        Binding("f", "repeats", "Repeats", id="capture.repeats", tooltip="number of releases of each pose", show=False),
         Binding("c", "connect", "Connect", id="capture.connect", tooltip="connect again", show=False),
     ]
 

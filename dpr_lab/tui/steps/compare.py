@@ -60,28 +60,28 @@ class CompareStep(JobStep):
     RESTS_ON = ("the runs", "the model", "the torques")
     HELP = f"""
 Simulates every selected run with the model. A **free run** starts from the state fitted at one instant and is not
-corrected afterwards; the slider moves that instant. It can be predicted up to the horizon (bar on the slider, line in
-the chart): beyond it the uncertainty of the initial state alone moves the simulation visibly, so the difference is no
-test of the model.
+corrected afterwards; the slider moves that instant. The free run is predictable up to the horizon (bar on the slider,
+line in the chart). Beyond it, the uncertainty of the initial state alone changes the simulation visibly, so the
+difference does not test the model.
 
 The **segment residual** is the residual of half-second segments with free initial states; inside the band
 (±{SETTINGS.noise_sigmas}σ of the noise floor) and without a pattern it is noise.
 
-`{{compare.beside}}` draws a second run into the same picture, or the same run by another model, whose file you enter
-in the field (`{{compare.edit}}`), such as the corrected `diagnosis/model.json`.
+`{{compare.beside}}` draws a second curve into the same chart: another run, or the same run simulated by another model.
+Enter the file of that model in the field (`{{compare.edit}}`), for example the corrected `diagnosis/model.json`.
 
-In the chart: + and - zoom, arrows move, shift with up and down stretches, 0 shows everything again.
-`{{chart.cursors}}` sets two cursors that read off values and differences (again: moves the other one; again: takes them
-away); `{{chart.cursor_back}}` and `{{chart.cursor_on}}` move, `{{chart.cursor_far_back}}` and `{{chart.cursor_far_on}}`
-by more. Figures, report and
-numbers are written to `report/` in the bench's folder, as `dpr-lab compare` writes them.
+In the chart: + and - zoom, arrows move, shift with up and down scales, 0 shows everything again. `{{chart.cursors}}`
+sets two cursors that show values and differences; pressed again, it selects the other cursor, and pressed a third time,
+it removes both. `{{chart.cursor_back}}` and `{{chart.cursor_on}}` move the cursor, `{{chart.cursor_far_back}}` and
+`{{chart.cursor_far_on}}` by larger steps. Figures, report and numbers are written to `report/` in the folder of the
+workspace, as by `dpr-lab compare`.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("s", "start", "Start", id="compare.start", tooltip="compare runs with the model and write the report"),
         Binding("v", "cycle('view')", "View", id="compare.view", tooltip="angle, free-run error, segment residual"),
-        Binding("o", "cycle('run')", "Other", id="compare.run", tooltip="the other run"),
+        Binding("o", "cycle('run')", "Other", id="compare.run", tooltip="another run"),
         Binding("O", "beside", "Second curve", id="compare.beside", tooltip="another run or model in the same plot"),
-        Binding("i", "edit", "Type in", id="compare.edit", show=False),
+        Binding("i", "edit", "Enter path", id="compare.edit", show=False),
         Binding("j", "cycle('axis')", "Joint", id="compare.axis", tooltip="the other joint"),
         Binding("left_square_bracket", "start_at(-1)", "Start earlier", id="compare.earlier", show=False),
         Binding("right_square_bracket", "start_at(1)", "Start later", id="compare.later", show=False),

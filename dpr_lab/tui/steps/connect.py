@@ -27,10 +27,10 @@ from dpr_lab.tui.widgets.dialogs import Question
 from dpr_lab.tui.widgets.readout import BAD, GOOD, angles_text, old_text, ordered_text
 
 SIMULATED = TRANSPORTS["sim"].example
-CONNECTING = "connecting ({connect.disconnect}: give up)"
-COMPILING = "compiling the simulated rig, once on this computer: about half a minute ({connect.disconnect}: give up)"
+CONNECTING = "connecting ({connect.disconnect}: cancel)"
+COMPILING = "compiling the simulated rig, once on this computer: about half a minute ({connect.disconnect}: cancel)"
 OWN = "or the URL of another link ({connect.edit} to enter it); empty: that of the rig file"
-UNTESTED = "not done: press {connect.exercise}"
+UNTESTED = "not tested: press {connect.exercise}"
 CLOSES = " (closes the latch)"
 LINKS = "\n".join(f"- {kind.name}: `{kind.example}`" for kind in TRANSPORTS.values() if kind.example != SIMULATED)
 
@@ -53,9 +53,9 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         Binding("c", "connect", "Connect", id="connect.connect"),
         Binding("m", "simulate", "Simulator", id="connect.simulate"),
         Binding("l", "exercise", "Link test", id="connect.exercise"),
-        Binding("u", "look", "Look again", id="connect.look"),
+        Binding("u", "look", "Refresh", id="connect.look"),
         Binding("z", "disconnect", "Disconnect", id="connect.disconnect", show=False),
-        Binding("i", "edit", "Type in", id="connect.edit", show=False),
+        Binding("i", "edit", "Enter URL", id="connect.edit", show=False),
     ]
 
     def __init__(self, services: Services, *, id: str | None = None) -> None:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.gap.result.gap_size import Where
 
-TABS = {"which": "Which", "where": "Where", "far": "How far", "next": "What next"}
+TABS = {"which": "Causes", "where": "Location", "far": "Gap reduction", "next": "Next steps"}
 
 STAGES_S: Mapping[str, float] = {
     "reading": 0.8,
@@ -68,10 +68,10 @@ how far the gap closes on held-out data, and what to record or measure next.
 
 - **held out** (`{diagnose.hold_out}`): runs that are not fitted; they validate the named effects.
 - **torques** (`{diagnose.torque}`): selects measured or commanded torques for runs that contain both.
-- *Where* shows the torque or encoder error that would explain the gap, with its 90 % interval.
+- *Location* shows the torque or encoder error that would explain the gap, with its 90 % interval.
 - Effects that these recordings cannot distinguish form one class and share its probability.
 
-Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/` in the bench's folder, as
+Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/` in the folder of the workspace, as
 `dpr-lab diagnose --out` writes them.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -291,7 +291,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         ]
         zero = Series("", at, np.zeros(len(at)), "foreground")
         scale, clipped = signal_scale(value, reach)
-        note = " Part of it is outside the picture." if clipped else ""
+        note = " Part of the curve is outside the plot." if clipped else ""
         self.query_one("#place-text", Static).update(in_words(place.sentence) + note)
         self.query_one("#place-map", Chart).show(
             [zero, *edges, Series("estimate", at, value)],

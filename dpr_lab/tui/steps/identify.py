@@ -51,8 +51,7 @@ local fit down to the noise floor.
 
 A free swing determines five ratios. Which of the nine parameters are determined, and by what, is shown under *Nine
 parameters*; the measurements that determine the others are shown under *Identifiability*. The model is written to
-`model.json` in the
-bench's folder.
+`model.json` in the folder of the workspace.
 """
     BINDINGS: ClassVar[list[BindingType]] = [*job_keys("identify"), Binding("v", "view", "View", id="identify.view")]
     DEFAULT_CSS = """

@@ -52,7 +52,7 @@ are diagnosed first.
 - `{plan.take}` takes the marked release as the next pose and duration of Capture. Nothing moves and nothing is
   released: Capture guides you to the pose as to any other.
 
-`plan.json` and a rig file with the planned poses are written to `plan/` in the bench's folder, as
+`plan.json` and a rig file with the planned poses are written to `plan/` in the folder of the workspace, as
 `dpr-lab plan --out` writes them.
 """
     BINDINGS: ClassVar[list[BindingType]] = [

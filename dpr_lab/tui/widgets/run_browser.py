@@ -74,7 +74,7 @@ The reason is shown below the list.
         Binding("slash", "filter", "Filter", id="runs.filter"),
         Binding("q", "verify", "Check", id="runs.verify"),
         Binding("e", "export", "Export", id="runs.export"),
-        Binding("i", "edit", "Type in", id="runs.note", tooltip="type in a note"),
+        Binding("i", "edit", "Edit", id="runs.note", tooltip="edit the note"),
         Binding("o", "other", "Other", id="runs.folder", tooltip="another folder"),
         Binding("ctrl+r", "recover", "Recover", id="runs.recover"),
         HELP_KEY,
