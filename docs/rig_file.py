@@ -20,7 +20,7 @@ PAGE = Path(__file__).with_name("rig-file.md")
 HEAD = """# The rig file
 
 A rig file says what was measured on the bench, what is searched for between which bounds, and how the encoders are
-read. It is TOML; a key that is unknown, missing or out of its range is refused with its place. Begin with questions
+read. It is TOML. A key that is unknown, missing or outside its range is rejected with its position. Begin with questions
 (`dpr-lab rig new` alone, on a terminal), with flags, or with a rig that comes along, and look at what you wrote:
 
 ```sh

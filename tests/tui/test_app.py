@@ -309,8 +309,8 @@ async def test_a_key_that_does_nothing_says_so_and_old_notices_make_room(tmp_pat
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("3", "r", "k", "8")
         assert said(app).splitlines() == [
-            "k has no function here now; f1 shows the keys",
-            "8 has no function here now; f1 shows the keys",
+            "k has no function here; f1 shows the keys",
+            "8 has no function here; f1 shows the keys",
         ]
         await pilot.press("1")  # they were about what is left now
         assert said(app) == ""

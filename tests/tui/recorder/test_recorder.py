@@ -270,7 +270,7 @@ def test_a_killed_screen_leaves_a_finished_file_and_a_free_port(bench, tmp_path:
     run = load_run(file)
     assert not run.complete
     assert run.t[-1] >= shown
-    assert any("the screen is lost" in fault for fault in verify(file).faults)
+    assert any("the screen has ended" in fault for fault in verify(file).faults)
     state, _ = state_of(f"serial://{tmp_path / 'ttyRIG'}?baud=921600")
     assert state is State.IDLE
 
