@@ -127,7 +127,8 @@ def true_ratios(
     p[SWING_PARAMETERS.index("L0")] = rig.L0
     recordings = recordings_of(runs, rig)
     problem, _ = arm_problem(recordings, rig, np.inf)
-    by_unknowns, by_states = problem.slopes(p, starts)
+    # the angle of a missing rod stays zero, at which it adds no inertia to the arm
+    by_unknowns, by_states = problem.slopes(p, np.where(problem.moves, starts, 0.0))
     information = np.zeros((len(problem.unknowns.free),) * 2)
     for s, rows in enumerate(problem.slices()):
         A = by_unknowns[rows].reshape(-1, len(information))

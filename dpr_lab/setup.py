@@ -27,6 +27,11 @@ class Torques:
     """Whether they are known in N m, so that they show the scale of all torques; else only their course is."""
 
     @property
+    def on_joints(self) -> bool:
+        """Whether a torque acts at joint 1 or 2."""
+        return _on_joints(self)
+
+    @property
     def arm_knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(n + 2,) instants and (n + 2,) impulse on the arm until each, N m s; none without a torque on it."""
         return _arm_knots(self)
@@ -60,6 +65,11 @@ def _knots(torques: Torques) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     held = np.stack([joints[:, 0] - joints[:, 1], joints[:, 1]], axis=1)
     whole = np.cumsum(held * np.diff(onward)[:, None], axis=0)
     return onward, np.concatenate([np.zeros((1, 2)), whole])
+
+
+@lru_cache(maxsize=32)
+def _on_joints(torques: Torques) -> bool:
+    return bool(torques.joints.any())
 
 
 @lru_cache(maxsize=32)

@@ -125,7 +125,7 @@ def _predicted(
     chained = required_by(active).internal & np.logical_or.reduce(np.isnan(held), axis=(1, 2))[:, None]
     tracks = tracks_of(active, chained, segments.run, segments.chains)
     every_block = np.ones_like(tracks.required.torque)
-    if any(setup.torques or setup.arm for setup in segments.setups):
+    if any((setup.torques and setup.torques.on_joints) or setup.arm for setup in segments.setups):
         tracks = tracks._replace(required=tracks.required._replace(torque=every_block))
     if any(setup.arm for setup in segments.setups):
         tracks = tracks._replace(required=tracks.required._replace(prescribed=every_block))

@@ -87,7 +87,8 @@ def identify_any_arm(
     rig, runs = _read(request, on_event, moving=True)
     # One rod with a clamped arm shows ratios to its own inertia only, as a rotary pendulum's rig file expects them.
     alone = rig.rods.mounted == "inner" and rig.arm.mode in ("free", "driven")
-    if not moves(runs) and not alone:
+    prescribed = any(run.arm_mode == "prescribed" for run in runs)
+    if not moves(runs) and (prescribed or not alone):
         return _identified(runs, rig, request, on_event, proceed)
     on_event(LocalFitBegan())
     model = identify_moving_arm(runs, rig)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dpr_lab.dynamics.arm import ArmParameters
 from dpr_lab.dynamics.simulate import simulate, simulate_arm
 from dpr_lab.errors import RunError
 from dpr_lab.identification.moving_arm.doubts import stops
@@ -10,7 +11,7 @@ from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.rig import load_rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.options import ImportOptions
-from dpr_lab.workflows.identify import IdentifyRequest, MovingArmResult, identify_any_arm
+from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult, MovingArmResult, identify_any_arm
 from tests.identification.test_moving_arm_fit import NOISE, PUSH, T, drawn, recorded, rig_with
 
 KT = {"nominal": 0.5, "lower": 0.1, "upper": 2.0}
@@ -105,6 +106,37 @@ def test_an_input_is_scaled_in_a_table(tmp_path):
         import_csv(file, rig, ImportOptions(zero="hanging", scale={"input": -1.0}, arm="free"))
     with pytest.raises(ValueError, match="offset can be given for theta0, theta1, theta2, not for input"):
         ImportOptions(offset={"input": 1.0})
+
+
+@pytest.mark.slow
+def test_an_undetermined_gain_gives_no_motor_constants():
+    rng, rig = np.random.default_rng(1), rig_with("driven", "voltage", "inner", kt=KT, R=KT, ke=KT)
+    Z, arm, start = drawn(rng, rig)
+    run = recorded(rig, Z, arm, start, rng.normal(0, 1.0, len(PUSH)), 0 * PUSH, rng)
+    model = identify_moving_arm([run], rig)
+    assert "kt/(R a)" in model.undetermined
+    assert not any("from the recordings" in note or "back-EMF is" in note for note in model.notes)
+
+
+@pytest.mark.slow
+def test_a_prescribed_run_of_one_rod_on_a_rig_with_a_motor_is_identified(tmp_path):
+    rig = load_rig("furuta")
+    t = np.arange(0, 3, 0.005)
+    l1, m1, c1, J1 = rig.nominal[[0, 2, 5, 7]]
+    Z = [l1, 0.1, m1, 1e-9, 1e-9, c1, 0.0, J1, 1e-9]
+    turning = ArmParameters(mode="driven")
+    start = [0.0, np.pi - 0.6, np.pi, 0.9, 0.0, 0.0]
+    swing = simulate_arm(Z, (rig.L0, rig.L1, rig.g), turning, start, t, drive=-2.7 * np.sin(3 * t))[:, :2]
+    swing += np.random.default_rng(1).normal(0, 3e-4, swing.shape)
+    table, run = tmp_path / "swing.csv", tmp_path / "swing.mcap"
+    np.savetxt(table, np.column_stack([t, swing]), delimiter=",", header="t,theta0,theta1", comments="", fmt="%.7f")
+    import_csv(table, rig, ImportOptions(arm="prescribed", keep_rest=True), out=run)
+    request = IdentifyRequest((run,), "furuta", tmp_path / "model.json", search="multistart")
+    done = identify_any_arm(request)
+    assert isinstance(done, IdentifyResult)
+    a = J1 + m1 * l1**2
+    assert done.model.ratios["e1/a"].value == pytest.approx(m1 * l1 * rig.g / a, rel=2e-3)
+    assert done.model.ratios["c1/a"].value == pytest.approx(c1 / a, rel=0.1)
 
 
 def test_a_clamped_run_of_one_rod_on_a_rig_with_a_motor_gives_its_own_ratios_only(tmp_path):

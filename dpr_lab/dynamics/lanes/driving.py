@@ -44,7 +44,7 @@ class Drive(NamedTuple):
 def drive_of(setups: Sequence[Setup]) -> Drive:
     """Known torques and arm motions of runs; a free swing has no instants."""
     no_torques = np.zeros(0), np.zeros((0, 2))
-    knots = [no_torques if setup.torques is None else setup.torques.knots for setup in setups]
+    knots = [setup.torques.knots if setup.torques and setup.torques.on_joints else no_torques for setup in setups]
     first = np.cumsum([0, *(len(t) for t, _ in knots)])
     empty = np.zeros(0)
     arms = [(empty, empty) if setup.arm is None else (setup.arm.t, setup.arm.omega) for setup in setups]
@@ -60,6 +60,19 @@ def drive_of(setups: Sequence[Setup]) -> Drive:
         np.concatenate([impulse for _, impulse in driven]),
         np.cumsum([0, *(len(t) for t, _ in driven)]),
     )
+
+
+@subroutine
+def _interval(t: NDArray[np.float64], first: int, last: int, start: float) -> int:
+    """Index from `first` to `last` of the interval that contains the time `start`, by bisection."""
+    i, beyond = first, last + 1
+    while beyond - i > 1:
+        middle = (i + beyond) // 2
+        if t[middle] <= start:
+            i = middle
+        else:
+            beyond = middle
+    return i
 
 
 @subroutine
@@ -81,7 +94,7 @@ def set_torques(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64], kn
         start, stop = start - w[At.late + k], stop - w[At.late + k]
         i = int(knot[k])
         if i < first or i > last or drive.t[i] > start:
-            i = first
+            i = _interval(drive.t, first, last, start)
         while i < last and drive.t[i + 1] <= start:
             i += 1
         knot[k], j = i, i
@@ -104,7 +117,7 @@ def set_arm_torque(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64],
         start, stop = start - w[At.late + k], stop - w[At.late + k]
         i = int(knot[k])
         if i < first or i > last or drive.torque0_t[i] > start:
-            i = first
+            i = _interval(drive.torque0_t, first, last, start)
         while i < last and drive.torque0_t[i + 1] <= start:
             i += 1
         knot[k], j = i, i

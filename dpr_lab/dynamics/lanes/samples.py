@@ -55,10 +55,10 @@ def angle0(w: NDArray[np.float64], k: int, u: float) -> float:
 
 
 @subroutine
-def read_arm(w: NDArray[np.float64], k: int) -> float:
-    """theta0 of lane k at the share of its step, or earlier if its encoder is late; the cubic is extrapolated."""
-    late = w[At.late0 + k]
-    return angle0(w, k, w[At.share + k] - (late / w[At.h + k] if late != 0.0 else 0.0))
+def _read_arm(w: NDArray[np.float64]) -> None:
+    """Fill the row `angle0`: theta0 at the share of the step, or earlier if its encoder is late."""
+    for k in range(LANES):
+        w[At.angle0 + k] = angle0(w, k, w[At.share + k] - w[At.late0 + k] / w[At.h + k])
 
 
 @subroutine
@@ -86,13 +86,15 @@ def read_both(w: NDArray[np.float64], relative2: float, arm: bool, samples: Lane
         for k in range(LANES):
             w[At.angle1 + k] = _angle1(w, k, w[At.share + k])
             w[At.angle2 + k] = angle2(w, k, w[At.share + k], relative2)
+        if arm:
+            _read_arm(w)
         for k in range(LANES):
             if w[At.share + k] <= 1.0:
                 j = samples.next1[k]
                 i = samples.first[k] + j * samples.columns
                 samples.out[i], samples.out[i + 1] = w[At.angle1 + k], w[At.angle2 + k]
                 if arm and samples.columns > 2:
-                    samples.out[i + 2] = read_arm(w, k)
+                    samples.out[i + 2] = w[At.angle0 + k]
                 samples.next1[k] = _after_reading(w, At.due1, k, samples.t1, j, samples.size[k])
 
 
@@ -102,13 +104,15 @@ def read_joint1(w: NDArray[np.float64], arm: bool, samples: LaneSamples) -> None
     while shares(w, At.due1, 1.0):
         for k in range(LANES):
             w[At.angle1 + k] = _angle1(w, k, w[At.share + k])
+        if arm:
+            _read_arm(w)
         for k in range(LANES):
             if w[At.share + k] <= 1.0:
                 j = samples.next1[k]
                 i = samples.first[k] + j * samples.columns
                 samples.out[i] = w[At.angle1 + k]
                 if arm and samples.columns > 2:
-                    samples.out[i + 2] = read_arm(w, k)
+                    samples.out[i + 2] = w[At.angle0 + k]
                 samples.next1[k] = _after_reading(w, At.due1, k, samples.t1, j, samples.size[k])
 
 

@@ -153,9 +153,14 @@ def _accelerate(
     resting: bool,
 ) -> None:
     """Accelerations of a stage; load-dependent friction uses the accelerations without it."""
-    if not (required.torque or required.load or required.arm):
-        _accelerate_bare(w)
-        return
+    if not (required.torque or required.load or required.whole0 or resting):
+        if not required.arm:
+            _accelerate_bare(w)
+            return
+        if not held:
+            _add_arm(w, rig, active, required)
+            _accelerate_bare_rods(w, rig)
+            return
     for k in range(LANES):
         w[At.term_a + k], w[At.term_b + k], w[At.term_coupling + k] = 0.0, 0.0, 0.0
         w[At.torque1 + k], w[At.torque2 + k] = w[At.drive1 + k], w[At.drive2 + k]
@@ -192,6 +197,15 @@ def _accelerate_bare(w: NDArray[np.float64]) -> None:
     for k in range(LANES):
         _, w[At.alpha1 + k], w[At.alpha2 + k] = arm_accelerations(
             motion_at(w, k), base_at(w, k), NOTHING, HELD_ARM, CLAMPED, 0.0
+        )
+
+
+@subroutine
+def _accelerate_bare_rods(w: NDArray[np.float64], rig: RigConstants) -> None:
+    """Accelerations with an arm that moves, and no effect on the rods."""
+    for k in range(LANES):
+        w[At.alpha0 + k], w[At.alpha1 + k], w[At.alpha2 + k] = arm_accelerations(
+            motion_at(w, k), base_at(w, k), NOTHING, arm_at(w, k, rig), FREE, w[At.torque0 + k]
         )
 
 

@@ -139,6 +139,7 @@ class At(IntEnum):
     due1 = auto()
     due2 = auto()
     share = auto()
+    angle0 = auto()
     angle1 = auto()
     angle2 = auto()
     hold = auto()

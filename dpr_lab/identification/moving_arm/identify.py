@@ -83,7 +83,7 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
             converged=fit.converged,
         ),
         runs=[_used(run, fit, k) for k, run in enumerate(runs)],
-        notes=motor_notes(fit, scale, rig),
+        notes=motor_notes(fit, scale, rig, [one for one in unknowns.free if seen[unknowns.name(one)]]),
         warnings=_warnings(fit),
         failures=failures(fit, _misfit(fit), recordings, rig),
         version=__version__,

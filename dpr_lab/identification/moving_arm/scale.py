@@ -1,6 +1,6 @@
 """Scale of absolute sizes of rods, arm and motor: from a known torque, or from measured values of the rig file."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,8 +114,15 @@ def absolute_name(parameter: str, kind: str) -> str:
     return {"voltage": "kt gear/R", "current": "kt gear"}.get(kind, "gain")
 
 
-def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig) -> list[str]:
-    """Combinations that the input cannot separate, and their values with the constants of the rig file."""
+def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, seen: Collection[str]) -> list[str]:
+    """Combinations that the input cannot separate, and their values with the constants of the rig file.
+
+    Args:
+        fit: the fit
+        scale: scale of absolute values
+        rig: the rig file
+        seen: unknowns that the recordings determine
+    """
     unknowns, motor = fit.problem.unknowns, rig.motor
     if motor is None or "gain" not in unknowns.free:
         return []
@@ -135,13 +142,15 @@ def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig) -> list[str]:
         " recording separates kt from R, or friction from back-EMF: measure R with an ohmmeter, and ke by"
         " turning the motor.",
     ]
+    if "gain" not in seen:
+        return notes
     if motor.kt is not None and motor.R is not None:
         expected = best(motor.kt, 0.0) / best(motor.R, 1.0)
         notes.append(
             f"kt/R is {gain / motor.gear:.4g} N m/V from the recordings and {expected:.4g} N m/V from the rig file"
             f" ({100 * (gain / motor.gear / expected - 1):+.1f} %)."
         )
-    if motor.ke is not None:
+    if motor.ke is not None and "c0" in seen:
         share = best(motor.ke, 0.0) * gain * motor.gear
         total = fit.p[SWING_PARAMETERS.index("c0")] * scale.value
         notes.append(

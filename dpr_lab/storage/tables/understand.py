@@ -21,7 +21,7 @@ from dpr_lab.run import as_mounted
 from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.tables.arm_input import find_input, gain_note, refuse_silent, stated_arm
 from dpr_lab.storage.tables.clock_wrap import continues_across, unwrapped_times, wrap_behind
-from dpr_lab.storage.tables.columns import AXES, TO_SECONDS, find_columns, with_still_joint2
+from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, with_still_joint2
 from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
 from dpr_lab.storage.tables.plausible import PLAUSIBLE, check_spacing, gap_notes, outliers, recorded_by_stamps
 from dpr_lab.storage.tables.pushed import refuse_push
@@ -99,7 +99,11 @@ def understand(
     readings, unrecorded = _recorded(table, columns_read)
     _check_forwards(table, t, options, readings)
     outliers = _drop_outliers(readings, rig, options)
-    recorded = [name for name, column in zip(table.names, table.values, strict=True) if not np.isnan(column).all()]
+    recorded = [
+        name
+        for name, column in zip(table.names, table.values, strict=True)
+        if name != NO_ROD and not np.isnan(column).all()
+    ]
     names = [*recorded, *table.other_lengths]
     driving = find_torques(names, options.torque, options.columns, path)
     factors, drive = [options.scale.get(joint, 1.0) for joint in JOINTS], None
@@ -120,7 +124,9 @@ def understand(
         for kind, pair in driving.items()
     }
     if drive is not None and rig.motor is not None:
-        unrecorded.append(f"the arm is driven by the {rig.motor.input} {drive}, each value held until the next row")
+        unrecorded.append(
+            f"the arm is driven by the {rig.motor.input} in column {drive}, each value held until the next row"
+        )
         unrecorded += gain_note(rig.motor)
     elif torques:
         unrecorded.append(f"driven by {' and '.join(torques) or 'known'} torques, each held until the next row")
