@@ -263,9 +263,9 @@ def _rig_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuesti
         return []
     return [
         TableQuestion(
-            f"the inertia of the rods relative to their weight differs by {percent(off - 1)} from the nearest value that"
-            f" the rig file {asked.rig.rig.name!r} allows: is it the file of the recorded rig (--rig)? Otherwise correct"
-            " its lengths, masses, inertias and their bounds"
+            f"the inertia of the rods relative to their weight differs by {percent(off - 1)} from the nearest value"
+            f" that the rig file {asked.rig.rig.name!r} allows: is it the file of the recorded rig (--rig)?"
+            " Otherwise correct its lengths, masses, inertias and their bounds"
         )
     ]
 
