@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from dpr_lab.planning.acting import allowed_rods, arm_states
 from dpr_lab.planning.limits import PlanLimits
-from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.release import CandidateRelease, MountedParts
 from dpr_lab.rig import Rig
-from dpr_lab.rig_tables import AddedMass, Mounting
+from dpr_lab.rig_tables import AddedMass
 
 Array = NDArray[np.float64]
 
@@ -79,7 +80,7 @@ def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> floa
     alike = [
         np.exp(-0.5 * (_apart(release, other) / SEARCH.alike_rad) ** 2)
         for other in made
-        if (other.mounting, other.added, other.signal) == (release.mounting, release.added, release.signal)
+        if (other.mounted, other.arm, other.signal) == (release.mounted, release.arm, release.signal)
     ]
     return 1.0 - SEARCH.repeated * float(max(alike, default=0.0))
 
@@ -89,27 +90,40 @@ def _apart(first: CandidateRelease, second: CandidateRelease) -> float:
     return float(np.hypot(*((first.start - second.start + np.pi) % (2 * np.pi) - np.pi)[:2]))
 
 
-def mountings(rig: Rig, limits: PlanLimits) -> Iterator[tuple[Mounting, AddedMass | None]]:
-    """Permitted mountings; the present one first."""
-    now: Mounting = rig.rods.mounting
-    allowed: list[Mounting] = [now, *limits.rods.mounted]
-    if "clamped" in limits.rods.elbow:
-        allowed.append("clamped")
+def mountings(rig: Rig, limits: PlanLimits) -> Iterator[MountedParts]:
+    """Permitted mountings of free swings; the present one first."""
     masses: Sequence[AddedMass | None] = [rig.added_mass, None, *limits.masses]
-    for mounting in dict.fromkeys(allowed):
-        for mass in dict.fromkeys(masses):
-            absent = {"inner": "outer", "outer": "inner"}.get(mounting)
-            if mass is None or mass.rod != absent:
-                yield mounting, mass
+    arms = dict.fromkeys(state == "held" for state in arm_states(rig, limits) if state != "driven")
+    for held in arms:
+        for mounting in allowed_rods(rig, limits):
+            for mass in dict.fromkeys(masses):
+                absent = {"inner": "outer", "outer": "inner"}.get(mounting)
+                if (mass is None or mass.rod != absent) and (held or mounting in ("both", "inner")):
+                    yield MountedParts(mounting, mass, held)
 
 
-def minutes(release: CandidateRelease, before: tuple[Mounting, AddedMass | None], limits: PlanLimits) -> float:
+def mounted_now(rig: Rig) -> MountedParts:
+    """Present mounting, from the rig file."""
+    return MountedParts(rig.rods.mounting, rig.added_mass, rig.arm.mode not in ("free", "driven"))
+
+
+def minutes(release: CandidateRelease, before: MountedParts, limits: PlanLimits) -> float:
     """Time of a release after a release with another mounting, minutes."""
-    mounting, mass = before
     cost = limits.minutes.place + release.duration_s / 60
-    if release.added != mass:
+    if release.added != before.added:
         cost += limits.minutes.mass
-    if release.mounting != mounting:
-        elbow = {release.mounting, mounting} == {"both", "clamped"}
+    if release.mounted.arm_held != before.arm_held:
+        cost += limits.minutes.arm
+    if release.mounting != before.mounting:
+        elbow = {release.mounting, before.mounting} == {"both", "clamped"}
         cost += limits.minutes.clamp if elbow else limits.minutes.mount
     return cost
+
+
+def cheapest_minutes(rig: Rig, limits: PlanLimits) -> float:
+    """Least cost of one release on the rig as it is, minutes."""
+    now, shortest = mounted_now(rig), limits.recording.shortest_s
+    arms = arm_states(rig, limits)
+    return min(
+        minutes(CandidateRelease(0.0, 0.0, shortest, now.mounting, now.added, arm=arm), now, limits) for arm in arms
+    )

@@ -3,12 +3,13 @@ r"""Fisher information of planned releases about ratios and effects, for many re
 A release is simulated with the present estimate and cut into the segments that a diagnosis fits. With A_s the whitened
 Jacobian of segment s by ratios and amplitudes, after projecting out its initial state,
 
-    H = sum over segments before the horizon of A_s^T A_s.
+    H = sum over segments of A_s^T A_s.
 
-The horizon is the predictability horizon of the planned swing. With Phi(t) the sensitivity of the state to the start
+The horizon is the predictability horizon of the planned swing. With Phi(t) the sensitivity of the angles to the start
 pose and s the standard deviation of a manually placed pose, it is the time at which s |Phi(t)| exceeds a limit. Beyond
-it the actual swing differs from the planned one, and its information is not counted. The columns of the Jacobian, all
-releases and all segments are computed as lanes of one batch.
+it the actual swing differs from the planned one. Each segment is informative all the same, because its initial state is
+fitted; the best releases are therefore rated by the mean of H over manually placed poses (`dpr_lab.planning.sequence`).
+The columns of the Jacobian, all releases and all segments are computed as lanes of one batch.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,13 +19,11 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.base import RATIOS
-from dpr_lab.dynamics.prediction import predict
+from dpr_lab.dynamics.prediction import PAD, predict, predict_batch
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.fitting.estimate import Estimate, FreeParameter
 from dpr_lab.fitting.linearise import Linearisation, linearise
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.rods import followed
 from dpr_lab.fitting.rods_with_effects import ENCODER_AMPLITUDES, RodsWithEffects
 from dpr_lab.gap.screen.recordings import LENGTHS
 from dpr_lab.planning.release import CandidateRelease
@@ -44,6 +43,8 @@ class SwingSettings:
     """Longest Runge-Kutta step; the Jacobian is computed with twice this step."""
     horizon_hz: int = 20
     """Rate at which predictability is checked."""
+    nudge_rad: float = 1e-5
+    """Increment of a start pose for its sensitivity."""
     lost_rad: float = 0.5
     """Standard deviation of an angle from which the swing counts as unpredictable."""
     batch: int = 16
@@ -63,7 +64,7 @@ class PresentModel:
     """The unknowns: ratios, b and p/b, then amplitudes of effects."""
     rods: RodsWithEffects
     noise: Array
-    """(2,) standard deviation of the mean of one second of readings, rad sqrt(s)."""
+    """(3,) standard deviation of the mean of one second of readings of joints 1, 2 and 0, rad sqrt(s)."""
     placement_rad: float
     """Standard deviation of a manually placed start pose."""
     rezeroed: bool = False
@@ -106,25 +107,30 @@ def informed(
 
 
 def _batches(releases: Sequence[CandidateRelease]) -> Iterator[list[CandidateRelease]]:
-    """Batches of releases of equal duration."""
-    for _, group in groupby(releases, key=lambda one: one.duration_s):
+    """Batches of releases of equal duration, all with a clamped or all with a moving arm."""
+    for _, group in groupby(releases, key=lambda one: (one.duration_s, one.mounted.arm_held)):
         members = list(group)
         yield from (members[i : i + SWING.batch] for i in range(0, len(members), SWING.batch))
 
 
 def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
-    """(releases, n, 4) states at `path_hz` from the release on, effects included, rad and rad/s."""
-    t = np.arange(1, round(batch[0].duration_s * SWING.path_hz) + 1) / SWING.path_hz
-    whole = segments([t] * len(batch), range(len(batch)), [one.setup for one in batch], SWING.step_s)
+    """(releases, n, 4) states at `path_hz` from the release on, with effects, rad and rad/s; 6 with a moving arm."""
+    t = np.arange(round(batch[0].duration_s * SWING.path_hz) + 1) / SWING.path_hz
+    read = t > PAD  # readings before this would start their segment before the release
+    whole = segments([t[read]] * len(batch), range(len(batch)), [one.setup for one in batch], SWING.step_s)
     still = model.estimate.params.copy()
     still[ENCODER_AMPLITUDES] = 0.0
     starts = np.array([one.start for one in batch])
-    joints = predict(model.estimate.whole, still, model.rods.constants, whole, starts)
-    theta = np.concatenate([starts[:, None, :2], joints.reshape(len(batch), len(t), 2)], axis=1)
-    theta[:, 1:, 1] += model.rods.constants.relative2 * theta[:, 1:, 0]
+    joints = predict(model.estimate.whole, still, model.rods.constants, whole, starts, arm=whole.arm_moves)
+    axes = joints.shape[1]
+    seen = joints.reshape(len(batch), -1, axes)
+    seen[:, :, 1] += model.rods.constants.relative2 * seen[:, :, 0]
+    at_rest, first = starts[:, None, [0, 1, 4][:axes]], t[read][0]
+    begun = at_rest + (seen[:, :1] - at_rest) * (t[~read] / first)[:, None] ** 2
+    theta = np.concatenate([begun, seen], axis=1)
     omega = np.gradient(theta, 1 / SWING.path_hz, axis=1)
     omega[:, 0] = 0.0
-    return np.concatenate([theta, omega], axis=2)
+    return np.concatenate([theta[:, :, :2], omega[:, :, :2], theta[:, :, 2:], omega[:, :, 2:]], axis=2)
 
 
 def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Problem, Array]:
@@ -136,11 +142,11 @@ def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Pr
     length, apart = round(LENGTHS.working * rate), SWING.path_hz // rate
     count = (path.shape[1] - 1) // apart // length
     instants = [(k * length + np.arange(1, length + 1)) / rate for k in range(count)]
-    states = path[:, np.arange(count) * length * apart].reshape(-1, 4)
+    states = path[:, np.arange(count) * length * apart].reshape(-1, path.shape[2])
     run = np.repeat(np.arange(len(batch)), count)
     cut = segments(instants * len(batch), run, [one.setup for one in batch], SWING.step_s)
     weight = _weight(batch, model, count * length)
-    return Problem(cut, np.zeros((len(cut.t), 2)), weight, model.rods), states
+    return Problem(cut, np.zeros((len(cut.t), weight.shape[1])), weight, model.rods), states
 
 
 def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
@@ -152,14 +158,15 @@ def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
 
 
 def _weight(batch: Sequence[CandidateRelease], model: PresentModel, samples: int) -> Array:
-    """(samples, 2) inverse of the noise of a reading; zero for a joint without a rod."""
-    read = np.array([[1.0, float(not one.setup.alone)] for one in batch])
-    return np.repeat(read / (model.noise * np.sqrt(SWING.rate_hz)), samples, axis=0)
+    """(samples, 2) inverse of the noise of a reading; zero for a joint without a rod; 3 columns with a moving arm."""
+    axes = 2 if batch[0].mounted.arm_held else 3
+    read = np.array([[1.0, float(not one.setup.alone), 1.0][:axes] for one in batch])
+    return np.repeat(read / (model.noise[:axes] * np.sqrt(SWING.rate_hz)), samples, axis=0)
 
 
 def _without_zeros(A: Array, linear: Linearisation, problem: Problem, releases: int) -> Array:
     """Jacobian with the zero errors of each release's encoders projected out."""
-    shifts = np.broadcast_to(np.eye(2), (len(problem.t), 2, 2))
+    shifts = np.broadcast_to(np.eye(problem.weight.shape[1], 2), (len(problem.t), problem.weight.shape[1], 2))
     zeros = linear.projected(problem.whitened(shifts)).reshape(releases, -1, 2)
     flat = A.reshape(releases, zeros.shape[1], -1)
     return np.stack(
@@ -172,8 +179,12 @@ def _horizons(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
     t = np.arange(1, round(batch[0].duration_s * SWING.horizon_hz) + 1) / SWING.horizon_hz
     whole = segments([t] * len(batch), range(len(batch)), [one.setup for one in batch], SWING.step_s)
     starts = np.array([one.start for one in batch])
-    _, slopes = followed(model.estimate.ratios, whole, starts, model.rods.constants, of=2)
-    by_pose = slopes[:, :, len(RATIOS) : len(RATIOS) + 2].reshape(len(batch), len(t), 2, 2)
-    spread = model.placement_rad * np.sqrt(np.sum(by_pose**2, axis=3)).max(axis=2)
+    nudged = np.tile(starts, (3, 1, 1))
+    nudged[1, :, 0] += SWING.nudge_rad
+    nudged[2, :, 1] += SWING.nudge_rad
+    bases, params = np.tile(model.estimate.whole, (3, 1)), np.tile(model.estimate.params, (3, 1))
+    angles = predict_batch(bases, params, model.rods.constants, whole, nudged, arm=whole.arm_moves)
+    by_pose = (angles[1:] - angles[0]).reshape(2, len(batch), len(t), -1) / SWING.nudge_rad
+    spread = model.placement_rad * np.sqrt(np.sum(by_pose**2, axis=0)).max(axis=2)
     lost = ~(spread < SWING.lost_rad)
     return np.where(lost.any(axis=1), t[np.argmax(lost, axis=1)], batch[0].duration_s)

@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.effect import Effect
+from dpr_lab.effects.free_arm import FREE_ARM
+from dpr_lab.effects.torque_scale import TORQUE_SCALE_JOINT0
 from dpr_lab.fitting.estimate import ON_ELBOW, UNKNOWN_RATIOS, Estimate, effect_parameters, ratio_parameters
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.prior import STRENGTH, Prior, prior_of
@@ -23,8 +26,10 @@ from dpr_lab.gap.result.checks import NONE_OF_THEM
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.record import RATE_HZ, record
 from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.identification.moving_arm.setup import arm_start, drive_gain
+from dpr_lab.planning.acting import GRAVITY_ONLY, Acting
 from dpr_lab.planning.information import PresentModel
-from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.release import ArmState, CandidateRelease
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -32,6 +37,10 @@ Array = NDArray[np.float64]
 
 RATIO_COLUMNS = len(UNKNOWN_RATIOS)
 """The unknowns begin with the ratios, b and p/b; amplitudes of effects follow."""
+
+
+HELD = 1e6
+"""Relative exactness of a ratio that no release determines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +67,8 @@ class Knowledge:
     """Variance inflation f of a reading, in past and future runs."""
     named: frozenset[str] = frozenset()
     """Effects of the model."""
+    always: frozenset[str] = frozenset()
+    """Those among them that are no faults: the arm, and the unknown gain of its drive."""
     causes: tuple[Causes, ...] = ()
     """Candidate causes of each named effect."""
     unexplained: float = 0.0
@@ -68,6 +79,8 @@ class Knowledge:
     """The runs recorded so far, as releases."""
     places: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """Effect -> its columns in the vector of unknowns."""
+    hidden_ratios: tuple[int, ...] = ()
+    """Indices of ratios that no release determines."""
 
     @property
     def amplitudes(self) -> Array:
@@ -82,34 +95,38 @@ class Knowledge:
         return [*range(RATIO_COLUMNS), *(i for name in self.named for i in self.places.get(name, ()))]
 
 
-def known_before(rig: Rig, driven: bool = False) -> Knowledge:
+def known_before(rig: Rig, acting: Acting = GRAVITY_ONLY) -> Knowledge:
     """Knowledge from the rig file alone.
 
     Args:
         rig: the rig
-        driven: whether drives may act, so that their effects count
+        acting: what may act in planned releases, so that its effects count
     """
-    model = _model(rig, nominal_ratios(rig), effect_params({}), _noise_of(rig), driven)
-    prior = _prior_information(prior_of(rig), model)
-    return Knowledge(rig, model, prior, prior, places=_places(model))
+    model = _model(rig, nominal_ratios(rig), _with_arm({}, rig, acting), _noise_of(rig), acting)
+    always = _always(rig, acting)
+    prior = _prior_information(prior_of(rig), model, always, acting.hidden_ratios)
+    return Knowledge(
+        rig, model, prior, prior, named=always, always=always, places=_places(model), hidden_ratios=acting.hidden_ratios
+    )
 
 
-def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, driven: bool = False) -> Knowledge:
+def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Acting = GRAVITY_ONLY) -> Knowledge:
     """Knowledge from the rig file, the runs and their diagnosis.
 
     Args:
         runs: the runs that were diagnosed
         rig: the rig
         diagnosis: diagnosis of these runs
-        driven: whether drives may act in the next release
+        acting: what may act in the next release
     """
-    ratios, params = diagnosis.unknowns, effect_params(diagnosis.model_effects)
+    recordings = Recordings(tuple(record(run, rig) for run in runs), rig)
+    acting = acting.besides([one.setup for one in recordings.records])
+    ratios, always = diagnosis.unknowns, _always(rig, acting)
+    params = _with_arm(diagnosis.model_effects, rig, acting)
     if not np.isfinite(ratios[ON_ELBOW]):
         ratios[ON_ELBOW] = nominal_ratios(rig)[ON_ELBOW]
-    recordings = Recordings(tuple(record(run, rig) for run in runs), rig)
-    sigma = np.median([np.median(one.sigma, axis=0) for one in recordings.records], axis=0)
-    model = _model(rig, ratios, params, sigma / np.sqrt(RATE_HZ), driven or any(r.setup.torques for r in runs))
-    prior = _prior_information(prior_of(rig), model)
+    model = _model(rig, ratios, params, _noise_in(recordings), acting)
+    prior = _prior_information(prior_of(rig), model, always, acting.hidden_ratios)
     inflation = max(1.0, diagnosis.chi2_per_dof)
     return Knowledge(
         rig,
@@ -117,24 +134,40 @@ def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, driven: boo
         prior,
         prior + information_of_runs(recordings, model) / inflation,
         inflation,
-        frozenset(diagnosis.model_effects),
+        frozenset(diagnosis.model_effects) | always,
+        always,
         tuple(_causes(diagnosis)),
         diagnosis.probabilities.get(NONE_OF_THEM, 0.0),
         diagnosis,
         tuple(_made(run) for run in runs),
         _places(model),
+        acting.hidden_ratios,
     )
 
 
 def _made(run: Run) -> CandidateRelease:
     """Convert a run to a release."""
     _, theta1, theta2 = run.theta[np.searchsorted(run.t, 0.0)].tolist()
-    return CandidateRelease(theta1, theta2, run.duration, run.mounting, run.added_mass)
+    arm: ArmState = run.arm_mode if run.arm_mode in ("free", "driven") else "held"
+    return CandidateRelease(theta1, theta2, run.duration, run.mounting, run.added_mass, arm=arm)
 
 
-def _model(rig: Rig, ratios: Array, params: Array, noise: Array, driven: bool) -> PresentModel:
+def _always(rig: Rig, acting: Acting) -> frozenset[str]:
+    """Effects that are part of every model: the arm that moves, and the gain of its drive if it is unknown."""
+    gain = acting.arm_motor and not drive_gain(rig).known
+    return frozenset([FREE_ARM.name] * acting.arm_moves + [DRIVE_GAIN.name] * gain)
+
+
+def _with_arm(effects: Mapping[str, Mapping[str, float]], rig: Rig, acting: Acting) -> Array:
+    """(SIZE,) parameters of effects, with the arm of the rig file where it moves and is not estimated yet."""
+    inertia, viscous = arm_start(rig)
+    arm = {FREE_ARM.name: {"inertia_kgm2": inertia, "viscous_Nms": viscous}} if acting.arm_moves else {}
+    return effect_params({**arm, **effects})
+
+
+def _model(rig: Rig, ratios: Array, params: Array, noise: Array, acting: Acting) -> PresentModel:
     at = Estimate.of(ratios, params, np.zeros((0, 4)))
-    library = [effect for effect in EFFECTS.values() if _can_act(effect, driven)]
+    library = [effect for effect in EFFECTS.values() if _can_act(effect, rig, acting)]
     columns = (
         *ratio_parameters(at, range(RATIO_COLUMNS)),
         *(parameter for effect in library for parameter in effect_parameters(effect)),
@@ -144,13 +177,30 @@ def _model(rig: Rig, ratios: Array, params: Array, noise: Array, driven: bool) -
     return PresentModel(at, columns, rods, noise, tolerance / 2, rig.encoders.rezeroed)
 
 
-def _can_act(effect: Effect, driven: bool) -> bool:
-    """Whether an effect can act in a planned release: its arm is clamped, and unique events do not recur."""
-    return not (effect.event or effect.absorbed_by or effect.of_arm) and (driven or not effect.driven)
+def _can_act(effect: Effect, rig: Rig, acting: Acting) -> bool:
+    """Whether an effect can act in a planned release; unique events do not recur."""
+    if effect.event or effect.absorbed_by or (effect.of_arm and not acting.arm_moves):
+        return False
+    if effect.joints == (1,) and not acting.elbow:
+        return False
+    if not effect.driven:
+        return True
+    if not effect.of_arm:
+        return acting.joint_drives or (acting.arm_motor and effect.stage == "input")
+    unknown_gain = not drive_gain(rig).known
+    return acting.arm_motor and effect is not (TORQUE_SCALE_JOINT0 if unknown_gain else DRIVE_GAIN)
 
 
 def _noise_of(rig: Rig) -> Array:
-    return np.asarray(rig.reading_std[1:] / np.sqrt(rig.link.rate_hz), dtype=np.float64)
+    """(3,) of joints 1, 2 and 0."""
+    return np.asarray(rig.reading_std[[1, 2, 0]] / np.sqrt(rig.link.rate_hz), dtype=np.float64)
+
+
+def _noise_in(recordings: Recordings) -> Array:
+    """(3,) the same in the recordings; that of the rig file for an arm that was held."""
+    each = [np.median(one.sigma, axis=0) / np.sqrt(RATE_HZ) for one in recordings.records]
+    of_arm = [sigma[2] for sigma in each if len(sigma) > 2] or [_noise_of(recordings.rig)[2]]
+    return np.append(np.median([sigma[:2] for sigma in each], axis=0), np.median(of_arm))
 
 
 def _places(model: PresentModel) -> dict[str, tuple[int, ...]]:
@@ -161,14 +211,17 @@ def _places(model: PresentModel) -> dict[str, tuple[int, ...]]:
     return places
 
 
-def _prior_information(prior: Prior, model: PresentModel) -> Array:
-    """(k, k) information of the rig file: ratios, b and p/b, and amplitudes by their limits."""
+def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str], hidden: Sequence[int]) -> Array:
+    """(k, k) information of the rig file: ratios, b and p/b, and amplitudes by their limits; hidden ratios are fixed."""
     information = np.zeros((len(model.columns), len(model.columns)))
     seen = np.isfinite(prior.mean)
     places = np.flatnonzero(seen)
     information[np.ix_(places, places)] = np.linalg.inv(prior.covariance[np.ix_(seen, seen)])
     for i, column in enumerate(model.columns[RATIO_COLUMNS:], RATIO_COLUMNS):
-        information[i, i] = 1.0 / min(prior.std(column), STRENGTH.zeros * column.size) ** 2
+        widest = np.inf if column.effect in always else STRENGTH.zeros * column.size
+        information[i, i] = 1.0 / min(prior.std(column), widest) ** 2
+    for i in hidden:
+        information[i, i] += (HELD / model.columns[i].size) ** 2
     return information
 
 

@@ -21,6 +21,10 @@ torque_Nm = [0.2, 0.1]
 speed_rad_s = [15.0, 20.0]
 rate_hz = 200
 
+[arm]
+modes = ["driven", "held"]
+input = 4.0
+
 A file may also contain the limits of `dpr-lab accept` ([effects], [ratios]); a plan then states which it decides.
 """
 
@@ -35,7 +39,9 @@ from pydantic import Field, model_validator
 from dpr_lab.acceptance.limits import Limits, refuse_other_limits
 from dpr_lab.configs import read_config
 from dpr_lab.errors import ConfigError
-from dpr_lab.rig import Rig
+from dpr_lab.identification.moving_arm.unknowns import nominal_gain
+from dpr_lab.planning.release import ArmState
+from dpr_lab.rig import Rig, refuse_impossible_arm
 from dpr_lab.rig_tables import AddedMass, Angle, Positive, RigTable
 
 Range = tuple[Angle, Angle]
@@ -97,8 +103,8 @@ class RecordingTimes(RigTable):
 class AllowedRods(RigTable):
     """Rods that may be mounted."""
 
-    mounted: tuple[Literal["both", "inner", "outer"], ...] = ("both",)
-    """Permitted mountings."""
+    mounted: tuple[Literal["both", "inner", "outer"], ...] | None = None
+    """Permitted mountings; None: that of the rig file."""
     elbow: tuple[Literal["free", "clamped"], ...] = ("free",)
     """Permitted states of joint 2; `free` must be among them unless joint 2 is always clamped."""
 
@@ -118,6 +124,31 @@ class DriveLimits(RigTable):
     """Highest frequency of an input signal."""
 
 
+class ArmPlan(RigTable):
+    """What the arm may do in a planned release, and the limits of its motor."""
+
+    modes: tuple[ArmState, ...] | None = None
+    """States of the arm; None: held, and that of the rig file (driven only with `input`)."""
+    input: Positive | None = None
+    """Largest input of the motor, of either sign, in the unit of `[motor]` of the rig file: N m, A or V."""
+    speed_rad_s: Positive = 1e6
+    """Largest speed of the arm."""
+    angle_rad: Positive = 1e6
+    """Largest angle of the arm from 0; `limits` of the rig file hold as well."""
+    rate_hz: Annotated[int, Field(ge=10, le=10_000, strict=True)] = 200
+    """Rate at which the device replays an input signal."""
+    highest_hz: Positive = 5.0
+    """Highest frequency of an input signal."""
+
+    @model_validator(mode="after")
+    def _some_mode(self) -> "ArmPlan":
+        if self.modes == ():
+            raise ValueError("modes is empty: give at least one of held, free, driven")
+        if self.modes is not None and "driven" in self.modes and self.input is None:
+            raise ValueError("a driven arm needs input, the largest input of its motor")
+        return self
+
+
 class StepMinutes(RigTable):
     """Duration of the steps of a recording, minutes."""
 
@@ -129,6 +160,8 @@ class StepMinutes(RigTable):
     """Clamping or freeing the elbow."""
     mount: Minutes = 5.0
     """Mounting other rods."""
+    arm: Minutes = 1.0
+    """Clamping or freeing the arm."""
 
 
 class PlanLimits(Limits):
@@ -144,6 +177,8 @@ class PlanLimits(Limits):
     """Known masses that may be clamped on."""
     drive: DriveLimits | None = None
     """Joint drives; without the table there are none."""
+    arm: ArmPlan = ArmPlan()
+    """The arm."""
     minutes: StepMinutes = StepMinutes()
     """Duration of the steps."""
 
@@ -163,7 +198,8 @@ def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:
                 f"{path}: masses[{number}].position = {mass.position:g}: the {mass.rod} rod of rig {rig.name} is"
                 f" {longest:g} m long"
             )
-    if not {"both", rig.rods.mounted} & {*limits.rods.mounted}:
+    _refuse_impossible_arms(path, limits, rig)
+    if limits.rods.mounted is not None and not {"both", rig.rods.mounted} & {*limits.rods.mounted}:
         raise ConfigError(
             f"{path}: rods.mounted: does not contain {rig.rods.mounted}, the rods of rig {rig.name}: add it"
         )
@@ -173,3 +209,20 @@ def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:
             f"{path}: poses: no pose is inside the limits of theta1_rad, theta2_rad and elbow_rad: widen one of them"
         )
     return limits
+
+
+def _refuse_impossible_arms(path: Path, limits: PlanLimits, rig: Rig) -> None:
+    """Refuse states of the arm that the rig file does not describe."""
+    modes: tuple[ArmState, ...] = limits.arm.modes or (() if limits.arm.input is None else ("driven",))
+    for mode in modes:
+        if mode == "held":
+            continue
+        try:
+            refuse_impossible_arm(rig, mode)
+        except ValueError as error:
+            raise ConfigError(f"{path}: arm.modes: {error}") from None
+    if "driven" in modes and nominal_gain(rig) == 0.0:
+        raise ConfigError(
+            f"{path}: arm.input: the torque of the motor does not follow from [motor] of rig {rig.name}: it needs the"
+            " input torque, current or voltage, with kt, and R for a voltage"
+        )

@@ -9,11 +9,11 @@ import numpy as np
 from dpr_lab.errors import ConfigError
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.planning.candidates import minutes
+from dpr_lab.planning.acting import Acting
+from dpr_lab.planning.candidates import cheapest_minutes
 from dpr_lab.planning.forecast import decided
 from dpr_lab.planning.knowledge import Knowledge, known_after, known_before
 from dpr_lab.planning.limits import PlanLimits
-from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import Plan
 from dpr_lab.planning.sequence import Planner
 from dpr_lab.planning.signals import driven_releases
@@ -63,13 +63,13 @@ def plan(
     """
     limits, runs = limits or PlanLimits(), as_runs(runs)
     if budget_min is not None:
-        _refuse_small(budget_min, limits)
+        _refuse_small(budget_min, limits, rig)
     if runs and diagnosis is None:
         diagnosis = diagnose(runs, rig)
-    started, driven = time.perf_counter(), limits.drive is not None
-    known = known_after(runs, rig, diagnosis, driven) if runs and diagnosis else known_before(rig, driven)
+    started, acting = time.perf_counter(), Acting.of(rig, limits)
+    known = known_after(runs, rig, diagnosis, acting) if runs and diagnosis else known_before(rig, acting)
     objective = Objective.of(known, limits)
-    planner = Planner(objective, limits, np.random.default_rng(seed), driven_releases(known.model, limits))
+    planner = Planner(objective, limits, np.random.default_rng(seed), driven_releases(known.model, limits, rig))
     usual = 0 if _enough(known, limits) else LENGTH.usual
     most = count or (usual if budget_min is None else LENGTH.most)
     steps = planner.sequence(most, budget_min) if most else []
@@ -82,8 +82,8 @@ def _enough(known: Knowledge, limits: PlanLimits) -> bool:
     return settled and not (limits.effects or limits.ratios)
 
 
-def _refuse_small(budget_min: float, limits: PlanLimits) -> None:
-    least = minutes(CandidateRelease(0.0, 0.0, limits.recording.shortest_s), ("both", None), limits)
+def _refuse_small(budget_min: float, limits: PlanLimits, rig: Rig) -> None:
+    least = cheapest_minutes(rig, limits)
     if budget_min < least:
         raise ConfigError(
             f"a budget of {budget_min:.2g} min is too small: one release takes {least:.2g} min (place, release and"

@@ -2,13 +2,24 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.rig_tables import AddedMass, Mounting
 from dpr_lab.setup import Setup, Torques
+
+ArmState = Literal["held", "free", "driven"]
+"""What the arm does: it is clamped, it moves by itself, or its motor drives it by an input signal."""
+
+
+class MountedParts(NamedTuple):
+    """What hangs on the rig, and whether its arm is held."""
+
+    mounting: Mounting = "both"
+    added: AddedMass | None = None
+    arm_held: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,21 +37,28 @@ class CandidateRelease:
     added: AddedMass | None = None
     """Known mass to be clamped to a rod."""
     torques: Torques | None = None
-    """The input signal of joint drives; None for a free swing."""
+    """The input signal of joint drives, or of the arm's motor; None for a free swing."""
     signal: Literal["", "multisine", "chirp"] = ""
     """Kind of the input signal: `multisine` or `chirp`; empty for a free swing."""
+    arm: ArmState = "held"
+    """What the arm does."""
+
+    @property
+    def mounted(self) -> MountedParts:
+        """What must hang on the rig."""
+        return MountedParts(self.mounting, self.added, self.arm == "held")
 
     @property
     def setup(self) -> Setup:
         """Mounting and drives as a setup."""
         elbow = round(self.theta2 - self.theta1, 1) if self.mounting == "clamped" else 0.0
-        return Setup(self.mounting, self.added, elbow, self.torques)
+        return Setup(self.mounting, self.added, elbow, self.torques, arm_moves=self.arm != "held")
 
     @property
     def start(self) -> NDArray[np.float64]:
-        """(4,) state at the release: theta1, theta2 and speeds of zero, rad and rad/s."""
+        """(4,) state at the release: theta1, theta2, speeds of zero, rad and rad/s; (6,) with a moving arm, at 0."""
         theta2 = self.theta1 if self.setup.alone else self.theta2
-        return np.array([self.theta1, theta2, 0.0, 0.0])
+        return np.array([self.theta1, theta2, 0.0, 0.0, *([] if self.arm == "held" else [0.0, 0.0])])
 
     @property
     def words(self) -> str:
@@ -53,4 +71,8 @@ class CandidateRelease:
         if self.added is not None:
             mass = f"{1e3 * self.added.mass:g} g on the {self.added.rod} rod {self.added.position:g} m from its pivot"
             text += f", {mass}"
-        return f"{text}, driven by a {self.signal}" if self.torques else text
+        if self.arm == "free":
+            text += ", arm free"
+        if self.torques is None:
+            return text
+        return f"{text}, {'arm ' if self.arm == 'driven' else ''}driven by a {self.signal}"

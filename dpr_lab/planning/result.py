@@ -47,12 +47,14 @@ class PlannedRelease(_Record):
     """Whether joint 2 is free."""
     added_mass: AddedMass | None
     """A known mass to clamp on; None without one."""
-    arm: Literal["held", "free"]
-    """Mode of the arm."""
+    arm: Literal["held", "free", "driven"]
+    """Mode of the arm: clamped, free, or driven by the input signal."""
     signal: Literal["", "multisine", "chirp"]
-    """Input signal of the joint drives; empty for a free swing."""
+    """Input signal of the joint drives, or of the motor of a driven arm; empty for a free swing."""
     pose: str | None = None
     """Name of the start pose in the written rig file; None without an output folder."""
+    rig: str | None = None
+    """Rig file that describes its pose, rods, mass and arm, for `capture`; None without an output folder."""
     input: str | None
     """File of the input signal, for the device to replay; None for a free swing, or without an output folder."""
     minutes: Number

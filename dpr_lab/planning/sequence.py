@@ -6,16 +6,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.planning.candidates import SEARCH, minutes, mountings, near, novelty, placements, spread_poses
+from dpr_lab.planning.candidates import (
+    SEARCH,
+    minutes,
+    mounted_now,
+    mountings,
+    near,
+    novelty,
+    placements,
+    spread_poses,
+)
 from dpr_lab.planning.information import Informed, informed
 from dpr_lab.planning.limits import PlanLimits
-from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.release import CandidateRelease, MountedParts
 from dpr_lab.planning.worth.objective import Objective
-from dpr_lab.rig_tables import AddedMass, Mounting
 
 Array = NDArray[np.float64]
-
-Mounted = tuple[Mounting, AddedMass | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +53,7 @@ class SequenceSoFar:
     """(k, k) information of prior, runs and the releases chosen so far."""
     made: tuple[CandidateRelease, ...]
     """The runs and the releases chosen so far."""
-    mounted: Mounted
+    mounted: MountedParts
     """Present mounting."""
     left: float
     """Remaining minutes."""
@@ -57,7 +63,7 @@ class SequenceSoFar:
         return SequenceSoFar(
             self.information + step.information,
             (*self.made, step.release),
-            _mounted(step.release),
+            step.release.mounted,
             self.left - step.minutes,
         )
 
@@ -81,8 +87,8 @@ class Planner:
         """
         known = self.objective.known
         pool, steps = self._pool(), list[SequenceStep]()
-        mounted: Mounted = (known.rig.rods.mounting, known.rig.added_mass)
-        now = SequenceSoFar(known.information, known.made, mounted, np.inf if budget_min is None else budget_min)
+        left = np.inf if budget_min is None else budget_min
+        now = SequenceSoFar(known.information, known.made, mounted_now(known.rig), left)
         for _ in range(count):
             chosen = self._best(pool, now)
             if chosen is None:
@@ -96,12 +102,11 @@ class Planner:
         times = self.limits.recording
         duration = min(max(SEARCH.screened_s, times.shortest_s), times.longest_s)
         poses = spread_poses(self.limits, SEARCH.spread, self.rng).tolist()
-        rig = self.objective.known.rig
-        now, *others = mountings(rig, self.limits)
-        releases = [CandidateRelease(a, b, duration, now[0], now[1]) for a, b in poses]
-        for k, (mounting, mass) in enumerate(others):
-            some = poses[k % 2 :: 2] if len(others) < SEARCH.best else poses[k % SEARCH.best :: SEARCH.best]
-            releases += [CandidateRelease(a, b, duration, mounting, mass) for a, b in some]
+        parts = list(mountings(self.objective.known.rig, self.limits))
+        releases = list[CandidateRelease]()
+        for k, one in enumerate(parts):
+            apart = 1 if k == 0 else min(len(parts), SEARCH.best)
+            releases += [_swing(a, b, duration, one) for a, b in poses[k % apart :: apart]]
         return self._informed([*releases, *self.signals])
 
     def _informed(self, releases: Sequence[CandidateRelease], durations: Sequence[float] = ()) -> list[Informed]:
@@ -163,8 +168,9 @@ class Planner:
         return next(iter(self._ranked(averaged, now)), step)
 
 
-def _mounted(release: CandidateRelease) -> Mounted:
-    return release.mounting, release.added
+def _swing(theta1: float, theta2: float, duration_s: float, on: MountedParts) -> CandidateRelease:
+    """A free swing."""
+    return CandidateRelease(theta1, theta2, duration_s, on.mounting, on.added, arm="held" if on.arm_held else "free")
 
 
 def _bent(release: CandidateRelease) -> CandidateRelease:

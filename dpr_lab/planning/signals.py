@@ -1,17 +1,18 @@
-r"""Input signals of joint drives: multi-sines and chirps within limits of torque, speed and angle.
+r"""Input signals of drives at the joints and the arm: multi-sines and chirps within limits of torque, speed and angle.
 
 A multi-sine is a sum of harmonics of one over its length, with the phases of Schroeder, which keep its peak low:
 
     tau(t) = A sum over k of cos(2 pi k t / T + phi_k),    phi_k = -pi k (k - 1) / K.
 
-A chirp sweeps its frequency evenly from the lowest to the highest. Each acts on joint 1, on joint 2 or on both. The
-amplitude is the largest at which the simulated swing keeps speeds and angles, the torque limit at most.
+A chirp sweeps its frequency evenly from the lowest to the highest. Each acts on joint 1, on joint 2, on both, or on the
+motor of the arm, whose input is the torque over the gain of the drive. The amplitude is the largest at which the
+simulated swing keeps speeds and angles, the limit of torque or input at most.
 
 Source: M. R. Schroeder (1970), Synthesis of low-peak-factor signals and binary sequences with low autocorrelation, IEEE
 Trans. Information Theory 16, 85-89.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -20,9 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.identification.moving_arm.setup import drive_gain, rods_measured
+from dpr_lab.planning.acting import arm_states
 from dpr_lab.planning.information import PresentModel, simulated_states
-from dpr_lab.planning.limits import DriveLimits, PlanLimits
-from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.limits import PlanLimits
+from dpr_lab.planning.release import ArmState, CandidateRelease
+from dpr_lab.rig import Rig
 from dpr_lab.setup import Torques
 from dpr_lab.shown import percent
 
@@ -30,6 +34,9 @@ Array = NDArray[np.float64]
 
 COLUMNS = ("t_s", "tau1_Nm", "tau2_Nm")
 """Columns of the file: time since the release, then the torque of each joint, which holds until the next row."""
+
+INPUTS = {"torque": "tau0_Nm", "current": "current_A", "voltage": "voltage_V"}
+"""Input of `[motor]` -> column of the file of an arm's motor, after the time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,61 +74,125 @@ def chirp(t: Array, lowest_hz: float, highest_hz: float) -> Array:
     return np.sin(2 * np.pi * (lowest_hz * t + 0.5 * (highest_hz - lowest_hz) * t**2 / length))
 
 
-SHAPES: dict[Literal["multisine", "chirp"], Callable[[Array, float, float], Array]] = {
+SignalKind = Literal["multisine", "chirp"]
+
+SHAPES: dict[SignalKind, Callable[[Array, float, float], Array]] = {
     "multisine": multisine,
     "chirp": chirp,
 }
 """Kind of signal -> its values at given instants, between two frequencies."""
 
 
-def driven_releases(model: PresentModel, limits: PlanLimits) -> list[CandidateRelease]:
+def driven_releases(model: PresentModel, limits: PlanLimits, rig: Rig) -> list[CandidateRelease]:
     """Releases from hanging under each signal that keeps the limits; none without drives.
 
     Raises:
-        ConfigError: every signal breaks the limits.
+        ConfigError: every signal of a drive breaks its limits.
     """
-    if limits.drive is None:
-        return []
+    of_joints = _kept(_of_joints(limits, rig), model, limits, rig, "drive", "torque_Nm") if limits.drive else []
+    of_arm = "driven" in arm_states(rig, limits)
+    return [*of_joints, *(_kept(_of_arm(limits, rig), model, limits, rig, "arm", "input") if of_arm else [])]
+
+
+def _of_joints(limits: PlanLimits, rig: Rig) -> Iterator[CandidateRelease]:
+    """Signals of the joint drives at the largest torques."""
+    drive = limits.drive
+    assert drive is not None
+    alone = rig.rods.mounting != "both"
+    t = _instants(limits, drive.rate_hz)
+    for kind, values in _shaped(t, drive.highest_hz):
+        for shares in SIGNALS.joints[:1] if alone else SIGNALS.joints:
+            torque = values[:, None] * np.array(shares) * np.array(drive.torque_Nm)
+            yield _driven(Torques(t, torque, "commanded"), kind, "held", rig)
+
+
+def _of_arm(limits: PlanLimits, rig: Rig) -> Iterator[CandidateRelease]:
+    """Signals of the arm's motor at the largest input."""
+    gain, largest = drive_gain(rig), limits.arm.input
+    assert largest is not None
+    t = _instants(limits, limits.arm.rate_hz)
+    for kind, values in _shaped(t, limits.arm.highest_hz):
+        torque, joints = gain.value * largest * values, np.zeros((len(t), 2))
+        scaled = gain.known and not rods_measured(rig)
+        yield _driven(Torques(t, joints, "commanded", torque, scaled), kind, "driven", rig)
+
+
+def _instants(limits: PlanLimits, rate_hz: int) -> Array:
     duration = min(max(SIGNALS.duration_s, limits.recording.shortest_s), limits.recording.longest_s)
-    t = np.arange(round(duration * limits.drive.rate_hz)) / limits.drive.rate_hz
-    releases = []
+    return np.arange(round(duration * rate_hz)) / rate_hz
+
+
+def _shaped(t: Array, highest_hz: float) -> Iterator[tuple[SignalKind, Array]]:
+    """Signals of each kind, up to a quarter of their rate."""
     for kind, shape in SHAPES.items():
-        values = shape(t, SIGNALS.lowest_hz, min(limits.drive.highest_hz, limits.drive.rate_hz / 4))
-        for shares in SIGNALS.joints:
-            torque = values[:, None] * np.array(shares) * np.array(limits.drive.torque_Nm)
-            release = CandidateRelease(np.pi, np.pi, duration, torques=Torques(t, torque, "commanded"), signal=kind)
-            if (kept := _within(release, model, limits.drive)) is not None:
-                releases.append(kept)
-    if not releases:
+        yield kind, shape(t, SIGNALS.lowest_hz, min(highest_hz, 0.25 / t[1]))
+
+
+def _driven(torques: Torques, kind: SignalKind, arm: ArmState, rig: Rig) -> CandidateRelease:
+    """A release from hanging, with what hangs on the rig now."""
+    duration = len(torques.t) * float(torques.t[1])
+    return CandidateRelease(np.pi, np.pi, duration, rig.rods.mounting, rig.added_mass, torques, kind, arm)
+
+
+def _kept(
+    signals: Iterable[CandidateRelease], model: PresentModel, limits: PlanLimits, rig: Rig, table: str, size: str
+) -> list[CandidateRelease]:
+    """The signals at amplitudes that keep speeds and angles.
+
+    Raises:
+        ConfigError: none does; the message names the table of the limits and its key of the size.
+    """
+    kept = [one for signal in signals if (one := _within(signal, model, limits, rig)) is not None]
+    if not kept:
         raise ConfigError(
-            "drive: no signal stays within speed_rad_s and angle_rad of the limits file, even at"
-            f" {percent(SIGNALS.least)} of torque_Nm: raise these limits, or remove [drive]"
+            f"{table}: no signal stays within speed_rad_s and angle_rad of the limits file, even at"
+            f" {percent(SIGNALS.least)} of {size}: raise these limits, or remove {size if table == 'arm' else '[drive]'}"
         )
-    return releases
+    return kept
 
 
-def _within(release: CandidateRelease, model: PresentModel, limits: DriveLimits) -> CandidateRelease | None:
+def _within(release: CandidateRelease, model: PresentModel, limits: PlanLimits, rig: Rig) -> CandidateRelease | None:
     """Release with the largest amplitude that stays within the limits of speed and angle; None if there is none."""
     share, torques = 1.0, release.torques
     assert torques is not None
     while share >= SIGNALS.least:
-        tried = replace(release, torques=Torques(torques.t, share * torques.joints, torques.kind))
-        if _keeps(tried, model, limits):
+        on_arm = None if torques.on_arm is None else share * torques.on_arm
+        tried = replace(release, torques=replace(torques, joints=share * torques.joints, on_arm=on_arm))
+        if _keeps(tried, model, limits, rig):
             return tried
         share *= SIGNALS.shrink
     return None
 
 
-def _keeps(release: CandidateRelease, model: PresentModel, limits: DriveLimits) -> bool:
-    states = simulated_states([release], model)[0]
-    angles = np.stack([states[:, 0] - np.pi, states[:, 1] - states[:, 0]], axis=1)
-    speeds = np.stack([states[:, 2], states[:, 3] - states[:, 2]], axis=1)
-    pairs = ((angles, limits.angle_rad), (speeds, limits.speed_rad_s))
+def _keeps(release: CandidateRelease, model: PresentModel, limits: PlanLimits, rig: Rig) -> bool:
+    states, bend = simulated_states([release], model)[0], float(not release.setup.alone)
+    if release.arm == "driven":
+        low, high = rig.arm.limits or (-np.inf, np.inf)
+        angle, speed = states[:, 4], np.abs(states[:, 5])
+        most = limits.arm.angle_rad
+        return bool(
+            speed.max() <= limits.arm.speed_rad_s and max(low, -most) <= angle.min() and angle.max() <= min(high, most)
+        )
+    drive = limits.drive
+    assert drive is not None
+    angles = np.stack([states[:, 0] - np.pi, bend * (states[:, 1] - states[:, 0])], axis=1)
+    speeds = np.stack([states[:, 2], bend * (states[:, 3] - states[:, 2])], axis=1)
+    pairs = ((angles, drive.angle_rad), (speeds, drive.speed_rad_s))
     return all((np.abs(values).max(axis=0) <= np.array(most)).all() for values, most in pairs)
 
 
-def write_signal(torques: Torques, file: Path) -> None:
-    """The input signal as a table (CSV) that a device replays."""
-    rows = np.column_stack([torques.t, torques.joints]).tolist()
-    lines = [",".join(COLUMNS), *(",".join(f"{value:.9g}" for value in row) for row in rows)]
+def write_signal(torques: Torques, file: Path, rig: Rig) -> None:
+    """The input signal as a table (CSV) that a device replays: torques of both joints, or the input of the arm's motor.
+
+    Args:
+        torques: the signal
+        file: the table
+        rig: its `[motor]` gives the input of the arm's motor
+    """
+    columns, values = COLUMNS, torques.joints
+    if torques.on_arm is not None:
+        assert rig.motor is not None
+        columns, values = ("t_s", INPUTS[rig.motor.input]), torques.on_arm / drive_gain(rig).value
+    rows = np.column_stack([torques.t, values]).tolist()
+    lines = [",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in rows)]
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -50,11 +50,11 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
         releases=releases,
         minutes=sum(one.minutes for one in releases),
         forecast=[one.decided for one in releases if one.decided is not None],
-        ratio_std=_named(ratio_std(known, known.information)),
+        ratio_std=_stds(known, known.information),
         detectable=_detectable(known, after[-1]),
         inseparable=stuck,
         limits=limit_forecasts(known, after[-1], limits),
-        assumptions=_assumptions(known),
+        assumptions=_assumptions(known, releases),
         seconds=seconds,
     )
 
@@ -75,7 +75,7 @@ def _planned(number: int, step: SequenceStep, F: Array, objective: Objective, wh
     gained = [share * d2 for d2 in objective.gained(F)]
     planned = PlannedRelease(
         number=number,
-        text=release.words if known.rig.arm.mode == "clamped" else f"{release.words}, arm clamped",
+        text=release.words + ", arm clamped" * (release.arm == "held" and known.rig.arm.mode != "clamped"),
         reason=why,
         theta1_rad=release.theta1,
         theta2_rad=float(release.start[1]),
@@ -84,26 +84,29 @@ def _planned(number: int, step: SequenceStep, F: Array, objective: Objective, wh
         mounted="both" if release.mounting == "clamped" else release.mounting,
         elbow="clamped" if release.mounting == "clamped" else "free",
         added_mass=release.added,
-        arm="held",
+        arm=release.arm,
         signal=release.signal,
         input=None,
         minutes=step.minutes,
         horizon_s=step.horizon_s,
         pairs=[PairBits(causes=pair, bits=bits) for pair, bits in objective.bits_of(gained).items()],
         library_bits=library_bits(known, F),
-        ratio_std=_named(ratio_std(known, F)),
+        ratio_std=_stds(known, F),
         decided=decision_probability(objective.pairs, gained) if known.diagnosis else None,
         simulated=step.simulated,
     )
     return planned.driven_by(release.torques)
 
 
-def _named(values: Array) -> dict[str, float]:
-    return dict(zip(RATIOS, values.tolist(), strict=True))
+def _stds(known: Knowledge, F: Array) -> dict[str, float]:
+    """Standard deviations of the ratios that some release determines."""
+    named = dict(zip(RATIOS, ratio_std(known, F).tolist(), strict=True))
+    return {name: std for i, (name, std) in enumerate(named.items()) if i not in known.hidden_ratios}
 
 
 def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
-    before, after = detectable(known, known.information, SIGMAS), detectable(known, F, SIGMAS)
+    names = [name for name in known.places if name not in known.always]
+    before, after = (detectable(known, one, SIGMAS, names) for one in (known.information, F))
     return [
         Detectable(
             effect=name,
@@ -165,10 +168,10 @@ def _sentence(
     return f"With {more} the probability that the causes are decided is {chances[number - 1]:.2f}.{note}"
 
 
-def _assumptions(known: Knowledge) -> list[str]:
+def _assumptions(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[str]:
     angle = known.model.placement_rad
     assumptions = [
-        "The arm is held.",
+        *_about_arm(known, releases),
         "The model is linearised about the present estimate; the best releases are simulated.",
         f"A hand places the rods to {angle:.2g} rad (one standard deviation, half the tolerance of the rig's"
         " poses). Beyond the horizon of a release, its information is averaged over such initial states.",
@@ -180,3 +183,12 @@ def _assumptions(known: Knowledge) -> list[str]:
             " the model exceeds the noise."
         )
     return assumptions
+
+
+def _about_arm(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[str]:
+    if not known.always:
+        unused = known.rig.arm.mode == "driven" and known.rig.motor is not None
+        hint = " A limits file with input in [arm] lets a plan drive it." if unused else ""
+        return [f"The arm is held.{hint}"]
+    moving = [one for one in releases if one.arm != "held"]
+    return ["The arm starts at rest at theta0 = 0 and is held until the release."] if moving else []

@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import dataclass
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,14 +12,16 @@ from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
-    from dpr_lab.planning.result import Plan, PlannedRelease
+    from dpr_lab.planning.result import Plan
     from dpr_lab.rig import Rig
 
 RECORD = "plan.json"
 """In the folder of a plan: what `plan --json` prints."""
 
 RIG_FILE = "rig.toml"
-"""In the same folder: the rig file with the start poses of the plan, for `capture --pose`."""
+"""In the same folder: the rig file with the start poses of the plan, for `capture --pose`. Releases with other rods,
+another mass or another mode of the arm have their own, such as `rig_P2.toml`.
+"""
 
 UNITS = {"s": 1 / 60, "min": 1.0, "h": 60.0}
 """Unit of a budget -> minutes."""
@@ -43,7 +44,7 @@ class PlanRequest:
     seed: int = 0
     """Same seed, same plan."""
     out: Path | None = None
-    """Folder of `RECORD` and of input signals; None: none are written."""
+    """Folder of `RECORD`, rig files and input signals; None: none are written."""
     any_clock: bool = False
     """Whether to take runs of a device whose clock is further off than a crystal's."""
     torque: str | None = None
@@ -87,11 +88,11 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
     if request.runs:
         if request.diagnosis:
             diagnosis = load_diagnosis(request.diagnosis)
-            runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque)
+            runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque, moving=True)
         else:
             wanted = DiagnoseRequest(request.runs, request.rig, any_clock=request.any_clock, torque=request.torque)
             diagnosis = diagnose(wanted, on_event).diagnosis
-            runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
+            runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque, moving=True)
     made = plan_runs(rig, runs, diagnosis, limits=limits, budget_min=budget, seed=request.seed)
     return _kept(made, rig, request.out)
 
@@ -110,39 +111,26 @@ def minutes(text: str) -> float:
 
 
 def _kept(made: "Plan", rig: "Rig", out: Path | None) -> PlanResult:
-    """Write the plan, its input signals, and the rig file with its start poses."""
+    """Write the plan, its input signals, and the rig files with its start poses."""
     from dpr_lab.planning.signals import write_signal
     from dpr_lab.report.files import write_json
+    from dpr_lab.workflows.planned_rigs import planned_poses, planned_rigs
 
     if out is None:
         return PlanResult(made, {})
     files, releases = {"plan": str(out / RECORD), "rig": str(out / RIG_FILE)}, []
     out.mkdir(parents=True, exist_ok=True)
     poses = planned_poses(made, rig)
-    assert rig.path is not None
-    (out / RIG_FILE).write_text(rig.path.read_text(encoding="utf-8").rstrip() + "\n" + _tables(poses), encoding="utf-8")
-    for one, pose in zip(made.releases, poses, strict=True):
-        one = one.model_copy(update={"pose": pose})
+    rigs = planned_rigs(poses, rig, out / RIG_FILE)
+    for pose, one in poses.items():
+        one = one.model_copy(update={"pose": pose, "rig": str(rigs[pose])})
+        files.setdefault("rig" if rigs[pose].name == RIG_FILE else rigs[pose].stem, str(rigs[pose]))
         if one.torques is not None:
             file = out / f"input_{one.number}.csv"
-            write_signal(one.torques, file)
+            write_signal(one.torques, file, rig)
             files[file.stem] = str(file)
             one = one.model_copy(update={"input": str(file)})
         releases.append(one)
     result = PlanResult(made.model_copy(update={"releases": releases}), files)
     write_json(result.to_json(), out / RECORD)
     return result
-
-
-def planned_poses(made: "Plan", rig: "Rig") -> "dict[str, PlannedRelease]":
-    """The releases of a plan by names of poses that the rig file does not have yet: P1, P2, ..."""
-    free = (name for number in count(1) if (name := f"P{number}") not in rig.poses)
-    return dict(zip(free, made.releases, strict=False))
-
-
-def _tables(poses: "dict[str, PlannedRelease]") -> str:
-    """Start poses as tables of a rig file."""
-    return "".join(
-        f"\n[poses.{name}]\ntheta1 = {one.theta1_rad:.4f}\ntheta2 = {one.theta2_rad:.4f}\n"
-        for name, one in poses.items()
-    )

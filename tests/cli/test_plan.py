@@ -4,7 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from dpr_lab.errors import ConfigError
+from dpr_lab.planning.limits import PlanLimits
+from dpr_lab.planning.plan import plan
 from dpr_lab.rig import load_rig
+from dpr_lab.rig_tables import AddedMass
+from dpr_lab.workflows.planned_rigs import planned_rigs
 from tests.schemas import validator
 
 LIMITS = """
@@ -33,11 +38,65 @@ def test_from_the_rig_file_alone(cli, tmp_path: Path) -> None:
     for one in done.json["releases"]:
         assert written.poses[one["pose"]].theta1 == pytest.approx(one["theta1_rad"], abs=1e-4)
         assert one["pose"] not in load_rig("paper").poses
+        assert one["rig"] == str(out / "rig.toml")
     signals = [one for one in done.json["releases"] if one["signal"]]
     assert signals
     rows = Path(signals[0]["input"]).read_text().splitlines()
     assert rows[0] == "t_s,tau1_Nm,tau2_Nm"
     assert len(rows) == 501
+
+
+def test_other_rods_a_mass_and_the_arm_are_in_a_rig_file_of_their_own(tmp_path: Path) -> None:
+    rig = tmp_path / "own.toml"
+    paper = load_rig("driven_double")
+    assert paper.path is not None
+    text = paper.path.read_text()
+    text = text.replace("[link]", '# what hangs\n[rods]\nmounted = "both"  # now\n\n[link]').replace(
+        "[poses.X1]", "[poses.P1]"
+    )
+    rig.write_text(text)
+    own = load_rig(rig)
+    (first,) = plan(
+        own, limits=PlanLimits.model_validate({"recording": {"shortest_s": 5.0, "longest_s": 5.0}}), count=1
+    ).releases
+    mass = AddedMass(rod="inner", mass=0.2, position=0.2)
+    releases = [
+        first,
+        first.model_copy(update={"elbow": "clamped"}),
+        first.model_copy(update={"added_mass": mass}),
+        first.model_copy(update={"elbow": "clamped"}),
+        first.model_copy(update={"mounted": "inner", "arm": "free"}),
+    ]
+    made = planned_rigs(dict(zip(("P2", "P3", "P4", "P5", "P6"), releases, strict=True)), own, tmp_path / "rig.toml")
+    assert [path.name for path in made.values()] == [
+        "rig_P2.toml",
+        "rig_P3.toml",
+        "rig_P4.toml",
+        "rig_P3.toml",
+        "rig_P6.toml",
+    ]
+    for (pose, path), release in zip(made.items(), releases, strict=True):
+        described = load_rig(path)
+        assert (described.rods.mounted, described.rods.elbow) == (release.mounted, release.elbow)
+        assert described.added_mass == release.added_mass
+        assert described.arm.mode == ("free" if release.arm == "free" else "clamped")
+        assert described.poses[pose].theta1 == pytest.approx(release.theta1_rad, abs=1e-4)
+        assert "# A rotary double pendulum whose arm" in path.read_text()
+    assert set(load_rig(tmp_path / "rig.toml").poses) == {"P1", "X2"}
+
+
+def test_a_rig_file_whose_tables_cannot_be_replaced_is_refused(tmp_path: Path) -> None:
+    paper = load_rig("paper")
+    assert paper.path is not None
+    rig = tmp_path / "own.toml"
+    rig.write_text('rods.mounted = "both"\n' + paper.path.read_text())
+    own = load_rig(rig)
+    (first,) = plan(
+        own, limits=PlanLimits.model_validate({"recording": {"shortest_s": 5.0, "longest_s": 5.0}}), count=1
+    ).releases
+    clamped = first.model_copy(update={"elbow": "clamped"})
+    with pytest.raises(ConfigError, match=r"own\.toml: write rods, added_mass and arm as tables"):
+        planned_rigs({"P1": clamped}, own, tmp_path / "rig.toml")
 
 
 def test_the_tables_name_what_to_record(cli, tmp_path: Path) -> None:

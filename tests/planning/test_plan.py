@@ -8,6 +8,7 @@ import pytest
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.planning.acting import Acting
 from dpr_lab.planning.candidates import mountings, novelty
 from dpr_lab.planning.forecast import decided, decision_probability
 from dpr_lab.planning.information import informed, simulated_states
@@ -70,14 +71,23 @@ def test_what_may_be_mounted_follows_the_limits(paper: Rig) -> None:
     allowed = limits(rods={"mounted": ["both", "inner"], "elbow": ["free", "clamped"]}, masses=[mass])
     (added,) = allowed.masses
     expected = [("both", None), ("both", added), ("inner", None), ("clamped", None), ("clamped", added)]
-    assert list(mountings(paper, allowed)) == expected
+    assert list(mountings(paper, allowed)) == [(*one, True) for one in expected]
+
+
+def test_rods_that_a_rig_does_not_have_are_not_planned() -> None:
+    furuta = load_rig("furuta")
+    assert [one.mounting for one in mountings(furuta, PlanLimits())] == ["inner"]
+    made = plan(furuta, count=1)
+    assert made.releases[0].mounted == "inner"
+    assert set(made.ratio_std) == {"e1/b", "c1/b"}
+    assert not [one.effect for one in made.detectable if one.effect.endswith("joint2")]
 
 
 def test_a_signal_keeps_speed_and_torque_and_a_device_replays_it(paper: Rig, tmp_path: Path) -> None:
     allowed = limits(drive={"torque_Nm": [0.2, 0.1], "speed_rad_s": [6.0, 8.0], "rate_hz": 100})
     assert allowed.drive is not None
-    model = known_before(paper, driven=True).model
-    signals = driven_releases(model, allowed)
+    model = known_before(paper, Acting.of(paper, allowed)).model
+    signals = driven_releases(model, allowed, paper)
     assert {one.signal for one in signals} == {"multisine", "chirp"}
     for one in signals:
         assert one.torques is not None
@@ -87,7 +97,7 @@ def test_a_signal_keeps_speed_and_torque_and_a_device_replays_it(paper: Rig, tmp
         assert np.abs(speeds[:, 1] - speeds[:, 0]).max() <= 8.0
     file = tmp_path / "input.csv"
     assert signals[0].torques is not None
-    write_signal(signals[0].torques, file)
+    write_signal(signals[0].torques, file, paper)
     replayed = load_drives(file, DriveConfig(), 0)
     np.testing.assert_allclose(replayed.joints, signals[0].torques.joints, atol=1e-8)
 
@@ -164,7 +174,7 @@ def test_a_plan_after_runs_speaks_of_the_open_causes(two_runs: list[Run], two_fo
             "no pose is inside the limits",
         ),
         ("[poses]\ntheta3_rad = [0.0, 1.0]", "unknown key; there are: elbow_rad, theta1_rad, theta2_rad"),
-        ("[recrding]\nlongest_s = 20.0", "recrding: unknown key; nearest of 9: recording"),
+        ("[recrding]\nlongest_s = 20.0", "recrding: unknown key; nearest of 10: recording"),
         (
             '[effects.coulomb_joint2]\ntorque_Nm = {mx = 1.0, unit = "N m"}',
             "mx = 1.0: unknown key; there are: max, unit",

@@ -49,10 +49,10 @@ are diagnosed first.
 
 - **limits file**: which poses can be reached, what can be mounted, and how many minutes each step takes.
 - **budget**: time at the rig, such as `10min`; without it three releases are planned.
-- `{plan.take}` takes the marked release as the next pose and duration of Capture. Nothing moves and nothing is
-  released: Capture guides you to the pose as to any other.
+- `{plan.take}` takes the marked release as the next pose and duration of Capture, with the rig file that describes
+  its rods, mass and arm. Nothing moves and nothing is released: Capture guides you to the pose as to any other.
 
-`plan.json` and a rig file with the planned poses are written to `plan/` in the folder of the workspace, as
+`plan.json` and rig files with the planned poses are written to `plan/` in the folder of the workspace, as
 `dpr-lab plan --out` writes them.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -146,28 +146,32 @@ are diagnosed first.
     async def action_take(self) -> None:
         """Make the marked release the next pose of Capture; nothing is released."""
         release = self._marked
-        if release is None or self._made is None or release.pose is None:
+        if release is None or self._made is None or release.pose is None or release.rig is None:
             raise DprError(self.worded(ONE))
-        self._refuse_other_setup(release)
+        if release.input is not None:
+            raise DprError(DRIVEN.format(text=release.text, file=release.input))
+        mounted = "" if release.rig == self._made.files["rig"] else f" ({release.text})"
+        if not mounted:
+            self._refuse_changed_setup(release)
         self.services.require_free()
-        self.workspace.rig = str(Path(self._made.files["rig"]).resolve())
+        self.workspace.rig = str(Path(release.rig).resolve())
         self.workspace.used(self.workspace.rig)
         self.workspace.next_pose, self.workspace.next_duration_s = release.pose, release.duration_s
         if self.device.connected is not None:
             await self.services.connect()  # the recorder reads the rig file with the new pose
         capture = self.services.key_of("Capture")
-        self.say(f"{release.pose} for {release.duration_s:g} s is the next release of Capture: press {capture}")
+        self.say(
+            f"{release.pose} for {release.duration_s:g} s{mounted} is the next release of Capture: press {capture}"
+        )
         self.post_message(self.Done())
 
-    def _refuse_other_setup(self, release: "PlannedRelease") -> None:
-        """Refuse a release that a recording with the current rig file would describe wrongly."""
+    def _refuse_changed_setup(self, release: "PlannedRelease") -> None:
+        """Refuse a release that was planned for other rods or masses than the current rig file describes."""
         rig = load_rig(self.workspace.rig)
         mounting = "clamped" if release.elbow == "clamped" else release.mounted
         if (mounting, release.added_mass) != (rig.rods.mounting, rig.added_mass):
             text = OTHER_SETUP.replace("{text}", release.text).replace("{rig}", self.services.key_of("Rig"))
             raise DprError(self.worded(text))
-        if release.input is not None:
-            raise DprError(DRIVEN.format(text=release.text, file=release.input))
 
     @property
     def _marked(self) -> "PlannedRelease | None":

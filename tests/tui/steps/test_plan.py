@@ -10,6 +10,7 @@ from textual.app import App
 from textual.widgets import DataTable, Input, Static
 
 from dpr_lab.rig import load_rig
+from dpr_lab.rig_tables import AddedMass
 from dpr_lab.storage.reader import load_run
 from dpr_lab.tui.app import DprApp
 from dpr_lab.tui.recorder.attempt import Phase
@@ -17,6 +18,7 @@ from dpr_lab.tui.steps.capture import CaptureStep
 from dpr_lab.tui.steps.plan import PlanStep
 from dpr_lab.tui.steps.rig import RigStep
 from dpr_lab.tui.workspace import Workspace
+from dpr_lab.workflows.planned_rigs import planned_rigs
 from tests.tui.conftest import Watched
 
 SHORT = "[recording]\nshortest_s = 2.0\nlongest_s = 2.0\n"
@@ -84,10 +86,30 @@ async def test_a_release_without_the_mass_of_the_present_rig_file_is_not_recorde
         assert (pilot.app.workspace.rig, pilot.app.workspace.next_pose) == (str(loaded), "")
 
 
+async def test_a_release_with_another_mass_brings_the_rig_file_that_describes_it(lab, until, tmp_path: Path) -> None:
+    async with lab(PlanStep) as pilot:
+        await planned(pilot, until, tmp_path)
+        planner = step(pilot.app)
+        assert planner._made is not None
+        made = planner._made
+        first = made.plan.releases[0]
+        mass = AddedMass(rod="outer", mass=0.1, position=0.2)
+        loaded = first.model_copy(update={"added_mass": mass, "text": "with 100 g on the outer rod"})
+        files = planned_rigs({"P1": loaded}, load_rig("paper"), tmp_path / "rig.toml")
+        loaded = loaded.model_copy(update={"rig": str(files["P1"])})
+        planner._made = replace(made, plan=made.plan.model_copy(update={"releases": [loaded]}))
+        planner._draw(planner._made.plan)
+        await pilot.press("A")
+        await pilot.pause()
+        assert load_rig(pilot.app.workspace.rig).added_mass == mass
+        assert pilot.app.workspace.next_pose == "P1"
+        assert "100 g on the outer rod" in text(pilot.app, "#state")
+
+
 async def test_wrong_limits_and_budgets_are_refused_in_words(lab, until, said, tmp_path: Path) -> None:
     async with lab(PlanStep) as pilot:
         for limits, budget, words in (
-            ("[recrding]\n", "", "recrding: unknown key; nearest of 9: recording"),
+            ("[recrding]\n", "", "recrding: unknown key; nearest of 10: recording"),
             (SHORT, "1s", "is too small: one release takes"),
             (SHORT, "soon", "give a time such as 10min"),
         ):

@@ -1,0 +1,79 @@
+"""What may hang on the rig and act on it in the releases of a plan."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS, visible_ratios
+from dpr_lab.planning.limits import PlanLimits
+from dpr_lab.planning.release import ArmState
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import Mounting
+from dpr_lab.setup import Setup
+
+
+def arm_states(rig: Rig, limits: PlanLimits) -> tuple[ArmState, ...]:
+    """States of the arm in the releases of a plan: those of the limits file, else that of the rig file and held.
+
+    An arm is driven only if the limits file has the largest input. An arm that is prescribed, or driven by an
+    acceleration, is held: a plan does not choose its motion.
+    """
+    if limits.arm.modes is not None:
+        return limits.arm.modes
+    if rig.arm.mode == "free":
+        return "free", "held"
+    return ("driven", "held") if rig.arm.mode == "driven" and limits.arm.input is not None else ("held",)
+
+
+def allowed_rods(rig: Rig, limits: PlanLimits) -> tuple[Mounting, ...]:
+    """Rods that may hang on the rig, as they are now first."""
+    now: Mounting = rig.rods.mounting
+    clamped: tuple[Mounting, ...] = ("clamped",) if "clamped" in limits.rods.elbow and now == "both" else ()
+    return tuple(dict.fromkeys((now, *(limits.rods.mounted or ()), *clamped)))
+
+
+@dataclass(frozen=True, slots=True)
+class Acting:
+    """What may act in planned releases."""
+
+    rods: frozenset[Mounting] = frozenset({"both"})
+    """What may swing."""
+    joint_drives: bool = False
+    """Whether drives of joints 1 and 2 may act."""
+    arm_moves: bool = False
+    """Whether the arm may be free or driven."""
+    arm_motor: bool = False
+    """Whether the arm's motor may act."""
+
+    @classmethod
+    def of(cls, rig: Rig, limits: PlanLimits) -> "Acting":
+        """By the rig file and the limits of a plan."""
+        states, rods = arm_states(rig, limits), frozenset(allowed_rods(rig, limits))
+        return cls(rods, limits.drive is not None, states != ("held",), "driven" in states)
+
+    def besides(self, setups: Sequence[Setup]) -> "Acting":
+        """With what acted in recordings."""
+        driven = [setup.torques for setup in setups if setup.torques is not None]
+        return replace(
+            self,
+            rods=self.rods.union(setup.mounting for setup in setups),
+            joint_drives=self.joint_drives or any(bool(torques.joints.any()) for torques in driven),
+            arm_moves=self.arm_moves or any(setup.arm_moves for setup in setups),
+            arm_motor=self.arm_motor or any(torques.on_arm is not None for torques in driven),
+        )
+
+    @property
+    def elbow(self) -> bool:
+        """Whether there is a joint 2 in any release."""
+        return bool(self.rods - {"inner", "outer"})
+
+    @property
+    def hidden_ratios(self) -> tuple[int, ...]:
+        """Indices of ratios, b and p/b that no release determines: those of the rod that is not there."""
+        if "both" in self.rods:
+            return ()
+        visible = visible_ratios([Setup(mounting) for mounting in self.rods])
+        return tuple(i for i in range(len(UNKNOWN_RATIOS)) if i not in visible and i != SCALE)
+
+
+GRAVITY_ONLY = Acting()
+"""Free swings of both rods with a clamped arm."""

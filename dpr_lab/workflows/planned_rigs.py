@@ -1,0 +1,91 @@
+"""Rig files that describe the releases of a plan: its start poses, and what hangs on the rig in each of them."""
+
+import re
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig import Rig, parse_rig
+from dpr_lab.whole_file import write_text
+
+if TYPE_CHECKING:
+    from dpr_lab.planning.result import Plan, PlannedRelease
+
+ARM_MODES = {"held": "clamped", "free": "free", "driven": "driven"}
+"""Arm of a planned release -> mode in the rig file."""
+
+
+def planned_poses(made: "Plan", rig: Rig) -> "dict[str, PlannedRelease]":
+    """The releases of a plan by names of poses that the rig file does not have yet: P1, P2, ..."""
+    free = (name for number in count(1) if (name := f"P{number}") not in rig.poses)
+    return dict(zip(free, made.releases, strict=False))
+
+
+def planned_rigs(poses: "dict[str, PlannedRelease]", rig: Rig, to: Path) -> dict[str, Path]:
+    """Write a rig file for each setup of a plan: rods, added mass and mode of the arm.
+
+    Args:
+        poses: releases by the name of their pose
+        rig: the rig file that was planned for
+        to: the file for releases with its own setup; another setup adds the name of its first pose
+
+    Returns:
+        pose -> the file that describes it
+
+    Raises:
+        ConfigError: a file cannot be written, or the rig file has a form in which its tables cannot be replaced.
+    """
+    assert rig.path is not None
+    text = rig.path.read_text(encoding="utf-8").rstrip() + "\n"
+    own, files, described = _setup_of(rig), dict[str, Path](), {_setup_of(rig): to}
+    for name, release in poses.items():
+        files[name] = described.setdefault(_setup(release, rig), to.with_name(f"{to.stem}_{name}{to.suffix}"))
+    for setup, file in described.items():
+        base = text if setup == own else _with_setup(text, setup, rig)
+        mine = {name: poses[name] for name, its in files.items() if its == file}
+        write_text(file, base + _pose_tables(mine), ConfigError)
+    return files
+
+
+Setup = tuple[str, str, str, str]
+"""Mounted rods, elbow, added mass as a TOML table, and mode of the arm."""
+
+
+def _setup_of(rig: Rig) -> Setup:
+    mass = rig.added_mass
+    return rig.rods.mounted, rig.rods.elbow, "" if mass is None else _mass_table(mass.model_dump()), rig.arm.mode
+
+
+def _setup(release: "PlannedRelease", rig: Rig) -> Setup:
+    mass = "" if release.added_mass is None else _mass_table(release.added_mass.model_dump())
+    mode = ARM_MODES[release.arm]
+    held = release.arm == "held" and rig.arm.mode not in ("free", "driven")
+    return release.mounted, release.elbow, mass, rig.arm.mode if held else mode
+
+
+def _mass_table(mass: dict[str, object]) -> str:
+    return f'[added_mass]\nrod = "{mass["rod"]}"\nmass = {mass["mass"]}\nposition = {mass["position"]}\n'
+
+
+def _with_setup(text: str, setup: Setup, rig: Rig) -> str:
+    """A rig file with another setup; comments outside the replaced tables are kept."""
+    mounted, elbow, mass, mode = setup
+    for table in ("rods", "added_mass"):
+        text = re.sub(rf"(?ms)^\[{table}\][^\n]*\n(?:(?!^\[).*?\n)*", "", text)
+    text = re.sub(r'(?ms)(^\[arm\][^\n]*\n(?:(?!^\[).*?\n)*?mode\s*=\s*)"[^"]*"', rf'\1"{mode}"', text)
+    text = f'{text.rstrip()}\n\n[rods]\nmounted = "{mounted}"\nelbow = "{elbow}"\n' + (f"\n{mass}" if mass else "")
+    try:
+        described = _setup_of(parse_rig(text))
+    except ConfigError:
+        described = None
+    if described != setup:
+        raise ConfigError(f"{rig.path}: write rods, added_mass and arm as tables [rods], [added_mass] and [arm]")
+    return text
+
+
+def _pose_tables(poses: "dict[str, PlannedRelease]") -> str:
+    return "".join(
+        f"\n[poses.{name}]\ntheta1 = {one.theta1_rad:.4f}\ntheta2 = {one.theta2_rad:.4f}\n"
+        for name, one in poses.items()
+    )
