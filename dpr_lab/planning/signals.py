@@ -144,9 +144,10 @@ def _kept(
     """
     kept = [one for signal in signals if (one := _within(signal, model, limits, rig)) is not None]
     if not kept:
+        which = size if table == "arm" else "[drive]"
         raise ConfigError(
             f"{table}: no signal stays within speed_rad_s and angle_rad of the limits file, even at"
-            f" {percent(SIGNALS.least)} of {size}: raise these limits, or remove {size if table == 'arm' else '[drive]'}"
+            f" {percent(SIGNALS.least)} of {size}: raise these limits, or remove {which}"
         )
     return kept
 

@@ -24,6 +24,12 @@ from tests.tui.conftest import Watched
 SHORT = "[recording]\nshortest_s = 2.0\nlongest_s = 2.0\n"
 
 
+def paper_text() -> str:
+    path = load_rig("paper").path
+    assert path is not None
+    return path.read_text()
+
+
 def text(app: App[None], widget: str) -> str:
     console = Console(width=100, color_system=None, markup=False)
     with console.capture() as captured:
@@ -76,7 +82,7 @@ async def test_a_release_without_the_mass_of_the_present_rig_file_is_not_recorde
 ) -> None:
     loaded = tmp_path / "loaded.toml"
     mass = '\n[added_mass]\nrod = "outer"\nmass = 0.1\nposition = 0.2\n'
-    loaded.write_text(load_rig("paper").path.read_text() + mass)
+    loaded.write_text(paper_text() + mass)
     async with lab(PlanStep) as pilot:
         await planned(pilot, until, tmp_path)
         pilot.app.workspace.rig = str(loaded)
@@ -121,7 +127,7 @@ async def test_wrong_limits_and_budgets_are_refused_in_words(lab, until, said, t
 
 def test_new_poses_leave_results_valid_and_another_rod_does_not(tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
-    rig.write_text(load_rig("paper").path.read_text())
+    rig.write_text(paper_text())
     before = Workspace(rig=str(rig)).basis()["the rig"]
     more = tmp_path / "more.toml"
     more.write_text(rig.read_text() + "\n[poses.P1]\ntheta1 = 1.0\ntheta2 = 2.0\n")
@@ -149,9 +155,10 @@ async def test_the_taken_release_is_recorded_only_by_the_release_key(until, tmp_
         assert (capture.attempt, app.device.ordered) == (None, None)
         await pilot.press("s")
         await until(pilot, lambda: capture.attempt is not None and capture.attempt.phase is Phase.READY)
+        assert capture.attempt is not None
         assert capture.attempt.name == "P1"
         await pilot.press("r")
-        await until(pilot, lambda: capture.attempt.phase is Phase.JUDGED)
+        await until(pilot, lambda: capture.attempt is not None and capture.attempt.phase is Phase.JUDGED)
         await pilot.press("k")
         await until(pilot, lambda: app.workspace.runs)
     run = load_run(app.workspace.runs[0])
