@@ -39,8 +39,15 @@ RATIO_COLUMNS = len(UNKNOWN_RATIOS)
 """The unknowns begin with the ratios, b and p/b; amplitudes of effects follow."""
 
 
-HELD = 1e6
-"""Relative exactness of a ratio that no release determines."""
+@dataclass(frozen=True, slots=True)
+class HeldRatios:
+    """How ratios that no release determines are kept at their values."""
+
+    exactness: float = 1e6
+    """Size of a ratio over its standard deviation."""
+
+
+HELD = HeldRatios()
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +228,7 @@ def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str]
         widest = np.inf if column.effect in always else STRENGTH.zeros * column.size
         information[i, i] = 1.0 / min(prior.std(column), widest) ** 2
     for i in hidden:
-        information[i, i] += (HELD / model.columns[i].size) ** 2
+        information[i, i] += (HELD.exactness / model.columns[i].size) ** 2
     return information
 
 
