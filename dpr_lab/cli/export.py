@@ -124,6 +124,11 @@ def _ensemble(
         rows = [(b.run, percent(b.covered), f"{b.until_s:.3g}", f"{1e3 * b.width_rad:.3g}") for b in done.bands]
         note = f"Standard deviations multiplied by {done.factor:g}, so that the bands cover these runs."
         table("Predictive bands", columns, rows, note=note)
+    if not (done.from_diagnosis or done.bands):
+        line(
+            "The model has no diagnosis next to it: the ensemble lacks the scatter between recordings and other causes,"
+            " so its bands may be too narrow. Give the folder of a diagnosis, or --check RUN to widen the bands."
+        )
     say(f"ensemble: {done.file}")
     if done.folders:
         say(f"files: {done.folders[0]} to {done.folders[-1].name}")

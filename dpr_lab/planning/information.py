@@ -126,8 +126,8 @@ def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> 
     seen = joints.reshape(len(batch), -1, axes)
     seen[:, :, 1] += model.rods.constants.relative2 * seen[:, :, 0]
     at_rest, first = starts[:, None, [0, 1, 4][:axes]], t[read][0]
-    begun = at_rest + (seen[:, :1] - at_rest) * (t[~read] / first)[:, None] ** 2
-    theta = np.concatenate([begun, seen], axis=1)
+    before = at_rest + (seen[:, :1] - at_rest) * (t[~read] / first)[:, None] ** 2
+    theta = np.concatenate([before, seen], axis=1)
     omega = np.gradient(theta, 1 / SWING.path_hz, axis=1)
     omega[:, 0] = 0.0
     return np.concatenate([theta[:, :, :2], omega[:, :, :2], theta[:, :, 2:], omega[:, :, 2:]], axis=2)

@@ -16,7 +16,14 @@ from dpr_lab.workflows.events import OnEvent, ignore
 if TYPE_CHECKING:
     from dpr_lab.exports.into.least_change import LeastChange
     from dpr_lab.exports.into.replay import FileReplay
+    from dpr_lab.exports.into.target import PatchedModel
+    from dpr_lab.identification.model import Model
+    from dpr_lab.rig import Rig
     from dpr_lab.simulator_models.xml_edit import ChangedAttribute
+
+
+FORCED = "with_passive_forces"
+"""Folder, in that of the diagnosis, of the model file to which a module of passive forces belongs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +40,10 @@ class SimulatorDiagnosis:
     """Unified diff."""
     lost: dict[str, str] = field(default_factory=dict)
     """Effect -> reason why the file cannot contain it."""
+    forced: "PatchedModel | None" = None
+    """The file with the whole corrected model, for which a module of passive forces has the effects that the file
+    cannot contain; None if there are none, or none that the module can contain.
+    """
     replays: "tuple[FileReplay, ...]" = ()
     """Errors before and after: on held-out runs, or on the fitted runs if none are held out."""
     refused: str = ""
@@ -50,6 +61,7 @@ class SimulatorDiagnosis:
                 "changes": [asdict(change) for change in self.changes],
                 "diff": self.diff,
                 "lost": self.lost,
+                "passive": list(self.forced.passive.effects) if self.forced else [],
                 "replays": [asdict(replay) for replay in self.replays],
                 "refused": self.refused,
             }
@@ -117,9 +129,25 @@ def diagnose_simulator(
     old, new = (text.splitlines(keepends=True) for text in (before, after))
     diff = "".join(unified_diff(old, new, str(simulator), f"corrected {simulator.name}", n=1))
     unseen = read_runs(request.held_out, rig, ignore, request.any_clock, request.torque) or runs
+    forced = _forced(model, rig, simulator, joints) if lost else None
     replays = replay_files(simulator, patched, names, model, rig, unseen) if _runs_here() else []
-    done = replace(done, changes=patched.changes, diff=diff, lost=lost | patched.lost, replays=tuple(replays))
+    if forced and replays:
+        others = replay_files(simulator, forced, names, model, rig, unseen)
+        replays = [replace(a, passive_rad=b.passive_rad) for a, b in zip(replays, others, strict=True)]
+    changed = {"changes": patched.changes, "diff": diff, "lost": lost | patched.lost, "replays": tuple(replays)}
+    done = replace(done, forced=forced, **changed)
     return _written(done, request.out, after) if request.out else done
+
+
+def _forced(model: "Model", rig: "Rig", simulator: Path, joints: Sequence[str]) -> "PatchedModel | None":
+    """The file with the whole model, if passive forces complete it; None otherwise."""
+    from dpr_lab.exports.into import into_file
+
+    try:
+        whole = into_file(model, rig, simulator, joints)
+    except ConfigError:  # as the file of the simpler model was written, only this one is impossible
+        return None
+    return whole if whole.passive.module else None
 
 
 def _runs_here() -> bool:
@@ -128,6 +156,7 @@ def _runs_here() -> bool:
 
 
 def _written(done: SimulatorDiagnosis, out: Path, text: str) -> SimulatorDiagnosis:
+    from dpr_lab.exports.mjcf import CALLBACK
     from dpr_lab.report.files import write_json
     from dpr_lab.whole_file import write_text
 
@@ -135,6 +164,14 @@ def _written(done: SimulatorDiagnosis, out: Path, text: str) -> SimulatorDiagnos
     write_text(file, text)
     write_text(diff, done.diff)
     files = {**done.result.files, "simulator model": str(file), "difference": str(diff)}
+    if done.forced:
+        folder = out / FORCED
+        write_text(folder / done.simulator.name, done.forced.text.decode("utf-8"))
+        write_text(folder / CALLBACK, done.forced.passive.module)
+        files |= {
+            "model for passive forces": str(folder / done.simulator.name),
+            "passive forces": str(folder / CALLBACK),
+        }
     done = replace(done, result=replace(done.result, files=files))
     write_json(done.to_json(), out / RECORD)
     return done

@@ -62,6 +62,10 @@ class EnsembleResult:
     factor: float
     """By which the standard deviations were multiplied."""
     bands: tuple[BandCoverage, ...]
+    from_diagnosis: bool
+    """Whether the posterior is that of a diagnosis; else only the covariance of the ratios, without the scatter between
+    recordings.
+    """
 
     def to_json(self) -> dict[str, Any]:
         """Output of `dpr-lab export --ensemble --json`."""
@@ -95,7 +99,8 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     file = request.model / "model.json" if request.model.is_dir() else request.model
     model, record = load_model(file), file.with_name(RECORD)
     model.starting_point(rig)
-    posterior = posterior_of(model, load_diagnosis(record) if record.is_file() else None)
+    diagnosis = load_diagnosis(record) if record.is_file() else None
+    posterior = posterior_of(model, diagnosis)
     runs = read_runs(request.check, rig, on_event)
     factor = calibrated(model, posterior, runs, rig, request.seed).factor if runs else 1.0
     models = sampled_models(model, widened(posterior, factor), request.size, request.seed)
@@ -107,7 +112,10 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
             write_export(FORMATS[name], member, rig, folder, FORMATS[name].lost(member, rig))
         folders.append(folder)
     sets = _write(models, rig, request, factor)
-    return EnsembleResult(request.out / "ensemble.json", tuple(folders), sets, factor, tuple(map(_coverage, bands)))
+    covered = tuple(map(_coverage, bands))
+    return EnsembleResult(
+        request.out / "ensemble.json", tuple(folders), sets, factor, covered, from_diagnosis=diagnosis is not None
+    )
 
 
 def _coverage(band: "PredictiveBand") -> BandCoverage:

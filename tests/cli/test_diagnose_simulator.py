@@ -92,3 +92,38 @@ def test_a_urdf_is_compared_and_changed(cli, bench: tuple[Path, Rig]) -> None:
     assert [cause["quantity"] for cause in said["causes"]] == ["damping"]
     assert [change["attribute"] for change in said["changes"]] == ["damping"]
     assert all(replay["after_rad"] < 0.1 * replay["before_rad"] for replay in said["replays"])
+
+
+OWN = """<mujoco model="own"><worldbody><body name="upper">
+  <joint name="shoulder" axis="0 1 0" damping="0.001"/>
+  <inertial pos="0 0 -0.2" mass="0.1" diaginertia="0.00133 0.00133 1e-5"/>
+  <body pos="0 0 -0.4"><inertial pos="0 0 0" mass="0.208" diaginertia="1e-7 1e-7 1e-7"/></body>
+  <body name="lower" pos="0 0 -0.4"><joint name="elbow" axis="0 1 0" damping="0.001"/>
+    <inertial pos="0 0 -0.2" mass="0.1" diaginertia="0.00133 0.00133 1e-5"/></body>
+</body></worldbody></mujoco>
+"""
+"""The rig `paper` at its nominal values."""
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_an_effect_that_the_file_cannot_contain_is_written_as_passive_forces(cli, tmp_path: Path) -> None:
+    (tmp_path / "own.xml").write_text(OWN, encoding="utf-8")
+    link = "sim://?clock=fast&seed=1&plant=tilted"
+    poses = ("--pose", "X1", "--pose", "X2", "--pose", "X3")
+    done = cli("capture", "--rig", "paper", "--link", link, *poses, "--duration", 4, "--out", "runs", cwd=tmp_path)
+    assert done.code == 0, done.err
+    *fitted, held_out = sorted((tmp_path / "runs").glob("*.mcap"))
+    words = ("--held-out", held_out, "--rig", "paper", "--simulator", "own.xml", "--out", "out", "--json")
+    done = cli("diagnose", *fitted, *words, cwd=tmp_path)
+    assert done.code == 0, done.err
+    said = done.json["simulator"]
+    assert said["passive"] == list(said["lost"]) == ["base_tilt"]
+    (replay,) = said["replays"]
+    assert replay["passive_rad"] < 0.02 * replay["after_rad"]
+    assert replay["passive_rad"] == pytest.approx(replay["lab_rad"], rel=0.2)
+    folder = tmp_path / "out" / "with_passive_forces"
+    assert sorted(path.name for path in folder.iterdir()) == ["own.xml", "passive.py"]
+    assert (tmp_path / "out" / "own.xml").read_text(encoding="utf-8") != (folder / "own.xml").read_text(
+        encoding="utf-8"
+    )

@@ -66,9 +66,9 @@ class PrintedReplay(BaseModel):
     after_rad: float
     """Error with the changed file, rad."""
     lab_rad: float
-    passive_rad: float | None = None
-    """Error with the changed file and the module of passive forces, rad; null without such a module."""
     """Error of the corrected model in dpr-lab, rad."""
+    passive_rad: float | None = None
+    """Error with passive forces and the file that belongs to them, rad; null without such forces."""
 
 
 class PrintedSimulator(BaseModel):
@@ -92,6 +92,8 @@ class PrintedSimulator(BaseModel):
     """Unified diff of the file."""
     lost: dict[str, str]
     """Effect -> reason why the file cannot contain it."""
+    passive: list[str]
+    """Those among them that the module of passive forces contains (MuJoCo), together with a file of its own."""
     replays: list[PrintedReplay]
     """Errors on held-out recordings, or on the fitted ones if none are held out; empty without MuJoCo."""
     refused: str
