@@ -219,7 +219,7 @@ def _places(model: PresentModel) -> dict[str, tuple[int, ...]]:
 
 
 def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str], hidden: Sequence[int]) -> Array:
-    """(k, k) information of the rig file: ratios, b and p/b, and amplitudes by their limits; hidden ratios are fixed."""
+    """(k, k) information of the rig file: ratios, b, p/b, and amplitudes by their limits; hidden ratios are fixed."""
     information = np.zeros((len(model.columns), len(model.columns)))
     seen = np.isfinite(prior.mean)
     places = np.flatnonzero(seen)
