@@ -11,7 +11,7 @@ from dpr_lab.gap.conclusion.verdict import how_far
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.gap.screen.sensor_faults import screen
-from dpr_lab.gap.transfer.out_of_sample import GapReduction
+from dpr_lab.gap.transfer.out_of_sample import GapReduction, reduction
 from dpr_lab.gap.transfer.transfer import Transfer, worse_free_run
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -136,3 +136,11 @@ def test_an_effect_larger_than_any_rig_has_is_not_named_with_confidence(recorded
 def test_effects_that_spoil_the_free_run_of_a_held_out_run_are_seen(before, after, worse):
     assert worse_free_run(before, after, ["a"]) == (pytest.approx(worse) if worse else None)
     assert worse_free_run(before, after, []) is None
+
+
+def test_the_interval_of_a_short_recording_has_a_width() -> None:
+    rng = np.random.default_rng(0)
+    above = np.array([[10.0, 20.0, 30.0, 40.0, 50.0], [1.0, 9.0, 4.0, 30.0, 8.0]])
+    low, high = reduction(above, rng, block=5).interval90
+    assert low < 1 - np.sqrt(52 / 150) < high
+    assert reduction(above[:, :1], rng, block=1).interval90 == (-1.0, 1.0)

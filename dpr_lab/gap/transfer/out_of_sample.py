@@ -23,6 +23,8 @@ class BlockBootstrap:
 
     block_s: float = 1.0
     """Duration of neighbouring segments that are resampled together, because residuals of one swing are correlated."""
+    fewest: int = 4
+    """Minimum number of such blocks; those of shorter recordings are shorter."""
     draws: int = 400
     """Number of bootstrap samples: enough to locate the ends of a 90 % interval to a twentieth of its width."""
 
@@ -98,7 +100,13 @@ def _unseen(recordings: Recordings, problem: Problem, chi2: Callable[[Hypothesis
 
 
 def reduction(above: Array, rng: np.random.Generator, block: int) -> GapReduction:
-    """Relative reduction of the gap from (2, segments) chi2 above the noise, before and after; drawn by blocks."""
+    """Relative reduction of the gap from (2, segments) chi2 above the noise, before and after; drawn by blocks.
+
+    A single segment shows no scatter: its interval is the whole range.
+    """
+    if above.shape[1] == 1:
+        return GapReduction(share(above), (-1.0, 1.0))
+    block = max(1, min(block, above.shape[1] // BOOTSTRAP.fewest))
     sums = np.add.reduceat(above, np.arange(0, above.shape[1], block), axis=1)
     blocks = sums.shape[1]
     drawn = _shares(sums[:, rng.integers(0, blocks, (BOOTSTRAP.draws, blocks))])

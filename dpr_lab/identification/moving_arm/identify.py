@@ -100,8 +100,11 @@ def _estimated(value: float, std: float) -> EstimatedValue:
 
 
 def _limit(name: str, one: EstimatedValue) -> str:
+    low, high = one.interval90
+    if low > 0:
+        return f"poorly determined: {low:.3g} to {high:.3g} (90 %)"
     if name[:2] in ("c0", "c1", "c2", "k0", "f0"):
-        return f"not distinguishable from zero: {one.interval90[0]:.3g} to {one.interval90[1]:.3g} (90 %)"
+        return f"not distinguishable from zero: {low:.3g} to {high:.3g} (90 %)"
     return "not determined by these recordings"
 
 
