@@ -12,6 +12,8 @@ FUZZ_SECONDS ?= 120
 CORES   := $(shell getconf _NPROCESSORS_ONLN)
 # Tests of links, screens and processes wait most of their time: one more worker than cores keeps the cores busy.
 WORKERS := $(shell echo $$(($(CORES) + 1)))
+# Tests of one file share what they record and identify, so one process gets them all; tests/conftest.py sorts the files.
+SPREAD  := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 # Without it every process that tests compiles all tests again.
 unexport PYTHONDONTWRITEBYTECODE
 
@@ -20,13 +22,12 @@ unexport PYTHONDONTWRITEBYTECODE
 demo: $(CORE)  ## record a simulated pendulum through the real protocol, identify it, compare, draw; then a blind trial
 	$(BIN)/dpr-lab demo --out $(OUT)
 
-# Tests of one file share what they record and identify, so one process gets them all.
 test: $(DEV)  ## fast tests first, then the slow ones
-	$(BIN)/pytest -m "not slow and not hardware" -n $(WORKERS) --dist loadfile
-	$(BIN)/pytest -m "slow and not long and not hardware" -n $(WORKERS) --dist loadfile
+	$(BIN)/pytest -m "not slow and not hardware" $(SPREAD)
+	$(BIN)/pytest -m "slow and not long and not hardware" $(SPREAD)
 
 test-all: test  ## and the long ones: every case of every table, before a release
-	DPR_LAB_FULL=1 $(BIN)/pytest -m "slow and not hardware" -n $(WORKERS) --dist loadfile
+	DPR_LAB_FULL=1 $(BIN)/pytest -m "slow and not hardware" $(SPREAD)
 
 check: $(DEV)  ## style, types, import contracts
 	$(BIN)/ruff check .

@@ -37,12 +37,20 @@ STOP_TIMEOUT_S = 60.0
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What is long is slow too; and whoever runs tests compiles kernels for all, and validates written results."""
+    """Mark long tests as slow, compile kernels for all processes, validate written results, and sort the files.
+
+    Files with the longest time limits come first: no process then works on one of them while the others are finished.
+    """
     import_module("tests.one_compiler")
     import_module("tests.valid_files")
     for item in items:
         if item.get_closest_marker("long") is not None:
             item.add_marker(pytest.mark.slow)
+    limits: dict[Path, float] = {}
+    for item in items:
+        marker = item.get_closest_marker("timeout")
+        limits[item.path] = max(limits.get(item.path, 0.0), marker.args[0] if marker else 0.0)
+    items.sort(key=lambda item: -limits[item.path])
 
 
 def pytest_collection_finish() -> None:

@@ -67,7 +67,8 @@ def tracks_of(
     starts = [0, *(np.flatnonzero(group[1:] != group[:-1]) + 1).tolist(), len(group)]
     edges = np.array([*(i for ends in pairwise(starts) for i in range(*ends, LANES)), len(group)])
     on = np.array([np.frombuffer(row, dtype=np.bool_) for row in kinds])[group[edges[:-1]]]
-    return Tracks(candidate[order], first[order], last[order], edges, on, required_by(on))
+    required = Requirements(*map(np.ascontiguousarray, required_by(on)))  # another layout is another compilation
+    return Tracks(candidate[order], first[order], last[order], edges, on, required)
 
 
 def _parts(
