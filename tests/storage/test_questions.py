@@ -100,7 +100,7 @@ def test_a_table_of_which_nothing_can_come_is_refused_with_its_cure(
 
 AXES = ("theta1", "theta2")
 SAMPLES = Path(__file__).parents[2] / "configs" / "tables"
-RIGHT = {"unit": "deg", "zero": "hanging", "angles": "relative"}
+RIGHT: dict[str, Any] = {"unit": "deg", "zero": "hanging", "angles": "relative"}
 
 
 @pytest.mark.parametrize(
