@@ -4,14 +4,17 @@ import pytest
 from dpr_lab.dynamics.base import (
     BASE,
     RATIOS,
+    added_base,
     base_from_ratios,
     base_jacobian,
     base_parameters,
+    loaded,
     ratio_jacobian,
     ratios,
     rows,
 )
 from dpr_lab.rig import PARAMETERS
+from dpr_lab.rig_tables import AddedMass
 
 Z = np.array([0.21, 0.19, 0.11, 0.09, 0.2, 0.0011, 0.0009, 0.0014, 0.0012])
 L1, G = 0.4, 9.81
@@ -30,6 +33,13 @@ def test_base_parameters_are_the_sums_written_out():
     assert base["d"] == pytest.approx(z["m2"] * L1 * z["l2"])
     assert base["e1"] == pytest.approx((z["m1"] * z["l1"] + (z["m2"] + z["mb"]) * L1) * G)
     assert (base["c1"], base["c2"]) == (z["c1"], z["c2"])
+
+
+@pytest.mark.parametrize("rod", ["inner", "outer"])
+def test_an_added_mass_changes_mass_centroid_and_inertia_of_its_rod(rod):
+    added = AddedMass(rod=rod, mass=0.05, position=0.3)
+    with_mass = base_parameters(loaded(Z, added), L1, G)
+    assert with_mass == pytest.approx(base_parameters(Z, L1, G) + added_base(added, L1, G), rel=1e-12)
 
 
 def test_leading_axes_are_kept():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.noise import difference_std, noise_floor
+from dpr_lab.estimation.noise import SETTINGS, difference_std, noise_floor
 from dpr_lab.rig import load_rig
 from dpr_lab.run import Run
 
@@ -80,6 +80,22 @@ def test_differences_survive_uneven_instants_gaps_and_jumps():
     values = smooth_swing(t)[:, 1:] + rng.normal(0, [1e-4, 3e-4], (8000, 2))
     values[[1000, 4000]] += 0.5
     np.testing.assert_allclose(difference_std(t, values), [1e-4, 3e-4], rtol=0.06)
+
+
+def test_differences_across_a_gap_do_not_count():
+    t = np.arange(6000) / 50
+    t += 0.3 * (np.arange(6000) // 13)  # six of 13 windows of seven samples contain a gap
+    values = smooth_swing(t)[:, 1:] + np.random.default_rng(5).normal(0, 1e-4, (6000, 2))
+    np.testing.assert_allclose(difference_std(t, values), 1e-4, rtol=0.1)
+
+
+def test_the_line_through_a_rest_costs_two_degrees_of_freedom():
+    t = np.arange(-SETTINGS.rest_samples, 50) / 1000
+    rest = np.tile([3e-4, -3e-4, -3e-4, 3e-4], SETTINGS.rest_samples // 4)  # orthogonal to every straight line
+    theta = np.pi + np.zeros((len(t), 3))
+    theta[t < 0, 1:] += rest[:, None]
+    noise = noise_floor(Run("rest", t, theta, None, None, "paper", "", 1000.0), with_joint2("absolute"))
+    np.testing.assert_allclose(noise.std_joint, 3e-4 * math.sqrt(100 / 98), rtol=1e-9)
 
 
 def test_noiseless_table_falls_back_on_the_encoder():

@@ -29,13 +29,18 @@ def swings(recorded: Callable[..., list[Run]]) -> list[Run]:
     return recorded({}, duration=2.0)
 
 
+@pytest.fixture(scope="module")
+def driven(paper: Rig) -> list[Run]:
+    return driven_runs(paper, 0, duration=1.5)[1]
+
+
 def with_signs(runs: list[Run], signs: tuple[int, int]) -> list[Run]:
     return [replace(run, torques=np.asarray(run.torques) * signs, commanded=None) for run in runs]
 
 
 @pytest.fixture(scope="module")
-def without_torques(paper: Rig) -> Diagnosis:
-    runs = [replace(run, torques=None, commanded=None, torque_kind="") for run in driven_runs(paper, 0)[1]]
+def without_torques(driven: list[Run], paper: Rig) -> Diagnosis:
+    runs = [replace(run, torques=None, commanded=None, torque_kind="") for run in driven]
     return diagnose(runs, paper, library=SOME)
 
 
@@ -50,16 +55,18 @@ def test_torques_that_were_left_out_are_a_hint_and_no_cause_is_named(without_tor
 
 
 @pytest.mark.slow
-def test_torques_that_contradict_the_rig_file_s_inertia_are_unexplained_with_a_hint_at_the_sign(paper: Rig) -> None:
-    runs = with_signs(driven_runs(paper, 0)[1], (1, -1))
+def test_torques_that_contradict_the_rig_file_s_inertia_are_unexplained_with_a_hint_at_the_sign(
+    driven: list[Run], paper: Rig
+) -> None:
+    runs = with_signs(driven, (1, -1))
     diagnosis = diagnose(runs, paper, library={name: SOME[name] for name in ("coulomb_joint1", "spring_joint2")})
     assert (diagnosis.verdict, diagnosis.effects) == ("unexplained", [])
     assert "sign of torque 2" in diagnosis.hints[0]
 
 
 @pytest.mark.slow
-def test_a_gain_that_no_drive_has_gives_way_to_a_wrong_sign(paper: Rig) -> None:
-    runs = with_signs(driven_runs(paper, 0)[1], (-1, 1))
+def test_a_gain_that_no_drive_has_gives_way_to_a_wrong_sign(driven: list[Run], paper: Rig) -> None:
+    runs = with_signs(driven, (-1, 1))
     found = diagnose(runs, paper, library={"torque_scale_joint1": EFFECTS["torque_scale_joint1"]})
     assert found.verdict == "unexplained"
     assert "sign of torque 1" in found.hints[0]

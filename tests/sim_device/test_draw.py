@@ -186,7 +186,7 @@ def test_the_seed_alone_decides_on_the_background(paper):
     assert first == again != other
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_effect_with_background_is_the_most_visible_of_several(paper):
     first = drawn(EffectRequest("background"), 3, paper)
     assert any(name.startswith("encoder_offset") for name in first.effects)
