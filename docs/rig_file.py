@@ -19,10 +19,9 @@ PAGE = Path(__file__).with_name("rig-file.md")
 
 HEAD = """# The rig file
 
-A rig file says what was measured on the bench, what is searched for between which bounds, and how the encoders are
-read. It is TOML. A key that is unknown, missing or outside its range is rejected with its position. Begin with
-questions (`dpr-lab rig new` alone, on a terminal), with flags, or with a rig that comes along, and look at what you
-wrote:
+A rig file describes the measured values of a rig, the bounds of the parameters to identify, and the encoders. It is
+TOML. A key that is unknown, missing or outside its range is rejected with its position. To write a rig file, answer
+questions (`dpr-lab rig new` alone, on a terminal), give options, or start from a built-in rig. Then check the file:
 
 ```sh
 dpr-lab rig new --name bench --l1 0.3 --l2 0.25 --m1 0.21+-0.001 --m2 0.12+-0.001 --out my_rig.toml

@@ -34,10 +34,11 @@ DRAW_HELP = """\
 draw the effects too, from the seed: single, pair, triple, clean, dirty, form, outside or any; clear or subtle"""
 
 SEAL_HELP = """\
-draw a plant, keep its truth in FOLDER, print its seal (a salted hash) and the rig file that goes with it as JSON, and
-exit; --plant FOLDER/plant.toml then is that plant. With - nothing is written: the rig file comes in as one line of JSON
-text on standard input; each further line that is a JSON object is a release to record, {"theta1": rad, "theta2": rad,
-"duration_s": s}, with any "rods" and "added_mass" as in a rig file; the truth is revealed once another line comes"""
+draw a plant, write its truth to FOLDER, print its seal (a salted hash) and its rig file as JSON, and exit; afterwards
+--plant FOLDER/plant.toml selects this plant. With - instead of FOLDER nothing is written: the first line of standard
+input is the text of a rig file as a JSON string. Each further line that is a JSON object is a release to record:
+{"theta1": rad, "theta2": rad, "duration_s": s}, optionally with "rods" and "added_mass" as in a rig file. Another line
+reveals the truth"""
 
 
 def main(arguments: list[str] | None = None) -> int:

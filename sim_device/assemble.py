@@ -83,7 +83,7 @@ def _drives(options: Options, plant: PlantConfig) -> JointDrives | ArmDrive | No
     """Drives that replay the given, sealed or drawn table, or the drive of the arm; None for free swings."""
     if plant.arm_drive is not None:
         if options.torques is not None:
-            raise ConfigError(f"--torques: plant {plant.name} has a driven arm, whose joints have no drives besides")
+            raise ConfigError(f"--torques: plant {plant.name} has a driven arm, so its joints 1 and 2 cannot be driven")
         return arm_drive_of(plant)
     sealed = Path(options.rig).parent / SEALED_TORQUES
     table = options.torques or (sealed if options.plant == SEALED_PLANT and sealed.is_file() else None)

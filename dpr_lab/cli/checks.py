@@ -192,12 +192,16 @@ Rods = Annotated[
 ]
 ArmMode = Annotated[
     Literal["clamped", "free", "prescribed", "driven"] | None,
-    typer.Option("--arm", help="What joint 0 does in these runs. Default: the value in the rig file."),
+    typer.Option("--arm", help="Mode of joint 0 in these runs. Default: the value in the rig file."),
 ]
 InnerMode = Annotated[
     Literal["free", "prescribed"] | None,
     typer.Option(
-        "--inner", help="Whether joint 1 swings, or a stiff drive moves it as its encoder says. Default: the rig file."
+        "--inner",
+        help=(
+            "Mode of joint 1: free, or moved by a stiff drive and prescribed by its encoder. Default: the value in"
+            " the rig file."
+        ),
     ),
 ]
 Elbow = Annotated[

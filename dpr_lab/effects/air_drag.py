@@ -66,8 +66,8 @@ _SOURCE = (
     " ch. 3; rotation as in Mungan & Lipscombe, Eur. J. Phys. 34, 1243 (2013)."
 )
 _BENCH_CHECK = (
-    "Tape a light card to the {rod} rod and repeat: drag of that rod grows several times. Thickness and width of both"
-    " rods, measured with a calliper, give the ratio of their drags."
+    "Tape a light card to the {rod} rod and repeat: the drag of that rod increases several times. Thickness"
+    " and width of both rods, measured with a calliper, give the ratio of their drags."
 )
 
 AIR_DRAG_OUTER = Effect(
@@ -122,7 +122,7 @@ AIR_DRAG_JOINT0 = Effect(
         BenchQuantity("drag coefficient of the arm", "k", ("coefficient_kg_m2",), definition="rho C_d width L0^4 / 8"),
     ),
     bench_check=(
-        "Tape a light card to the arm and repeat: the drag grows several times. Or turn the arm at two constant inputs"
+        "Tape a light card to the arm and repeat: the drag increases several times. Or turn the arm at two constant inputs"
         " with the rods off: with drag the speed grows by less than the input."
     ),
     source=_SOURCE,

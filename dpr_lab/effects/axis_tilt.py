@@ -41,16 +41,16 @@ AXIS_TILT_JOINT0 = Effect(
     kernel=leaning,
     joints=(ARM,),
     remedy=lambda params, rig, joint: (
-        "set the arm's axis upright: gravity pulls by"
-        f" {1e3 * params['along_rad']:.3g} mrad along the arm at its zero, and by {1e3 * params['across_rad']:.3g} mrad"
-        " across it; or tilt gravity in the simulator"
+        f"align the arm's axis with the vertical: it is tilted by {1e3 * params['along_rad']:.3g} mrad along"
+        f" the arm at its zero, and by {1e3 * params['across_rad']:.3g} mrad across it; or tilt gravity in the"
+        " simulator"
     ),
     quantities=(
         BenchQuantity("tilt of the arm's axis", "sqrt(x^2 + y^2)", ("along_rad", "across_rad"), "from the vertical"),
     ),
     bench_check=(
-        "Put a spirit level on the arm and turn the arm by a full turn: the tilt appears on opposite sides. Without a"
-        " motor the arm comes to rest where the rods hang lowest."
+        "Put a spirit level on the arm and rotate the arm by a full turn: the tilt appears in opposite"
+        " directions. Without a motor, the arm comes to rest where the rods are lowest."
     ),
     source="Gravity in the frame of a tilted base, Spong, Hutchinson & Vidyasagar (2006), ch. 7: potential energy.",
 )

@@ -26,7 +26,7 @@ BACKLASH_JOINT2 = Effect(
         f"tighten the coupling of encoder 2, which has {1e3 * abs(params['play_rad']):.3g} mrad of backlash"
     ),
     quantities=(BenchQuantity("backlash of the encoder", "x", ("play_rad",)),),
-    bench_check="Hold the outer rod and turn the encoder's shaft by hand: the backlash can be felt, and"
-    " read from the counts.",
+    bench_check="Hold the outer rod and turn the encoder's shaft by hand: the backlash can be felt and read from the"
+    " counts.",
     source="Play operator: Visintin (1994), Differential Models of Hysteresis, ch. III.",
 )

@@ -45,8 +45,8 @@ BASE_VIBRATION = Effect(
     kernel=shaken,
     quantities=(BenchQuantity("peak acceleration of the base", "A", ("cos_m_per_s2", "sin_m_per_s2")),),
     bench_check=(
-        "Put the accelerometer of a phone on the base and look for a line in the spectrum; switch off machines nearby"
-        " (fans, pumps), or put the rig on the floor, and repeat."
+        "Put the accelerometer of a phone on the base and look for a peak in the spectrum. Switch off machines"
+        " nearby (fans, pumps), or put the rig on the floor, and repeat."
     ),
     source="Pendulum with a moved pivot: Landau & Lifshitz, Mechanics, sec. 5, problem 3.",
 )

@@ -38,7 +38,7 @@ COULOMB_JOINT0 = at_arm(
     COULOMB[0],
     twins=("hysteresis_joint0", "dead_zone_joint0"),
     bench_check=(
-        "Take the rods off and turn the arm slowly by a spring scale at its tip, the motor's wires apart: force times"
-        " length, the same in both directions, is the Coulomb friction torque."
+        "Remove the rods, disconnect the motor, and turn the arm slowly with a spring scale at its tip: force"
+        " times length is the Coulomb friction torque, equal in both directions."
     ),
 )

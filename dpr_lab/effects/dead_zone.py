@@ -22,8 +22,9 @@ DEAD_ZONE_JOINT0 = Effect(
     twins=("coulomb_joint0",),
     quantities=(BenchQuantity("half width of the dead zone", "x", ("width_Nm",), definition="as a torque on the arm"),),
     bench_check=(
-        "Measure the motor's current while the command rises slowly from zero: the command at which a current begins is"
-        " the half width of the zone. Friction lets the current flow and holds the arm."
+        "Measure the motor's current while the command rises slowly from zero: the command at which the"
+        " current starts is the half width of the dead zone. With friction, in contrast, the current flows but"
+        " the arm does not move."
     ),
     source="Tao & Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor Nonlinearities, ch. 2.",
 )

@@ -63,7 +63,7 @@ At order one its sine is gravity and its cosine is a centroid offset of the inne
 DETENT_JOINT0 = at_arm(
     DETENT_JOINT2,
     bench_check=(
-        "Turn the arm slowly by hand with the motor's wires apart: cogging is felt at evenly spaced angles of the"
-        " motor's shaft, which are closer together behind a gear."
+        "Disconnect the motor and turn the arm slowly by hand: cogging is felt at evenly spaced angles of the"
+        " motor's shaft; with a gear, they are closer together at the arm."
     ),
 )

@@ -30,6 +30,9 @@ FREE_ARM = Effect(
         BenchQuantity("total inertia about the arm's axis", "A", ("inertia_kgm2",)),
         BenchQuantity("viscous friction of the arm with back-EMF", "c0", ("viscous_Nms",)),
     ),
-    bench_check="Let a known weight turn the arm by a thread and a pulley, and time it: torque over acceleration is A.",
+    bench_check=(
+        "Accelerate the arm by a known weight on a string over a pulley and measure the time: torque over"
+        " acceleration is A."
+    ),
     source="Lagrange's equations of the whole rig, `dpr_lab.dynamics.arm`.",
 )

@@ -60,8 +60,8 @@ FRICTION_CURVE = pair(
         BenchQuantity("rise of the friction torque from 0 to 0.3 rad/s", "rise_1", ("rise1_Nm",)),
     ),
     bench_check=(
-        "Drive joint {j} at constant speeds with a falling weight, or compare the decay of swings of different size:"
-        " the loss at each speed gives the curve directly."
+        "Drive joint {j} at constant speeds with a falling weight, or compare the decay of swings of"
+        " different amplitudes: the energy loss at each speed gives the curve directly."
     ),
     source=(
         "Isotonic (monotone) regression, Robertson, Wright & Dykstra (1988), Order Restricted Statistical Inference;"
@@ -72,5 +72,5 @@ FRICTION_CURVE = pair(
 FRICTION_CURVE_JOINT0 = at_arm(
     FRICTION_CURVE[0],
     twins=("stribeck_joint0", "air_drag_joint0"),
-    bench_check="Drive the arm at constant speeds with the rods off: the torque at each speed is the curve.",
+    bench_check="Remove the rods and drive the arm at constant speeds: the torque at each speed is the curve.",
 )

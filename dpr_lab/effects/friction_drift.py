@@ -29,8 +29,8 @@ FRICTION_DRIFT = pair(
     stage="torque",
     quantities=(BenchQuantity("drift rate of the viscous friction coefficient", "r", ("rate_Nm_per_rad",)),),
     bench_check=(
-        "Let the rods hang for ten minutes and repeat the first release last: a drift of friction at joint {j} makes"
-        " the two differ by more than their scatter."
+        "After the last release, let the rods hang for ten minutes and repeat the first one: with a drift of friction"
+        " at joint {j}, the two recordings differ by more than their scatter."
     ),
     source="Viscosity of lubricants against temperature: Stachowiak & Batchelor (2013), Engineering Tribology, ch. 2.",
 )

@@ -59,7 +59,7 @@ HYSTERESIS = pair(
 HYSTERESIS_JOINT0 = at_arm(
     HYSTERESIS[0],
     bench_check=(
-        "Push the arm lightly with the motor's wires apart and let it go: with presliding it springs back, and only a"
-        " firmer push moves it for good. Coulomb friction alone holds it where it is."
+        "Disconnect the motor, push the arm lightly and let it go: with presliding it springs back, and only a"
+        " stronger push moves it permanently. With Coulomb friction alone it stays where it is."
     ),
 )

@@ -13,7 +13,7 @@ def later(delay_s: float) -> float:
 INPUT_DELAY = Effect(
     name="input_delay",
     words="input delay of the torques",
-    equation="tau(t - x) acts at t, with tau the known torque; x below zero: logged too late",
+    equation="tau(t - x) acts at t, with tau the known torque; x < 0: the torque was logged too late",
     parameters=(EffectParameter("delay_s", "s", 5e-3),),
     site="drive",
     stage="input",

@@ -25,8 +25,8 @@ LATENCY_JOINT2 = Effect(
     ),
     quantities=(BenchQuantity("delay of encoder 2 after encoder 1", "x", ("delay_s",)),),
     bench_check=(
-        "Swap the two encoder cables at the board and repeat: a delay of the electronics changes sides; or latch both"
-        " counters on one edge."
+        "Swap the two encoder cables at the board and repeat: a delay of the electronics changes its sign; or"
+        " latch both counters on one edge."
     ),
     source="Polled buses read one encoder after the other; a common delay of both is not visible in a free swing.",
 )
@@ -43,8 +43,9 @@ LATENCY_JOINT0 = at_arm(
     kernel=later,
     equation="encoder 0 reads q0(t - x), encoder 1 reads q1(t)",
     remedy=lambda params, rig, joint: (
-        f"latch all encoders on one edge, or take {1e3 * params['delay_s']:.3g} ms off the time stamps of encoder 0"
+        f"latch all encoders on one edge, or subtract {1e3 * params['delay_s']:.3g} ms from the time stamps of"
+        " encoder 0"
     ),
     quantities=(BenchQuantity("delay of encoder 0 after encoder 1", "x", ("delay_s",)),),
-    bench_check="Swap the cables of encoders 0 and 1 at the board and repeat: a delay of the board changes sides.",
+    bench_check="Swap the cables of encoders 0 and 1 at the board and repeat: a delay of the board changes its sign.",
 )

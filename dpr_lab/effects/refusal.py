@@ -17,12 +17,12 @@ def refusal(effect: Effect) -> str:
 
 def _reasons(effect: Effect) -> Iterator[str]:
     if not (effect.name.isidentifier() and effect.name.isascii()):
-        yield "the name of an effect is an identifier, such as magnet_joint1"
+        yield "the name of an effect must be an identifier, such as magnet_joint1"
     if effect.stage not in StageName.__args__:
         yield f"no stage {effect.stage!r}; there are: {', '.join(StageName.__args__)}"
         return
     if effect.stage in ("play", "arm", "input"):
-        yield f"the stage {effect.stage!r} is that of one effect of dpr-lab, and holds no other"
+        yield f"the stage {effect.stage!r} is reserved for one effect of dpr-lab"
     if not effect.joints or not set(effect.joints) <= {0, 1}:
         yield f"joints = {effect.joints}: joints are 0 and 1"
     own = [*(state.name for state in effect.internal), *(parameter.name for parameter in effect.parameters)]
@@ -30,10 +30,13 @@ def _reasons(effect: Effect) -> Iterator[str]:
     if unknown := [name for name in arguments(effect.kernel) if name not in offered]:
         yield f"the kernel asks for {', '.join(unknown)}; at the stage {effect.stage!r} there are: {', '.join(offered)}"
     if not effect.amplitudes:
-        yield "an effect has at least one amplitude, which is zero while it is off"
+        yield "an effect needs at least one amplitude, which is zero if the effect is absent"
     for parameter in effect.parameters:
         if not parameter.name.isidentifier() or not math.isfinite(parameter.typical) or parameter.typical <= 0:
-            yield f"parameter {parameter.name!r}: its name is an identifier, its typical size above zero and finite"
+            yield (
+                f"parameter {parameter.name!r}: its name must be an identifier, and its typical size positive and"
+                " finite"
+            )
     for parameter in effect.amplitudes:
         limit = parameter.limit or parameter.unit
         if limit not in LIMITS and not math.isfinite(parameter.most):

@@ -12,7 +12,7 @@ def clipped(torque: float, share: float, limit_Nm: float) -> float:
 
 SATURATION_JOINT0 = Effect(
     name="saturation_joint0",
-    words="saturation of the drive that is not logged, joint 0",
+    words="unlogged saturation of the drive, joint 0",
     equation="tau + x (clip(tau, -T, T) - tau) acts on the arm where its input is known; x = 1: saturated at T",
     parameters=(
         EffectParameter("share", "1", 0.1, "positive", most=1.0, plausible=1.0),
@@ -24,8 +24,8 @@ SATURATION_JOINT0 = Effect(
     joints=(ARM,),
     quantities=(BenchQuantity("share of the excess torque that is missing", "x", ("share",)),),
     bench_check=(
-        "Measure the motor's current, or its voltage, at the largest command: it stays below the command. Log what the"
-        " drive gives instead of what it was asked for."
+        "Measure the motor's current or voltage at the largest command: with saturation it is smaller than"
+        " commanded. Log the output of the drive instead of the command."
     ),
     source="Tao & Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor Nonlinearities, ch. 2.",
 )

@@ -74,9 +74,9 @@ SPRING = pair(
 SPRING_JOINT0 = at_arm(
     SPRING[0],
     twins=("encoder_scale_joint0", "encoder_offset_joint0", "hard_stop_joint0"),
-    equation="tau = C - k q - k3 q^3 with q the angle of the arm, turns included; at rest where that is zero",
+    equation="tau = C - k q - k3 q^3 with q the angle of the arm including full turns; the rest angle is where tau = 0",
     bench_check=(
         "Turn the arm by hand to several angles and let it go with the motor off: a cable pulls it back."
-        " Take the cable off, or lead it in along the axis, and repeat."
+        " Remove the cable, or route it along the axis, and repeat."
     ),
 )

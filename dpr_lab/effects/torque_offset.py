@@ -31,7 +31,7 @@ TORQUE_OFFSET_JOINT0 = at_arm(
     nested=(),
     equation="tau + C acts on the arm where its torque, current or voltage is known, while the drive is on",
     bench_check=(
-        "Command zero and measure the motor's current or voltage: what is left is the offset. A torque that stays with"
-        " the motor's wires apart is a cable."
+        "Command zero and measure the motor's current or voltage: it is the offset. A torque that remains with"
+        " the motor disconnected is due to a cable."
     ),
 )

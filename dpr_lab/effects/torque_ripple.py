@@ -43,7 +43,7 @@ TORQUE_RIPPLE_JOINT0 = at_arm(
     TORQUE_RIPPLE[0],
     equation="tau (1 + A cos(N q) + B sin(N q)) acts on the arm where its input is known, q its angle",
     bench_check=(
-        "Turn the arm slowly under a constant command against a spring scale: ripple comes and goes with the angle and"
-        " grows with the command; cogging stays without any."
+        "Turn the arm slowly under a constant command against a spring scale: ripple varies with the angle and"
+        " increases with the command; cogging remains without a command."
     ),
 )

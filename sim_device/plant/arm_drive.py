@@ -134,7 +134,9 @@ def arm_drive_of(plant: PlantConfig) -> ArmDrive | None:
         return None
     delay = plant.effects.get(INPUT_DELAY.name, {}).get("delay_s", 0.0)
     if delay < 0.0:
-        raise ConfigError(f"plant {plant.name}: effects: {INPUT_DELAY.name}.delay_s = {delay:g}: no drive acts early")
+        raise ConfigError(
+            f"plant {plant.name}: effects: {INPUT_DELAY.name}.delay_s = {delay:g}: a delay cannot be negative"
+        )
     return ArmDrive(plant.arm_drive, plant.seed, delay)
 
 

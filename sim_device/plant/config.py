@@ -177,7 +177,7 @@ class PlantConfig(_Table):
     @model_validator(mode="after")
     def _arm_is_driven(self) -> "PlantConfig":
         if (self.arm.mode == "driven") != (self.arm_drive is not None):
-            raise ValueError('[arm] mode = "driven" and [arm_drive] go together')
+            raise ValueError('[arm] mode = "driven" and [arm_drive] require each other')
         if self.foreign and self.arm.mode == "driven":
             raise ValueError("[foreign] plants have no driven arm: remove [foreign], or the mode of the arm")
         if self.mount and self.arm.mode == "driven":

@@ -98,11 +98,11 @@ def load_drives(file: str | Path, config: DriveConfig, seed: int) -> JointDrives
         ) from error
     joints = np.stack(joints, axis=1)
     if not np.isfinite(joints).all() or not np.isfinite(t).all() or (np.diff(t) <= 0).any():
-        raise ConfigError(f"torques: {path}: needs finite numbers, and a time that grows")
+        raise ConfigError(f"torques: {path}: needs finite numbers and increasing times")
     most = FULL_SCALE * config.unit_uNm * 1e-6
     if (np.abs(joints) > most).any():
         raise ConfigError(
-            f"torques: {path}: {np.abs(joints).max():g} N m is more than the wire carries in units of"
+            f"torques: {path}: {np.abs(joints).max():g} N m is more than a message can contain in units of"
             f" {config.unit_uNm} uN m ({most:g} N m): give the plant's drives a larger unit_uNm"
         )
     return JointDrives(t, joints, config, seed)

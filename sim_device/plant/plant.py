@@ -161,13 +161,13 @@ class Plant:
         if self._setup.held:
             raise ConfigError(f"plant {self.config.name}: drives need both rods mounted")
         if self.mount is not None:
-            raise ConfigError(f"plant {self.config.name}: mount: a rig with drives stands on a rigid mount")
+            raise ConfigError(f"plant {self.config.name}: mount: a rig with drives needs a rigid mount")
         rippling = [
             one.name for j, one in enumerate((DETENT_JOINT1, DETENT_JOINT2)) if any(self.config.drives.ripple[j])
         ]
         if both := [name for name in rippling if name in self.config.effects]:
             raise ConfigError(
-                f"plant {self.config.name}: effects: drives that ripple have no {', '.join(both)} besides"
+                f"plant {self.config.name}: effects: drives with torque ripple cannot also have {', '.join(both)}"
             )
         if of_drives := [name for name in self.config.effects if EFFECTS[name].driven]:
             raise ConfigError(f"plant {self.config.name}: effects: simulated drives have no {', '.join(of_drives)}")

@@ -46,8 +46,8 @@ def test_a_torque_holds_from_its_tick_on_and_what_is_told_is_what_acts(table: Pa
         ("x,tau1_Nm,tau2_Nm\n0,1,1\n1,1,1\n", "needs a line with the names"),
         ("t_s,tau1_Nm,tau2_Nm\n0,1,1\n1,1\n", "one number for each name in every line"),
         ("", "needs a line with the names"),
-        ("t_s,tau1_Nm,tau2_Nm\n0,1,1\n0,1,1\n", "a time that grows"),
-        ("t_s,tau1_Nm,tau2_Nm\n0,1,1\n1,4,1\n", "4 N m is more than the wire carries in units of 100 uN m"),
+        ("t_s,tau1_Nm,tau2_Nm\n0,1,1\n0,1,1\n", "finite numbers and increasing times"),
+        ("t_s,tau1_Nm,tau2_Nm\n0,1,1\n1,4,1\n", "4 N m is more than a message can contain in units of 100 uN m"),
     ],
 )
 def test_what_cannot_be_replayed_is_refused(tmp_path: Path, text: str, said: str) -> None:

@@ -29,7 +29,7 @@ def test_a_32_bit_counter_that_wraps_is_suggested_and_undone(tmp_path: Path, pap
     options = {"unit": "rad", "time_unit": None, "keep_rest": True}
     with pytest.raises(
         RunError,
-        match=r"line \d+: time falls by 4294.96 s, like a wrapping counter: import with"
+        match=r"line \d+: time decreases by 4294.96 s, like a wrapping counter: import with"
         r" --time-wrap 4294967296$",
     ):
         import_csv(file, paper, ImportOptions(**options))

@@ -112,7 +112,7 @@ class ImportOptions:
     """Mode of the arm; None: as in the rig file."""
     inner: Annotated[
         Literal["free", "prescribed"] | None,
-        Typed("The inner rod swung, or moved as its encoder says; else as the rig says."),
+        Typed("Mode of the inner rod: free, or prescribed by its encoder; default: as in the rig file."),
     ] = None
     """Mode of the inner rod, `free` or `prescribed`; None for that of the rig file."""
     keep_rest: Annotated[bool, Typed("Keep all rows, also those in which the rods seem to be held.")] = False

@@ -150,7 +150,7 @@ def questions(asked: Asked, settings: QuestionSettings = SETTINGS) -> list[Table
     """
     t, theta = asked.t[asked.swing], asked.theta[asked.swing]
     if len(t) < settings.fewest_rows:
-        raise RunError(f"{asked.path}: only {len(t)} rows of a swing; at least {settings.fewest_rows} are needed")
+        raise RunError(f"{asked.path}: only {len(t)} rows of a swing; at least {settings.fewest_rows} are required")
     _refuse_dead(asked, theta, settings)
     doubts, other = _energy_questions(asked, settings)
     others = [*_arm_questions(asked, theta[:, 0], settings), *_few(asked, t, settings)]
@@ -337,8 +337,8 @@ def _few(asked: Asked, t: Array, settings: QuestionSettings) -> list[TableQuesti
     if len(t) < settings.few_rows or lasts < slow / 2:
         doubts.append(
             TableQuestion(
-                f"{len(t)} rows in {lasts:.3g} s: the information is small with less than {settings.few_rows} rows or"
-                f" half a period of the slower oscillation ({slow:.2g} s)"
+                f"{len(t)} rows in {lasts:.3g} s: a recording of less than {settings.few_rows} rows or of less"
+                f" than half a period of the slower oscillation contains little information ({slow:.2g} s)"
             )
         )
     return doubts

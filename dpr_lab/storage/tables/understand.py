@@ -299,7 +299,7 @@ def _check_forwards(
         wrap = wrap_behind(float(t[before]) / unit, float(t[row]) / unit, step / unit, continues)
         if wrap is not None:
             raise RunError(
-                f"{there}: time falls by {t[before] - t[row]:g} s, like a wrapping counter: import with"
+                f"{there}: time decreases by {t[before] - t[row]:g} s, like a wrapping counter: import with"
                 f" --time-wrap {wrap:.10g}"
             )
         if len(backwards) == len(known) - 1:

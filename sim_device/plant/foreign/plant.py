@@ -99,7 +99,7 @@ class ForeignSwing:
     def states(self, first: int, count: int) -> Array:
         """(count, 4 + memory) true states at the ticks `first`, `first` + 1, ... since the release."""
         if first < self.first:
-            raise ValueError(f"the swing was read up to tick {self.first}, not back to {first}")
+            raise ValueError(f"the readings before tick {self.first} are no longer available (requested: {first})")
         while self.first + len(self._states) < first + count:
             last = self.first + len(self._states) - 1
             t = np.arange(last, last + self._block + 1) / self._rate_hz
@@ -114,8 +114,8 @@ def _foreign(config: PlantConfig) -> tuple[OutOfLibraryEffect, dict[str, float]]
     (name, values), *more = config.foreign.items()
     if more or config.effects or config.mount or config.arm.mode != "clamped":
         raise ConfigError(
-            f"plant {config.name}: foreign.{name} stands alone: no other foreign effect, no effects, no mount,"
-            " a clamped arm"
+            f"plant {config.name}: foreign.{name} cannot be combined with another foreign effect, with effects"
+            " or a mount, and needs a clamped arm"
         )
     if name not in FOREIGN:
         raise ConfigError(f"plant {config.name}: no foreign effect {name!r}; there are: {', '.join(FOREIGN)}")

@@ -127,7 +127,7 @@ def stuck_bit(counts: NDArray[np.int64], values: Values) -> NDArray[np.int64]:
 SENSORS = (
     OutOfLibraryEffect(
         "arc_eccentricity_joint1",
-        "encoder 1 errs with a kink once a turn",
+        "encoder 1: error with a kink once per turn",
         Size("error_rad", 1e-3, 5e-3),
         shape=(Size("start_rad", -3.0, 3.0),),
         reading=arc_eccentricity_joint1,
@@ -135,7 +135,7 @@ SENSORS = (
     ),
     OutOfLibraryEffect(
         "triangle_eccentricity_joint2",
-        "encoder 2 errs in straight lines once a turn",
+        "encoder 2: piecewise linear error once per turn",
         Size("error_rad", 1e-3, 5e-3),
         shape=(Size("start_rad", -3.0, 3.0),),
         reading=triangle_eccentricity_joint2,
@@ -144,7 +144,7 @@ SENSORS = (
     ),
     OutOfLibraryEffect(
         "shrinking_latency_joint2",
-        "encoder 2 is late, less so when fast",
+        "encoder 2: delay that decreases with speed",
         Size("delay_ms", 0.5, 3.0),
         shape=(Size("speed_rad_per_s", 10.0, 30.0),),
         reading=shrinking_latency_joint2,
@@ -153,7 +153,7 @@ SENSORS = (
     ),
     OutOfLibraryEffect(
         "swaying_latency_joint2",
-        "encoder 2 is late, more so while its bus is busy",
+        "encoder 2: delay that increases while its bus is busy",
         Size("delay_ms", 0.5, 3.0),
         shape=(Size("period_s", 2.0, 8.0),),
         reading=swaying_latency_joint2,
@@ -161,7 +161,7 @@ SENSORS = (
     ),
     OutOfLibraryEffect(
         "warming_scale_joint1",
-        "encoder 1 has a scale that changes until it is warm",
+        "encoder 1: scale that changes during warm-up",
         Size("error_per_rad", 5e-4, 3e-3),
         sign="any",
         shape=(Size("lasts_s", 1.0, 4.0),),
@@ -170,7 +170,7 @@ SENSORS = (
     ),
     OutOfLibraryEffect(
         "peaked_eccentricity_joint2",
-        "encoder 2 errs most at one place",
+        "encoder 2: error concentrated at one angle",
         Size("error_rad", 1e-3, 5e-3),
         shape=(Size("narrowness", 2.0, 6.0), Size("place_rad", -1.5, 1.5)),
         reading=peaked_eccentricity_joint2,
@@ -179,7 +179,7 @@ SENSORS = (
     ),
     OutOfLibraryEffect(
         "folded_scale_joint2",
-        "encoder 2 has another scale on each side",
+        "encoder 2: different scale on each side",
         Size("error_per_rad", 5e-4, 3e-3),
         sign="any",
         reading=folded_scale_joint2,
@@ -188,7 +188,7 @@ SENSORS = (
     ),
     OutOfLibraryEffect(
         "emi_bursts",
-        "pulses into encoder 2 at one place of the inner rod",
+        "encoder 2: pulses at one angle of the inner rod",
         Size("error_rad", 2e-3, 1e-2),
         most=0.3,
         shape=(Size("place_rad", -1.0, 1.0),),
@@ -196,7 +196,7 @@ SENSORS = (
     ),
     OutOfLibraryEffect(
         "interpolation_error",
-        "encoder 2 errs many times a turn",
+        "encoder 2: error with many cycles per turn",
         Size("error_rad", 5e-4, 2e-3),
         shape=(Size("lines", 16.0, 64.0), Size("phase_rad", -3.0, 3.0)),
         reading=interpolation_error,
@@ -204,7 +204,7 @@ SENSORS = (
     ),
     OutOfLibraryEffect(
         "drifting_reference",
-        "the reference voltage of encoder 1 swings",
+        "encoder 1: oscillating reference voltage",
         Size("share", 2e-3, 1e-2),
         sign="any",
         shape=(Size("period_s", 1.5, 6.0),),
@@ -212,7 +212,7 @@ SENSORS = (
     ),
     OutOfLibraryEffect(
         "magnetic_crosstalk",
-        "encoder 2 feels the magnet of encoder 1",
+        "encoder 2: crosstalk from the magnet of encoder 1",
         Size("error_rad", 1e-3, 5e-3),
         shape=(Size("phase_rad", -3.0, 3.0),),
         reading=magnetic_crosstalk,
@@ -220,7 +220,7 @@ SENSORS = (
     ),
     OutOfLibraryEffect(
         "mains_hum",
-        "the mains in both encoders",
+        "both encoders: mains interference",
         Size("error_rad", 3e-4, 1e-3),
         shape=(Size("phase_rad", -3.0, 3.0),),
         reading=mains_hum,
@@ -228,7 +228,7 @@ SENSORS = (
     ),
     OutOfLibraryEffect(
         "overspeed_loss",
-        "encoder 2 loses counts above a speed",
+        "encoder 2: lost counts above a limit of speed",
         Size("share", 2e-3, 2e-2),
         shape=(Size("limit_rad_per_s", 3.0, 8.0),),
         motion=counting_too_fast,
