@@ -122,8 +122,8 @@ AIR_DRAG_JOINT0 = Effect(
         BenchQuantity("drag coefficient of the arm", "k", ("coefficient_kg_m2",), definition="rho C_d width L0^4 / 8"),
     ),
     bench_check=(
-        "Tape a light card to the arm and repeat: the drag increases several times. Or remove the rods and turn the arm at two"
-        " constant inputs: with drag, the speed increases by a smaller factor than the input."
+        "Tape a light card to the arm and repeat: the drag increases several times. Or remove the rods and turn the arm"
+        " at two constant inputs: with drag, the speed increases by a smaller factor than the input."
     ),
     source=_SOURCE,
 )

@@ -48,14 +48,14 @@ XML, CALLBACK = "corrected_model.xml", "passive.py"
 _CALLBACK = '''
 import mujoco
 
-FRICTION = {friction!r}  # of the effects called here, what the engine gives joints 0, 1, 2 already, N m
-# number of a joint -> its name in the file, the angle (theta1, theta2 - theta1) at its zero, -1 if it turns against it
+FRICTION = {friction!r}  # Coulomb friction at rest of joints 0, 1, 2 that the engine already applies, N m
+# number of a joint -> its name in the file, theta1 or theta2 - theta1 at its zero, sign of its direction
 JOINTS = {joints!r}
-GRAVITY = {gravity!r}  # of a file that says none
+GRAVITY = {gravity!r}  # for a file that contains none
 
 
 def coordinates(data):
-    """Angles of joints 0, 1, 2 and their speeds in the engine; zero for those that the file has not."""
+    """Angles of joints 0, 1, 2 and their speeds in the engine; zero for joints that are not in the file."""
     turns, speeds = [0.0] * 3, [0.0] * 3
     for number, (name, upright, sign) in JOINTS.items():
         joint = data.joint(name)
@@ -68,7 +68,7 @@ def direction(speed):
 
 
 def passive(model, data):
-    """Torques of the effects that the file cannot contain; for mujoco.set_mjcb_passive, once the model is loaded."""
+    """Torques of the effects that the file cannot contain; for mujoco.set_mjcb_passive, after the model is loaded."""
     turns, speeds = coordinates(data)
     along = [direction(speed) for speed in speeds]
     angles, omegas = (turns[0], turns[1], turns[1] + turns[2]), (speeds[0], speeds[1], speeds[1] + speeds[2])
@@ -108,7 +108,7 @@ class EngineSwing({kind}):
     def after(self, h, torque1, torque2):
         count = max(1, math.ceil(h / self.longest - 1e-9))
         self.model.opt.timestep, self.data.time = h / count, self.t
-        self.model.dof_solref[:, 0] = 2.0 * h / count  # dry friction as hard as the step allows
+        self.model.dof_solref[:, 0] = 2.0 * h / count  # Coulomb friction as stiff as the step allows
         self.push(torque1, torque2)
         mujoco.set_mjcb_passive(passive)
         mujoco.mj_step(self.model, self.data, count)
@@ -131,13 +131,13 @@ _PUSH = '''
 
 
 def arm_torques(data, motion):
-    """An arm that is held has no torques of effects."""
+    """A clamped arm has no torques of effects."""
     return 0.0, 0.0, 0.0
 '''
 
 _ARM_PUSH = '''
     def push(self, u, _):
-        """Input of the arm; a file without an actuator gets its torque."""
+        """Input of the arm; without an actuator in the file, its torque is applied."""
         self.data.qfrc_applied[0] = 0.0 if self.model.nu else GAIN * u
         if self.model.nu:
             self.data.ctrl[0] = u  # the arm's motor comes first

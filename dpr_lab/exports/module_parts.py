@@ -64,17 +64,17 @@ _USED |= {"read_at": read_at}
 
 SWING = '''
 def cubic(u, h, y0, v0, y1, v1):
-    """The cubic through y0, y1 with slopes v0, v1 over a step of h, at the share u of it."""
+    """Cubic Hermite polynomial through y0, y1 with slopes v0, v1 over a step h, at the fraction u of the step."""
     v = 1.0 - u
     return v * v * ((1.0 + 2.0 * u) * y0 + u * h * v0) + u * u * ((3.0 - 2.0 * u) * y1 - v * h * v1)
 
 
 MODEL = {model}
-START = {internal!r}  # what the effects remember at the release
+START = {internal!r}  # internal states of the effects at the release
 
 
 class Swing:
-    """The rig from a state on, step by step; joint torques of your own may change between steps, N m."""
+    """Step-by-step simulation from an initial state; your joint torques, N m, may change between steps."""
 
     encoders = 2
 
@@ -85,25 +85,25 @@ class Swing:
         self.held, self.followed, self.began = theta2 - {relative2!r} * theta1, self.t, self.t
 
     def step(self, h, torque1=0.0, torque2=0.0):
-        """Go on by h, s, under torques of joint 1 on the inner rod and of joint 2 on the outer one."""
+        """Simulate a step of h, s, with torques of joint 1 on the inner rod and of joint 2 on the outer rod."""
         old, self.x = self.x, self.after(h, torque1, torque2)
         self.starts.append(self.t)
         self.steps.append((h, old, self.x))
         self.t += h
 
     def after(self, h, torque1, torque2):
-        """The rig's state after h."""
+        """State after a step of h."""
         try:
             return stepped(self.t, self.x, h, MODEL._replace(params=(torque1, torque2)), {mode}, 0.0)
-        except (ValueError, OverflowError):  # sines of what is no longer finite
+        except (ValueError, OverflowError):  # sine of a value that is not finite
             return self.x._replace(theta1=nan, theta2=nan, omega1=nan, omega2=nan)
 
     def read(self, t):
-        """What the encoders of joints 1 and 2 read at device time t, s, not before the last one asked for, rad."""
+        """Readings of the encoders of joints 1 and 2 at device time t, s, rad; t must not decrease between calls."""
         at1, at2 = (max(instant, self.began) for instant in read_at(t, MODEL))
         for start, (h, _, _) in zip(self.starts, self.steps):
             for quarter in (start, start + 0.25 * h, start + 0.5 * h, start + 0.75 * h):
-                if self.followed < quarter < at2:  # the play looks for turning points there
+                if self.followed < quarter < at2:  # the backlash needs the turning points between readings
                     self.held = held_angle(self.angles(quarter)[1], self.held, None, None)
         self.held, self.followed = held_angle(self.angles(at2)[1], self.held, None, None), at2
         angle1, kept = self.angles(at1)[0], max(bisect(self.starts, min(at1, at2) - self.kept_s) - 1, 0)
@@ -112,10 +112,10 @@ class Swing:
         return angle1 + error1, self.held + error2
 
     def angles(self, t):
-        """Angles of joints 1, 2 (as its encoder has it) and 0, by the cubic through the ends of a step."""
+        """Angles of joints 1, 2 (as its encoder measures it) and 0, by the cubic polynomial of a step."""
         if not self.steps:
             return self.x.theta1, self.x.theta2 - {relative2!r} * self.x.theta1, self.x.theta0
-        if t > self.t:  # a clock that runs slow
+        if t > self.t:  # the clock of the device is slow
             ahead = copy(self)
             ahead.starts, ahead.steps = self.starts[-1:], self.steps[-1:]
             ahead.step(t - self.t)
@@ -134,7 +134,7 @@ class Swing:
 
 
 def states_at(x0, t, max_step, torques, kind):
-    """(n, states) of a swing at the instants t; nan from where they are no longer finite."""
+    """(n, states) of a swing at the instants t; nan after they are no longer finite."""
     swing = kind(x0, t[0])
     states = np.full((len(t), len(swing.state())), np.nan)
     states[0] = swing.state()
@@ -151,7 +151,7 @@ def states_at(x0, t, max_step, torques, kind):
 
 
 def readings_at(x0, t, run, max_step, start, kind, torques):
-    """(n, encoders) what the encoders read at device times t, rad; the swing is at x0 at `start`, s."""
+    """(n, encoders) encoder readings at device times t, rad; the state at time `start`, s, is x0."""
     swing = kind(x0, start, run)
     read = np.full((len(t), kind.encoders), np.nan)
     for i, instant in enumerate(np.asarray(t, dtype=float).tolist()):

@@ -20,12 +20,12 @@ from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 
-_HEAD = '''"""A double pendulum with the effects that dpr-lab named: the functions that dpr-lab itself simulates with.
+_HEAD = '''"""A double pendulum with the effects that dpr-lab named: the functions with which dpr-lab itself simulates.
 
 simulate(x0, t)     states of a swing: theta1, theta2 absolute angles, rad, 0 = upright, pi = hanging; speeds, rad/s
-readings(x0, t)     what the encoders of joints 1 and 2 read at device times t, rad
+readings(x0, t)     readings of the encoders of joints 1 and 2 at device times t, rad
 derivative(t, x)    time derivative of a state
-Swing(x0)           the same step by step, under torques of your own
+Swing(x0)           the same step by step, with your torques
 
 SI throughout; t is the time since the release, s.
 """
@@ -41,7 +41,7 @@ import numpy as np
 inf, nan = math.inf, math.nan
 RIG = {rig!r}
 SCALE = {scale!r}
-LEFT_OUT = {left_out!r}  # named too: of drives, or unknown to the dpr-lab that wrote this
+LEFT_OUT = {left_out!r}  # also named, but not in this module
 EFFECTS = {effects!r}
 L1, L2, G = {L1!r}, {L2!r}, {g!r}
 BASE = {base!r}  # a, b, d, e1, c1, c2
@@ -51,15 +51,15 @@ BASE = {base!r}  # a, b, d, e1, c1, c2
 
 _CLAMPED = '''
 def simulate(x0, t, max_step=1e-3, torques=lambda t, state: (0.0, 0.0), kind=Swing):
-    """(n, 4) states at the instants t, by the classical Runge-Kutta rule; nan from where they are no longer finite.
+    """(n, 4) states at the instants t, by the classical Runge-Kutta rule; nan after they are no longer finite.
 
-    torques(t, state): torques of joints 1 and 2, N m, held through each step. kind: what steps the rig.
+    torques(t, state): torques of joints 1 and 2, N m, held through each step. kind: class that simulates the steps.
     """
     return states_at(x0, t, max_step, torques, kind)
 
 
 def readings(x0, t, run=0, max_step=1e-3, start=0.0, kind=Swing, torques=lambda t, state: (0.0, 0.0)):
-    """(n, 2) what the encoders of joints 1 and 2 read at device times t, rad; the swing is at x0 at `start`, s.
+    """(n, 2) readings of the encoders of joints 1 and 2 at device times t, rad; the state at `start`, s, is x0.
 
     torques(t, state): torques of joints 1 and 2, N m, held through each step.
     """
@@ -67,7 +67,7 @@ def readings(x0, t, run=0, max_step=1e-3, start=0.0, kind=Swing, torques=lambda 
 
 
 def derivative(t, x, torques=(0.0, 0.0)):
-    """Time derivative of (theta1, theta2, omega1, omega2); nothing is remembered yet and an arm stands still."""
+    """Time derivative of (theta1, theta2, omega1, omega2); internal states are those at the release, and an arm is at rest."""
     start = Swing(x, t)
     alphas = accelerations_at(t, start.x, 0.0, 0.0, MODEL._replace(params=tuple(torques)), {mode}, 0.0)
     return np.array([*x[2:], *alphas[1:]])

@@ -17,10 +17,10 @@ from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Setup
 
-_HEAD = '''"""Rods on an arm that moves: the functions that dpr-lab itself simulates with, and the identified values.
+_HEAD = '''"""Rods on an arm that moves: the functions with which dpr-lab itself simulates, and the identified values.
 
 simulate(x0, t, inputs)  states at the instants t, the input held from each instant to the next
-readings(x0, t, ...)     what the encoders of joints 0, 1 and 2 read at device times t, rad
+readings(x0, t, ...)     readings of the encoders of joints 0, 1 and 2 at device times t, rad
 derivative(x, u)         time derivative of a state
 step(x, u, h)            the state after h, s
 ArmSwing(x0)             the same step by step
@@ -41,7 +41,7 @@ inf, nan = math.inf, math.nan
 RIG = {rig!r}
 SCALE = {scale!r}
 INPUT = {input!r}  # torque (N m), current (A), voltage (V) or acceleration (rad/s^2) of the arm; empty without one
-LEFT_OUT = {left_out!r}  # named too: of drives of the rods, or unknown to the dpr-lab that wrote this
+LEFT_OUT = {left_out!r}  # also named, but not in this module
 EFFECTS = {effects!r}
 VALUES = {values!r}
 L1, G = {L1!r}, {g!r}
@@ -56,7 +56,7 @@ DELAY = delay_of_input(0.0, None, None)  # of the input, s
 
 
 class ArmSwing(Swing):
-    """The rig from a state of six on, step by step; the input of the arm's drive may change between steps."""
+    """Step-by-step simulation from an initial state (6,); the input of the arm's drive may change between steps."""
 
     encoders = 3
 
@@ -69,12 +69,12 @@ class ArmSwing(Swing):
         self.kept_s = abs(arm_delay(0.0, None, None))
 
     def step(self, h, u=None):
-        """Go on by h, s, under an input."""
+        """Simulate a step of h, s, with an input."""
         self.input = (self.input or 0.0) if u is None else float(u)
         super().step(h, self.delayed(h))
 
     def delayed(self, h):
-        """Mean input that acts during a step of h: that of a delay ago; the first one holds before the start."""
+        """Mean input that acts during a step of h, after the delay; before the start, the first input acts."""
         if not DELAY:
             return self.input
         if not self.times:
@@ -86,14 +86,14 @@ class ArmSwing(Swing):
         return float(until[1] - until[0]) / h
 
     def after(self, h, u, _):
-        """The rig's state after h."""
+        """State after a step of h."""
         try:
             return stepped(self.t, self.x, h, MODEL, {mode}, GAIN * u)
-        except (ValueError, OverflowError):  # sines of what is no longer finite
+        except (ValueError, OverflowError):  # sine of a value that is not finite
             return self.x._replace(theta1=nan, theta2=nan, omega1=nan, omega2=nan)
 
     def read(self, t):
-        """What the encoders of joints 0, 1 and 2 read at device time t, s, not before the last one asked for, rad."""
+        """Readings of the encoders of joints 0, 1 and 2 at device time t, s, rad; t must not decrease between calls."""
         theta0 = self.angles(max(read_at(t, MODEL)[0] - arm_delay(0.0, None, None), self.began))[2]
         error0 = arm_encoder_error(theta0, t, self.run, MODEL.constants, None, None)
         return theta0 + error0, *super().read(t)
@@ -110,7 +110,7 @@ def simulate(x0, t, inputs, max_step=1e-3, kind=ArmSwing):
 
 
 def readings(x0, t, run=0, max_step=1e-3, start=0.0, kind=ArmSwing, torques=lambda t, state: (0.0,)):
-    """(n, 3) what the encoders of joints 0, 1 and 2 read at device times t, rad; the swing is at x0 at `start`, s.
+    """(n, 3) readings of the encoders of joints 0, 1 and 2 at device times t, rad; the state at `start`, s, is x0.
 
     torques(t, state): the input of the arm, held through each step.
     """
@@ -118,13 +118,13 @@ def readings(x0, t, run=0, max_step=1e-3, start=0.0, kind=ArmSwing, torques=lamb
 
 
 def derivative(x, u=0.0):
-    """(6,) time derivative of a state (6,) under the input u; nothing is remembered yet."""
+    """(6,) time derivative of a state (6,) with the input u; internal states are those at the release."""
     start = ArmSwing(x)
     return np.array([*x[3:], *accelerations_at(0.0, start.x, 0.0, 0.0, MODEL, {mode}, GAIN * u)])
 
 
 def step(x, u, h):
-    """(6,) the state after h, s, by the classical Runge-Kutta rule; nothing is remembered yet."""
+    """(6,) the state after h, s, by the classical Runge-Kutta method; internal states are those at the release."""
     swing = ArmSwing(x)
     swing.step(h, u)
     return swing.state()
