@@ -67,7 +67,7 @@ def readings(x0, t, run=0, max_step=1e-3, start=0.0, kind=Swing, torques=lambda 
 
 
 def derivative(t, x, torques=(0.0, 0.0)):
-    """Time derivative of (theta1, theta2, omega1, omega2); internal states are those at the release, and an arm is at rest."""
+    """Time derivative of (theta1, theta2, omega1, omega2); internal states as at the release, arm at rest."""
     start = Swing(x, t)
     alphas = accelerations_at(t, start.x, 0.0, 0.0, MODEL._replace(params=tuple(torques)), {mode}, 0.0)
     return np.array([*x[2:], *alphas[1:]])
