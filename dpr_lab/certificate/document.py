@@ -63,6 +63,15 @@ class CertifiedRig(_Part):
     """Hash of the file."""
 
 
+class CertifiedLimits(_Part):
+    """The limits file of an acceptance test."""
+
+    file: FilePath
+    """Path relative to the folder of the certificate."""
+    sha256: Sha256
+    """Hash of the file."""
+
+
 class CertifiedChoices(_Part):
     """Free choices of the diagnosis; `verify` shows them first."""
 
@@ -125,6 +134,8 @@ class Certificate(_Part):
     policy: Policy
     recordings: list[CertifiedRecording] = Field(min_length=1)
     rig: CertifiedRig
+    limits: CertifiedLimits | None = None
+    """Limits whose test is claimed too; None without."""
     choices: CertifiedChoices
     made_with: MadeWith
     claims: dict[str, CertifiedClaim]
@@ -140,8 +151,9 @@ class Certificate(_Part):
 
     @property
     def content(self) -> bytes:
-        """Canonical JSON of everything except signature and seal."""
-        fields = self.model_dump(mode="json", exclude={"signature", "seal"})
+        """Canonical JSON of everything except signature and seal; limits are left out if there are none."""
+        absent = {"limits"} if self.limits is None else set[str]()
+        fields = self.model_dump(mode="json", exclude={"signature", "seal"} | absent)
         return json.dumps(fields, sort_keys=True, separators=(",", ":")).encode()
 
     def sealed(self) -> Self:

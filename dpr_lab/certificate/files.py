@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from dpr_lab.certificate.document import Certificate, CertifiedRecording, CertifiedRig
+from dpr_lab.certificate.document import Certificate, CertifiedLimits, CertifiedRecording, CertifiedRig
 from dpr_lab.certificate.lines import Verified
 from dpr_lab.configs import sha256_of
 from dpr_lab.errors import ConfigError, RunError
@@ -31,6 +31,23 @@ def certify_rig(rig: str, folder: Path) -> CertifiedRig:
     """
     path = Path(rig)
     return CertifiedRig(file=_relative(path, folder) if path.is_file() else rig, sha256=load_rig(rig).sha256)
+
+
+def certify_limits(path: Path, folder: Path) -> CertifiedLimits:
+    """Hash a limits file for a certificate in a folder."""
+    return CertifiedLimits(file=_relative(path, folder), sha256=sha256_of(path))
+
+
+def compare_limits(certificate: Certificate, folder: Path) -> list[Verified]:
+    """Compare the limits file with its hash; no line without limits."""
+    if certificate.limits is None:
+        return []
+    path, certified = folder / certificate.limits.file, certificate.limits.sha256
+    if not path.is_file():
+        return [Verified(certificate.limits.file, certified[:12], None, False, "does not exist")]
+    now = sha256_of(path)
+    reason = "" if now == certified else "is not the certified file"
+    return [Verified(certificate.limits.file, certified[:12], now[:12], now == certified, reason)]
 
 
 def _relative(path: Path, folder: Path) -> str:

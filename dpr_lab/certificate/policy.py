@@ -10,6 +10,7 @@ this program (tests/golden). They follow from the repeated diagnosis, so editing
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from dpr_lab.acceptance.judge import Acceptance
 from dpr_lab.certificate.document import POLICY, CertifiedClaim
 from dpr_lab.certificate.lines import Verified
 from dpr_lab.effects import EFFECTS
@@ -48,8 +49,13 @@ class RequiredClaim:
     """Tolerance of each end of the interval."""
 
 
-def required_claims(diagnosis: Diagnosis) -> dict[str, RequiredClaim]:
-    """Claims that policy 2 requires of a certificate of this diagnosis, by name."""
+def required_claims(diagnosis: Diagnosis, acceptance: Acceptance | None = None) -> dict[str, RequiredClaim]:
+    """Claims that policy 2 requires of a certificate of this diagnosis, by name.
+
+    Args:
+        diagnosis: the diagnosis
+        acceptance: results of the limits of the certificate; None without limits
+    """
     closed = diagnosis.gap.closed_held_out
     required = {
         "verdict": _text(diagnosis.verdict),
@@ -68,7 +74,14 @@ def required_claims(diagnosis: Diagnosis) -> dict[str, RequiredClaim]:
         required |= {f"{effect.name}: {name}": claim for name, claim in _effect_claims(effect, diagnosis.scale)}
     # `ratios` has nominal values of the rig file where the recordings determine none; older files have nothing else
     ratios = (diagnosis.determined or diagnosis.ratios).items()
-    return required | {name: _number(r.value, r.interval90, DIFFERENCE_STEPS.least_ratio) for name, r in ratios}
+    required |= {name: _number(r.value, r.interval90, DIFFERENCE_STEPS.least_ratio) for name, r in ratios}
+    return required | (_limit_claims(acceptance) if acceptance else {})
+
+
+def _limit_claims(acceptance: Acceptance) -> dict[str, RequiredClaim]:
+    """The result of each limit, and of all of them; the limits file, which has a hash, contains the bounds."""
+    each = {f"limit of {limit.quantity}": _text(limit.answer) for limit in acceptance.limits}
+    return each | {"all limits": _text(acceptance.answer)}
 
 
 def _effect_claims(effect: NamedEffect, scale: Scale | None) -> Iterator[tuple[str, RequiredClaim]]:
@@ -120,9 +133,11 @@ def _tolerance(interval90: Ends, typical: float) -> float:
     return max(TOLERANCES.of_interval * abs(high - low), TOLERANCES.of_typical * typical)
 
 
-def compare_claims(certified: Mapping[str, CertifiedClaim], diagnosis: Diagnosis) -> list[Verified]:
-    """Compare the claims of a certificate with those that the policy requires of a diagnosis."""
-    required = required_claims(diagnosis)
+def compare_claims(
+    certified: Mapping[str, CertifiedClaim], diagnosis: Diagnosis, acceptance: Acceptance | None = None
+) -> list[Verified]:
+    """Compare the claims of a certificate with those that the policy requires; arguments as for `required_claims`."""
+    required = required_claims(diagnosis, acceptance)
     lines = [_compare(name, certified.get(name), claim) for name, claim in required.items()]
     unknown = (
         Verified(name, claim.value, None, False, f"is not a claim of policy {POLICY} for this diagnosis", 0.0)

@@ -28,6 +28,9 @@ def certify(
     ] = 0,
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
+    limits: Annotated[
+        Path | None, typer.Option(help="Limits file of `accept`: certify the result of each limit as well.")
+    ] = None,
     sign: Annotated[
         Path | None,
         typer.Option(
@@ -61,7 +64,7 @@ def certify(
         torque=torque,
     )
     with Listener() as listener:
-        made = certify_runs(request, out, listener, sign, _ask_passphrase if sys.stdin.isatty() else None)
+        made = certify_runs(request, out, listener, sign, _ask_passphrase if sys.stdin.isatty() else None, limits)
     if as_json:
         emit(made.certificate.model_dump(mode="json"))
         return

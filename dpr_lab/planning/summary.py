@@ -92,7 +92,7 @@ def _planned(number: int, step: SequenceStep, F: Array, objective: Objective, wh
         pairs=[PairBits(causes=pair, bits=bits) for pair, bits in objective.bits_of(gained).items()],
         library_bits=library_bits(known, F),
         ratio_std=_stds(known, F),
-        decided=decision_probability(objective.pairs, gained) if known.diagnosis else None,
+        decided=decision_probability(objective.pairs, gained, number) if known.diagnosis else None,
         simulated=step.simulated,
     )
     return planned.driven_by(release.torques)

@@ -46,8 +46,6 @@ def accept(request: DiagnoseRequest, limits: Path, on_event: OnEvent = ignore) -
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.
     """
-    from dpr_lab.acceptance.free_run import free_run_errors
-    from dpr_lab.acceptance.judge import judge
     from dpr_lab.acceptance.limits import load_limits
     from dpr_lab.rig import load_rig
 
@@ -57,11 +55,18 @@ def accept(request: DiagnoseRequest, limits: Path, on_event: OnEvent = ignore) -
         refuse_file(request.out)
     runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
     diagnosis = diagnose(replace(request, out=None), on_event).diagnosis
-    horizon = wanted.free_run.horizon_s if wanted.free_run else None
-    errors = free_run_errors(runs, rig, diagnosis, horizon) if horizon else {}
-    acceptance = _with_recordings(judge(diagnosis, wanted, errors), wanted, diagnosis, runs, rig)
+    acceptance = _with_recordings(judged(diagnosis, wanted, runs, rig), wanted, diagnosis, runs, rig)
     files = _save(acceptance, diagnosis, runs, rig, request.out, on_event) if request.out else {}
     return AcceptResult(acceptance, files)
+
+
+def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig: "Rig") -> "Acceptance":
+    """Test every limit with a diagnosis of these runs."""
+    from dpr_lab.acceptance.free_run import free_run_errors
+    from dpr_lab.acceptance.judge import judge
+
+    horizon = limits.free_run.horizon_s if limits.free_run else None
+    return judge(diagnosis, limits, free_run_errors(runs, rig, diagnosis, horizon) if horizon else {})
 
 
 def _with_recordings(

@@ -6,14 +6,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.workflows.accept import judged
 from dpr_lab.workflows.checks import refuse_folder
 from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
 from dpr_lab.workflows.events import OnEvent, ignore
+from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
+    from dpr_lab.acceptance.judge import Acceptance
+    from dpr_lab.acceptance.limits import Limits
     from dpr_lab.certificate.document import Certificate
     from dpr_lab.certificate.lines import Declared, Verified
     from dpr_lab.certificate.policy import RequiredClaim
+    from dpr_lab.gap.result.diagnosis import Diagnosis
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +60,7 @@ def certify(
     on_event: OnEvent = ignore,
     sign_with: Path | None = None,
     passphrase: Callable[[], str] | None = None,
+    limits: Path | None = None,
 ) -> Certified:
     """Diagnose, and write a certificate that others can verify; events and errors as of `diagnose`.
 
@@ -64,10 +70,13 @@ def certify(
         on_event: called with the events
         sign_with: file of an Ed25519 private key; None: no signature
         passphrase: asks for the key's passphrase
+        limits: limits file of `accept`, whose results the certificate claims too; None: none
 
     Raises:
-        ConfigError: the key cannot be used, the file cannot be written, or the request starts from a model.
+        ConfigError: the key or the limits cannot be used, the file cannot be written, or the request starts from a
+            model.
     """
+    from dpr_lab.acceptance.limits import load_limits
     from dpr_lab.certificate.code import made_with
     from dpr_lab.certificate.declared import choices_of, origin_of
     from dpr_lab.certificate.policy import required_claims
@@ -78,18 +87,33 @@ def certify(
     if request.model is not None:
         raise ConfigError("a certified diagnosis starts from the rig file: remove the model")
     key = load_private_key(sign_with, passphrase) if sign_with else None
-    claims = required_claims(diagnose(request, on_event).diagnosis)
-    certificate = _certificate(request, to.parent, claims)
+    wanted = load_limits(limits) if limits else None
+    diagnosis = diagnose(request, on_event).diagnosis
+    claims = required_claims(diagnosis, _accepted(diagnosis, wanted, request))
+    certificate = _certificate(request, to.parent, claims, limits)
     if key is not None:
         certificate = sign(certificate, key)
     write_text(to, certificate.to_text())
     return Certified(certificate, choices_of(certificate), origin_of(certificate, made_with()), claims)
 
 
-def _certificate(request: DiagnoseRequest, folder: Path, claims: "Mapping[str, RequiredClaim]") -> "Certificate":
+def _accepted(diagnosis: "Diagnosis", limits: "Limits | None", request: DiagnoseRequest) -> "Acceptance | None":
+    """Results of the limits with the fitted runs of a request; None without limits."""
+    from dpr_lab.rig import load_rig
+
+    if limits is None:
+        return None
+    rig = load_rig(request.rig)
+    runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque, moving=True)
+    return judged(diagnosis, limits, runs, rig)
+
+
+def _certificate(
+    request: DiagnoseRequest, folder: Path, claims: "Mapping[str, RequiredClaim]", limits: Path | None
+) -> "Certificate":
     from dpr_lab.certificate.code import made_with
     from dpr_lab.certificate.document import POLICY, Certificate, CertifiedChoices, MadeWith
-    from dpr_lab.certificate.files import certify_recording, certify_rig
+    from dpr_lab.certificate.files import certify_limits, certify_recording, certify_rig
 
     recordings = [(path, False) for path in request.runs] + [(path, True) for path in request.held_out]
     choices: dict[str, Any] = {name: getattr(request, name) for name in CertifiedChoices.model_fields}
@@ -97,6 +121,7 @@ def _certificate(request: DiagnoseRequest, folder: Path, claims: "Mapping[str, R
         policy=POLICY,
         recordings=[certify_recording(path, folder, held_out=held_out) for path, held_out in recordings],
         rig=certify_rig(request.rig, folder),
+        limits=certify_limits(limits, folder) if limits else None,
         choices=CertifiedChoices(**choices),
         made_with=MadeWith(**made_with()),
         claims={name: required.claim for name, required in claims.items()},
@@ -127,10 +152,11 @@ def verify(
         RunError: the file is not a certificate of this policy.
         ConfigError: its rig file is missing or not valid, or the key cannot be used.
     """
+    from dpr_lab.acceptance.limits import load_limits
     from dpr_lab.certificate.code import compare_code, made_with
     from dpr_lab.certificate.declared import choices_of, origin_of
     from dpr_lab.certificate.document import load_certificate
-    from dpr_lab.certificate.files import compare_recording, compare_rig
+    from dpr_lab.certificate.files import compare_limits, compare_recording, compare_rig
     from dpr_lab.certificate.policy import compare_claims
     from dpr_lab.certificate.signature import compare_signature, load_public_key
 
@@ -142,9 +168,13 @@ def verify(
         *compare_code(certificate.made_with, here, other_code=other_code, same_libraries=same_libraries),
         *(compare_recording(recording, path.parent) for recording in certificate.recordings),
         compare_rig(certificate, path.parent),
+        *compare_limits(certificate, path.parent),
     ]
     if all(line.holds for line in lines):
-        lines += compare_claims(certificate.claims, diagnose(_request(certificate, path.parent), on_event).diagnosis)
+        request = _request(certificate, path.parent)
+        wanted = load_limits(path.parent / certificate.limits.file) if certificate.limits else None
+        diagnosis = diagnose(request, on_event).diagnosis
+        lines += compare_claims(certificate.claims, diagnosis, _accepted(diagnosis, wanted, request))
     return VerifiedCertificate(choices_of(certificate), origin_of(certificate, here), lines)
 
 

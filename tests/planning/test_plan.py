@@ -10,7 +10,7 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.acting import Acting
 from dpr_lab.planning.candidates import mountings, novelty
-from dpr_lab.planning.forecast import decided, decision_probability
+from dpr_lab.planning.forecast import STOPPING, decided, decision_probability
 from dpr_lab.planning.information import informed, simulated_states
 from dpr_lab.planning.knowledge import known_after, known_before
 from dpr_lab.planning.limits import PlanLimits, load_plan_limits
@@ -102,13 +102,14 @@ def test_a_signal_keeps_speed_and_torque_and_a_device_replays_it(paper: Rig, tmp
     np.testing.assert_allclose(replayed.joints, signals[0].torques.joints, atol=1e-8)
 
 
-def test_a_forecast_is_certain_where_nothing_is_open_and_grows_with_information() -> None:
+def test_a_forecast_grows_with_information_and_with_releases() -> None:
     pairs = OpenPairs("a", ("a", "b"), np.array([0.5, 0.48]), (), ((0,), (1,)), (np.ones(1),) * 2, (np.eye(1),) * 2)
     probability = [decision_probability([pairs], [np.full((2, 2), d2)]) for d2 in (0.0, 4.0, 20.0, 200.0)]
     assert probability == sorted(probability)
     assert probability[0] == 0.0
-    assert probability[-1] == pytest.approx(1.0, abs=0.01)
-    assert decision_probability([], []) == 1.0
+    assert probability[-1] == pytest.approx(STOPPING.holds, abs=0.01)
+    assert decision_probability([], []) == STOPPING.holds
+    assert decision_probability([], [], 2) == pytest.approx(1 - (1 - STOPPING.holds) ** 2)
 
 
 def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
@@ -118,7 +119,7 @@ def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
     mean = np.where(truth, d2 / 2, -d2 / 2)
     log_odds = np.log(p[0] / p[1]) + mean + np.sqrt(d2) * rng.standard_normal(len(truth))
     share = np.mean(np.abs(log_odds) >= np.log(0.95 / 0.05))
-    assert decision_probability([pairs], [np.full((2, 2), d2)]) == pytest.approx(share, abs=0.02)
+    assert decision_probability([pairs], [np.full((2, 2), d2)]) == pytest.approx(STOPPING.holds * share, abs=0.02)
 
 
 def test_a_repeated_release_is_worth_less_and_a_plan_does_not_repeat_itself(paper: Rig) -> None:
