@@ -103,17 +103,18 @@ def behind_pointer(function: Callable[..., None], *examples: Any) -> Any:
 
 
 class KernelCache(caching.FunctionCache):
-    """Numba's cache of one kernel, which loads without all that a compilation needs and survives damaged files."""
+    """Cache of one kernel: loads it without the imports that a compilation needs, and tolerates damaged files."""
 
     def __init__(self, function: Callable[..., Any], allocates: bool) -> None:
         super().__init__(function)
         self._allocates = allocates
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """A kernel from the cache; None, so that it is compiled again, where its files were cut off.
+        """Load a kernel from the cache; None if its file is truncated, so that it is compiled again.
 
-        Numba itself first imports all that it would need to compile, which takes longer than to load every kernel of a
-        diagnosis. Machine code that allocates needs what counts references; a compilation imports the rest.
+        Numba itself first imports everything that a compilation requires, which takes longer than loading all kernels
+        of a diagnosis. Machine code that allocates arrays requires Numba's reference counting; other imports are made
+        when a kernel is compiled.
         """
         try:
             if self._allocates:
@@ -126,19 +127,19 @@ class KernelCache(caching.FunctionCache):
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Save a compiled kernel, where the disk has room."""
+        """Save a compiled kernel if the disk has space."""
         with suppress(OSError):
             super().save_overload(sig, data)
 
 
 def _cached(kernel: Any, allocates: bool) -> Any:
-    """A kernel with its cache, where there is one."""
+    """A kernel with its cache, if it has one."""
     kernel._cache = _cache_of(kernel.py_func, allocates) or kernel._cache
     return kernel
 
 
 def _cache_of(function: Callable[..., Any], allocates: bool) -> KernelCache | None:
-    """The cache of one kernel in this version's folder; None where nothing can be written."""
+    """The cache of one kernel in the folder of this version; None if nothing can be written."""
     if CACHE is None:
         return None
     # Numba reads the folder when it makes a cache; other libraries' kernels keep the folder they had.

@@ -71,7 +71,7 @@ class _Plain(str):
 
 @cache
 def explain(value: Any, name: str) -> Any:
-    """The same function or class, with the help of a public name.
+    """Give a public function or class its public name and readable help.
 
     Args:
         value: a function or a class
@@ -102,12 +102,12 @@ def _sign_methods(value: Any) -> None:
 
 
 def _explain_fields(cls: Any) -> None:
-    """`help` prints the texts of slots that are a dictionary."""
+    """Add the texts of the fields, so that `help` prints them."""
     cls.__slots__ = {**dict.fromkeys(cls.__slots__), **field_docs(cls)}
 
 
 def readable(signature: inspect.Signature) -> inspect.Signature:
-    """The same signature with types as one writes them, and without long default values."""
+    """The same signature with short type names and without long default values."""
     parameters = [
         one.replace(annotation=_annotated(one.annotation), default=_short(one.default))
         for one in signature.parameters.values()
@@ -116,7 +116,7 @@ def readable(signature: inspect.Signature) -> inspect.Signature:
 
 
 def plain_type(annotation: Any) -> str:
-    """A type in the words of the source, without modules and metadata: `Mapping[str, float] | None`."""
+    """Short name of a type, without modules and metadata: `Mapping[str, float] | None`."""
     origin, parts = get_origin(annotation), get_args(annotation)
     match annotation:
         case str():
@@ -167,5 +167,5 @@ def _annotated(annotation: Any) -> Any:
 
 
 def _short(default: Any, longest: int = 30) -> Any:
-    """A default value, or `...` if its text is longer than a signature can hold."""
+    """A default value, or `...` if its text is too long for a signature."""
     return default if default is inspect.Parameter.empty or len(repr(default)) <= longest else _Plain("...")

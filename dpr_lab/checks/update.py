@@ -140,7 +140,7 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, result: Result) -> Diagn
 def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
     """Checks that are not done, with their expected information about the updated probabilities, largest first.
 
-    Of an ideal measurement this is the entropy that is left. Other checks keep their share of the ideal information.
+    For an ideal measurement this is the remaining entropy. Other checks keep their fraction of the ideal information.
     """
     left = [_reweighed(check, done) for check in diagnosis.checks if check.id != done.check.id]
     return sorted(left, key=lambda check: -check.expected_bits)

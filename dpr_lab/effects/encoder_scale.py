@@ -29,7 +29,7 @@ def remedy(params: Params, rig: RigConstants, joint: int) -> str:
 
 
 def usual_counts(counts: float, near: float = 2e-3) -> int | None:
-    """Counts per turn of a usual encoder within a relative distance; None if there is none."""
+    """Counts per turn of the nearest common encoder, within a relative distance; None if there is none."""
     nearest = min((4 * lines for lines in USUAL_LINES), key=lambda usual: abs(usual / counts - 1.0))
     return nearest if abs(nearest / counts - 1.0) < near else None
 

@@ -1,4 +1,4 @@
-"""Parts of an exported Python module: dpr-lab's own functions with the chosen effects, and the swing they make.
+"""Parts of an exported Python module: dpr-lab's own functions with the chosen effects, and a class that simulates.
 
 Text from a file, such as the name of a rig, enters the source only as a Python literal, so that it is never executed.
 """

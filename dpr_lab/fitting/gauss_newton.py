@@ -301,9 +301,9 @@ def _line_search(
     settings: GaussNewton,
     tries: int,
 ) -> tuple[Estimate, Array, float, float] | None:
-    """First estimate along the step that reduces the cost, with its readings, chi2 and cost of the prior; or None.
+    """First estimate along the step that reduces the cost, with its readings, chi2 and cost of the prior.
 
-    None if no try does.
+    None if no step length reduces the cost.
     """
     before = state.linear.chi2_by_segment
     followed = np.isfinite(before)

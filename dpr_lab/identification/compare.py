@@ -153,8 +153,8 @@ def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed
 def _with_effects(bare: RatioFit, measured: NDArray[np.float64], rig: Rig, model: Model) -> RatioFit:
     """Prediction of the run by the model with its effects and refitted initial states.
 
-    A segment that is then fitted worse than without effects is in a wrong minimum, as where a torque is 20 % wrong
-    without them. It starts again from its (segments, 4) measured initial state.
+    A segment whose fit is worse than without effects has converged to a wrong minimum, for example if a torque is 20 %
+    wrong without the effects. Its fit is repeated from the measured initial state, a row of (segments, 4).
     """
     laid_out = bare.problem.segments
     at_step = replace(laid_out, step=np.full(len(laid_out), STEP))

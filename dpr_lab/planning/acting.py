@@ -1,4 +1,4 @@
-"""What may hang on the rig and act on it in the releases of a plan."""
+"""Mountings and drives that are permitted in the releases of a plan."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ def arm_states(rig: Rig, limits: PlanLimits) -> tuple[ArmState, ...]:
 
 
 def allowed_rods(rig: Rig, limits: PlanLimits) -> tuple[Mounting, ...]:
-    """Rods that may hang on the rig, as they are now first."""
+    """Permitted mountings of the rods; the present one first."""
     now: Mounting = rig.rods.mounting
     clamped: tuple[Mounting, ...] = ("clamped",) if "clamped" in limits.rods.elbow and now == "both" else ()
     return tuple(dict.fromkeys((now, *(limits.rods.mounted or ()), *clamped)))
@@ -33,10 +33,10 @@ def allowed_rods(rig: Rig, limits: PlanLimits) -> tuple[Mounting, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Acting:
-    """What may act in planned releases."""
+    """What can act in the planned releases: rods, drives, arm."""
 
     rods: frozenset[Mounting] = frozenset({"both"})
-    """What may swing."""
+    """Permitted mountings."""
     joint_drives: bool = False
     """Whether drives of joints 1 and 2 may act."""
     arm_moves: bool = False
@@ -51,7 +51,7 @@ class Acting:
         return cls(rods, limits.drive is not None, states != ("held",), "driven" in states)
 
     def besides(self, setups: Sequence[Setup]) -> "Acting":
-        """With what acted in recordings."""
+        """The same, together with what acted in the recordings."""
         driven = [setup.torques for setup in setups if setup.torques is not None]
         return replace(
             self,
@@ -63,12 +63,12 @@ class Acting:
 
     @property
     def elbow(self) -> bool:
-        """Whether there is a joint 2 in any release."""
+        """Whether joint 2 exists in at least one release."""
         return bool(self.rods - {"inner", "outer"})
 
     @property
     def hidden_ratios(self) -> tuple[int, ...]:
-        """Indices of ratios, b and p/b that no release determines: those of the rod that is not there."""
+        """Indices of ratios, b and p/b that no release determines: those of an absent rod."""
         if "both" in self.rods:
             return ()
         visible = visible_ratios([Setup(mounting) for mounting in self.rods])

@@ -1,10 +1,10 @@
-"""The bench screen: seven steps from the cable to the diagnosis, every action a call that the command line makes too.
+"""The screen: seven steps from the connection to the diagnosis. Every action calls a job of the command line.
 
 app                  steps in their order, keys, errors as notices
-steps                one page each
-widgets              what pages are made of
-jobs, recorder       what runs in processes of their own
-services, workspace  what steps share
+steps                one page for each step
+widgets              parts of the pages
+jobs, recorder       jobs that run in separate processes
+services, workspace  state that the steps share
 """
 
 FRAMES_PER_S = 12

@@ -38,7 +38,7 @@ class ArmDrive:
 
     @property
     def kinds(self) -> tuple[TorqueKind, ...]:
-        """Inputs that it reports."""
+        """Kinds of inputs that it reports."""
         return tuple(kind for kind in TorqueKind if kind.name.lower() in self.config.tells)
 
     @property
@@ -98,7 +98,7 @@ class ArmDrive:
         return np.rint(np.clip(asked, -self.config.limit, self.config.limit) / self.unit)
 
     def _acting(self, asked: Array, count: int, rate_hz: float) -> Array:
-        """(count,) torque of the last ticks, N m: of the delayed input, its mean over a tick."""
+        """(count,) torque of the last ticks, N m: the delayed input, averaged over a tick."""
         whole, part = divmod(self.delay_s * rate_hz, 1.0)
         given = np.append(np.zeros(int(whole) + 1), self._given(asked[-count - int(whole) - 1 :]))
         late = len(given) - count - int(whole)

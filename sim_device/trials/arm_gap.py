@@ -104,7 +104,7 @@ def noiseless_arm(config: PlantConfig, rig: Rig, number: int) -> ArmRelease:
 
 @dataclass(frozen=True, slots=True)
 class MovingParts:
-    """Indices of what the mounted rods show."""
+    """Indices of the quantities that the readings of the mounted rods depend on."""
 
     parameters: list[int]
     """Among a, b, d, e1, c1, c2, p, and the arm's inertia and friction."""
@@ -115,7 +115,7 @@ class MovingParts:
 
 
 def _moving(rig: Rig, *, scaled: bool) -> MovingParts:
-    """What can be fitted; without a known torque the first inertia stays, because only ratios to it show."""
+    """Indices of the fitted quantities; without a known torque only ratios to the first inertia are fitted."""
     first = [0] if scaled else []
     if rig.rods.mounting == "both":
         return MovingParts([*first, 1, 2, 3, 4, 5, 7, 8], [0, 1, 2, 3, 4, 5], [0, 1, 2])

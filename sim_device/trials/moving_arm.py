@@ -19,7 +19,7 @@ from sim_device.plant.config import PlantConfig
 from sim_device.trials.arm_gap import noiseless_arm
 
 DIRECT = {"range_rad": "angle", "limit_Nm": "torque"}
-"""Shape parameter -> what it is a share of: the largest angle of the arm, or the largest torque of its drive."""
+"""Shape parameter -> reference of its size: the largest angle of the arm, or the largest torque of its drive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class ArmDraw:
     within: tuple[float, float] = (0.4, 0.8)
     """Share of the largest angle or torque at which a stop or a saturation begins."""
     reached: float = 0.5
-    """Least share of the requested gap: a smaller gap is not visible, and another effect is drawn."""
+    """Minimum fraction of the requested gap: a smaller gap is not visible, and another effect is drawn."""
 
 
 DRAW = ArmDraw()
@@ -95,9 +95,9 @@ def is_plausible(plant: PlantConfig, rig: Rig) -> bool:
 
 
 def within_reach(plant: PlantConfig, rig: Rig, unit: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
-    """Coefficients of an effect whose stop or limit the arm reaches without it; a delay is positive.
+    """Coefficients of an effect whose stop or limit the arm reaches without the effect; a delay is positive.
 
-    A drive gives nothing beyond its limit, so that the amplitude of a saturation is one.
+    The output of a drive never exceeds its limit, so the amplitude of a saturation is one.
     """
     wanted = [name for name in unit if name in DIRECT]
     if not wanted:

@@ -1,7 +1,7 @@
 """Write the corrected model into the URDF or SDFormat file of the user (`dpr_lab.exports.into.target`: what changes).
 
-Where an element stands, its coordinates may be those of any frame. Therefore what a coordinate does is found by reading
-the file again with that coordinate changed: places are linear in them.
+The coordinates of an element can refer to any frame. The influence of a coordinate is therefore determined numerically:
+the file is read again with this coordinate changed, and positions are linear in it.
 """
 
 from collections.abc import Callable, Sequence

@@ -135,7 +135,7 @@ class Budget(Saved):
 
 
 class Curves(Saved):
-    """Free runs before and after, and the measured curve."""
+    """Measured curve, and free runs of the bare and of the corrected model."""
 
     run: str
     held_out: bool

@@ -49,7 +49,7 @@ def air_draught(body: Body, values: Values) -> EquationOfMotion:
 
 
 def leaning_table(body: Body, values: Values) -> EquationOfMotion:
-    """Somebody leans on the table: gravity turns by A exp(-((t - t0) / T)^2)."""
+    """Tilt of the table for a moment, as if somebody leans on it: gravity turns by A exp(-((t - t0) / T)^2)."""
     size, at, lasts = values["tilt_rad"], values["at_s"], values["lasts_s"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
