@@ -22,6 +22,7 @@ SATURATION_JOINT0 = Effect(
     stage="drive0",
     kernel=clipped,
     joints=(ARM,),
+    nested=("torque_scale_joint0",),
     quantities=(BenchQuantity("share of the excess torque that is missing", "x", ("share",)),),
     bench_check=(
         "Measure the motor's current or voltage at the largest command: with saturation it is smaller than"

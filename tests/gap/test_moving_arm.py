@@ -76,6 +76,17 @@ def scaled(runs: list[Run], factor: float) -> list[Run]:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("fault", "seed"),
+    [("torque_scale_joint0", 110014), pytest.param("saturation_joint0", 110006, marks=pytest.mark.long)],
+)
+def test_an_error_of_the_torque_constant_is_no_saturation_at_a_tiny_torque(fault, seed):
+    """A saturation whose limit goes to zero takes the same share of every torque as a wrong constant."""
+    _, rig, runs = case(fault, "driven", seconds=10.0, seed=seed)
+    assert diagnose(runs, rig).effects[0].name == fault
+
+
+@pytest.mark.slow
 def test_signs_and_units_of_the_input_and_an_arm_that_stands_still_are_named():
     _, rig, runs = case("", "driven", seconds=2.0)
     with pytest.raises(IdentificationError, match="fitted gain is negative"):
