@@ -39,6 +39,7 @@ def compare(
             emit(moving)
         else:
             table("Measured and simulated angles by segment", MOVING_ARM_COLUMNS, moving_arm_rows(moving))
+            line(f"report: {moving['report']}")
             line(f"table: {moving['file']}")
         return
     with Listener() as listener:

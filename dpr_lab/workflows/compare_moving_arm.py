@@ -18,7 +18,8 @@ def compare_moving_arm(
 ) -> dict[str, Any] | None:
     """Residuals of runs relative to a model by segment; None if the model has no moving arm.
 
-    Writes measured and simulated angles to `comparison.csv` in a folder. Reports `RunRead`.
+    Writes `report.html` with its figures, and measured and simulated angles as `comparison.csv`, in a folder. Reports
+    `RunRead`.
 
     Raises:
         ConfigError: a file with the name of the folder exists.
@@ -33,6 +34,7 @@ def compare_moving_arm(
     import numpy as np
 
     from dpr_lab.identification.moving_arm.identify import compare_moving_arm as compare_bare
+    from dpr_lab.report.pages.moving_arm import write_arm_report
     from dpr_lab.run import refuse_repeated
     from dpr_lab.storage.reader import stored_rig
     from dpr_lab.whole_file import write_text
@@ -57,7 +59,8 @@ def compare_moving_arm(
     file = out / "comparison.csv"
     write_text(file, "\n".join([",".join(["run", "t_s", *names]), *rows]) + "\n", RunError)
     keys = ("run", "held_out", "segment_s", "rms_rad", "noise_rad")
-    return {"file": str(file), "runs": [{key: getattr(one, key) for key in keys} for one in compared]}
+    saved = {"file": str(file), "runs": [{key: getattr(one, key) for key in keys} for one in compared]}
+    return saved | {"report": str(write_arm_report(loaded, compared, saved, out))}
 
 
 def compare_with_effects(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: float = 0.5) -> "ArmComparison":

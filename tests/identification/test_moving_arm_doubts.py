@@ -1,5 +1,7 @@
 """Recordings of a moving arm that are described wrongly, or that its stop spoils: each gets its sentence."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.rig import load_rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.options import ImportOptions
+from dpr_lab.workflows.compare_moving_arm import compare_moving_arm
 from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult, MovingArmResult, identify_any_arm
 from tests.identification.test_moving_arm_fit import NOISE, PUSH, T, drawn, recorded, rig_with
 
@@ -157,3 +160,9 @@ def test_a_clamped_run_of_one_rod_on_a_rig_with_a_motor_gives_its_own_ratios_onl
     assert isinstance(done, MovingArmResult)
     assert set(done.model.ratios) == {"e1/a", "c1/a"}
     assert done.model.ratios["e1/a"].value == pytest.approx(e1 / a, rel=1e-3)
+    compared = compare_moving_arm((run,), done.file, tmp_path / "report")
+    assert compared is not None
+    assert compared["runs"][0]["rms_rad"]["joint 1"] < 4e-4
+    page = Path(compared["report"]).read_text(encoding="utf-8")
+    assert all(part in page for part in ("e1/a", "joint 1", "data:image/png;base64"))
+    assert "joint 0" not in page
