@@ -153,12 +153,13 @@ def questions(asked: Asked, settings: QuestionSettings = SETTINGS) -> list[Table
         raise RunError(f"{asked.path}: only {len(t)} rows of a swing; at least {settings.fewest_rows} are required")
     _refuse_dead(asked, theta, settings)
     doubts, other = _energy_questions(asked, settings)
-    others = [*_arm_questions(asked, theta[:, 0], settings), *_few(asked, t, settings)]
+    arm = _arm_questions(asked, theta[:, 0], settings)
+    few = _few(asked, t, settings)
     posed = [] if other else _pose_questions(asked, settings)
-    certain = other or posed or any(doubt.mend for doubt in doubts)
+    certain = other or posed or arm or any(doubt.mend for doubt in doubts)
     if not certain:
         doubts = _balance_questions(asked, settings) or [*_rig_questions(asked, settings), *doubts]
-    return [*doubts, *others, *posed]
+    return [*doubts, *arm, *few, *posed]
 
 
 def _refuse_dead(asked: Asked, theta: Array, settings: QuestionSettings) -> None:
@@ -252,7 +253,7 @@ def _balance_questions(asked: Asked, settings: QuestionSettings) -> list[TableQu
 
 def _rig_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuestion]:
     """Doubt about the rig file from inertias that its bounds exclude; motors add an inertia of their own."""
-    if not asked.free or asked.prescribed or asked.rig.joints.geared:
+    if not asked.free or asked.ignored or asked.prescribed or asked.rig.joints.geared:
         return []
     read = asked.read(settings)
     balance = torque_balance(read.t, read.rods(read.values, read.options), None, read.rig)
