@@ -9,46 +9,33 @@ permission. If a capture ends before that, the rods stay held.
 
 import math
 import re
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dpr_lab.acquisition.batch import Batch
 from dpr_lab.acquisition.device import Device
-from dpr_lab.acquisition.gate import QualityReport
 from dpr_lab.acquisition.holding import (
     Confirm,
     HangReading,
     HeldPose,
     PoseReading,
     RestReading,
-    RestWindow,
     guide,
     look_at_hanging,
-    raise_faults,
 )
 from dpr_lab.acquisition.live_speed import LiveSpeed
-from dpr_lab.acquisition.recording import Recording
-from dpr_lab.acquisition.rest import at_rest
 from dpr_lab.acquisition.settings import CAPTURE_SETTINGS, CaptureSettings
-from dpr_lab.errors import ConfigError, DeviceLost, DprError, LinkError, RunError, unknown_name
+from dpr_lab.acquisition.swing import Captured, Released, Swing, SwingReading
+from dpr_lab.errors import ConfigError, DprError, unknown_name
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.storage.layout import SUFFIX
 from dpr_lab.storage.metadata import RunMetadata
 from dpr_lab.storage.room import check_room
-from dpr_lab.storage.writer import RunWriter
 from firmware_protocol.identity import DeviceInfo
-from firmware_protocol.messages import State, Status
-
-STOPPED = "stopped by the operator"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,48 +74,8 @@ class CaptureOptions:
         return self.max_duration if self.until_rest else self.duration
 
 
-@dataclass(frozen=True, slots=True)
-class Released:
-    """The latch opened; samples are written to `file`."""
-
-    tick: int
-    file: Path
-
-
-@dataclass(frozen=True, slots=True)
-class SwingReading:
-    """Progress of a recording."""
-
-    t: float
-    """Time since the release, s."""
-    theta: tuple[float, float, float]
-    """Newest absolute angles, rad."""
-    omega: tuple[float, float]
-    """Newest speeds of the inner and outer rod from a Kalman filter, rad/s."""
-    samples: int
-    fresh: tuple[NDArray[np.float64], NDArray[np.float64]]
-    """Time since the release (n,), s, and absolute angles (n, 3), rad, of the samples since the last report."""
-    inputs: NDArray[np.float64] | None = None
-    """(n,) input of the arm's drive at these samples, N m, A or V; None without a drive."""
-
-
 Progress: TypeAlias = HangReading | PoseReading | RestReading | Released | SwingReading
 OnProgress: TypeAlias = Callable[[Progress], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Captured:
-    """A finished capture."""
-
-    run_file: Path
-    quality: QualityReport
-    release_tick: int
-    duration: float
-    """Time from the release to the last sample, s."""
-    lost: Mapping[str, int]
-    """Samples lost, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
-    pose_measured: tuple[float, float, float] | None
-    """Absolute angles just before the release, rad."""
 
 
 def refuse() -> bool | None:
@@ -178,6 +125,7 @@ def capture(
     check_room(out_dir, options.longest * rate_hz)
     metadata = _metadata(device, rig, pose_name, rate_hz, options.note)
     speed = LiveSpeed(rig, rate_hz)
+    swing = Swing(device, options.longest, options.until_rest, speed, on_progress, settings)
     try:
         device.stop()  # an earlier program may have left the device streaming; the latch keeps its state
         device.poll(0)
@@ -189,7 +137,7 @@ def capture(
         held.await_rest(options.rest_timeout)
         held.await_go_ahead(confirm)
         path = new_path(out_dir, pose_name, device.info.uid)
-        return _record(device, path, metadata, held.window, hanging, options, speed, on_progress, settings)
+        return swing.record(path, metadata, held.window, hanging)
     except BaseException:
         with suppress(DprError):
             device.stop()
@@ -270,144 +218,3 @@ def _drives(info: DeviceInfo, rig: Rig) -> dict[str, str]:
     if not info.torque_kinds:
         return {}
     return {"torque_kind": info.torque_kinds[0].name.lower(), "torque_unit_uNm": str(info.torque_unit_uNm)}
-
-
-def _record(
-    device: Device,
-    path: Path,
-    metadata: RunMetadata,
-    rest: RestWindow,
-    hanging: tuple[float, float] | None,
-    options: CaptureOptions,
-    speed: LiveSpeed,
-    on_progress: OnProgress,
-    settings: CaptureSettings,
-) -> Captured:
-    with (
-        RunWriter(path, metadata) as writer,
-        Recording(writer, rest.lost_before, options.longest, hanging, settings.limits) as recording,
-    ):
-        try:
-            recording.add(rest.batches)
-            recording.expect_release()
-            _release(device)
-            _await_release(device, recording, settings)
-            on_progress(Released(recording.release_tick or 0, path))
-            _follow(device, recording, options.until_rest, speed, on_progress, settings)
-            _stop(device, recording, settings)
-            report = recording.finish(device.clock(), _notes(recording, options, settings))
-        except BaseException as error:
-            recording.count_losses(device.losses)
-            with suppress(RunError):
-                recording.note_clock(*device.clock())
-                recording.abort(STOPPED if isinstance(error, KeyboardInterrupt) else f"{type(error).__name__}: {error}")
-            kept = f"the data recorded so far are kept in {path}"
-            if isinstance(error, KeyboardInterrupt):
-                raise KeyboardInterrupt(f"{STOPPED}; {kept}") from error
-            if isinstance(error, DprError) and not isinstance(error, RunError):  # its message already names the file
-                raise type(error)(f"{error}; {kept}") from error
-            raise
-        tick, measured = recording.release_tick or 0, recording.pose_measured
-        return Captured(path, report, tick, recording.t, recording.lost, measured)
-
-
-def _release(device: Device) -> None:
-    try:
-        device.release()
-    except LinkError as error:
-        raise type(error)(
-            f"{error}; RELEASE was sent, so the rods may be free: keep clear until you have checked them"
-        ) from error
-
-
-def _take(device: Device, recording: Recording, settings: CaptureSettings) -> list[Batch]:
-    batches = device.poll(settings.poll_s)
-    recording.add(batches)
-    raise_faults(device.url, batches)
-    return batches
-
-
-def _await_release(device: Device, recording: Recording, settings: CaptureSettings) -> None:
-    deadline = time.monotonic() + settings.release_timeout_s
-    while recording.release_tick is None:
-        if time.monotonic() > deadline:
-            raise LinkError(f"{device.url}: the message with the instant of the release was lost: record again")
-        _take(device, recording, settings)
-
-
-class _Pace:
-    """Check that samples arrive nearly at their nominal rate, so that a recording ends."""
-
-    def __init__(self, device: Device, recording: Recording, settings: CaptureSettings) -> None:
-        patience = device.silence_s / device.timing.silence_s
-        self._window_s, self._slowest = settings.pace_window_s * patience, settings.slowest_pace / patience
-        self._recording, self._url = recording, device.url
-        self._at, self._t = time.monotonic(), recording.t
-
-    def check(self, now: float) -> None:
-        """Raise DeviceLost if the device is far too slow."""
-        waited, came = now - self._at, self._recording.t - self._t
-        if waited < self._window_s:
-            return
-        if came < self._slowest * waited:
-            raise DeviceLost(
-                f"{self._url}: in {waited:.0f} s only {came:.2g} s of samples arrived: the device does not sample at"
-                f" {self._recording.rate_hz:g} Hz; check its sample timer"
-            )
-        self._at, self._t = now, self._recording.t
-
-
-def _follow(
-    device: Device,
-    recording: Recording,
-    until_rest: bool,
-    speed: LiveSpeed,
-    on_progress: OnProgress,
-    settings: CaptureSettings,
-) -> None:
-    """Record for the requested time, or until the rods have come to rest."""
-    next_look = heard_at = time.monotonic()
-    pace = _Pace(device, recording, settings)
-    reported = 0
-    while not recording.full:
-        batches = _take(device, recording, settings)
-        now = time.monotonic()
-        if any(batch.rows for batch in batches):
-            heard_at = now
-        elif now - heard_at > (longest := settings.silences_without_samples * device.silence_s):
-            raise DeviceLost(f"{device.url}: the device sends status messages, but sent no samples for {longest:g} s")
-        pace.check(now)
-        if now < next_look:
-            continue
-        next_look = now + settings.report_s
-        if recording.clock_due:
-            recording.note_clock(*device.clock())
-        still_s = settings.rest_after_s
-        t, theta = recording.tail(still_s)
-        theta0, theta1, theta2 = theta[-1].tolist()
-        fresh, inputs = recording.since(reported), recording.new_inputs()
-        omega, reported = speed.after(*fresh), len(recording.samples)
-        on_progress(SwingReading(recording.t, (theta0, theta1, theta2), omega, reported, fresh, inputs))
-        if until_rest and recording.t >= still_s and at_rest(t, theta, recording.rig, settings.limits.rest):
-            recording.end_here()
-
-
-def _notes(recording: Recording, options: CaptureOptions, settings: CaptureSettings) -> tuple[str, ...]:
-    last = recording.tail(settings.rest_after_s)
-    if not options.until_rest or at_rest(*last, recording.rig, settings.limits.rest):
-        return ()
-    return (
-        f"the rods were still moving at the end of the recording, {recording.t:g} s after the release:"
-        f" their hanging position at rest was not checked",
-    )
-
-
-def _stop(device: Device, recording: Recording, settings: CaptureSettings) -> None:
-    """Stop the stream, and read the remaining samples and the status with the final counts."""
-    device.stop()
-    deadline = time.monotonic() + settings.last_status_s
-    counted = False
-    while not counted and time.monotonic() < deadline:
-        messages = [message for batch in _take(device, recording, settings) for message in batch.messages]
-        counted = any(isinstance(message, Status) and message.state is State.IDLE for message in messages)
-    recording.count_losses(device.losses)

@@ -12,8 +12,8 @@ from dpr_lab.cli.checks import ArmMode, Elbow, InnerMode, RigName, Rods, positiv
 from dpr_lab.cli.console import emit, json_mode, line, say
 
 if TYPE_CHECKING:
-    from dpr_lab.acquisition.capture import Captured
     from dpr_lab.acquisition.holding import Confirm
+    from dpr_lab.acquisition.swing import Captured
 
 DEGRADED = 6
 """Exit code when a run was recorded and kept, but a check of the gate failed."""

@@ -129,8 +129,8 @@ class Listener:
             say(f"{event.done} of {event.of} trials are complete already")
 
     def _capture(self, reading: "Progress") -> None:
-        from dpr_lab.acquisition.capture import Released, SwingReading
         from dpr_lab.acquisition.holding import HangReading, PoseReading, RestReading
+        from dpr_lab.acquisition.swing import Released, SwingReading
         from dpr_lab.report.angles import RADIANS
 
         match reading:

@@ -8,33 +8,10 @@ A is positive definite, so u' is the unique minimum of u' A u' / 2 - tau u' + su
 `slides` finds it among its nine cases. Between two events each joint keeps its direction and the motion is smooth.
 """
 
-import math
-from typing import NamedTuple
-
 from dpr_lab.dynamics.arm import CLAMPED, FREE, ReducedRods, push_on_arm, reduced_rods
 from dpr_lab.dynamics.equation import solved
 from dpr_lab.effects.quantities import ArmModel, BaseParameters, Motion, Terms
 from dpr_lab.kernels import subroutine
-
-
-class EventSettings(NamedTuple):
-    """Location of stops and starts within a step."""
-
-    most: int = 8
-    """Maximum number of events within one step; afterwards no joint starts to slide before its end, which limits
-    chatter.
-    """
-    late: float = 4.0
-    """Delay of the start of sliding after its estimated instant, in steps times seconds, so that the limit is
-    certainly exceeded; its effect on the speed is of fourth order.
-    """
-    shortest: float = 1e-9
-    """Share of a step below which an event is assigned to its start."""
-    farthest: float = 0.1
-    """Maximum correction of the instant of a stop, as a share of the step, if the speed is not exactly zero."""
-
-
-EVENTS = EventSettings()
 
 Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
@@ -166,33 +143,3 @@ def slides_with_arm(
         if direction * alpha0 > 0.0:
             return direction, moving[0], moving[1]
     return side, still[0], still[1]
-
-
-@subroutine
-def stops_at(before: float, after: float, slope: float) -> float:
-    """Share of a step at which a speed crosses zero, from a parabola with the given slope at the end.
-
-    Args:
-        before: speed at the start in its own direction, not negative
-        after: speed at the end, negative
-        slope: derivative with respect to the share of the step, at the end
-    """
-    bend = slope - (after - before)
-    first = after - before - bend
-    if before <= 0.0:
-        return -first / bend if first > 0.0 else 0.0
-    return 2.0 * before / (math.sqrt(max(first * first - 4.0 * bend * before, 0.0)) - first)
-
-
-@subroutine
-def yields_at(before: float, after: float, h: float) -> float:
-    """Share of a step of h after which a joint breaks away, from the margins of its limit at start and end."""
-    left = max(before, 0.0)
-    return left / (left - after) + EVENTS.late * h
-
-
-@subroutine
-def correction(speed: float, acceleration: float, h: float) -> float:
-    """Time, s, until a speed near zero is zero; at most a small part of the preceding step h."""
-    later = -speed / acceleration if acceleration != 0.0 else 0.0
-    return min(max(later, -EVENTS.farthest * h), EVENTS.farthest * h)

@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.dynamics.base import WHOLE, base_of_run
+from dpr_lab.dynamics.lanes.blocks import Candidates, SegmentArrays, allocate
 from dpr_lab.dynamics.lanes.driving import drive_of
-from dpr_lab.dynamics.lanes.readings import PAD, Candidates, SegmentArrays, allocate, predict_tracks, segment_start
+from dpr_lab.dynamics.lanes.readings import predict_tracks
+from dpr_lab.dynamics.lanes.starts import PAD, segment_start
 from dpr_lab.dynamics.lanes.stepping import advance
 from dpr_lab.dynamics.lanes.tracks import tracks_of
 from dpr_lab.dynamics.rig_constants import constants_of_run
@@ -129,12 +131,11 @@ def _predicted(
         tracks = tracks._replace(required=tracks.required._replace(torque=every_block))
     if any(setup.arm for setup in segments.setups):
         tracks = tracks._replace(required=tracks.required._replace(prescribed=every_block))
-    angles, initial_internal = np.zeros((n, len(segments.t), columns)), np.zeros((n, count, len(INTERNAL)))
     rig = RigConstants(*map(float, constants))
     arrays = _arrays(segments, rig)
-    outputs = angles, initial_internal, allocate(arrays, angles)
-    predict_tracks((0, len(tracks.active)), advance(), tracks, arrays, candidates, rig, *outputs)
-    return angles, initial_internal
+    buffers = allocate(arrays, n, columns)
+    predict_tracks(advance(), tracks, arrays, candidates, rig, buffers)
+    return buffers.angles, buffers.initial_internal
 
 
 def _arrays(segments: Segments, constants: RigConstants) -> SegmentArrays:

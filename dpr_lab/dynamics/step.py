@@ -7,17 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.arm import CLAMPED, FREE, ReducedRods, push_on_arm, reduced_rods
-from dpr_lab.dynamics.dry_friction import (
-    EVENTS,
-    correction,
-    direction_of,
-    held,
-    pushes,
-    slides,
-    slides_with_arm,
-    stops_at,
-    yields_at,
-)
+from dpr_lab.dynamics.dry_friction import direction_of, held, pushes, slides, slides_with_arm
+from dpr_lab.dynamics.events import EVENTS, JointMotion, Three, correction, first_event, of_joints, stopped
 from dpr_lab.effects.effect_kernels import (
     active_effects,
     arm_drives,
@@ -76,8 +67,8 @@ def model_with(base: BaseParameters, constants: RigConstants, arm: ArmModel, par
 @subroutine
 def motion_of(
     t: float,
-    thetas: tuple[float, float, float],
-    omegas: tuple[float, float, float],
+    thetas: Three,
+    omegas: Three,
     displacements: tuple[float, float],
     forces: tuple[float, float],
     directions: tuple[float, float],
@@ -118,9 +109,7 @@ def _length(x: float, y: float) -> float:
 
 
 @subroutine
-def joint_forces(
-    motion: Motion, alphas: tuple[float, float, float], base: BaseParameters, constants: RigConstants
-) -> tuple[float, float]:
+def joint_forces(motion: Motion, alphas: Three, base: BaseParameters, constants: RigConstants) -> tuple[float, float]:
     """Forces of joint 1 and joint 2, N: mass times acceleration minus weight of all parts on the joint.
 
     In the plane of the rods; the component along the arm, which is zero for a held arm, is neglected.
@@ -144,7 +133,7 @@ def joint_forces(
 @subroutine
 def accelerations_at(
     t: float, x: RigState, displacement1: float, displacement2: float, model: RigModel, mode: int, drive: float
-) -> tuple[float, float, float]:
+) -> Three:
     """(alpha0, alpha1, alpha2), rad/s^2, of a state after displacements since its internal states, rad."""
     directions = directions_at(t, x, model, mode, drive)
     rods = _stage(t, x, (0.0, displacement1, displacement2), model, mode, drive, directions).rods
@@ -165,11 +154,11 @@ class SteppedStage(NamedTuple):
 def _stage(
     t: float,
     x: RigState,
-    displacements: tuple[float, float, float],
+    displacements: Three,
     model: RigModel,
     mode: int,
     drive: float,
-    directions: tuple[float, float, float],
+    directions: Three,
 ) -> SteppedStage:
     """The stage, with given directions of sliding of joint 1, joint 2 and the arm; 0 for a joint at rest."""
     motion = motion_of(
@@ -203,7 +192,7 @@ def _stage(
 
 
 @subroutine
-def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: float) -> tuple[float, float, float]:
+def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: float) -> Three:
     """Directions in which joint 1, joint 2 and the arm continue: 1 or -1; 0 for those that Coulomb friction holds."""
     directions = _directions(x, model, mode)
     if directions[0] != 0.0 and directions[1] != 0.0 and directions[2] != 0.0:
@@ -227,7 +216,7 @@ def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: floa
 
 
 @subroutine
-def _directions(x: RigState, model: RigModel, mode: int) -> tuple[float, float, float]:
+def _directions(x: RigState, model: RigModel, mode: int) -> Three:
     """Signs of the joint speeds; nan for a joint without Coulomb friction."""
     first = direction_of(x.omega1) if model.required.dry1 else math.nan
     second = direction_of(x.omega2 - x.omega1) if model.required.dry2 else math.nan
@@ -235,7 +224,7 @@ def _directions(x: RigState, model: RigModel, mode: int) -> tuple[float, float, 
 
 
 @subroutine
-def _spare(stage: SteppedStage, model: RigModel, directions: tuple[float, float, float]) -> tuple[float, float, float]:
+def _spare(stage: SteppedStage, model: RigModel, directions: Three) -> Three:
     """Margins (limit minus torque) of the joints at rest, N m; inf for the others."""
     motion, rods = stage.motion, stage.rods
     push1, push2 = pushes(rods, directions[0], directions[1])
@@ -253,14 +242,14 @@ class TriedStep(NamedTuple):
     """Step with unchanged directions: its end, the accelerations there, and the margins at start and end."""
 
     end: RigState
-    alphas: tuple[float, float, float]
-    first: tuple[float, float, float]
-    last: tuple[float, float, float]
+    alphas: Three
+    first: Three
+    last: Three
 
 
 @subroutine
 def _runge_kutta(
-    t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float, directions: tuple[float, float, float]
+    t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float, directions: Three
 ) -> TriedStep:
     """One classical Runge-Kutta step of h; accelerations and margins at its end are those of the last stage."""
     resting = directions[0] == 0.0 or directions[1] == 0.0 or directions[2] == 0.0
@@ -294,42 +283,19 @@ def _runge_kutta(
 
 
 @subroutine
-def _stopped(
-    x: RigState, joint: int, directions: tuple[float, float, float], later: float, alphas: tuple[float, float, float]
-) -> RigState:
+def _stopped(x: RigState, joint: int, directions: Three, later: float, alphas: Three) -> RigState:
     """State after a correction of the instant, with a joint set to rest."""
-    theta0 = x.theta0 + later * x.omega0
-    theta1, theta2 = x.theta1 + later * x.omega1, x.theta2 + later * x.omega2
-    omega0 = 0.0 if joint == 3 else x.omega0 + later * alphas[0]
-    omega1, omega2 = x.omega1 + later * alphas[1], x.omega2 + later * alphas[2]
-    omega1 = 0.0 if joint == 1 else omega1
-    omega2 = omega1 if joint == 2 or directions[1] == 0.0 else omega2
-    return RigState(theta0, theta1, theta2, omega0, omega1, omega2, x.internal)
+    thetas, omegas = (x.theta0, x.theta1, x.theta2), (x.omega0, x.omega1, x.omega2)
+    thetas, omegas = stopped(thetas, omegas, alphas, joint, later, directions[1] == 0.0)
+    return RigState(thetas[0], thetas[1], thetas[2], omegas[0], omegas[1], omegas[2], x.internal)
 
 
 @subroutine
-def _first_event(
-    x: RigState, tried: TriedStep, h: float, directions: tuple[float, float, float], released: bool
-) -> tuple[float, int]:
-    """Share of a step at which the first joint changes its direction, 1 if none does; and the joint that stops."""
-    share, joint = 1.0, 0
-    y, alphas = tried.end, tried.alphas
-    before, after = directions[0] * x.omega1, directions[0] * y.omega1
-    if directions[0] != 0.0 and after < 0.0:
-        share, joint = stops_at(before, after, directions[0] * h * alphas[1]), 1
-    before, after = directions[1] * (x.omega2 - x.omega1), directions[1] * (y.omega2 - y.omega1)
-    if directions[1] != 0.0 and after < 0.0:
-        stops = stops_at(before, after, directions[1] * h * (alphas[2] - alphas[1]))
-        share, joint = (stops, 2) if stops < share else (share, joint)
-    before, after = directions[2] * x.omega0, directions[2] * y.omega0
-    if directions[2] != 0.0 and after < 0.0:
-        stops = stops_at(before, after, directions[2] * h * alphas[0])
-        share, joint = (stops, 3) if stops < share else (share, joint)
-    for k in range(3):
-        if released and tried.last[k] < 0.0:
-            yields = yields_at(tried.first[k], tried.last[k], h)
-            share, joint = (yields, 0) if yields < share else (share, joint)
-    return share, joint
+def _joint_motion(x: RigState, tried: TriedStep, directions: Three) -> JointMotion:
+    """Motion of the joints from the state x in a step."""
+    y = tried.end
+    before, after = of_joints((x.omega0, x.omega1, x.omega2)), of_joints((y.omega0, y.omega1, y.omega2))
+    return JointMotion(directions, before, after, of_joints(tried.alphas))
 
 
 @subroutine
@@ -357,7 +323,8 @@ def advanced(
     tried = _runge_kutta(t, x, h, model, mode, drive, directions)
     if not dry:
         return tried.end, h, True
-    share, joint = _first_event(x, tried, h, directions, events < EVENTS.most)
+    last = tried.last if events < EVENTS.most else (math.inf, math.inf, math.inf)
+    share, joint = first_event(h, _joint_motion(x, tried, directions), tried.first, last)
     if not share < 1.0:
         return tried.end, h, True
     if share < EVENTS.shortest:
@@ -366,11 +333,9 @@ def advanced(
     tried = _runge_kutta(t, x, part, model, mode, drive, directions)
     if joint == 0:
         return tried.end, part, False
-    y, alphas = tried.end, tried.alphas
-    speed, gain = (y.omega1, alphas[1]) if joint == 1 else (y.omega2 - y.omega1, alphas[2] - alphas[1])
-    speed, gain = (y.omega0, alphas[0]) if joint == 3 else (speed, gain)
-    later = min(correction(speed, gain, part), h - part)
-    return _stopped(y, joint, directions, later, alphas), part + later, False
+    joints = _joint_motion(x, tried, directions)
+    later = min(correction(joints.after[joint - 1], joints.accelerations[joint - 1], part), h - part)
+    return _stopped(tried.end, joint, directions, later, tried.alphas), part + later, False
 
 
 @subroutine

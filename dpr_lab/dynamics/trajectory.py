@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.arm import with_gravity
 from dpr_lab.dynamics.dry_friction import direction_of
 from dpr_lab.dynamics.lanes.effects import add_drives, add_torques
-from dpr_lab.dynamics.lanes.workspace import LANES, WORKSPACE, At
+from dpr_lab.dynamics.lanes.workspace import LANES, LaneWorkspace, lane_workspace
 from dpr_lab.dynamics.step import motion_of, with_arm
 from dpr_lab.effects.effect_kernels import (
     AT_RELEASE,
@@ -63,7 +63,7 @@ def effect_torques_along(
     used = np.flatnonzero(np.logical_or.reduce(active, axis=0)[EFFECT_OF])
     torques = np.empty((len(t), 2, len(params)))
     swing = _c(t), _c(theta), _c(omega), _c(drive)
-    _effect_torques(*swing, named, rig, params, active, used, np.zeros(WORKSPACE), torques)
+    _effect_torques(*swing, named, rig, params, active, used, lane_workspace(), torques)
     return torques
 
 
@@ -107,7 +107,7 @@ def _effect_torques(
     params: Array,
     active: NDArray[np.bool_],
     used: NDArray[np.int64],
-    w: Array,
+    w: LaneWorkspace,
     torques: Array,
 ) -> None:
     """Instants in the lanes, for one effect vector after the other; `used` are the parameters of any vector."""
@@ -115,28 +115,28 @@ def _effect_torques(
         for k in range(LANES):
             i = min(first + k, len(t) - 1)
             _put(w, k, t[i], theta[i, 0], theta[i, 1], omega[i, 0], omega[i, 1], base, rig)
-            w[At.drive1 + k], w[At.drive2 + k] = drive[i, 0], drive[i, 1]
+            w.drive1[k], w.drive2[k] = drive[i, 0], drive[i, 1]
         for c in range(len(params)):
             for place in used:
                 for k in range(LANES):
-                    w[At.params + place * LANES + k] = params[c, place]
+                    w.params[place, k] = params[c, place]
             _exert(w, rig, active[c])
             for k in range(min(LANES, len(t) - first)):
-                torques[first + k, 0, c], torques[first + k, 1, c] = w[At.torque1 + k], w[At.torque2 + k]
+                torques[first + k, 0, c], torques[first + k, 1, c] = w.torque1[k], w.torque2[k]
 
 
 @subroutine
-def _exert(w: Array, rig: RigConstants, active: NDArray[np.bool_]) -> None:
+def _exert(w: LaneWorkspace, rig: RigConstants, active: NDArray[np.bool_]) -> None:
     """Torques of one effect vector in all lanes."""
     for k in range(LANES):
-        w[At.torque1 + k], w[At.torque2 + k] = 0.0, 0.0
+        w.torque1[k], w.torque2[k] = 0.0, 0.0
     add_torques(w, rig, active)
     add_drives(w, active)
 
 
 @subroutine
 def _put(
-    w: Array,
+    w: LaneWorkspace,
     k: int,
     t: float,
     theta1: float,
@@ -147,14 +147,14 @@ def _put(
     rig: RigConstants,
 ) -> None:
     """Set lane k to a motion of the rods with a held arm."""
-    w[At.a + k], w[At.b + k], w[At.d + k], w[At.e1 + k], w[At.e2 + k] = base.a, base.b, base.d, base.e1, base.e2
-    w[At.L1 + k], w[At.L2 + k], w[At.stage_t + k] = rig.L1, rig.L2, t
-    w[At.m1 + k], w[At.m2 + k], w[At.mb + k] = rig.m1, rig.m2, rig.mb
-    w[At.stage_theta1 + k], w[At.stage_theta2 + k] = theta1, theta2
-    w[At.stage_omega1 + k], w[At.stage_omega2 + k] = omega1, omega2
-    w[At.direction1 + k], w[At.direction2 + k] = direction_of(omega1), direction_of(omega2 - omega1)
-    w[At.sin1 + k], w[At.cos1 + k] = sincos(theta1)
-    w[At.sin2 + k], w[At.cos2 + k] = sincos(theta2)
+    w.a[k], w.b[k], w.d[k], w.e1[k], w.e2[k] = base.a, base.b, base.d, base.e1, base.e2
+    w.L1[k], w.L2[k], w.stage_t[k] = rig.L1, rig.L2, t
+    w.m1[k], w.m2[k], w.mb[k] = rig.m1, rig.m2, rig.mb
+    w.stage_theta1[k], w.stage_theta2[k] = theta1, theta2
+    w.stage_omega1[k], w.stage_omega2[k] = omega1, omega2
+    w.direction1[k], w.direction2[k] = direction_of(omega1), direction_of(omega2 - omega1)
+    w.sin1[k], w.cos1[k] = sincos(theta1)
+    w.sin2[k], w.cos2[k] = sincos(theta2)
 
 
 @njit

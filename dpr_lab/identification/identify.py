@@ -4,72 +4,35 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.errors import ConfigError, IdentificationError, RunError, unknown_name
-from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE
+from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.identification.expected import expected_information
-from dpr_lab.identification.identifiability import Identifiability, identifiability, summary
+from dpr_lab.identification.identifiability import Identifiability, identifiability
+from dpr_lab.identification.identified import determined, identified_model
 from dpr_lab.identification.merging import merge_segments
 from dpr_lab.identification.misread.refuse import refuse_impossible, refuse_misread, refuse_negative_scale
 from dpr_lab.identification.misread.solvable import solvable
-from dpr_lab.identification.misread.tried import second_look
 from dpr_lab.identification.model import (
-    Covariance,
-    EstimatedValue,
-    FitSummary,
-    Identifiable,
     Model,
-    ParameterValue,
-    RigFacts,
-    RunUsed,
     SearchRecord,
-    ratios_alone,
 )
 from dpr_lab.identification.objectives import OBJECTIVES
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
-from dpr_lab.identification.prior_update import prior_ratio_std, update_prior
-from dpr_lab.identification.profile import profile90
-from dpr_lab.identification.ratio_fit import RatioFit, predictable_until, short_fit
-from dpr_lab.identification.scaling.prior_spread import scale_of, with_intervals
-from dpr_lab.identification.scaling.scale import Scale
-from dpr_lab.identification.uncertainty import RatioUncertainty, uncertainty
+from dpr_lab.identification.prior_update import update_prior
+from dpr_lab.identification.ratio_fit import RatioFit, short_fit
+from dpr_lab.identification.uncertainty import uncertainty
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run, as_runs
 from dpr_lab.search import ALGORITHMS, load_search
 from dpr_lab.search.problem import Generation
 from dpr_lab.search.settings import SearchSettings
-from dpr_lab.shown import percent
-from dpr_lab.version import __version__
 
 Entry = TypeVar("Entry")
-
-
-@dataclass(frozen=True, slots=True)
-class IdentifySettings:
-    """Thresholds above which an identification warns."""
-
-    gap_warning: float = 3.0
-    """Reduced chi-square above which the model is clearly incomplete."""
-    doubted: float = 20.0
-    """Reduced chi-square above which other interpretations of the runs are tried."""
-    hardly_seen: float = 0.5
-    """Relative standard deviation of a ratio above which the runs do not determine it."""
-    of_prior: float = 0.5
-    """Share of the prior's variance above which a ratio is determined by the bounds of the rig file rather than by
-    the runs.
-    """
-
-
-SETTINGS = IdentifySettings()
-
-FRICTION_NAMES = tuple(RATIOS[i] for i in FRICTION)
 
 
 @solvable
@@ -149,7 +112,7 @@ def identify(
     )
     if on_polish:
         on_polish()
-    return _model(polish(history[-1].best, prepared_runs, rig), prepared_runs, rig, record, profile)
+    return identified_model(polish(history[-1].best, prepared_runs, rig), prepared_runs, rig, record, profile)
 
 
 def polish(Z: NDArray[np.float64], runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
@@ -205,7 +168,7 @@ def identifiability_of(
             "warning: the fit from the values of the rig file did not converge; run `dpr-lab identify` for"
             " a global search"
         )
-    sure = _determined(uncertainty(ratio_fit))
+    sure = determined(uncertainty(ratio_fit))
     nine, _ = update_prior(sure.values, sure.of_runs, rig, ratio_fit.visible)
     Z = np.array([value.value for value in nine.values()])
     # A residual above the noise floor is treated as noise of that size.
@@ -222,188 +185,3 @@ def _choose(table: Mapping[str, Entry], name: str, kind: str) -> Entry:
     if name not in table:
         raise ConfigError(unknown_name(f"no {kind} named {name}", name, table))
     return table[name]
-
-
-def _model(
-    ratio_fit: RatioFit, runs: Sequence[PreprocessedRun], rig: Rig, search: SearchRecord, profile: bool
-) -> Model:
-    sure = _determined(uncertainty(ratio_fit))
-    noise = np.sqrt(np.mean([np.diag(prepared.noise.covariance) for prepared in runs], axis=0))
-    measured = np.concatenate([prepared.run.theta[:, 1:] for prepared in runs])
-    rms = np.sqrt(np.mean((measured - ratio_fit.predicted) ** 2, axis=0))
-    ratios = {name: _ratio(ratio_fit, sure, rig, name, profile) for name in RATIOS}
-    parameters, base = update_prior(sure.values, sure.of_runs, rig, ratio_fit.visible)
-    scale, unknown = _scale(ratio_fit, sure, rig, base["b"]), ratio_fit.fit.estimate.ratios
-    parameters, base = with_intervals(parameters, base, ratios, scale, unknown, rig, ratio_fit.visible)
-    alone = all(prepared.run.setup.mounting == "inner" for prepared in runs)
-    p_over_b = float(unknown[ON_ELBOW])
-    std = dict.fromkeys(RATIOS, 0.0) | _of_ratios(sure.names, sure.cramer_rao_std)
-    share = float(unknown[RATIOS.index("a/b")]) - p_over_b
-    own = replace(sure, assumed=0.0) if alone else sure  # what is not mounted has no influence on ratios to a
-    shown = {name: _ratio(ratio_fit, own, rig, name, profile) for name in RATIOS} if alone else ratios
-    return Model(
-        rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g),
-        ratios=ratios_alone([*shown.values()], p_over_b, rig.g / rig.L1) if alone else ratios,
-        fitted=[*ratios.values()] if alone else [],
-        covariance=Covariance(order=list(sure.names), matrix=sure.covariance.tolist()),
-        cramer_rao_std={"e1/a": std["e1/b"] / share, "c1/a": std["c1/b"] / share} if alone else std,
-        p_over_b=p_over_b if any(prepared.run.setup.alone for prepared in runs) else None,
-        parameters=parameters,
-        base=base,
-        scale=scale,
-        identifiability=_identifiable(ratio_fit, sure, rig, np.array([value.value for value in parameters.values()])),
-        fit=FitSummary(
-            rms_rad=dict(zip(("theta1", "theta2"), rms.tolist(), strict=True)),
-            noise_rad=dict(zip(("theta1", "theta2"), noise.tolist(), strict=True)),
-            segments=ratio_fit.segments,
-            chi2_per_dof=ratio_fit.chi2_per_dof,
-            iterations=ratio_fit.fit.iterations,
-            longest_segment_s=ratio_fit.longest_s,
-        ),
-        search=search,
-        runs=[_used(i, runs[i], ratio_fit) for i in range(len(runs))],
-        warnings=_of_alone(_warnings(ratio_fit, own), alone) + _beyond_bounds(parameters, rig),
-        failures=_of_alone(_failures(ratio_fit, own), alone)
-        + _misread(ratio_fit, [prepared.run for prepared in runs], rig),
-        version=__version__,
-    )
-
-
-def _of_alone(sentences: list[str], alone: bool) -> list[str]:
-    """Sentences on ratios, to a for an inner rod alone; without what is said of rods that are not mounted."""
-    if not alone:
-        return sentences
-    kept = [sentence for sentence in sentences if "do not determine a/b" not in sentence]
-    return [sentence.replace("e1/b", "e1/a").replace("c1/b", "c1/a") for sentence in kept]
-
-
-def _determined(sure: RatioUncertainty) -> RatioUncertainty:
-    """Check an uncertainty.
-
-    Raises:
-        IdentificationError: it is not finite: the runs do not determine the ratios.
-    """
-    if not (np.isfinite(sure.values).all() and np.isfinite(sure.covariance).all()):
-        raise IdentificationError(
-            "these runs do not determine the ratios: no finite uncertainty. Record larger and longer swings, and check"
-            " zero, unit, sign and order of the angles"
-        )
-    return sure
-
-
-def _of_ratios(names: Sequence[str], values: NDArray[np.float64]) -> dict[str, float]:
-    return {name: value for name, value in zip(names, values.tolist(), strict=True) if name in RATIOS}
-
-
-def _ratio(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, name: str, profile: bool) -> EstimatedValue:
-    value = float(ratio_fit.ratios[RATIOS.index(name)])
-    if name not in sure.names:
-        std = prior_ratio_std(rig)[RATIOS.index(name)]
-        reach = NORMAL_Q90 * std
-        interval = (max(value - reach, 0.0), value + reach)
-        return EstimatedValue(value=value, std=std, interval90=interval, fixed_by="bound")
-    i = sure.names.index(name)
-    return EstimatedValue(
-        value=value,
-        std=float(sure.std[i]),
-        interval90=sure.interval90(i),
-        profile90=_profile(ratio_fit, sure, i) if profile else None,
-        fixed_by="bound" if sure.of_prior[i] > SETTINGS.of_prior else "data",
-    )
-
-
-def _scale(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, b: ParameterValue) -> Scale:
-    """Scale of absolute sizes: determined by the runs, or by the rig file."""
-    if SCALE not in ratio_fit.visible:
-        return scale_of(b, ratio_fit.fit.estimate.ratios, rig, ratio_fit.visible)
-    low, high = sure.interval90(list(ratio_fit.visible).index(SCALE))
-    return Scale(b=b.value, interval90=(max(low, 1e-3 * b.value), high), fixed_by="data")
-
-
-def _profile(ratio_fit: RatioFit, sure: RatioUncertainty, index: int) -> tuple[float | None, float | None]:
-    low, high = profile90(ratio_fit, sure, index)
-    return low if np.isfinite(low) else None, high if np.isfinite(high) else None
-
-
-def _identifiable(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, Z: NDArray[np.float64]) -> Identifiable:
-    seen = sure.information / max(
-        1.0, ratio_fit.chi2_per_dof
-    )  # a residual above the noise is treated as noise of that size
-    analysis = identifiability(seen, rig, Z, lengths=False, visible=ratio_fit.visible)
-    return Identifiable.model_validate(summary(analysis))
-
-
-def _misread(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> list[str]:
-    """Note on runs that the model fits poorly and that another interpretation of their columns fits better."""
-    look = second_look(runs, rig) if ratio_fit.chi2_per_dof > SETTINGS.doubted else None
-    return [look.sentence] if look and look.sentence else []
-
-
-def _used(index: int, prepared: PreprocessedRun, ratio_fit: RatioFit) -> RunUsed:
-    run, mine = prepared.run, np.flatnonzero(ratio_fit.problem.segments.run == index)
-    return RunUsed(
-        file=str(run.file or run.name),
-        sha256=run.sha256,
-        pose=run.pose,
-        samples=len(run.t),
-        duration_s=run.duration,
-        chi2_per_dof=float(ratio_fit.fit.linear.chi2_by_segment[mine].sum())
-        / ((1 if run.setup.alone else 2) * len(run.t) - run.setup.starts * len(mine)),
-        segments=len(mine),
-        horizon_s=predictable_until(ratio_fit, int(mine[0]), run.t),
-        torque_kind=run.torque_kind,
-        zeros_rad=ratio_fit.fit.estimate.zeros[index].tolist() if ratio_fit.problem.rezeroed else [],
-    )
-
-
-def _warnings(ratio_fit: RatioFit, sure: RatioUncertainty) -> list[str]:
-    warnings = []
-    if ratio_fit.chi2_per_dof > SETTINGS.gap_warning:
-        warnings.append(
-            f"the residual is {ratio_fit.chi2_per_dof**0.5:.1f} times the noise floor over segments of"
-            f" {ratio_fit.longest_s:.2g} s: the model lacks an effect of this rig"
-        )
-    warnings += [f"{name} is fixed at zero: its unconstrained estimate is negative" for name in sure.at_zero]
-    warnings += [
-        f"{name} is poorly determined by these runs: its standard deviation exceeds half its value"
-        for name, value, std in zip(sure.names, sure.values, sure.std, strict=True)
-        if name in FRICTION_NAMES and value > 0 and std > SETTINGS.hardly_seen * value
-    ]
-    hardly = [name for name, share in zip(sure.names, sure.of_prior, strict=True) if share > SETTINGS.of_prior]
-    if hardly:
-        warnings.append(
-            f"these runs hardly determine {', '.join(hardly)}: value and interval depend on the nominal"
-            f" values and bounds"
-            " of the rig file; record longer and larger swings, or both rods free"
-        )
-    unseen = [name for name in RATIOS if name not in sure.names]
-    if unseen:
-        warnings.append(
-            f"these runs do not determine {', '.join(unseen)}: their values are those of the rig file; record swings"
-            " of both rods to determine them"
-        )
-    return warnings
-
-
-def _beyond_bounds(parameters: Mapping[str, ParameterValue], rig: Rig) -> list[str]:
-    lower, upper = rig.bounds
-    return [
-        f"{name} = {value.value:.4g} is outside its bounds {lower[i]:.4g} .. {upper[i]:.4g}, as a result of"
-        f" the data and the measured values: check the bounds, the measured values, L1 and g"
-        for i, (name, value) in enumerate(parameters.items())
-        if rig.searched[i] and not 0.999 * lower[i] <= value.value <= 1.001 * upper[i]
-    ]
-
-
-def _failures(ratio_fit: RatioFit, sure: RatioUncertainty) -> list[str]:
-    failures = []
-    if not ratio_fit.fit.converged:
-        failures.append(
-            f"the local solver did not converge in {ratio_fit.fit.iterations} iterations: start from tighter bounds"
-        )
-    failures += [
-        f"{name} is not identifiable from these runs: its standard deviation is {percent(std / value)} of its value"
-        for name, value, std in zip(sure.names, sure.values, sure.std, strict=True)
-        if name in RATIOS and name not in FRICTION_NAMES and not std / value < SETTINGS.hardly_seen
-    ]
-    return failures

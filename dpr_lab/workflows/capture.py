@@ -11,9 +11,10 @@ from dpr_lab.workflows.checks import refuse_file, refuse_no_poses, refuse_unknow
 from dpr_lab.workflows.events import CaptureBegan, CaptureDone, CaptureProgress, DeviceGreeted, OnEvent, ignore
 
 if TYPE_CHECKING:
-    from dpr_lab.acquisition.capture import Captured, CaptureOptions
+    from dpr_lab.acquisition.capture import CaptureOptions
     from dpr_lab.acquisition.device import Device
     from dpr_lab.acquisition.holding import Confirm
+    from dpr_lab.acquisition.swing import Captured
     from dpr_lab.rig import Rig
     from firmware_protocol.identity import DeviceInfo
 

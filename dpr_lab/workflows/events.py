@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, TypeAlias
 from dpr_lab.progress import FitBegan, GenerationDone, ImportProgress, LocalFitBegan, ScoreTestBegan, StageBegan
 
 if TYPE_CHECKING:
-    from dpr_lab.acquisition.capture import Captured, Progress
+    from dpr_lab.acquisition.capture import Progress
+    from dpr_lab.acquisition.swing import Captured
     from dpr_lab.identification.compare import Comparison
     from dpr_lab.rig_tables import Pose
     from dpr_lab.trials.campaign import Failure

@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.lanes.workspace import (
     LANES,
-    At,
+    LaneWorkspace,
     base_at,
     constants_at,
+    copy_rows,
     joint0_at,
     joint1_at,
     joint2_at,
     motion_at,
 )
-from dpr_lab.effects.effect_kernels import STEPPED, contributions
+from dpr_lab.effects.effect_kernels import contributions
 from dpr_lab.effects.fold import compiled
 from dpr_lab.effects.quantities import yielding
 from dpr_lab.effects.stages import STAGES
@@ -27,11 +28,11 @@ from dpr_lab.kernels import subroutine
 
 
 class _LaneNotation(dict[str, str]):
-    """A name is lane k of a row of the workspace; `params_3` is that of the row of parameter 3."""
+    """A name is lane k of a row of the workspace; `params_3` is that of row 3 of `params`."""
 
     def __missing__(self, name: str) -> str:
-        array, _, index = name.rpartition("_")
-        return f"w[{At[array] + int(index) * LANES} + k]" if index.isdecimal() else f"w[{At[name]:d} + k]"
+        rows, _, index = name.rpartition("_")
+        return f"w.{rows}[{index}, k]" if index.isdecimal() else f"w.{name}[k]"
 
 
 _NOTATION = _LaneNotation(
@@ -41,9 +42,9 @@ _NOTATION = _LaneNotation(
     joint0="joint0_at(w, k)",
     joint1="joint1_at(w, k)",
     joint2="joint2_at(w, k)",
-    known1=f"(w[{At.drive1:d} + k] + w[{At.drive2:d} + k])",
-    known2=f"w[{At.drive2:d} + k]",
-    known0=f"w[{At.drive0:d} + k]",
+    known1="(w.drive1[k] + w.drive2[k])",
+    known2="w.drive2[k]",
+    known0="w.drive0[k]",
 )
 
 _NAMES: dict[str, Any] = {"yielding": yielding, "copysign": math.copysign}
@@ -96,8 +97,7 @@ _move_states = lane_stage("transition")
 
 
 @subroutine
-def displaced(w: NDArray[np.float64], active: NDArray[np.bool_]) -> None:
+def displaced(w: LaneWorkspace, active: NDArray[np.bool_]) -> None:
     """Fill the rows `moved`: internal states after the displacements of the joints, from those in `old_internal`."""
-    for k in range(LANES * len(STEPPED)):
-        w[At.moved + k] = w[At.old_internal + k]
+    copy_rows(w.old_internal, w.moved)
     _move_states(w, active)

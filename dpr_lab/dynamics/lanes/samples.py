@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.lanes.effects import hold_angle
-from dpr_lab.dynamics.lanes.workspace import LANES, At, waits
+from dpr_lab.dynamics.lanes.workspace import LANES, LaneWorkspace, Row, waits
 from dpr_lab.kernels import subroutine
 
 
@@ -36,118 +36,118 @@ def _cubic(u: float, h: float, y0: float, v0: float, y1: float, v1: float) -> fl
 
 
 @subroutine
-def _angle1(w: NDArray[np.float64], k: int, u: float) -> float:
+def _angle1(w: LaneWorkspace, k: int, u: float) -> float:
     """theta1 of lane k at the share u of its step, rad."""
-    return _cubic(u, w[At.h + k], w[At.old_theta1 + k], w[At.old_omega1 + k], w[At.theta1 + k], w[At.omega1 + k])
+    return _cubic(u, w.h[k], w.old_theta1[k], w.old_omega1[k], w.theta1[k], w.omega1[k])
 
 
 @subroutine
-def angle2(w: NDArray[np.float64], k: int, u: float, relative2: float) -> float:
+def angle2(w: LaneWorkspace, k: int, u: float, relative2: float) -> float:
     """Angle of joint 2 as read by its encoder, at the share u, rad."""
-    theta2 = _cubic(u, w[At.h + k], w[At.old_theta2 + k], w[At.old_omega2 + k], w[At.theta2 + k], w[At.omega2 + k])
+    theta2 = _cubic(u, w.h[k], w.old_theta2[k], w.old_omega2[k], w.theta2[k], w.omega2[k])
     return theta2 - relative2 * _angle1(w, k, u)
 
 
 @subroutine
-def angle0(w: NDArray[np.float64], k: int, u: float) -> float:
+def angle0(w: LaneWorkspace, k: int, u: float) -> float:
     """theta0 at the share u, rad."""
-    return _cubic(u, w[At.h + k], w[At.old_theta0 + k], w[At.old_omega0 + k], w[At.theta0 + k], w[At.omega0 + k])
+    return _cubic(u, w.h[k], w.old_theta0[k], w.old_omega0[k], w.theta0[k], w.omega0[k])
 
 
 @subroutine
-def _read_arm(w: NDArray[np.float64]) -> None:
+def _read_arm(w: LaneWorkspace) -> None:
     """Fill the row `angle0`: theta0 at the share of the step, or earlier if its encoder is late."""
     for k in range(LANES):
-        w[At.angle0 + k] = angle0(w, k, w[At.share + k] - w[At.late0 + k] / w[At.h + k])
+        w.angle0[k] = angle0(w, k, w.share[k] - w.late0[k] / w.h[k])
 
 
 @subroutine
-def shares(w: NDArray[np.float64], due: int, until: float) -> bool:
+def shares(w: LaneWorkspace, due: Row, until: float) -> bool:
     """Share of the step of the next reading of each lane; whether any lane reads before the share `until`."""
     count = 0
     for k in range(LANES):
-        share = (w[due + k] - w[At.old_t + k]) / w[At.h + k]
-        w[At.share + k] = share
+        share = (due[k] - w.old_t[k]) / w.h[k]
+        w.share[k] = share
         count += share <= until
     return count > 0
 
 
 @subroutine
-def _after_reading(w: NDArray[np.float64], due: int, k: int, t: NDArray[np.float64], j: int, count: int) -> int:
+def _after_reading(due: Row, k: int, t: NDArray[np.float64], j: int, count: int) -> int:
     """Index of the sample after j, which is the next one."""
-    w[due + k] = t[k, j + 1] if j + 1 < count else np.inf
+    due[k] = t[k, j + 1] if j + 1 < count else np.inf
     return j + 1
 
 
 @subroutine
-def read_both(w: NDArray[np.float64], relative2: float, arm: bool, samples: LaneSamples) -> None:
+def read_both(w: LaneWorkspace, relative2: float, arm: bool, samples: LaneSamples) -> None:
     """Read the samples that fall into the step, both joints at one instant."""
-    while shares(w, At.due1, 1.0):
+    while shares(w, w.due1, 1.0):
         for k in range(LANES):
-            w[At.angle1 + k] = _angle1(w, k, w[At.share + k])
-            w[At.angle2 + k] = angle2(w, k, w[At.share + k], relative2)
+            w.angle1[k] = _angle1(w, k, w.share[k])
+            w.angle2[k] = angle2(w, k, w.share[k], relative2)
         if arm:
             _read_arm(w)
         for k in range(LANES):
-            if w[At.share + k] <= 1.0:
+            if w.share[k] <= 1.0:
                 j = samples.next1[k]
                 i = samples.first[k] + j * samples.columns
-                samples.out[i], samples.out[i + 1] = w[At.angle1 + k], w[At.angle2 + k]
+                samples.out[i], samples.out[i + 1] = w.angle1[k], w.angle2[k]
                 if arm and samples.columns > 2:
-                    samples.out[i + 2] = w[At.angle0 + k]
-                samples.next1[k] = _after_reading(w, At.due1, k, samples.t1, j, samples.size[k])
+                    samples.out[i + 2] = w.angle0[k]
+                samples.next1[k] = _after_reading(w.due1, k, samples.t1, j, samples.size[k])
 
 
 @subroutine
-def read_joint1(w: NDArray[np.float64], arm: bool, samples: LaneSamples) -> None:
+def read_joint1(w: LaneWorkspace, arm: bool, samples: LaneSamples) -> None:
     """Read joint 1 and the arm at the samples that fall into the step."""
-    while shares(w, At.due1, 1.0):
+    while shares(w, w.due1, 1.0):
         for k in range(LANES):
-            w[At.angle1 + k] = _angle1(w, k, w[At.share + k])
+            w.angle1[k] = _angle1(w, k, w.share[k])
         if arm:
             _read_arm(w)
         for k in range(LANES):
-            if w[At.share + k] <= 1.0:
+            if w.share[k] <= 1.0:
                 j = samples.next1[k]
                 i = samples.first[k] + j * samples.columns
-                samples.out[i] = w[At.angle1 + k]
+                samples.out[i] = w.angle1[k]
                 if arm and samples.columns > 2:
-                    samples.out[i + 2] = w[At.angle0 + k]
-                samples.next1[k] = _after_reading(w, At.due1, k, samples.t1, j, samples.size[k])
+                    samples.out[i + 2] = w.angle0[k]
+                samples.next1[k] = _after_reading(w.due1, k, samples.t1, j, samples.size[k])
 
 
 @subroutine
-def read_joint2(w: NDArray[np.float64], until: float, relative2: float, samples: LaneSamples) -> None:
+def read_joint2(w: LaneWorkspace, until: float, relative2: float, samples: LaneSamples) -> None:
     """Read joint 2 at the samples that fall into the step before the share `until` of it."""
-    while shares(w, At.due2, until):
+    while shares(w, w.due2, until):
         for k in range(LANES):
-            w[At.angle2 + k] = angle2(w, k, w[At.share + k], relative2)
+            w.angle2[k] = angle2(w, k, w.share[k], relative2)
         for k in range(LANES):
-            if w[At.share + k] <= until:
+            if w.share[k] <= until:
                 j = samples.next2[k]
-                samples.out[samples.first[k] + j * samples.columns + 1] = w[At.angle2 + k]
-                samples.next2[k] = _after_reading(w, At.due2, k, samples.t2, j, samples.size[k])
+                samples.out[samples.first[k] + j * samples.columns + 1] = w.angle2[k]
+                samples.next2[k] = _after_reading(w.due2, k, samples.t2, j, samples.size[k])
 
 
 @subroutine
-def read_play(w: NDArray[np.float64], relative2: float, active: NDArray[np.bool_], samples: LaneSamples) -> None:
+def read_play(w: LaneWorkspace, relative2: float, active: NDArray[np.bool_], samples: LaneSamples) -> None:
     """Read joint 2 through the backlash of its encoder, which is updated at each quarter of the step."""
     for quarter in range(1, 5):
         until = 0.25 * quarter
-        while shares(w, At.due2, until):
+        while shares(w, w.due2, until):
             for k in range(LANES):
-                w[At.angle2 + k] = angle2(w, k, w[At.share + k], relative2)
+                w.angle2[k] = angle2(w, k, w.share[k], relative2)
             hold_angle(w, active)
             for k in range(LANES):
-                if w[At.share + k] <= until:
+                if w.share[k] <= until:
                     j = samples.next2[k]
-                    w[At.hold + k] = w[At.angle2 + k]
-                    samples.out[samples.first[k] + j * samples.columns + 1] = w[At.angle2 + k]
-                    samples.next2[k] = _after_reading(w, At.due2, k, samples.t2, j, samples.size[k])
+                    w.hold[k] = w.angle2[k]
+                    samples.out[samples.first[k] + j * samples.columns + 1] = w.angle2[k]
+                    samples.next2[k] = _after_reading(w.due2, k, samples.t2, j, samples.size[k])
         for k in range(LANES):
-            w[At.angle2 + k] = angle2(w, k, until, relative2)
+            w.angle2[k] = angle2(w, k, until, relative2)
         hold_angle(w, active)
         for k in range(LANES):
-            w[At.hold + k] = w[At.angle2 + k]
+            w.hold[k] = w.angle2[k]
     for k in range(LANES):
-        w[At.hold + k] = angle2(w, k, 1.0, relative2) if waits(w, k) else w[At.hold + k]
+        w.hold[k] = angle2(w, k, 1.0, relative2) if waits(w, k) else w.hold[k]

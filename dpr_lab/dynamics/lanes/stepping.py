@@ -32,7 +32,18 @@ from dpr_lab.dynamics.lanes.effects import (
     add_whole_torques,
     displaced,
 )
-from dpr_lab.dynamics.lanes.workspace import LANES, At, arm_at, base_at, constants_at, motion_at, terms_at, waits
+from dpr_lab.dynamics.lanes.workspace import (
+    LANES,
+    LaneWorkspace,
+    arm_at,
+    base_at,
+    constants_at,
+    copy_rows,
+    lane_workspace,
+    motion_at,
+    terms_at,
+    waits,
+)
 from dpr_lab.dynamics.rig_constants import UNKNOWN
 from dpr_lab.dynamics.step import joint_forces
 from dpr_lab.effects.effect_kernels import AT_RELEASE, STEPPED
@@ -48,11 +59,11 @@ _AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
 def advance() -> Any:
     """One Runge-Kutta step of all lanes, `_advance`, compiled separately for kernels that receive it as an argument."""
     required, active = Requirements(*[False] * len(Requirements._fields)), np.zeros(1, dtype=np.bool_)
-    return behind_pointer(_advance, np.zeros(1), UNKNOWN, active, required, False)
+    return behind_pointer(_advance, lane_workspace(), UNKNOWN, active, required, False)
 
 
 def _advance(
-    w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], required: Requirements, held: bool
+    w: LaneWorkspace, rig: RigConstants, active: NDArray[np.bool_], required: Requirements, held: bool
 ) -> None:
     """One Runge-Kutta step of all lanes.
 
@@ -76,19 +87,19 @@ def _advance(
             _place_arm(w, ahead)
         _accelerate(w, rig, active, required, held, resting)
         if resting and stage == 0:
-            exceeded = find_spare(w, active, At.first1, At.first2)
+            exceeded = find_spare(w, active, w.first1, w.first2)
             if required.dry0:
-                exceeded |= find_spare0(w, active, At.first0)
+                exceeded |= find_spare0(w, active, w.first0)
             if exceeded:
                 let_go(w, rig, active, required)
                 _accelerate(w, rig, active, required, held, resting)
-                find_spare(w, active, At.first1, At.first2)
+                find_spare(w, active, w.first1, w.first2)
                 if required.dry0:
-                    find_spare0(w, active, At.first0)
+                    find_spare0(w, active, w.first0)
         if resting and stage == 3:
-            find_spare(w, active, At.last1, At.last2)
+            find_spare(w, active, w.last1, w.last2)
             if required.dry0:
-                find_spare0(w, active, At.last0)
+                find_spare0(w, active, w.last0)
         _accumulate(w, weight, stage > 0)
         if required.arm:
             _accumulate_arm(w, weight, stage > 0)
@@ -104,48 +115,48 @@ def _advance(
 
 
 @subroutine
-def _begin(w: NDArray[np.float64]) -> None:
+def _begin(w: LaneWorkspace) -> None:
     """Copy the state to the rows for the start of the step."""
     for k in range(LANES):
-        w[At.old_t + k] = w[At.t + k]
-        w[At.old_theta1 + k], w[At.old_theta2 + k] = w[At.theta1 + k], w[At.theta2 + k]
-        w[At.old_omega1 + k], w[At.old_omega2 + k] = w[At.omega1 + k], w[At.omega2 + k]
+        w.old_t[k] = w.t[k]
+        w.old_theta1[k], w.old_theta2[k] = w.theta1[k], w.theta2[k]
+        w.old_omega1[k], w.old_omega2[k] = w.omega1[k], w.omega2[k]
 
 
 @subroutine
-def _begin_arm(w: NDArray[np.float64]) -> None:
+def _begin_arm(w: LaneWorkspace) -> None:
     for k in range(LANES):
-        w[At.old_theta0 + k], w[At.old_omega0 + k] = w[At.theta0 + k], w[At.omega0 + k]
+        w.old_theta0[k], w.old_omega0[k] = w.theta0[k], w.omega0[k]
 
 
 @subroutine
-def _place(w: NDArray[np.float64], share: float) -> None:
+def _place(w: LaneWorkspace, share: float) -> None:
     """State of a stage from the speeds and accelerations of the previous stage, which the first stage does not use."""
     for k in range(LANES):
-        ahead = share * w[At.h + k]
-        p1, p2 = w[At.stage_omega1 + k], w[At.stage_omega2 + k]
-        theta1, theta2 = w[At.theta1 + k] + ahead * p1, w[At.theta2 + k] + ahead * p2
-        w[At.stage_t + k] = w[At.t + k] + ahead
-        w[At.displacement1 + k], w[At.displacement2 + k] = ahead * p1, ahead * (p2 - p1)
-        w[At.stage_theta1 + k], w[At.stage_theta2 + k] = theta1, theta2
-        w[At.stage_omega1 + k] = w[At.omega1 + k] + ahead * w[At.alpha1 + k]
-        w[At.stage_omega2 + k] = w[At.omega2 + k] + ahead * w[At.alpha2 + k]
-        w[At.sin1 + k], w[At.cos1 + k] = sincos(theta1)
-        w[At.sin2 + k], w[At.cos2 + k] = sincos(theta2)
+        ahead = share * w.h[k]
+        p1, p2 = w.stage_omega1[k], w.stage_omega2[k]
+        theta1, theta2 = w.theta1[k] + ahead * p1, w.theta2[k] + ahead * p2
+        w.stage_t[k] = w.t[k] + ahead
+        w.displacement1[k], w.displacement2[k] = ahead * p1, ahead * (p2 - p1)
+        w.stage_theta1[k], w.stage_theta2[k] = theta1, theta2
+        w.stage_omega1[k] = w.omega1[k] + ahead * w.alpha1[k]
+        w.stage_omega2[k] = w.omega2[k] + ahead * w.alpha2[k]
+        w.sin1[k], w.cos1[k] = sincos(theta1)
+        w.sin2[k], w.cos2[k] = sincos(theta2)
 
 
 @subroutine
-def _place_arm(w: NDArray[np.float64], share: float) -> None:
+def _place_arm(w: LaneWorkspace, share: float) -> None:
     for k in range(LANES):
-        ahead = share * w[At.h + k]
-        w[At.displacement0 + k] = ahead * w[At.stage_omega0 + k]
-        w[At.stage_theta0 + k] = w[At.theta0 + k] + w[At.displacement0 + k]
-        w[At.stage_omega0 + k] = w[At.omega0 + k] + ahead * w[At.alpha0 + k]
+        ahead = share * w.h[k]
+        w.displacement0[k] = ahead * w.stage_omega0[k]
+        w.stage_theta0[k] = w.theta0[k] + w.displacement0[k]
+        w.stage_omega0[k] = w.omega0[k] + ahead * w.alpha0[k]
 
 
 @subroutine
 def _accelerate(
-    w: NDArray[np.float64],
+    w: LaneWorkspace,
     rig: RigConstants,
     active: NDArray[np.bool_],
     required: Requirements,
@@ -162,8 +173,8 @@ def _accelerate(
             _accelerate_bare_rods(w, rig)
             return
     for k in range(LANES):
-        w[At.term_a + k], w[At.term_b + k], w[At.term_coupling + k] = 0.0, 0.0, 0.0
-        w[At.torque1 + k], w[At.torque2 + k] = w[At.drive1 + k], w[At.drive2 + k]
+        w.term_a[k], w.term_b[k], w.term_coupling[k] = 0.0, 0.0, 0.0
+        w.torque1[k], w.torque2[k] = w.drive1[k], w.drive2[k]
     if required.torque:
         add_torques(w, rig, active)
     if required.drive:
@@ -180,10 +191,10 @@ def _accelerate(
 
 
 @subroutine
-def _add_arm(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], required: Requirements) -> None:
+def _add_arm(w: LaneWorkspace, rig: RigConstants, active: NDArray[np.bool_], required: Requirements) -> None:
     """All torques on the arm, and those on the rods that come with them."""
     for k in range(LANES):
-        w[At.torque0 + k] = w[At.drive0 + k]
+        w.torque0[k] = w.drive0[k]
     if required.torque0:
         add_arm_torques(w, active)
     if required.drive0:
@@ -193,105 +204,99 @@ def _add_arm(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_
 
 
 @subroutine
-def _accelerate_bare(w: NDArray[np.float64]) -> None:
+def _accelerate_bare(w: LaneWorkspace) -> None:
     for k in range(LANES):
-        _, w[At.alpha1 + k], w[At.alpha2 + k] = arm_accelerations(
-            motion_at(w, k), base_at(w, k), NOTHING, HELD_ARM, CLAMPED, 0.0
-        )
+        _, w.alpha1[k], w.alpha2[k] = arm_accelerations(motion_at(w, k), base_at(w, k), NOTHING, HELD_ARM, CLAMPED, 0.0)
 
 
 @subroutine
-def _accelerate_bare_rods(w: NDArray[np.float64], rig: RigConstants) -> None:
+def _accelerate_bare_rods(w: LaneWorkspace, rig: RigConstants) -> None:
     """Accelerations with an arm that moves, and no effect on the rods."""
     for k in range(LANES):
-        w[At.alpha0 + k], w[At.alpha1 + k], w[At.alpha2 + k] = arm_accelerations(
-            motion_at(w, k), base_at(w, k), NOTHING, arm_at(w, k, rig), FREE, w[At.torque0 + k]
+        w.alpha0[k], w.alpha1[k], w.alpha2[k] = arm_accelerations(
+            motion_at(w, k), base_at(w, k), NOTHING, arm_at(w, k, rig), FREE, w.torque0[k]
         )
 
 
 @subroutine
-def _accelerate_all(w: NDArray[np.float64], rig: RigConstants, arm: bool, held: bool, resting: bool) -> None:
+def _accelerate_all(w: LaneWorkspace, rig: RigConstants, arm: bool, held: bool, resting: bool) -> None:
     if resting:
         accelerate_held(w, rig, arm)
     elif not arm:
         for k in range(LANES):
-            _, w[At.alpha1 + k], w[At.alpha2 + k] = arm_accelerations(
+            _, w.alpha1[k], w.alpha2[k] = arm_accelerations(
                 motion_at(w, k), base_at(w, k), terms_at(w, k), HELD_ARM, CLAMPED, 0.0
             )
     elif not held:
         for k in range(LANES):
-            w[At.alpha0 + k], w[At.alpha1 + k], w[At.alpha2 + k] = arm_accelerations(
-                motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), FREE, w[At.torque0 + k]
+            w.alpha0[k], w.alpha1[k], w.alpha2[k] = arm_accelerations(
+                motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), FREE, w.torque0[k]
             )
     else:
         for k in range(LANES):
             mode = CLAMPED if waits(w, k) else FREE
-            w[At.alpha0 + k], w[At.alpha1 + k], w[At.alpha2 + k] = arm_accelerations(
-                motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), mode, w[At.torque0 + k]
+            w.alpha0[k], w.alpha1[k], w.alpha2[k] = arm_accelerations(
+                motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), mode, w.torque0[k]
             )
 
 
 @subroutine
-def _find_forces(w: NDArray[np.float64], rig: RigConstants) -> None:
+def _find_forces(w: LaneWorkspace, rig: RigConstants) -> None:
     for k in range(LANES):
-        alphas = w[At.alpha0 + k], w[At.alpha1 + k], w[At.alpha2 + k]
-        w[At.force1 + k], w[At.force2 + k] = joint_forces(
-            motion_at(w, k), alphas, base_at(w, k), constants_at(w, k, rig)
-        )
+        alphas = w.alpha0[k], w.alpha1[k], w.alpha2[k]
+        w.force1[k], w.force2[k] = joint_forces(motion_at(w, k), alphas, base_at(w, k), constants_at(w, k, rig))
 
 
 @subroutine
-def _accumulate(w: NDArray[np.float64], weight: float, more: bool) -> None:
+def _accumulate(w: LaneWorkspace, weight: float, more: bool) -> None:
     for k in range(LANES):
-        w[At.turn1 + k] = (w[At.turn1 + k] if more else 0.0) + weight * w[At.stage_omega1 + k]
-        w[At.turn2 + k] = (w[At.turn2 + k] if more else 0.0) + weight * w[At.stage_omega2 + k]
-        w[At.sum1 + k] = (w[At.sum1 + k] if more else 0.0) + weight * w[At.alpha1 + k]
-        w[At.sum2 + k] = (w[At.sum2 + k] if more else 0.0) + weight * w[At.alpha2 + k]
+        w.turn1[k] = (w.turn1[k] if more else 0.0) + weight * w.stage_omega1[k]
+        w.turn2[k] = (w.turn2[k] if more else 0.0) + weight * w.stage_omega2[k]
+        w.sum1[k] = (w.sum1[k] if more else 0.0) + weight * w.alpha1[k]
+        w.sum2[k] = (w.sum2[k] if more else 0.0) + weight * w.alpha2[k]
 
 
 @subroutine
-def _accumulate_arm(w: NDArray[np.float64], weight: float, more: bool) -> None:
+def _accumulate_arm(w: LaneWorkspace, weight: float, more: bool) -> None:
     for k in range(LANES):
-        w[At.turn0 + k] = (w[At.turn0 + k] if more else 0.0) + weight * w[At.stage_omega0 + k]
-        w[At.sum0 + k] = (w[At.sum0 + k] if more else 0.0) + weight * w[At.alpha0 + k]
+        w.turn0[k] = (w.turn0[k] if more else 0.0) + weight * w.stage_omega0[k]
+        w.sum0[k] = (w.sum0[k] if more else 0.0) + weight * w.alpha0[k]
 
 
 @subroutine
-def _finish(w: NDArray[np.float64]) -> None:
+def _finish(w: LaneWorkspace) -> None:
     """State at the end of the step, and displacements of the joints in it."""
     for k in range(LANES):
-        h, sixth = w[At.h + k], w[At.h + k] / 6.0
-        turn1, turn2 = w[At.turn1 + k], w[At.turn2 + k]
-        w[At.t + k] += h
-        w[At.theta1 + k] += sixth * turn1
-        w[At.theta2 + k] += sixth * turn2
-        w[At.omega1 + k] += sixth * w[At.sum1 + k]
-        w[At.omega2 + k] += sixth * w[At.sum2 + k]
-        w[At.displacement1 + k], w[At.displacement2 + k] = sixth * turn1, sixth * (turn2 - turn1)
+        h, sixth = w.h[k], w.h[k] / 6.0
+        turn1, turn2 = w.turn1[k], w.turn2[k]
+        w.t[k] += h
+        w.theta1[k] += sixth * turn1
+        w.theta2[k] += sixth * turn2
+        w.omega1[k] += sixth * w.sum1[k]
+        w.omega2[k] += sixth * w.sum2[k]
+        w.displacement1[k], w.displacement2[k] = sixth * turn1, sixth * (turn2 - turn1)
 
 
 @subroutine
-def _finish_arm(w: NDArray[np.float64]) -> None:
+def _finish_arm(w: LaneWorkspace) -> None:
     for k in range(LANES):
-        sixth = w[At.h + k] / 6.0
-        w[At.displacement0 + k] = sixth * w[At.turn0 + k]
-        w[At.theta0 + k] += w[At.displacement0 + k]
-        w[At.omega0 + k] += sixth * w[At.sum0 + k]
+        sixth = w.h[k] / 6.0
+        w.displacement0[k] = sixth * w.turn0[k]
+        w.theta0[k] += w.displacement0[k]
+        w.omega0[k] += sixth * w.sum0[k]
 
 
 @subroutine
-def _move_internal(w: NDArray[np.float64], active: NDArray[np.bool_]) -> None:
-    for k in range(LANES * len(STEPPED)):
-        w[At.old_internal + k] = w[At.internal + k]
+def _move_internal(w: LaneWorkspace, active: NDArray[np.bool_]) -> None:
+    copy_rows(w.internal, w.old_internal)
     displaced(w, active)
-    for k in range(LANES * len(STEPPED)):
-        w[At.internal + k] = w[At.moved + k]
+    copy_rows(w.moved, w.internal)
 
 
 @subroutine
-def _reset_held(w: NDArray[np.float64]) -> None:
+def _reset_held(w: LaneWorkspace) -> None:
     """Reset internal states before the release to those of a rig at rest."""
     for k in range(LANES):
         if waits(w, k):
             for i, at_release in enumerate(_AT_RELEASE):
-                w[At.internal + i * LANES + k] = at_release
+                w.internal[i, k] = at_release

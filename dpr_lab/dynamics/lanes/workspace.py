@@ -1,11 +1,11 @@
-"""Flat workspace of the lanes: one array with a row of `LANES` numbers for each quantity.
+"""Workspace of the lanes: a row of `LANES` numbers for each quantity, one record in memory.
 
-Row offsets are constants, so the compiler knows that rows do not overlap and converts a loop over the lanes to vector
-instructions. Kernels read lane k of a row as `w[At.theta1 + k]`.
+Rows are fields of the record, so the compiler knows that they do not overlap and converts a loop over the lanes to
+vector instructions. Kernels read lane k of a row as `w.theta1[k]`.
 """
 
 import math
-from enum import IntEnum, auto
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,218 +13,234 @@ from numpy.typing import NDArray
 from dpr_lab.effects import SIZE
 from dpr_lab.effects.effect_kernels import STEPPED
 from dpr_lab.effects.quantities import ArmModel, BaseParameters, Joint, Motion, RigConstants, Terms
-from dpr_lab.kernels import inlined
+from dpr_lab.kernels import inlined, subroutine
 
 LANES = 16
 """Number of lanes: two registers of eight doubles hide the latency of a division with few spare lanes."""
 
+Row = NDArray[np.float64]
+"""(LANES,) a quantity of all lanes."""
 
-_WIDE = "old_internal", "moved", "internal", "params"
-"""Last rows, which contain more: three for each internal state that moves with a joint, and the last for each
-parameter.
-"""
+Rows = NDArray[np.float64]
+"""(count, LANES) a row for each internal state that moves with a joint, or for each parameter of the effects."""
 
 
-class At(IntEnum):
-    """First number of each row in the workspace; as enumeration members they are constants for the compiler."""
-
-    @staticmethod
-    def _generate_next_value_(name: str, start: int, count: int, last_values: list[int]) -> int:
-        wide = _WIDE.index(name) if name in _WIDE else 0
-        return LANES * (count + wide * (len(STEPPED) - 1))
+class LaneWorkspace:
+    """Rows of the workspace in the order of the record; angles in rad, times in s, torques in N m, other units SI."""
 
     # constant along a track: base parameters, lengths and masses of the mounted parts, the arm, length of a step
-    a = auto()
-    b = auto()
-    d = auto()
-    e1 = auto()
-    e2 = auto()
-    c1 = auto()
-    c2 = auto()
-    L1 = auto()
-    L2 = auto()
-    m1 = auto()
-    m2 = auto()
-    mb = auto()
-    inertia = auto()
-    friction = auto()
-    stiffness = auto()
-    step = auto()
+    a: Row
+    b: Row
+    d: Row
+    e1: Row
+    e2: Row
+    c1: Row
+    c2: Row
+    L1: Row
+    L2: Row
+    m1: Row
+    m2: Row
+    mb: Row
+    inertia: Row
+    friction: Row
+    stiffness: Row
+    step: Row
     # the current step, the state, and the state at the start of the step
-    h = auto()
-    t = auto()
-    theta0 = auto()
-    theta1 = auto()
-    theta2 = auto()
-    omega0 = auto()
-    omega1 = auto()
-    omega2 = auto()
-    old_t = auto()
-    old_theta0 = auto()
-    old_theta1 = auto()
-    old_theta2 = auto()
-    old_omega0 = auto()
-    old_omega1 = auto()
-    old_omega2 = auto()
+    h: Row
+    t: Row
+    theta0: Row
+    theta1: Row
+    theta2: Row
+    omega0: Row
+    omega1: Row
+    omega2: Row
+    old_t: Row
+    old_theta0: Row
+    old_theta1: Row
+    old_theta2: Row
+    old_omega0: Row
+    old_omega1: Row
+    old_omega2: Row
     # one stage of the step: state, rotation of the joints since its start, accelerations
-    stage_t = auto()
-    stage_theta0 = auto()
-    stage_theta1 = auto()
-    stage_theta2 = auto()
-    stage_omega0 = auto()
-    stage_omega1 = auto()
-    stage_omega2 = auto()
-    sin1 = auto()
-    cos1 = auto()
-    sin2 = auto()
-    cos2 = auto()
-    displacement1 = auto()
-    displacement2 = auto()
-    alpha0 = auto()
-    alpha1 = auto()
-    alpha2 = auto()
+    stage_t: Row
+    stage_theta0: Row
+    stage_theta1: Row
+    stage_theta2: Row
+    stage_omega0: Row
+    stage_omega1: Row
+    stage_omega2: Row
+    sin1: Row
+    cos1: Row
+    sin2: Row
+    cos2: Row
+    displacement1: Row
+    displacement2: Row
+    alpha0: Row
+    alpha1: Row
+    alpha2: Row
     # directions of sliding joints; for joints at rest the torque, its limit, and the margin at both ends
-    direction1 = auto()
-    direction2 = auto()
-    push1 = auto()
-    push2 = auto()
-    limit1 = auto()
-    limit2 = auto()
-    forward1 = auto()
-    forward2 = auto()
-    first1 = auto()
-    first2 = auto()
-    last1 = auto()
-    last2 = auto()
+    direction1: Row
+    direction2: Row
+    push1: Row
+    push2: Row
+    limit1: Row
+    limit2: Row
+    forward1: Row
+    forward2: Row
+    first1: Row
+    first2: Row
+    last1: Row
+    last2: Row
     # end of the whole step, number of events, time to the next event, and its kind: 1 with a joint, 2 or 3
-    until = auto()
-    events = auto()
-    ahead = auto()
-    cut = auto()
+    until: Row
+    events: Row
+    ahead: Row
+    cut: Row
     # weighted sums of speeds and of accelerations over the stages
-    turn0 = auto()
-    turn1 = auto()
-    turn2 = auto()
-    sum0 = auto()
-    sum1 = auto()
-    sum2 = auto()
+    turn0: Row
+    turn1: Row
+    turn2: Row
+    sum0: Row
+    sum1: Row
+    sum2: Row
     # contributions of effects, known torques on both rods over the step and their delay, and joint forces for some
     # effects
-    term_a = auto()
-    term_b = auto()
-    term_coupling = auto()
-    torque1 = auto()
-    torque2 = auto()
-    drive1 = auto()
-    drive2 = auto()
-    late = auto()
-    force1 = auto()
-    force2 = auto()
+    term_a: Row
+    term_b: Row
+    term_coupling: Row
+    torque1: Row
+    torque2: Row
+    drive1: Row
+    drive2: Row
+    late: Row
+    force1: Row
+    force2: Row
     # arm with prescribed motion: mean acceleration and mean squared speed over the step
-    prescribed = auto()
-    squared = auto()
+    prescribed: Row
+    squared: Row
     # a free or driven arm: its known torque over the step, all torques on it, the lead of its readings, its rotation
     # since the start of the step, and the rows above that describe sliding and resting joints
-    drive0 = auto()
-    torque0 = auto()
-    late0 = auto()
-    displacement0 = auto()
-    direction0 = auto()
-    push0 = auto()
-    limit0 = auto()
-    forward0 = auto()
-    first0 = auto()
-    last0 = auto()
+    drive0: Row
+    torque0: Row
+    late0: Row
+    displacement0: Row
+    direction0: Row
+    push0: Row
+    limit0: Row
+    forward0: Row
+    first0: Row
+    last0: Row
     # readings: next samples of joints 1 and 2, their share of the step, angles there, angle held by backlash
-    due1 = auto()
-    due2 = auto()
-    share = auto()
-    angle0 = auto()
-    angle1 = auto()
-    angle2 = auto()
-    hold = auto()
-    handed = auto()
+    due1: Row
+    due2: Row
+    share: Row
+    angle0: Row
+    angle1: Row
+    angle2: Row
+    hold: Row
+    handed: Row
     # internal states that move with a joint: at the start of the step, after a displacement, and current
-    old_internal = auto()
-    moved = auto()
-    internal = auto()
+    old_internal: Rows
+    moved: Rows
+    internal: Rows
     # parameters of all effects
-    params = auto()
+    params: Rows
 
 
-WORKSPACE = At.params + LANES * SIZE
-"""Number of values in a workspace; those of one track fit in the first-level cache."""
+_COUNT = {"old_internal": len(STEPPED), "moved": len(STEPPED), "internal": len(STEPPED), "params": SIZE}
+"""Number of rows of the fields that have several."""
+
+_RECORD = np.dtype(
+    [
+        (name, np.float64, (_COUNT[name], LANES) if name in _COUNT else (LANES,))
+        for name in LaneWorkspace.__annotations__
+    ]
+)
+
+
+def lane_workspace() -> LaneWorkspace:
+    """A workspace of zeros; that of one track fits in the first-level cache."""
+    record: Any = np.zeros(1, _RECORD).view(np.recarray)[0]
+    return record
+
+
+@subroutine
+def copy_rows(source: Rows, target: Rows) -> None:
+    """Copy several rows."""
+    for i in range(len(source)):
+        for k in range(LANES):
+            target[i, k] = source[i, k]
 
 
 @inlined
-def base_at(w: NDArray[np.float64], k: int) -> BaseParameters:
+def base_at(w: LaneWorkspace, k: int) -> BaseParameters:
     """Base parameters of lane k."""
-    return BaseParameters(w[At.a + k], w[At.b + k], w[At.d + k], w[At.e1 + k], w[At.e2 + k], w[At.c1 + k], w[At.c2 + k])
+    return BaseParameters(w.a[k], w.b[k], w.d[k], w.e1[k], w.e2[k], w.c1[k], w.c2[k])
 
 
 @inlined
-def constants_at(w: NDArray[np.float64], k: int, rig: RigConstants) -> RigConstants:
+def constants_at(w: LaneWorkspace, k: int, rig: RigConstants) -> RigConstants:
     """Constants of lane k: those of the rig with the mounted parts."""
     return RigConstants(
-        rig.L0, w[At.L1 + k], w[At.L2 + k], rig.g, w[At.m1 + k], w[At.m2 + k], w[At.mb + k],
+        rig.L0, w.L1[k], w.L2[k], rig.g, w.m1[k], w.m2[k], w.mb[k],
         rig.counts_per_rev1, rig.counts_per_rev2, rig.relative2, rig.counts_per_rev0,
     )  # fmt: skip
 
 
 @inlined
-def arm_at(w: NDArray[np.float64], k: int, rig: RigConstants) -> ArmModel:
+def arm_at(w: LaneWorkspace, k: int, rig: RigConstants) -> ArmModel:
     """Inertia, friction and stiffness of the arm of lane k."""
-    return ArmModel(w[At.inertia + k], rig.L0 / rig.g, w[At.friction + k], w[At.stiffness + k])
+    return ArmModel(w.inertia[k], rig.L0 / rig.g, w.friction[k], w.stiffness[k])
 
 
 @inlined
-def motion_at(w: NDArray[np.float64], k: int) -> Motion:
+def motion_at(w: LaneWorkspace, k: int) -> Motion:
     """The motion of lane k at the stage."""
     return Motion(
-        w[At.stage_t + k],
-        w[At.stage_theta0 + k], w[At.stage_theta1 + k], w[At.stage_theta2 + k],
-        w[At.stage_omega0 + k], w[At.stage_omega1 + k], w[At.stage_omega2 + k],
-        w[At.sin1 + k], w[At.cos1 + k], w[At.sin2 + k], w[At.cos2 + k],
-        w[At.displacement1 + k], w[At.displacement2 + k], w[At.force1 + k], w[At.force2 + k],
-        w[At.direction1 + k], w[At.direction2 + k], w[At.displacement0 + k], w[At.direction0 + k],
+        w.stage_t[k],
+        w.stage_theta0[k], w.stage_theta1[k], w.stage_theta2[k],
+        w.stage_omega0[k], w.stage_omega1[k], w.stage_omega2[k],
+        w.sin1[k], w.cos1[k], w.sin2[k], w.cos2[k],
+        w.displacement1[k], w.displacement2[k], w.force1[k], w.force2[k],
+        w.direction1[k], w.direction2[k], w.displacement0[k], w.direction0[k],
     )  # fmt: skip
 
 
 @inlined
-def joint0_at(w: NDArray[np.float64], k: int) -> Joint:
+def joint0_at(w: LaneWorkspace, k: int) -> Joint:
     """The arm's joint of lane k, as `joint0` of its motion, without loading unused values."""
     return Joint(
-        w[At.stage_t + k], w[At.stage_theta0 + k], w[At.stage_omega0 + k], w[At.displacement0 + k], 0.0,
-        w[At.direction0 + k],
+        w.stage_t[k], w.stage_theta0[k], w.stage_omega0[k], w.displacement0[k], 0.0,
+        w.direction0[k],
     )  # fmt: skip
 
 
 @inlined
-def joint1_at(w: NDArray[np.float64], k: int) -> Joint:
+def joint1_at(w: LaneWorkspace, k: int) -> Joint:
     """Joint 1 of lane k, as `joint1` of its motion, without loading unused values."""
     return Joint(
-        w[At.stage_t + k], w[At.stage_theta1 + k] - math.pi, w[At.stage_omega1 + k],
-        w[At.displacement1 + k], w[At.force1 + k], w[At.direction1 + k],
+        w.stage_t[k], w.stage_theta1[k] - math.pi, w.stage_omega1[k],
+        w.displacement1[k], w.force1[k], w.direction1[k],
     )  # fmt: skip
 
 
 @inlined
-def joint2_at(w: NDArray[np.float64], k: int) -> Joint:
+def joint2_at(w: LaneWorkspace, k: int) -> Joint:
     """Joint 2 of lane k, in the same way."""
     return Joint(
-        w[At.stage_t + k],
-        w[At.stage_theta2 + k] - w[At.stage_theta1 + k], w[At.stage_omega2 + k] - w[At.stage_omega1 + k],
-        w[At.displacement2 + k], w[At.force2 + k], w[At.direction2 + k],
+        w.stage_t[k],
+        w.stage_theta2[k] - w.stage_theta1[k], w.stage_omega2[k] - w.stage_omega1[k],
+        w.displacement2[k], w.force2[k], w.direction2[k],
     )  # fmt: skip
 
 
 @inlined
-def terms_at(w: NDArray[np.float64], k: int) -> Terms:
+def terms_at(w: LaneWorkspace, k: int) -> Terms:
     """Terms of the effects of lane k at the stage."""
-    return Terms(w[At.term_a + k], w[At.term_b + k], w[At.term_coupling + k], w[At.torque1 + k], w[At.torque2 + k])
+    return Terms(w.term_a[k], w.term_b[k], w.term_coupling[k], w.torque1[k], w.torque2[k])
 
 
 @inlined
-def waits(w: NDArray[np.float64], k: int) -> bool:
+def waits(w: LaneWorkspace, k: int) -> bool:
     """Whether a step of lane k that starts at `old_t` is before the release."""
-    return not w[At.old_t + k] > -0.5 * w[At.step + k]
+    return not w.old_t[k] > -0.5 * w.step[k]

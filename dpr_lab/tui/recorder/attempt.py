@@ -7,8 +7,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.acquisition.capture import Captured, Released, SwingReading
 from dpr_lab.acquisition.holding import PoseReading, RestReading
+from dpr_lab.acquisition.swing import Captured, Released, SwingReading
 from dpr_lab.rig_tables import Pose
 from dpr_lab.tui.recorder.messages import AttemptFinished, AttemptSeen, GoAheadAsked
 

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dpr_lab.acquisition.capture import Progress, Released, SwingReading, capture
+from dpr_lab.acquisition.capture import Progress, capture
 from dpr_lab.acquisition.device import Device
+from dpr_lab.acquisition.swing import Released, SwingReading
 from dpr_lab.errors import SafetyStop
 from dpr_lab.rig import Rig
 from dpr_lab.tui.recorder.mailbox import Inbox, Outbox

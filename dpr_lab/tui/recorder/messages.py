@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from dpr_lab.acquisition.capture import Captured, CaptureOptions, Progress
+from dpr_lab.acquisition.capture import CaptureOptions, Progress
+from dpr_lab.acquisition.swing import Captured
 from dpr_lab.transports.software_link import leads_to_software
 from firmware_protocol.clock import ClockFit
 from firmware_protocol.identity import DeviceInfo

@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from dpr_lab.acquisition.capture import SwingReading
 from dpr_lab.acquisition.holding import PoseReading, RestReading
+from dpr_lab.acquisition.swing import SwingReading
 from dpr_lab.tui.recorder.messages import AttemptSeen, Idle
 
 

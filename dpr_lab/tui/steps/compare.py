@@ -1,11 +1,8 @@
 """Step Compare: comparison of the model with the measurement, with free runs from any run and instant."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
 from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
@@ -15,40 +12,22 @@ from textual.events import Resize
 from textual.widgets import Select, Static
 
 from dpr_lab.errors import RunError
-from dpr_lab.report.angles import AngleUnit
 from dpr_lab.report.tables import compared_name, run_name
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.jobs.jobs import ComparisonSaved, FreeRunFrom, FreeRunStart
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
 from dpr_lab.tui.services import Services
+from dpr_lab.tui.steps.compare_charts import AXES, SETTINGS, VIEWS, ComparedRun
 from dpr_lab.tui.steps.job_step import JobStep, torque_key
 from dpr_lab.tui.steps.second_curve import SecondCurve
 from dpr_lab.tui.texts import counted_runs
-from dpr_lab.tui.widgets.chart import Band, Chart, Mark, Series
+from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.tui.widgets.slider import Slider
 from dpr_lab.workflows.compare import CompareRequest
 from dpr_lab.workflows.events import RunCompared, RunLeftOut
 
 if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison, FreeRun
-
-AXES = ("inner rod θ1", "outer rod θ2")
-VIEWS = ("angle", "free-run error", "segment residual")
-
-
-@dataclass(frozen=True, slots=True)
-class CompareSettings:
-    """Settings of the comparison charts."""
-
-    noise_sigmas: int = 2
-    """Half width of the noise band in standard deviations; 95 % of pure noise is inside."""
-    tall: int = 36
-    """Minimum rows of the step for showing angle and error one above the other."""
-    start_step_s: float = 0.5
-    """Spacing of the possible starts of a free run, s: the length of the segments."""
-
-
-SETTINGS = CompareSettings()
 
 
 class CompareStep(JobStep):
@@ -299,17 +278,13 @@ workspace, as by `dpr-lab compare`.
         shown = self._shown
         if shown is None:
             return
-        freely = self._free_run(shown)
+        free_run = self._free_run(shown)
         axis = 1 if self.query_one("#axis", Select).value == 1 else 0
-        slider = self.query_one(Slider)
-        slider.mark = freely.horizon_s
-        horizon = [Mark(freely.horizon_s, f"horizon {freely.horizon_s:.2f} s")] if _ends_before(freely, shown) else []
-        self._draw_angle(shown, freely, axis, horizon)
-        self._draw_error(shown, freely, axis, horizon)
-        text = _figures(shown, self.workspace.unit) + (f"  {news}" if news else "")
-        if (second := self.query_one(SecondCurve).chosen) is not None:
-            text += f"\nsecond: {_figures(second, self.workspace.unit)}"
-        self.say(text)
+        compared = ComparedRun(shown, free_run, self.query_one(SecondCurve).chosen, axis, self.workspace.unit)
+        self.query_one(Slider).mark = free_run.horizon_s
+        compared.draw_angle(self.query_one("#angle", Chart))
+        compared.draw_error(self.query_one("#error", Chart), self.query_one("#view", Select).value == VIEWS[1])
+        self.say(compared.figures(news))
 
     def _free_run(self, shown: "Comparison") -> "FreeRun":
         """Free run from the slider position, or the last known one while it is simulated."""
@@ -319,85 +294,11 @@ workspace, as by `dpr-lab compare`.
         start = FreeRunStart(run, self.query_one(Slider).value)
         return self._free_runs.get(start) or FreeRun(shown.t, shown.free_run, shown.horizon_s)
 
-    def _draw_angle(self, shown: "Comparison", freely: "FreeRun", axis: int, marks: list[Mark]) -> None:
-        unit = self.workspace.unit
-        measured = Series("measured", shown.t, unit.per_rad * shown.measured[:, axis], on_top=True)
-        simulated = Series("free run", freely.t, unit.per_rad * freely.theta[:, axis], "secondary")
-        lines = [measured, simulated]
-        if (second := self.query_one(SecondCurve).chosen) is not None:
-            same_run = second.run == shown.run
-            theta = second.free_run if same_run else second.measured
-            lines.append(Series(_second_name(same_run), second.t, unit.per_rad * theta[:, axis], "accent"))
-        self.query_one("#angle", Chart).show(
-            lines,
-            x_label="time (s)",
-            y_label=f"{AXES[axis]} ({unit.symbol.strip()})",
-            marks=marks,
-            y_range=_range_of(measured.y),
-        )
-
-    def _draw_error(self, shown: "Comparison", freely: "FreeRun", axis: int, marks: list[Mark]) -> None:
-        unit = self.workspace.unit
-        noise = SETTINGS.noise_sigmas * unit.small_per_rad * float(shown.noise_rad[axis])
-        freely_seen = self.query_one("#view", Select).value == VIEWS[1]
-        if freely_seen:
-            near = freely.t <= freely.horizon_s
-            t = freely.t[near]
-            error = shown.measured[-len(freely.t) :, axis][near] - freely.theta[near, axis]
-        else:
-            t, error, marks = shown.t, shown.segment_residual[:, axis], []
-        self.query_one("#error", Chart).show(
-            [Series("residual", t, unit.small_per_rad * error), *self._second_error(shown, axis, freely_seen)],
-            x_label="time (s)",
-            y_label=f"{AXES[axis]} ({unit.small})",
-            marks=marks,
-            band=Band(-noise, noise, f"noise ±{SETTINGS.noise_sigmas}σ"),
-            x_range=(float(shown.t[0]), float(shown.t[-1])),
-        )
-
-    def _second_error(self, shown: "Comparison", axis: int, freely: bool) -> list[Series]:
-        """Residual of the second run or model from the release on."""
-        second = self.query_one(SecondCurve).chosen
-        if second is None:
-            return []
-        near = second.t <= (second.horizon_s if freely else second.t[-1])
-        error = (second.free_run_error if freely else second.segment_residual)[near, axis]
-        name = _second_name(second.run == shown.run)
-        return [Series(name, second.t[near], self.workspace.unit.small_per_rad * error, "accent")]
-
     def say(self, text: str) -> None:
         """Show a sentence instead of the figures."""
         self.query_one("#figures", Static).update(text)
 
 
-def _second_name(same_run: bool) -> str:
-    return "2nd model" if same_run else "other run"
-
-
 def _label(comparison: "Comparison") -> str:
     role = "held out" if comparison.held_out else "used"
     return f"{compared_name(comparison)} ({role})"
-
-
-def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
-    """Numbers in the table of `dpr-lab compare`, inner and outer rod."""
-    from dpr_lab.report.tables import COMPARISON_COLUMNS, comparison_rows, to_the_end
-
-    row = dict(zip(COMPARISON_COLUMNS, comparison_rows([comparison], unit)[0], strict=True))
-    until = "to the end of the record" if to_the_end(comparison) else f"up to {row['horizon (s)']} s"
-    return (
-        f"{row['role']}, {row['segments']} segments, θ1, θ2: rms {row['rms (mrad)']} {unit.small},"
-        f" {row['rms / noise']} times the noise; free run from the release {row['free run (mrad)']} {unit.small}"
-        f" {until}"
-    )
-
-
-def _ends_before(freely: "FreeRun", shown: "Comparison") -> bool:
-    return freely.horizon_s < float(shown.t[-1])
-
-
-def _range_of(angle: NDArray[np.float64]) -> tuple[float, float]:
-    """Range of the measurement, so that a free run that diverges leaves the chart."""
-    low, high = float(np.nanmin(angle)), float(np.nanmax(angle))
-    room = max(0.06 * (high - low), 0.01)
-    return low - room, high + room

@@ -1,0 +1,218 @@
+"""Recording of a swing: release the rods, record until the end, stop the device, and check the recording."""
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.acquisition.batch import Batch
+from dpr_lab.acquisition.device import Device
+from dpr_lab.acquisition.gate import QualityReport
+from dpr_lab.acquisition.holding import RestWindow, raise_faults
+from dpr_lab.acquisition.live_speed import LiveSpeed
+from dpr_lab.acquisition.recording import Recording
+from dpr_lab.acquisition.rest import at_rest
+from dpr_lab.acquisition.settings import CaptureSettings
+from dpr_lab.errors import DeviceLost, DprError, LinkError, RunError
+from dpr_lab.storage.metadata import RunMetadata
+from dpr_lab.storage.writer import RunWriter
+from firmware_protocol.messages import State, Status
+
+STOPPED = "stopped by the operator"
+
+
+@dataclass(frozen=True, slots=True)
+class Released:
+    """The latch opened; samples are written to `file`."""
+
+    tick: int
+    file: Path
+
+
+@dataclass(frozen=True, slots=True)
+class SwingReading:
+    """Progress of a recording."""
+
+    t: float
+    """Time since the release, s."""
+    theta: tuple[float, float, float]
+    """Newest absolute angles, rad."""
+    omega: tuple[float, float]
+    """Newest speeds of the inner and outer rod from a Kalman filter, rad/s."""
+    samples: int
+    fresh: tuple[NDArray[np.float64], NDArray[np.float64]]
+    """Time since the release (n,), s, and absolute angles (n, 3), rad, of the samples since the last report."""
+    inputs: NDArray[np.float64] | None = None
+    """(n,) input of the arm's drive at these samples, N m, A or V; None without a drive."""
+
+
+@dataclass(frozen=True, slots=True)
+class Captured:
+    """A finished capture."""
+
+    run_file: Path
+    quality: QualityReport
+    release_tick: int
+    duration: float
+    """Time from the release to the last sample, s."""
+    lost: Mapping[str, int]
+    """Samples lost, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
+    pose_measured: tuple[float, float, float] | None
+    """Absolute angles just before the release, rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Swing:
+    """One swing to record: its device, its length, and who is informed."""
+
+    device: Device
+    longest: float
+    """Duration of the recording after the release, s; with `until_rest` the longest."""
+    until_rest: bool
+    """Whether to record until both rods have come to rest."""
+    speed: LiveSpeed
+    """Filter of the speeds that are reported."""
+    on_progress: Callable[[Released | SwingReading], None]
+    settings: CaptureSettings
+
+    def record(
+        self, path: Path, metadata: RunMetadata, rest: RestWindow, hanging: tuple[float, float] | None
+    ) -> Captured:
+        """Release the rods, which are at rest, and record their swing.
+
+        Args:
+            path: file of the run
+            metadata: of the run
+            rest: samples of the held rods before the release
+            hanging: deviation of the hanging rods from the vertical before they were raised, rad
+
+        Raises:
+            LinkError, DeviceLost, RunError: as for `dpr_lab.acquisition.capture.capture`; the message names the file.
+            KeyboardInterrupt: re-raised with the name of the file, which is finished as incomplete.
+        """
+        with (
+            RunWriter(path, metadata) as writer,
+            Recording(writer, rest.lost_before, self.longest, hanging, self.settings.limits) as recording,
+        ):
+            try:
+                recording.add(rest.batches)
+                recording.expect_release()
+                _release(self.device)
+                self._await_release(recording)
+                self.on_progress(Released(recording.release_tick or 0, path))
+                self._follow(recording)
+                self._stop(recording)
+                report = recording.finish(self.device.clock(), self._notes(recording))
+            except BaseException as error:
+                recording.count_losses(self.device.losses)
+                reason = STOPPED if isinstance(error, KeyboardInterrupt) else f"{type(error).__name__}: {error}"
+                with suppress(RunError):
+                    recording.note_clock(*self.device.clock())
+                    recording.abort(reason)
+                kept = f"the data recorded so far are kept in {path}"
+                if isinstance(error, KeyboardInterrupt):
+                    raise KeyboardInterrupt(f"{STOPPED}; {kept}") from error
+                if isinstance(error, DprError) and not isinstance(error, RunError):  # whose message names the file
+                    raise type(error)(f"{error}; {kept}") from error
+                raise
+            tick, measured = recording.release_tick or 0, recording.pose_measured
+            return Captured(path, report, tick, recording.t, recording.lost, measured)
+
+    def _take(self, recording: Recording) -> list[Batch]:
+        batches = self.device.poll(self.settings.poll_s)
+        recording.add(batches)
+        raise_faults(self.device.url, batches)
+        return batches
+
+    def _await_release(self, recording: Recording) -> None:
+        deadline = time.monotonic() + self.settings.release_timeout_s
+        while recording.release_tick is None:
+            if time.monotonic() > deadline:
+                raise LinkError(
+                    f"{self.device.url}: the message with the instant of the release was lost: record again"
+                )
+            self._take(recording)
+
+    def _follow(self, recording: Recording) -> None:
+        """Record for the requested time, or until the rods have come to rest."""
+        device, settings = self.device, self.settings
+        next_look = heard_at = time.monotonic()
+        pace = _Pace(device, recording, settings)
+        reported = 0
+        while not recording.full:
+            batches = self._take(recording)
+            now = time.monotonic()
+            if any(batch.rows for batch in batches):
+                heard_at = now
+            elif now - heard_at > (longest := settings.silences_without_samples * device.silence_s):
+                raise DeviceLost(
+                    f"{device.url}: the device sends status messages, but sent no samples for {longest:g} s"
+                )
+            pace.check(now)
+            if now < next_look:
+                continue
+            next_look = now + settings.report_s
+            if recording.clock_due:
+                recording.note_clock(*device.clock())
+            still_s = settings.rest_after_s
+            t, theta = recording.tail(still_s)
+            theta0, theta1, theta2 = theta[-1].tolist()
+            fresh, inputs = recording.since(reported), recording.new_inputs()
+            omega, reported = self.speed.after(*fresh), len(recording.samples)
+            self.on_progress(SwingReading(recording.t, (theta0, theta1, theta2), omega, reported, fresh, inputs))
+            if self.until_rest and recording.t >= still_s and at_rest(t, theta, recording.rig, settings.limits.rest):
+                recording.end_here()
+
+    def _notes(self, recording: Recording) -> tuple[str, ...]:
+        last = recording.tail(self.settings.rest_after_s)
+        if not self.until_rest or at_rest(*last, recording.rig, self.settings.limits.rest):
+            return ()
+        return (
+            f"the rods were still moving at the end of the recording, {recording.t:g} s after the release:"
+            f" their hanging position at rest was not checked",
+        )
+
+    def _stop(self, recording: Recording) -> None:
+        """Stop the stream, and read the remaining samples and the status with the final counts."""
+        self.device.stop()
+        deadline = time.monotonic() + self.settings.last_status_s
+        counted = False
+        while not counted and time.monotonic() < deadline:
+            messages = [message for batch in self._take(recording) for message in batch.messages]
+            counted = any(isinstance(message, Status) and message.state is State.IDLE for message in messages)
+        recording.count_losses(self.device.losses)
+
+
+def _release(device: Device) -> None:
+    try:
+        device.release()
+    except LinkError as error:
+        raise type(error)(
+            f"{error}; RELEASE was sent, so the rods may be free: keep clear until you have checked them"
+        ) from error
+
+
+class _Pace:
+    """Check that samples arrive nearly at their nominal rate, so that a recording ends."""
+
+    def __init__(self, device: Device, recording: Recording, settings: CaptureSettings) -> None:
+        patience = device.silence_s / device.timing.silence_s
+        self._window_s, self._slowest = settings.pace_window_s * patience, settings.slowest_pace / patience
+        self._recording, self._url = recording, device.url
+        self._at, self._t = time.monotonic(), recording.t
+
+    def check(self, now: float) -> None:
+        """Raise DeviceLost if the device is far too slow."""
+        waited, came = now - self._at, self._recording.t - self._t
+        if waited < self._window_s:
+            return
+        if came < self._slowest * waited:
+            raise DeviceLost(
+                f"{self._url}: in {waited:.0f} s only {came:.2g} s of samples arrived: the device does not sample at"
+                f" {self._recording.rate_hz:g} Hz; check its sample timer"
+            )
+        self._at, self._t = now, self._recording.t

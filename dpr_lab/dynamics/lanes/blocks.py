@@ -1,0 +1,105 @@
+"""Data of the lanes as arrays for compiled code: segments, candidates, outputs, and buffers."""
+
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.lanes.driving import Drive
+from dpr_lab.dynamics.lanes.samples import LaneSamples
+from dpr_lab.dynamics.lanes.workspace import LANES, LaneWorkspace, lane_workspace
+from dpr_lab.effects.effect_kernels import AT_RELEASE
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.effects.stages import Requirements
+
+
+class SegmentArrays(NamedTuple):
+    """Segments and mounting, as arrays for compiled code."""
+
+    t: NDArray[np.float64]
+    """(N,) sampling instants of all segments in sequence, s."""
+    offsets: NDArray[np.int64]
+    """(S + 1,) first sample of each segment."""
+    run: NDArray[np.int64]
+    """(S,) index of the run."""
+    step: NDArray[np.float64]
+    """(S,) Runge-Kutta step, s."""
+    parts: NDArray[np.float64]
+    """(runs, 5) L1, L2, m1, m2, mb of the mounted parts."""
+    drive: Drive
+    """Known torques and arm motions."""
+
+
+class Candidates(NamedTuple):
+    """Candidates for prediction."""
+
+    bases: NDArray[np.float64]
+    """(n, runs, 6) base parameters of the mounted parts."""
+    params: NDArray[np.float64]
+    """(n, runs or 1, SIZE) effects."""
+    initial: NDArray[np.float64]
+    """(n, S, 6) theta1, theta2, omega1, omega2, theta0, omega0; the last two are nan if they are internal states."""
+    internal: NDArray[np.float64]
+    """(n, S, internal) internal states; nan if they are taken from the previous segment."""
+
+
+class LaneBlock(NamedTuple):
+    """Common data of the lanes of a block."""
+
+    segments: SegmentArrays
+    candidates: Candidates
+    rig: RigConstants
+    active: NDArray[np.bool_]
+    """(effects,) mask of the active effects."""
+    required: Requirements
+
+
+class Piece(NamedTuple):
+    """One segment of one candidate, by their indices."""
+
+    candidate: int
+    segment: int
+
+
+class Buffers(NamedTuple):
+    """Outputs and work arrays of the kernel."""
+
+    angles: NDArray[np.float64]
+    """(n, N, 2 or 3) predicted readings, rad: joint 1, joint 2 and optionally the arm."""
+    initial_internal: NDArray[np.float64]
+    """(n, S, internal) internal states at the start of each segment."""
+    w: LaneWorkspace
+    """The workspace of the lanes."""
+    after: NDArray[np.float64]
+    """(LANES, internal) internal states at the end of the previous segment."""
+    run: NDArray[np.int64]
+    """(LANES,) run of the current segment."""
+    knot: NDArray[np.int64]
+    """(2, LANES) intervals in which the known torques of the rods' joints and of the arm were looked up last."""
+    samples: LaneSamples
+
+
+def allocate(segments: SegmentArrays, candidates: int, columns: int) -> Buffers:
+    """Outputs and buffers for a number of candidates on segments, with so many columns of readings."""
+    longest, indices = int(np.diff(segments.offsets).max()), partial(np.zeros, LANES, dtype=np.int64)
+    angles = np.zeros((candidates, len(segments.t), columns))
+    samples = LaneSamples(
+        t1=np.zeros((LANES, longest)),
+        t2=np.zeros((LANES, longest)),
+        out=angles.reshape(-1),
+        columns=columns,
+        first=indices(),
+        next1=indices(),
+        next2=indices(),
+        size=indices(),
+    )
+    return Buffers(
+        angles,
+        initial_internal=np.zeros((candidates, len(segments.run), len(AT_RELEASE))),
+        w=lane_workspace(),
+        after=np.zeros((LANES, len(AT_RELEASE))),
+        run=indices(),
+        knot=np.zeros((2, LANES), dtype=np.int64),
+        samples=samples,
+    )

@@ -1,0 +1,118 @@
+"""Charts of the step Compare: angle, error and figures of one comparison, with a second curve."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.report.angles import AngleUnit
+from dpr_lab.tui.widgets.chart import Band, Chart, Mark, Series
+
+if TYPE_CHECKING:
+    from dpr_lab.identification.compare import Comparison, FreeRun
+
+AXES = ("inner rod θ1", "outer rod θ2")
+VIEWS = ("angle", "free-run error", "segment residual")
+
+
+@dataclass(frozen=True, slots=True)
+class CompareSettings:
+    """Settings of the comparison charts."""
+
+    noise_sigmas: int = 2
+    """Half width of the noise band in standard deviations; 95 % of pure noise is inside."""
+    tall: int = 36
+    """Minimum rows of the step for showing angle and error one above the other."""
+    start_step_s: float = 0.5
+    """Spacing of the possible starts of a free run, s: the length of the segments."""
+
+
+SETTINGS = CompareSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedRun:
+    """What the charts show: one axis of a comparison, its free run, and a second comparison."""
+
+    comparison: "Comparison"
+    free_run: "FreeRun"
+    second: "Comparison | None"
+    axis: int
+    """0: inner rod, 1: outer rod."""
+    unit: AngleUnit
+
+    @property
+    def horizon(self) -> list[Mark]:
+        """Mark of the predictability horizon, if it is before the end of the run."""
+        horizon_s = self.free_run.horizon_s
+        within = horizon_s < float(self.comparison.t[-1])
+        return [Mark(horizon_s, f"horizon {horizon_s:.2f} s")] if within else []
+
+    def draw_angle(self, chart: Chart) -> None:
+        """Draw the measured and the simulated angle."""
+        scale, axis, shown = self.unit.per_rad, self.axis, self.comparison
+        measured = Series("measured", shown.t, scale * shown.measured[:, axis], on_top=True)
+        simulated = Series("free run", self.free_run.t, scale * self.free_run.theta[:, axis], "secondary")
+        lines = [measured, simulated]
+        if (second := self.second) is not None:
+            theta = second.free_run if second.run == shown.run else second.measured
+            lines.append(Series(self._second_name(second), second.t, scale * theta[:, axis], "accent"))
+        chart.show(
+            lines,
+            x_label="time (s)",
+            y_label=f"{AXES[axis]} ({self.unit.symbol.strip()})",
+            marks=self.horizon,
+            y_range=_range_of(measured.y),
+        )
+
+    def draw_error(self, chart: Chart, freely: bool) -> None:
+        """Draw the error of the free run up to its horizon, or the residual of the segments."""
+        scale, axis, shown = self.unit.small_per_rad, self.axis, self.comparison
+        noise = SETTINGS.noise_sigmas * scale * float(shown.noise_rad[axis])
+        t, error = shown.t, shown.segment_residual[:, axis]
+        if freely:
+            near = self.free_run.t <= self.free_run.horizon_s
+            t = self.free_run.t[near]
+            error = shown.measured[-len(self.free_run.t) :, axis][near] - self.free_run.theta[near, axis]
+        lines = [Series("residual", t, scale * error)]
+        if (second := self.second) is not None:
+            near = second.t <= (second.horizon_s if freely else second.t[-1])
+            error = (second.free_run_error if freely else second.segment_residual)[near, axis]
+            lines.append(Series(self._second_name(second), second.t[near], scale * error, "accent"))
+        chart.show(
+            lines,
+            x_label="time (s)",
+            y_label=f"{AXES[axis]} ({self.unit.small})",
+            marks=self.horizon if freely else [],
+            band=Band(-noise, noise, f"noise ±{SETTINGS.noise_sigmas}σ"),
+            x_range=(float(shown.t[0]), float(shown.t[-1])),
+        )
+
+    def figures(self, news: str) -> str:
+        """Numbers of the comparison with news, and of the second one on a line of its own."""
+        second = "" if self.second is None else f"\nsecond: {_figures(self.second, self.unit)}"
+        return _figures(self.comparison, self.unit) + (f"  {news}" if news else "") + second
+
+    def _second_name(self, second: "Comparison") -> str:
+        return "2nd model" if second.run == self.comparison.run else "other run"
+
+
+def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
+    """Numbers in the table of `dpr-lab compare`, inner and outer rod."""
+    from dpr_lab.report.tables import COMPARISON_COLUMNS, comparison_rows, to_the_end
+
+    row = dict(zip(COMPARISON_COLUMNS, comparison_rows([comparison], unit)[0], strict=True))
+    until = "to the end of the record" if to_the_end(comparison) else f"up to {row['horizon (s)']} s"
+    return (
+        f"{row['role']}, {row['segments']} segments, θ1, θ2: rms {row['rms (mrad)']} {unit.small},"
+        f" {row['rms / noise']} times the noise; free run from the release {row['free run (mrad)']} {unit.small}"
+        f" {until}"
+    )
+
+
+def _range_of(angle: NDArray[np.float64]) -> tuple[float, float]:
+    """Range of the measurement, so that a free run that diverges leaves the chart."""
+    low, high = float(np.nanmin(angle)), float(np.nanmax(angle))
+    room = max(0.06 * (high - low), 0.01)
+    return low - room, high + room
