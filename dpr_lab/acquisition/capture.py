@@ -28,7 +28,7 @@ from dpr_lab.acquisition.holding import (
 )
 from dpr_lab.acquisition.live_speed import LiveSpeed
 from dpr_lab.acquisition.settings import CAPTURE_SETTINGS, CaptureSettings
-from dpr_lab.acquisition.swing import Captured, Released, Swing, SwingReading
+from dpr_lab.acquisition.swing import Captured, Released, SwingReading, SwingRecorder
 from dpr_lab.errors import ConfigError, DprError, unknown_name
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Pose
@@ -125,7 +125,7 @@ def capture(
     check_room(out_dir, options.longest * rate_hz)
     metadata = _metadata(device, rig, pose_name, rate_hz, options.note)
     speed = LiveSpeed(rig, rate_hz)
-    swing = Swing(device, options.longest, options.until_rest, speed, on_progress, settings)
+    recorder = SwingRecorder(device, options.longest, options.until_rest, speed, on_progress, settings)
     try:
         device.stop()  # an earlier program may have left the device streaming; the latch keeps its state
         device.poll(0)
@@ -137,7 +137,7 @@ def capture(
         held.await_rest(options.rest_timeout)
         held.await_go_ahead(confirm)
         path = new_path(out_dir, pose_name, device.info.uid)
-        return swing.record(path, metadata, held.window, hanging)
+        return recorder.record(path, metadata, held.window, hanging)
     except BaseException:
         with suppress(DprError):
             device.stop()

@@ -66,8 +66,8 @@ class Captured:
 
 
 @dataclass(frozen=True, slots=True)
-class Swing:
-    """One swing to record: its device, its length, and who is informed."""
+class SwingRecorder:
+    """Records one swing of a device; with its length, and who is informed."""
 
     device: Device
     longest: float

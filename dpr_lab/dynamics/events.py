@@ -25,9 +25,6 @@ from dpr_lab.kernels import subroutine
 
 Three = tuple[float, float, float]
 
-ARM_JOINT = 3
-"""Number of the arm's joint; the joints of the rods are 1 and 2."""
-
 
 class EventSettings(NamedTuple):
     """Location of stops and starts within a step."""
@@ -79,7 +76,7 @@ def first_event(h: float, joints: JointMotion, first: Three, last: Three) -> tup
         last: the same at its end
 
     Returns:
-        its share of the step, 1 without an event; and the joint that stops, 0 if a joint starts to slide
+        its share of the step, 1 without an event; and the joint that stops (3: the arm), 0 if a joint starts to slide
     """
     share, joint = 1.0, 0
     for i in range(3):
@@ -105,11 +102,11 @@ def stopped(
         thetas: angles, rad
         omegas: speeds, rad/s
         alphas: accelerations, rad/s^2
-        joint: the joint that stops
+        joint: the joint that stops; 3 is the arm
         later: correction of the instant, s
         resting2: whether joint 2 was at rest
     """
-    omega0 = 0.0 if joint == ARM_JOINT else omegas[0] + later * alphas[0]
+    omega0 = 0.0 if joint == 3 else omegas[0] + later * alphas[0]
     omega1 = 0.0 if joint == 1 else omegas[1] + later * alphas[1]
     omega2 = omega1 if joint == 2 or resting2 else omegas[2] + later * alphas[2]
     return (
