@@ -106,7 +106,7 @@ def test_release_is_sent_from_one_place() -> None:
             )
         )
     ]
-    places = ["dpr_lab/acquisition/capture.py", "dpr_lab/acquisition/device.py"]
+    places = ["dpr_lab/acquisition/device.py", "dpr_lab/acquisition/swing.py"]
     conformance = "dpr_lab/acquisition/conformance.py"  # for a device without rods, as its operator has to say
     assert sorted(path for path, _ in callers) == sorted([*places, conformance])
 
