@@ -31,10 +31,13 @@ class ChangedAttribute:
     """One changed number of the file."""
 
     element: str
+    """Name of the element in words."""
     attribute: str
+    """Name of the attribute."""
     before: str
     """Old value; empty if the attribute was missing."""
     after: str
+    """New value."""
 
 
 class XmlEdit:

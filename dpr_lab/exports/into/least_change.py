@@ -67,6 +67,7 @@ class ModelCause:
     after: float
     """Identified value, SI."""
     unit: str
+    """Unit of both values."""
     effect: str = ""
     """Named effect that it represents; empty for a base parameter."""
     share: float = 0.0

@@ -36,15 +36,17 @@ class FileReplay:
     """Errors on one recording, root mean square over both rods up to the predictability horizon, rad."""
 
     run: str
+    """Name of the recording."""
     until_s: float
+    """Predictability horizon, s since the release."""
     before_rad: float
-    """Error with the user's file."""
+    """Error with the user's file, rad."""
     after_rad: float
-    """Error with the changed file; the difference from `lab_rad` is due to the format."""
+    """Error with the changed file, rad; the difference from `lab_rad` is due to the format."""
     lab_rad: float
-    """Error of the corrected model in dpr-lab."""
+    """Error of the corrected model in dpr-lab, rad."""
     passive_rad: float | None = None
-    """Error with the changed file and the module of passive forces; None without such a module."""
+    """Error with the changed file and the module of passive forces, rad; null without such a module."""
 
 
 def replay_files(

@@ -8,67 +8,13 @@ from pydantic import BaseModel, ConfigDict, Field
 from dpr_lab.acceptance.judge import Acceptance
 from dpr_lab.certificate.document import Certificate
 from dpr_lab.drift.changes import Drift
+from dpr_lab.exports.into.least_change import ModelCause
+from dpr_lab.exports.into.replay import FileReplay
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.planning.result import Plan
-
-
-class PrintedCause(BaseModel):
-    """One number of the user's model that differs from the rig."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    joint: str
-    """Name of the joint in the model."""
-    quantity: str
-    """Name of the quantity in words."""
-    before: float
-    """Value in the model, SI."""
-    after: float
-    """Identified value, SI."""
-    unit: str
-    """Unit of both values."""
-    effect: str
-    """Named effect that this number represents; empty for damping, centroids and inertias."""
-    share: float
-    """Increase of the error over segments if this number keeps its value of the model, relative to the increase if
-    nothing is corrected.
-    """
-
-
-class PrintedChange(BaseModel):
-    """One attribute of the model's file that was changed."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    element: str
-    """Name of the element in words."""
-    attribute: str
-    """Name of the attribute."""
-    before: str
-    """Old value; empty if the attribute was missing."""
-    after: str
-    """New value."""
-
-
-class PrintedReplay(BaseModel):
-    """Errors of free runs on one recording with the numbers of both files, root mean square over both rods."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    run: str
-    """Name of the recording."""
-    until_s: float
-    """Predictability horizon, s since the release."""
-    before_rad: float
-    """Error with the user's file, rad."""
-    after_rad: float
-    """Error with the changed file, rad."""
-    lab_rad: float
-    """Error of the corrected model in dpr-lab, rad."""
-    passive_rad: float | None = None
-    """Error with passive forces and the file that belongs to them, rad; null without such forces."""
+from dpr_lab.simulator_models.xml_edit import ChangedAttribute
 
 
 class PrintedSimulator(BaseModel):
@@ -82,11 +28,11 @@ class PrintedSimulator(BaseModel):
     """`MJCF`, `URDF` or `SDFormat`."""
     joints: list[str]
     """Names of the joints of inner rod and outer rod in the model."""
-    causes: list[PrintedCause]
+    causes: list[ModelCause]
     """Recommended changes, the most important cause first."""
     unnamed: list[str]
     """Named effects that no attribute of a body or joint represents."""
-    changes: list[PrintedChange]
+    changes: list[ChangedAttribute]
     """Changed attributes or texts of the file."""
     diff: str
     """Unified diff of the file."""
@@ -94,7 +40,7 @@ class PrintedSimulator(BaseModel):
     """Effect -> reason why the file cannot contain it."""
     passive: list[str]
     """Those among them that the module of passive forces contains (MuJoCo), together with a file of its own."""
-    replays: list[PrintedReplay]
+    replays: list[FileReplay]
     """Errors on held-out recordings, or on the fitted ones if none are held out; empty without MuJoCo."""
     refused: str
     """Reason why the file cannot be changed; empty if it can."""
