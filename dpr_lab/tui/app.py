@@ -118,7 +118,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.workspace = workspace
         self.folder = folder
         self.device = DeviceConnection(folder / "recorder.log", read_only=read_only)
-        names = KeyNames(_keys(keymap or {}), lambda key: self.get_key_display(Binding(key, "")))
+        names = KeyNames(actions(DprApp, *KEYED) | (keymap or {}), lambda key: self.get_key_display(Binding(key, "")))
         order = tuple(step.NAME for step in STEPS)
         self.services = Services(workspace, self.device, order, names, sight or self.terminal)
         self._notices = notices
@@ -393,11 +393,3 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
     def _keep_theme(self, name: str) -> None:
         self.workspace.theme = name
         self.save()
-
-
-def _keys(keymap: Keymap) -> dict[str, str]:
-    """All actions with their keys."""
-    keys = {}
-    for owner in (DprApp, *KEYED):
-        keys |= actions(owner)
-    return keys | keymap

@@ -103,9 +103,9 @@ def load_keymap(path: Path, everywhere: type[DOMNode], places: Iterable[type[DOM
     return keymap
 
 
-def actions(owner: type[DOMNode]) -> dict[str, str]:
-    """Ids and default keys of the actions of a class."""
-    bindings = owner.__dict__.get("BINDINGS", ())
+def actions(*owners: type[DOMNode]) -> dict[str, str]:
+    """Ids and default keys of the actions of classes."""
+    bindings = (binding for owner in owners for binding in owner.__dict__.get("BINDINGS", ()))
     return {binding.id: binding.key for binding in bindings if isinstance(binding, Binding) and binding.id}
 
 
