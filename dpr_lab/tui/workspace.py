@@ -158,8 +158,9 @@ def load(folder: Path) -> tuple[Workspace, list[str]]:
         return Workspace(), []
     except ValidationError as error:
         fault = error.errors()[0]
-        key = ".".join(str(part) for part in fault["loc"]) or "the file"
-        return Workspace(), [f"{path}: {key} cannot be read ({fault['msg']}): {FRESH}"]
+        key = ".".join(str(part) for part in fault["loc"])
+        damage = f"{key} = {str(fault['input'])[:60]} is not valid" if key else "the file is damaged"
+        return Workspace(), [f"{path}: {damage}: {FRESH}"]
     except OSError as error:
         return Workspace(), [f"{path}: cannot be read ({error.strerror}): {FRESH}"]
     return workspace, _drop_missing(workspace)

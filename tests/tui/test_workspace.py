@@ -39,7 +39,7 @@ def test_a_damaged_file_names_the_entry_and_what_is_wrong_with_it(tmp_path: Path
     # "1 validation error for Workspace"
     (tmp_path / "bench.json").write_text('{"runs": 3}')
     (notice,) = load(tmp_path)[1]
-    assert "bench.json: runs cannot be read (Input should be a valid array)" in notice
+    assert "bench.json: runs = 3 is not valid: " in notice
 
 
 def test_what_is_gone_is_dropped_with_a_notice(tmp_path: Path) -> None:
