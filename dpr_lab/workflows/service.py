@@ -218,7 +218,7 @@ class Service:
             self._out({"id": job.id, "result": message})
 
     def _last_message(self, job: _Job, process: ChildFunction | None) -> Mapping[str, Any] | RpcError:
-        """Result or error of a job in its process; its progress is sent."""
+        """Result or error of a job in its process; progress is sent to the client meanwhile."""
         if process is None:  # cancelled before its start
             return {}
         try:

@@ -122,7 +122,7 @@ class Plant:
             self._look_for_effects_on_reading()
 
     def _can_act(self, name: str) -> bool:
-        """Whether the arm has what an effect acts on."""
+        """Whether the mode of the arm permits an effect."""
         if name not in EFFECTS or not EFFECTS[name].of_arm:
             return True  # unknown names are refused with the parameters
         return self._setup.torques is not None if EFFECTS[name].driven else self._setup.arm_moves

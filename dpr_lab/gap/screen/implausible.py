@@ -13,7 +13,7 @@ class ImplausibleSettings:
     """Limits of the motion of a rod."""
 
     fastest: float = 200.0
-    """rad/s; no laboratory rod rotates thirty times per second."""
+    """Maximum speed, rad/s: no laboratory rod rotates thirty times per second."""
     moved: float = 8.0
     """Motion of a rod, in standard deviations, from which an equal reading counts as repeated."""
     goes_on: float = 0.25

@@ -27,7 +27,7 @@ class BenchDriver(LinuxDriver):
         return self._out is None or self._out.idle
 
     def start_application_mode(self) -> None:
-        """Start, and query the type of the terminal, which answers before it confirms the first frame."""
+        """Start, and query the type of the terminal; the reply arrives before the first frame is confirmed."""
         super().start_application_mode()
         self.write(QUERY)
 
