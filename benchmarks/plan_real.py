@@ -1,6 +1,6 @@
 """Which of the given recordings of a real rig to fit first: the plan's choice against all others.
 
-    python benchmarks/plan_real.py --data FOLDER
+    python benchmarks/plan_real.py --data FOLDER [--only pendule_pi]
 
 The information of each recording is computed at the rig file's values, before any is fitted, and the plan takes the one
 that is worth most. Each recording is then fitted alone. What the fit predicts of the others, running free, is compared
@@ -8,17 +8,21 @@ with the median over all choices.
 """
 
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from _bars import Bar, at_most, options, show
 from _real import PIECE_S, PIECES
+from real import rigs
 
 from dpr_lab.errors import DprError
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.identification.moving_arm.setup import setup_of
+from dpr_lab.planning.acting import Acting
 from dpr_lab.planning.knowledge import information_of_runs, known_before
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.rig import Rig, load_rig
@@ -33,9 +37,34 @@ def multiarm(folder: Path) -> tuple[Rig, list[Run]]:
     return rig, [replace(import_csv(file, rig, cut), name=f"piece {k}") for k, cut in enumerate(cuts)]
 
 
+def pendule_pi(folder: Path) -> tuple[Rig, list[Run]]:
+    """Packets of 5 s of one rod on a fixed cart, counts of its encoder."""
+    return _titled(folder, "Pendule-Pi")
+
+
+def dfki_driven(design: str) -> Callable[[Path], tuple[Rig, list[Run]]]:
+    """Driven records of one design, joint torques known."""
+    return lambda folder: _titled(folder, f"design {design}")
+
+
+def _titled(folder: Path, part: str) -> tuple[Rig, list[Run]]:
+    """Rig and recordings of the page of real rigs whose title contains a part."""
+    (found,) = [one for one in rigs(folder) if part in one.title]
+    return found.rig, found.runs
+
+
+SETS: dict[str, Callable[[Path], tuple[Rig, list[Run]]]] = {
+    "multiarm": multiarm,
+    "pendule_pi": pendule_pi,
+    **{f"dfki_driven {design}": dfki_driven(design) for design in ("A.0", "C.0", "C.1")},
+}
+"""Name of a set of recordings -> function that reads it."""
+
+
 def worths(rig: Rig, runs: list[Run]) -> list[float]:
     """What each recording is worth by the plan, from the rig file alone."""
-    known = known_before(rig)
+    acting = Acting(frozenset({rig.rods.mounting})).besides([setup_of(run, rig) for run in runs])
+    known = known_before(rig, acting)
     objective = Objective.of(known)
     each = (Recordings((record(run, rig),), rig) for run in runs)
     return [objective.worth(known.information + information_of_runs(one, known.model)) for one in each]
@@ -52,7 +81,7 @@ def held_out_error(rig: Rig, runs: list[Run], chosen: int) -> float:
     return float(np.median([found.gap.free_run_rad[run.name]["after"] for run in others]))
 
 
-def bars(rig: Rig, runs: list[Run]) -> list[Bar]:
+def bars(name: str, rig: Rig, runs: list[Run]) -> list[Bar]:
     """The plan's choice over the median of all choices."""
     worth = worths(rig, runs)
     errors = []
@@ -61,7 +90,7 @@ def bars(rig: Rig, runs: list[Run]) -> list[Bar]:
         print(f"{run.name}: worth {worth[k]:.3f}, held-out error {errors[-1]:.4f} rad", file=sys.stderr, flush=True)
     best = int(np.argmax(worth))
     return [
-        at_most(f"{rig.name}: held-out error of the plan's choice over the median", errors[best] / np.median(errors), 1)
+        at_most(f"{name}: held-out error of the plan's choice over the median", errors[best] / np.median(errors), 1)
     ]
 
 
@@ -69,9 +98,11 @@ def main() -> None:
     """Import, rate, fit, print."""
     parser = options(__doc__)
     parser.add_argument("--data", type=Path, required=True, help="folder of the real recordings")
+    parser.add_argument("--only", default="", help="sets whose name begins so")
     args = parser.parse_args()
-    rig, runs = multiarm(args.data)
-    show("plan on real recordings", bars(rig, runs[:3] if args.quick else runs), args.json)
+    each = [(name, *read(args.data)) for name, read in SETS.items() if name.startswith(args.only)]
+    every = [bars(name, rig, runs[:3] if args.quick else runs) for name, rig, runs in each]
+    show("plan on real recordings", [bar for some in every for bar in some], args.json)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.exports import FORMATS
+from dpr_lab.gap.result.diagnosis import load_diagnosis
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.workflows.rig_from import rig_from_model
 from tests.exports.models import model_of
@@ -119,6 +120,7 @@ def test_an_effect_that_the_file_cannot_contain_is_written_as_passive_forces(cli
     assert done.code == 0, done.err
     said = done.json["simulator"]
     assert said["passive"] == list(said["lost"]) == ["base_tilt"]
+    assert load_diagnosis(tmp_path / "out" / "diagnosis.json").effects[0].name == "base_tilt"
     (replay,) = said["replays"]
     assert replay["passive_rad"] < 0.02 * replay["after_rad"]
     assert replay["passive_rad"] == pytest.approx(replay["lab_rad"], rel=0.2)

@@ -176,6 +176,10 @@ class Diagnosis(Shown, Saved):
         return self.model_dump(by_alias=True)
 
 
+ADDED_BY_COMMANDS = ("files", "simulator")
+"""Keys of `diagnosis.json` besides those of the diagnosis (`dpr_lab.report.schemas.printed`)."""
+
+
 def load_diagnosis(path: Path) -> Diagnosis:
     """Read the output of `diagnose --json`.
 
@@ -185,7 +189,8 @@ def load_diagnosis(path: Path) -> Diagnosis:
     """
     try:
         document = json.loads(regular(path, RunError).read_text(encoding="utf-8"))
-        kept = {key: document[key] for key in document if key != "files"} if isinstance(document, dict) else document
+        printed = ADDED_BY_COMMANDS if isinstance(document, dict) else ()
+        kept = {key: document[key] for key in document if key not in printed} if printed else document
         diagnosis = Diagnosis.model_validate(kept)
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
