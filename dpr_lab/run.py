@@ -209,9 +209,9 @@ def refuse_moving_arms(runs: Iterable[Run]) -> None:
     for run in runs:
         if run.arm_mode in ("free", "driven"):
             raise RunError(
-                f"{run.file or run.name}: its arm was {run.arm_mode}. Only `identify`, `compare`, `diagnose`, `plan`,"
-                " `check`, `certify`, `drift` and `identifiability` support such a run; import the table with --arm"
-                " prescribed to use the arm's encoder instead"
+                f"{run.file or run.name}: its arm was {run.arm_mode}. Only `identify`, `compare`, `diagnose`, `accept`,"
+                " `plan`, `check`, `certify`, `drift` and `identifiability` support such a run; import the table with"
+                " --arm prescribed to use the arm's encoder instead"
             )
 
 

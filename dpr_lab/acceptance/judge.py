@@ -27,7 +27,7 @@ from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.shown import percent
+from dpr_lab.shown import listed, percent
 
 SURE = 0.95
 """Probability of a cause above which its size can fail a limit, and probability of its absence above which it can
@@ -105,7 +105,8 @@ def _effects(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
     for name, limit in limits.ratios.items():
         interval = diagnosis.all_ratios[name].interval90
-        reason = _untrusted(diagnosis) or next(filter(None, map(_doubted, diagnosis.effects)), "")
+        reason = _untrusted(diagnosis) or _undetermined(diagnosis, name)
+        reason = reason or next(filter(None, map(_doubted, diagnosis.effects)), "")
         yield _judged(name, limit.unit, limit.bounds, interval, _answer(interval, *limit.bounds), reason)
 
 
@@ -198,6 +199,13 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
             instead = rival.instead_of or "none"
             return f"it is the cause with probability {percent(rival.probability)}, instead of {instead}"
     return "named before, but not confirmed on other recordings" if effect in diagnosis.withdrawn else ""
+
+
+def _undetermined(diagnosis: Diagnosis, ratio: str) -> str:
+    """Reason why the recordings do not determine a ratio, as with one rod alone; empty if they do."""
+    if not diagnosis.determined or ratio in diagnosis.determined:
+        return ""
+    return f"these recordings determine {listed(list(diagnosis.determined))}, not {ratio}"
 
 
 def _doubted(named: NamedEffect) -> str:

@@ -53,7 +53,7 @@ def accept(request: DiagnoseRequest, limits: Path, on_event: OnEvent = ignore) -
     rig = load_rig(request.rig)
     if request.out:
         refuse_file(request.out)
-    runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
+    runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque, moving=True)
     diagnosis = diagnose(replace(request, out=None), on_event).diagnosis
     acceptance = _with_recordings(judged(diagnosis, wanted, runs, rig), wanted, diagnosis, runs, rig)
     files = _save(acceptance, diagnosis, runs, rig, request.out, on_event) if request.out else {}

@@ -86,6 +86,13 @@ def test_a_ratio_is_judged_by_its_interval(found: Diagnosis, factor: float, expe
     assert judge(found, Limits.model_validate({"ratios": {"c2/b": within}})).answer == expected
 
 
+def test_a_ratio_that_the_recordings_do_not_determine_is_not_decidable(found: Diagnosis) -> None:
+    alone = found.model_copy(update={"determined": {"e1/a": found.ratios["e1/b"]}})
+    wide = Limits.model_validate({"ratios": {"c2/b": {"min": 0.0, "unit": "1/s"}}})
+    (judged,) = judge(alone, wide).limits
+    assert (judged.answer, judged.reason) == ("not decidable", "these recordings determine e1/a, not c2/b")
+
+
 def test_a_ratio_is_not_decidable_where_the_cause_is_unsure(found: Diagnosis) -> None:
     (named,) = found.effects
     unsure = found.model_copy(update={"effects": [named.model_copy(update={"probability": 0.8})]})

@@ -84,4 +84,5 @@ def _of_ratios(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
         lower, upper = limit.bounds
         middle = known.model.estimate.ratios[index] if lower is None or upper is None else (lower + upper) / 2
         room = min(abs(end - middle) for end in (lower, upper) if end is not None)
-        yield Goal(name, limit.unit, float(reaches[index]), max(float(room), 1e-300))
+        reach = None if known.hidden_ratios else float(reaches[index])  # of one rod alone, it is relative to its own a
+        yield Goal(name, limit.unit, reach, max(float(room), 1e-300))
