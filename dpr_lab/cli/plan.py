@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 HORIZON = (
     "Horizon: beyond it, the swing depends on small errors of the initial pose. Its samples still contribute"
-    " information."
+    " information. Information: mean expected bits about an effect of the library against another."
 )
 
 NOT_SEEN = "Not detectable: not visible at any size, or indistinguishable from an effect of the model."
@@ -68,7 +68,7 @@ def plan(
 def show(made: "Plan") -> None:
     """Print a plan."""
     line(made.sentence)
-    columns = ("release", "what to record", "reason", "minutes", "horizon, s", "library, bits", "P(decided)")
+    columns = ("release", "what to record", "reason", "minutes", "horizon, s", "information, bits", "P(decided)")
     if made.releases:
         table("What to record, in this order", columns, [_row(one) for one in made.releases], note=HORIZON)
     if pairs := [(str(one.number), *pair.causes, f"{pair.bits:.2f}") for one in made.releases for pair in one.pairs]:

@@ -25,7 +25,7 @@ from dpr_lab.workflows.plan import PlanRequest, PlanResult
 if TYPE_CHECKING:
     from dpr_lab.planning.result import Plan, PlannedRelease
 
-COLUMNS = ("release", "start pose", "duration", "minutes", "library, bits", "P(decided)")
+COLUMNS = ("release", "start pose", "duration", "minutes", "bits", "P(decided)")
 PLANNING = "planning the next releases"
 ONE = "take a release of the list: {plan.start} makes one"
 OTHER_SETUP = (
@@ -49,6 +49,7 @@ are diagnosed first.
 
 - **limits file**: which poses can be reached, what can be mounted, and how many minutes each step takes.
 - **budget**: time at the rig, such as `10min`; without it three releases are planned.
+- **bits**: mean expected information about an effect of the library against another.
 - `{plan.take}` takes the marked release as the next pose and duration of Capture, with the rig file that describes
   its rods, mass and arm. Nothing moves and nothing is released: Capture guides you to the pose as to any other.
 
