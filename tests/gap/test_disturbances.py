@@ -55,6 +55,27 @@ def test_a_hand_that_pushes_at_the_beginning_is_left_out(tmp_path):
     assert found == ("first", pytest.approx(0.0, abs=0.04))
 
 
+def filmed(folder: Path, rod: Rod) -> tuple[Rig, list[Run]]:
+    """A rod in a film of 30 frames per second, whose points scatter by a hundredth of its length."""
+    rng = np.random.default_rng(1)
+    t, rig = np.arange(0.0, 14.0, 1 / 30), one_rod(1.5 * 9.81 / 14.6, 0.1, 65536, rng)
+    angle = rod_swing(rod, 1.15, t) + rng.normal(0.0, 9e-3, len(t))
+    return rig, [table(folder, "film", rig, {"t_s": t, "theta1_rad": angle})]
+
+
+def test_a_hand_is_found_in_a_film_too(tmp_path):
+    rig, runs = filmed(tmp_path, Rod(14.6, 0.06, 0.0, 0.0, push=(0.25, 30.0)))
+    screened = Recordings(tuple(record(run, rig) for run in runs), rig)
+    cleaned, *_ = fit_bare_model(screened, nominal_ratios(rig))
+    assert 0.2 < cleaned.records[0].t[0] < 1.0
+
+
+@pytest.mark.parametrize("rod", [Rod(14.6, 0.06, 0.0, 0.0), Rod(14.6, 0.0, 0.0, 0.1)])
+def test_a_film_of_a_rod_that_is_let_go_is_kept_whole(tmp_path, rod):
+    rig, runs = filmed(tmp_path, rod)
+    assert disturbances(rig, runs) == []
+
+
 def test_friction_and_drag_alone_disturb_nothing(tmp_path):
     rig, runs = recorded(tmp_path, Rod(W2, 0.05, 0.4, 0.05))
     assert disturbances(rig, runs) == []

@@ -3,12 +3,14 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dpr_lab.errors import IdentificationError
 from dpr_lab.identification.identify import identify
+from dpr_lab.identification.misread.energy import SETTINGS as ENERGY
 from dpr_lab.identification.misread.energy import energy_rise
 from dpr_lab.identification.misread.refuse import refuse_misread
 from dpr_lab.identification.misread.tried import fitted, impossible, second_look
@@ -18,6 +20,7 @@ from dpr_lab.run import Run
 from sim_device.plant.config import ArmConfig, load_plant
 from sim_device.trials.driven import driven_runs
 from sim_device.trials.offline_recorder import record
+from tests.bench_rigs import rods_swing, table
 from tests.thinned import thinned
 
 PI = np.pi
@@ -206,6 +209,20 @@ def test_a_fit_that_is_given_up_after_short_segments_would_not_have_become_bette
 def test_passive_rods_and_known_torques_let_no_energy_in(swings, driven, paper: Rig) -> None:
     for runs in (swings, driven[:1]):
         assert energy_rise([preprocess(run, paper) for run in runs], paper) < 0.05
+
+
+def test_a_film_of_rods_in_good_bearings_lets_no_energy_in(paper: Rig, tmp_path: Path) -> None:
+    """100 frames a second of short rods, the pivot marked wrongly: the errors exceed the energy lost to friction."""
+    p = {"a": 13.1, "b": 1.0, "d": 1.38, "e1": 1390.0, "e2": 1.38 * 9.81 / 0.0917, "c2": 0.2}
+    p |= dict.fromkeys(("rotor", "c1", "f1", "f2", "drag", "drag2"), 0.0)
+    rig = paper.model_copy(update={"rig": paper.rig.model_copy(update={"L1": 0.0917})})
+    q = rods_swing(p, [3.1, 3.0], np.arange(0.0, 2.0, 0.01))
+    film = q + 0.03 * np.sin(q + 1.0) + np.random.default_rng(0).normal(0.0, 3e-3, q.shape)
+    t = np.arange(len(q)) / 100
+    run = table(tmp_path, "film", rig, {"t_s": t, "theta1_rad": film[:, 0], "theta2_rad": film[:, 1]})
+    of_the_total = replace(ENERGY, least_exchange=0.0)
+    rises = [energy_rise([preprocess(run, rig)], rig, settings) for settings in (ENERGY, of_the_total)]
+    assert rises[0] < ENERGY.entering < rises[1]
 
 
 def test_ratios_of_positive_masses_are_possible_and_others_not(paper: Rig, rng: np.random.Generator) -> None:

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from dpr_lab.errors import RunError
+from dpr_lab.storage.readers.points import read_text
 from tests.storage.swing_files import THETA1, THETA2, N, T, is_the_swing, read, text
 
 PIVOT, L1, L2 = np.array([310.0, 240.0]), 180.0, 120.0
@@ -57,3 +59,16 @@ def test_columns_of_x_and_y_are_points_too(tmp_path: Path) -> None:
     rows = np.column_stack([T, *pixels(up=-1.0)])
     file = text(tmp_path / "a.csv", rows, head="t_s,x0_px,y0_px,x1_px,y1_px,x2_px,y2_px\n")
     assert is_the_swing(read(file), atol=1e-6)
+
+
+@pytest.mark.parametrize("up", [-1.0, 1.0])
+def test_the_direction_of_y_is_found_for_rods_that_are_upright_most_of_the_time(tmp_path: Path, up: float) -> None:
+    """A stretched double pendulum that turns over: theta'' = w^2 sin(theta), 0 = upright."""
+    t = np.arange(0.0, 4.0, 0.01)
+    theta = solve_ivp(lambda _, x: [x[1], 60.0 * np.sin(x[0])], (0.0, 4.0), [0.01, 0.05], t_eval=t, rtol=1e-9).y[0]
+    assert np.median(np.cos(theta)) > 0
+    along = np.column_stack([-np.sin(theta), np.cos(theta)]) * (1, up)
+    file = text(tmp_path / "a.csv", np.column_stack([t, 0.3 * along, 0.5 * along]), head="t;x1;y1;x2;y2\n")
+    file.write_text(file.read_text().replace(";", ","))
+    table = read_text(file, ())
+    np.testing.assert_allclose(table.column("theta1"), theta, atol=1e-6)

@@ -46,6 +46,13 @@ class DisturbanceRules:
     """Factor by which a cut at the kick must reduce chi2; an effect along the whole segment falls by 16."""
     rises: float = 0.05
     """Rise of the energy, relative to its maximum, from which a hand pushed,"""
+    first: float = 3.0
+    """Chi2 per reading of the first segment, and its ratio to that of the worst other one, above which free rods do not
+    follow its readings."""
+    scatters: float = 5.0
+    """and in the noise of the energy at least this number of times its standard deviation,"""
+    smoothed: int = 5
+    """for running medians over this number of segments;"""
     early: float = 0.3
     """within this fraction of the recording; later the energy may not rise by half as much."""
     alike: float = 1.5
@@ -78,7 +85,7 @@ def _undisturbed(recordings: Recordings, recording: Record, ratios: Array) -> Re
     if not recording.run.setup.free or recording.arm_moves:
         return recording
     one = replace(recordings, ratios=None).only([recording])
-    until = _pushed_until(*_followed(one, ratios))
+    until = _pushed_until(one, *_followed(one, ratios))
     if until is not None:
         evidence = f"the rods gain energy until {until:.2g} s: a hand still pushes, so these readings are excluded"
         return _with(recording.only(recording.t >= until), [Disturbed(float(recording.t[0]), until, evidence)])
@@ -117,30 +124,59 @@ def _with(recording: Record, disturbed: Sequence[Disturbed]) -> Record:
     return replace(cut, screened=replace(recording.screened, findings=(*recording.screened.findings, *findings)))
 
 
-def energies(problem: Problem, at: Fit) -> Array:
+def energies(problem: Problem, at: Estimate) -> Array:
     """(segments,) energy at the start of each segment of one run, above that of hanging rods, over b, 1/s^2."""
     constants, (setup,) = problem.model.constants, problem.segments.setups
-    base = base_of_run(whole_of(at.estimate.ratios), setup, constants.L1, constants.g)
-    a, b, d, e1, *_ = (base / at.estimate.ratios[SCALE]).tolist()
-    th1, th2, w1, w2 = at.estimate.initial.T
+    base = base_of_run(whole_of(at.ratios), setup, constants.L1, constants.g)
+    a, b, d, e1, *_ = (base / at.ratios[SCALE]).tolist()
+    th1, th2, w1, w2 = at.initial.T
     w2 = w1 if setup.held else w2
     kinetic = 0.5 * a * w1**2 + 0.5 * b * w2**2 + d * np.cos(th1 - th2) * w1 * w2
     return np.asarray(kinetic + e1 * (1 + np.cos(th1)) + d * constants.g / constants.L1 * (1 + np.cos(th2)))
 
 
-def _pushed_until(problem: Problem, at: Fit) -> float | None:
+def _pushed_until(one: Recordings, problem: Problem, at: Fit) -> float | None:
     """Start of the first segment from which the energy only decreases, if it rose before; otherwise None."""
-    energy = energies(problem, at)
+    energy = energies(problem, at.estimate)
     begins = problem.t[problem.segments.offsets[:-1]]
     if len(energy) < 4 or not np.isfinite(energy).all():
         return None
     top = int(np.argmax(energy))
-    rise = float(energy[top] - energy[: top + 1].min()) / float(energy[top])
-    if top == 0 or rise < RULES.rises or begins[top] - begins[0] > RULES.early * (begins[-1] - begins[0]):
+    if _only_rose_before(energy, energy, top, begins, 0.0):
+        return float(begins[top])
+    if len(energy) < 2 * RULES.smoothed:
         return None
-    after = energy[top:]
-    again = float(np.max(after - np.minimum.accumulate(after))) / float(energy[top])
-    return float(begins[top]) if again < 0.5 * rise and again < RULES.rises else None
+    level = at.linear.chi2_by_segment / np.diff(problem.segments.offsets)
+    if level[0] > max(RULES.first, RULES.first * float(level[1:].max())):
+        # Free rods do not follow the readings under a push, so that only the readings show their speed.
+        energy[0] = energies(problem, at.estimate.changed(initial=one.cut(LENGTHS.first)[1]))[0]
+    smooth, scatter = _smoothed(energy), _scatter(energy)
+    top = int(np.argmax(energy >= smooth.max() - 2 * scatter))
+    return float(begins[top]) if _only_rose_before(energy, smooth, top, begins, scatter) else None
+
+
+def _only_rose_before(energy: Array, later: Array, top: int, begins: Array, scatter: float) -> bool:
+    """Whether the energy rises until the segment `top`, early in the recording, and then only decreases."""
+    most = float(later[top:].max())
+    rise = (most - float(energy[: top + 1].min())) / most
+    if top == 0 or rise < max(RULES.rises, RULES.scatters * scatter / most):
+        return False
+    after = later[top:]
+    again = float(np.max(after - np.minimum.accumulate(after))) / most
+    early = begins[top] - begins[0] <= RULES.early * (begins[-1] - begins[0])
+    return bool(early and again < 0.5 * rise and again < max(RULES.rises, 2 * scatter / most))
+
+
+def _smoothed(energy: Array) -> Array:
+    """Running medians; at the ends over the nearest segments."""
+    half = RULES.smoothed // 2
+    padded = np.pad(energy, half, mode="edge")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, RULES.smoothed), axis=1))
+
+
+def _scatter(energy: Array) -> float:
+    """Standard deviation of the noise of the energy, from its second differences, which no slow decay has."""
+    return float(1.4826 * np.median(np.abs(np.diff(energy, 2))) / np.sqrt(6.0))
 
 
 def _outstanding(one: Recordings, ratios: Array) -> list[Disturbed]:

@@ -30,6 +30,10 @@ class EnergyRiseSettings:
     """Standard deviation of a reading above which the speeds, and thus the energy, are too uncertain, rad."""
     least_ratio: float = 0.01
     """Smallest permitted ratio; typical double pendulums have no ratio below 0.3."""
+    least_exchange: float = 0.2
+    """Least range of the energy, over the largest range of one of its terms. The total energy of rods in good bearings
+    hardly changes, so that errors of the speeds at a low sample rate are a large share of its range.
+    """
     entering: float = 0.3
     """Sum of increases over the range of the energy above which the rods are driven. It is up to 1e-4 for free rods,
     0.013 with an error of 6 % in L1, and 0.9 or more for driven rods and rods on a moving arm.
@@ -69,8 +73,14 @@ def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseS
     if not solution.success:
         return 0.0
     at = np.concatenate([[1.0], solution.x[:4]])
-    spread = sum(float(np.ptp(terms[:, :4] @ at[:4])) for terms in parts)
+    spread = sum(_range(terms[:, :4] * at[:4], settings) for terms in parts)
     return float(solution.fun / spread) if spread > 0 else 0.0
+
+
+def _range(terms: Array, settings: EnergyRiseSettings) -> float:
+    """Range of the sum of the terms, or the least range if it is larger."""
+    exchanged = float(np.ptp(terms, axis=0).max())
+    return max(float(np.ptp(terms.sum(axis=1))), settings.least_exchange * exchanged)
 
 
 def _terms(prepared: PreprocessedRun, rig: Rig) -> Array:

@@ -115,7 +115,7 @@ def _upwards(table: Table, columns: list[tuple[str, str]], first: int, up: float
 def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     pivot, elbow, tip = _chosen(table, points, take)
     inner, outer = elbow.at - pivot.at, tip.at - elbow.at
-    if table.kind == PLAIN and np.nanmedian(inner[:, 1] + outer[:, 1]) > 0:  # the direction of y follows from gravity
+    if table.kind == PLAIN and _upside_down(inner, outer):
         inner, outer = inner * (1, -1), outer * (1, -1)
     notes = [f"points used: pivot {pivot.name}, elbow {elbow.name}, tip {tip.name}; --take names others"]
     notes += [_noise_note(table, axis, rod) for axis, rod in (("theta1", inner), ("theta2", outer))]
@@ -130,6 +130,20 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
         notes=(*table.notes, *notes),
         settled=True,
     )
+
+
+def _upside_down(inner: NDArray[np.float64], outer: NDArray[np.float64]) -> bool:
+    """Whether y points downwards instead of upwards, because points that swing are fastest where they are lowest.
+
+    The covariance of squared speed and height of elbow and tip is negative if y points upwards, also for rods that
+    swing from near upright or turn over. Points that do not move hang.
+    """
+    at = np.stack([inner, inner + outer])  # (2, n, xy)
+    speed2 = (((at[:, 2:] - at[:, :-2]) / 2) ** 2).sum(axis=2)
+    height = at[:, 1:-1, 1]
+    seen = np.isfinite(speed2) & np.isfinite(height)
+    fast = sum(float(np.cov(v[ok], y[ok])[0, 1]) for v, y, ok in zip(speed2, height, seen, strict=True) if ok.sum() > 2)
+    return fast > 0 if fast else bool(np.nanmedian(at[:, :, 1]) > 0)
 
 
 def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Point]:
