@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.effects import EFFECTS, SLICES
 from dpr_lab.effects.detent import DETENT_JOINT1
 from dpr_lab.effects.effect import Recorded
-from dpr_lab.fitting.estimate import effect_parameters, ratio_parameters
+from dpr_lab.fitting.estimate import FRICTION, effect_parameters, ratio_parameters
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.prior import prior_of
 from dpr_lab.fitting.projection import ColumnSpace
@@ -28,6 +29,14 @@ NOTHING = Recorded(arm_moves=(None,), steps=lambda: [(0, 0, 0.5)])
 
 def small_rig() -> Rig:
     return parse_rig(draft_rig(RigMeasures("small", 0.05, 0.05, Measure(0.005), Measure(0.005))))
+
+
+def test_friction_has_a_prior_of_three_tenths_of_critical_damping_and_its_bounds(paper: Rig) -> None:
+    a, b, d, e1, *_ = base_parameters(paper.nominal, paper.L1, paper.g)
+    e2 = d * paper.g / paper.L1
+    damping = 0.3 * 2.0 * np.sqrt([(a + b + 2.0 * d) * (e1 + e2), b * e2]) / b
+    of_the_file = prior_of(paper).covariance[FRICTION, FRICTION] - damping**2
+    assert np.all((of_the_file > 0.0) & (of_the_file < (0.1 * damping) ** 2))
 
 
 @pytest.mark.parametrize("name", [*RIGS, "small"])
