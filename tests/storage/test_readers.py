@@ -37,7 +37,7 @@ def test_text_in_any_form(tmp_path: Path) -> None:
     in_degrees = np.column_stack([T * 1e3, np.degrees(ROWS[:, 1:])])
     assert is_the_swing(read(text(tmp_path / "e.csv", in_degrees, head="time_ms,theta1_deg,theta2 [°]\n")))
     run = read(text(tmp_path / "f.txt", ROWS))
-    assert run.notes == ("columns without names are interpreted as t, theta1, theta2",)
+    assert run.notes[0] == "columns without names are interpreted as t, theta1, theta2"
 
 
 def damaged(path: Path) -> list[Path]:
