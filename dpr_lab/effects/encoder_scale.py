@@ -17,14 +17,18 @@ def stretched(encoder: EncoderReading, excess: float) -> float:
     return excess * (encoder.angle - encoder.hanging)
 
 
-def remedy(params: Params, rig: RigConstants, joint: int) -> str:
-    """Correction of the counts per turn."""
+def remedy(params: Params, rig: RigConstants, joint: int, exact: float = 5e-3) -> str:
+    """Correction of the counts per turn; errors above `exact` are those of another resolution, or of no counter."""
     configured = abs((rig.counts_per_rev1, rig.counts_per_rev2, rig.counts_per_rev0)[joint])
     correct = configured * (1.0 + params["excess"])
     words = f"set counts_per_rev of joint {joint + 1} in the rig file to {correct:.0f} (now {configured:.0f})"
     usual = usual_counts(correct)
     if usual and usual != usual_counts(configured):
         words += f"; an encoder of {usual // 4} lines, read fourfold, has {usual}"
+    elif abs(params["excess"]) > exact:
+        words += (
+            "; no usual encoder has this number: unless a potentiometer, belt or gear is between, suspect another cause"
+        )
     return words
 
 

@@ -1,7 +1,14 @@
-"""Instants of lasting steps of an encoder reading: found by the screening, or likely by the residuals."""
+"""Instants of lasting steps of an encoder reading: found by the screening, or likely by the residuals.
+
+A step must be visible in the readings themselves, not only in the residual of a fit: the zero of an encoder that
+differs between recordings, or a friction that holds a rod away from the vertical, changes a residual like a step, but
+the readings before and after the instant lie on one smooth curve.
+"""
 
 from collections.abc import Sequence
-from itertools import repeat
+from dataclasses import dataclass
+from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +19,45 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.whitening import padded
 from dpr_lab.gap.screen.record import Record
 
-STEPS_KEPT = 3
-"""Number of steps of a residual that are tried; a recording with more lost counts is not worth fitting."""
 
-BEFORE_S = 1e-4
-"""Time between a step and the first reading that shows it: shorter than any sample period."""
+@dataclass(frozen=True, slots=True)
+class StepSettings:
+    """Settings of the search for steps."""
 
-BLIND = 1e-6
-"""Fraction of a step's squared length that must remain after the initial state is projected out, for it to be visible.
-"""
+    kept: int = 3
+    """Number of steps of a residual that are tried; a recording with more lost counts is not worth fitting."""
+    before_s: float = 1e-4
+    """Time between a step and the first reading that shows it, s: shorter than any sample period."""
+    blind: float = 1e-6
+    """Fraction of a step's squared length that must remain after the initial state is projected out, for it to be
+    visible.
+    """
+    side: int = 8
+    """Number of readings on either side of a step to which a polynomial is fitted."""
+    degree: int = 5
+    """Degree of the polynomial."""
+    reach: int = 3
+    """Number of readings by which the residual may misplace a step."""
+    part: float = 0.5
+    """Fraction of the step of a residual that the readings must be able to contain."""
+    errors: float = 3.0
+    """Standard errors of the step of the readings that count in favour of a step."""
+
+
+STEPS = StepSettings()
+
+
+class Step(NamedTuple):
+    """A step that would explain a part of a residual."""
+
+    gain: float
+    """Reduction of chi2 of its segment."""
+    joint: int
+    run: int
+    at: float
+    """Instant, s."""
+    size: float
+    """Change of the reading, rad."""
 
 
 def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
@@ -28,24 +65,46 @@ def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
     screened = [(axis, run, at) for run, record in enumerate(records) for at, axis in record.screened.breaks]
     return Recorded(
         arm_moves=tuple(record.arm_moves for record in records),
-        steps=lambda: screened or [step[1:] for step in _possible(records, _step_gains(problem, fit))[:STEPS_KEPT]],
+        steps=lambda: screened or _visible(records, _steps(problem, fit)),
     )
 
 
-def _possible(
-    records: Sequence[Record], steps: list[tuple[float, int, int, float]]
-) -> list[tuple[float, int, int, float]]:
-    """Properties of those encoders whose readings are counts."""
-    return [step for step in steps if records[step[2]].screened.on_grid[step[1]]]
+def _visible(records: Sequence[Record], steps: list[Step]) -> list[tuple[int, int, float]]:
+    """Joint, run and instant of the best steps of encoders whose readings are counts and can contain the step."""
+    possible = (step for step in steps if records[step.run].screened.on_grid[step.joint])
+    shown = (step for step in possible if shows_step(records[step.run], step))
+    return [(step.joint, step.run, step.at) for step in islice(shown, STEPS.kept)]
 
 
-def _step_gains(problem: Problem, fit: Fit) -> list[tuple[float, int, int, float]]:
-    """Gain, joint, run and instant of a step at the best sample of each segment, by cumulative sums from the end.
+def shows_step(record: Record, step: Step, settings: StepSettings = STEPS) -> bool:
+    """Whether the readings about an instant can contain a step: a polynomial with a step is fitted to them.
+
+    A step with fewer readings before or after it is no step but a zero of the recording.
+    """
+    after, side = int(np.searchsorted(record.t, step.at)), settings.side
+    around = np.arange(-side, side)
+    smooth = np.linalg.qr(np.vander((around + 0.5) / side, settings.degree + 1))[0]
+    shape = (around >= 0).astype(np.float64)
+    shape -= smooth @ (smooth.T @ shape)
+    power = float(shape @ shape)
+    for first in range(after - settings.reach, after + settings.reach + 1):
+        if first < side or first + side > len(record.t):
+            continue
+        some = slice(first - side, first + side)
+        seen = float(shape @ record.joints[some, step.joint]) / power
+        error = float(np.median(record.sigma[some, step.joint])) / power**0.5
+        if np.sign(step.size) * seen + settings.errors * error >= settings.part * abs(step.size):
+            return True
+    return False
+
+
+def _steps(problem: Problem, fit: Fit) -> list[Step]:
+    """Step at the best sample of each segment, the largest gain first, by cumulative sums from the end.
 
     A segment that lies entirely after the step contains a constant, which its initial state nearly absorbs; the
     nonlinear fit determines the exact offset.
     """
-    segments, gains = problem.segments, []
+    segments, steps = problem.segments, list[Step]()
     firsts, lengths = segments.offsets[:-1], np.diff(segments.offsets)
     every = padded(np.ones((*problem.weight.shape, 1)), problem.weight, segments.offsets)[..., 0]
     for joint in range(2):
@@ -56,12 +115,14 @@ def _step_gains(problem: Problem, fit: Fit) -> list[tuple[float, int, int, float
         )
         inner, onto = _from_end(e * weight), _from_end(Q * weight[:, :, None])
         norm = _from_end(weight**2) - np.sum(onto**2, axis=2)
-        seen = norm > (BLIND * weight.sum(axis=1) ** 2 / lengths)[:, None]
-        gain = np.where(seen, inner**2 / np.where(seen, norm, 1.0), 0.0)
+        seen = norm > (STEPS.blind * weight.sum(axis=1) ** 2 / lengths)[:, None]
+        size = np.where(seen, inner / np.where(seen, norm, 1.0), 0.0)
+        gain = inner * size
         best = np.argmax(gain[:, 1:], axis=1) + 1
-        at, most = problem.t[firsts + best] - BEFORE_S, gain[np.arange(len(best)), best]
-        gains += zip(most.tolist(), repeat(joint), segments.run.tolist(), at.tolist())
-    return sorted(gains, reverse=True)
+        each, at = np.arange(len(best)), problem.t[firsts + best] - STEPS.before_s
+        columns = gain[each, best].tolist(), segments.run.tolist(), at.tolist(), size[each, best].tolist()
+        steps += [Step(most, joint, *rest) for most, *rest in zip(*columns, strict=True)]
+    return sorted(steps, reverse=True)
 
 
 def _from_end(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
     at_noise_floor,
     excess,
     far_from_noise,
+    follows_remainder,
     significance,
 )
 from dpr_lab.gap.which.fitted_sets import FittedSets
@@ -75,11 +76,11 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
                 level[larger.key] = larger
         if not level:
             return
-        ranked = _ranked(sets, level.values())
-        ranked = _ranked(sets, [sets.escaped(ranked[0]), *ranked[1:]])
+        ranked = _ranked(sets, best, level.values())
+        ranked = _ranked(sets, best, [sets.escaped(ranked[0]), *ranked[1:]])
         largest = ranked[0]
         yield Proposal(largest)
-        if accepted(sets.bare, best, largest):
+        if accepted(sets.bare, best, largest) and not follows_remainder(sets.bare, largest, best):
             best, passed = largest, False
         elif passed or not far_from_noise(best):
             return
@@ -90,9 +91,13 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
         front = [largest] if at_noise_floor(largest) else [largest, *_runners_up(sets, largest, ranked[1:])]
 
 
-def _ranked(sets: FittedSets, models: Iterable[Hypothesis]) -> list[Hypothesis]:
-    """Sets by the criterion, those with an effect of an impossible size last."""
-    return sorted(models, key=lambda model: (not sets.possible(model), model.cost))
+def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:
+    """Sets by the criterion; last those with an effect of an impossible size, or a curve that adds too little."""
+
+    def rank(model: Hypothesis) -> tuple[bool, bool, float]:
+        return not sets.possible(model), follows_remainder(sets.bare, model, best), model.cost
+
+    return sorted(models, key=rank)
 
 
 def _worth_its_price(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:

@@ -145,8 +145,6 @@ def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 
 def _closer(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     model = proposal.model
-    if follows_remainder(sets.bare, model, current):
-        return Decision(False, "the curve only fits the remainder of small unknown causes")
     if excess(current) >= THRESHOLDS.slow * excess(model):
         return Decision(True, f"the excess decreases by more than a factor of {THRESHOLDS.slow:g}")
     if model.key == current.key:
@@ -175,8 +173,6 @@ def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) ->
     best, chance = proposal.model, significance(sets.bare, current, proposal.model)
     if at_noise_floor(best) < at_noise_floor(current):
         return Decision(False, "the residual exceeds the noise")
-    if follows_remainder(sets.bare, best, current):
-        return Decision(False, "the curve only fits the remainder of small unknown causes")
     if current.cost - best.cost > chance:
         return Decision(True, f"the criterion falls by more than {chance:.3g}")
     return Decision(False, f"the criterion falls by less than {chance:.3g}, which is not significant")

@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import ScoreTest
+from dpr_lab.gap.hypothesis.thresholds import follows_remainder
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.selected import TracedTrial
 
@@ -84,7 +85,7 @@ def run(moves: Sequence[Move], sets: FittedSets, state: SearchState) -> SearchSt
 
 
 def apply(move: Move, sets: FittedSets, state: SearchState) -> SearchState:
-    """Run one move.
+    """Run one move. No move replaces a set by one with a curve that follows only small unknown causes.
 
     Args:
         move: the move
@@ -96,6 +97,8 @@ def apply(move: Move, sets: FittedSets, state: SearchState) -> SearchState:
         before = state.current
         for proposal in move.propose(sets, before):
             decision = move.accept(sets, state.current, proposal)
+            if decision.accepted and follows_remainder(sets.bare, proposal.model, state.current):
+                decision = Decision(False, "the curve only fits the remainder of small unknown causes")
             state = state.after(move, proposal, decision)
             if decision.accepted and move.then != "go on":
                 break

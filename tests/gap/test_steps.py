@@ -1,0 +1,42 @@
+"""A step of an encoder must be visible in its readings, not only in the residual of a fit."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dpr_lab.gap.hypothesis.steps import Step, shows_step
+from dpr_lab.gap.screen.record import Record
+from dpr_lab.run import Run
+
+SIZE = 3e-3
+"""A few counts, rad."""
+
+
+@pytest.fixture
+def record_of(recorded: Callable[..., list[Run]], screened: Callable[..., Any]) -> Callable[[float], Record]:
+    """A recording in which encoder 2 steps at an instant, s."""
+
+    def made(at: float) -> Record:
+        one = screened(recorded({}, duration=2.0)).records[0]
+        one.joints[one.t >= at, 1] += SIZE
+        return one
+
+    return made
+
+
+def step_at(record: Record, place: int, size: float = SIZE) -> Step:
+    return Step(gain=100.0, joint=1, run=0, at=float(record.t[place]) - 1e-4, size=size)
+
+
+def test_a_step_of_the_readings_is_seen_also_some_readings_from_where_the_residual_puts_it(record_of):
+    record = record_of(1.0)
+    place = int(np.searchsorted(record.t, 1.0))
+    assert all(shows_step(record, step_at(record, place + shift)) for shift in (-2, 0, 3))
+    assert not shows_step(record, step_at(record, place, 4 * SIZE))
+
+
+def test_a_zero_that_differs_or_a_step_of_the_residual_alone_is_no_step(record_of):
+    record = record_of(-1.0)  # another zero during the whole recording
+    assert not any(shows_step(record, step_at(record, place)) for place in (3, 60, 200, len(record.t) - 4))
