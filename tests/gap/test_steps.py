@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dpr_lab.gap.hypothesis.steps import Step, shows_step
+from dpr_lab.gap.hypothesis.steps import ReadingStep, shows_step
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.run import Run
 
@@ -26,8 +26,8 @@ def record_of(recorded: Callable[..., list[Run]], screened: Callable[..., Any]) 
     return made
 
 
-def step_at(record: Record, place: int, size: float = SIZE) -> Step:
-    return Step(gain=100.0, joint=1, run=0, at=float(record.t[place]) - 1e-4, size=size)
+def step_at(record: Record, place: int, size: float = SIZE) -> ReadingStep:
+    return ReadingStep(gain=100.0, joint=1, run=0, at=float(record.t[place]) - 1e-4, size=size)
 
 
 def test_a_step_of_the_readings_is_seen_also_some_readings_from_where_the_residual_puts_it(record_of):

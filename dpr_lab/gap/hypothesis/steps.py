@@ -47,7 +47,7 @@ class StepSettings:
 STEPS = StepSettings()
 
 
-class Step(NamedTuple):
+class ReadingStep(NamedTuple):
     """A step that would explain a part of a residual."""
 
     gain: float
@@ -69,14 +69,14 @@ def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
     )
 
 
-def _visible(records: Sequence[Record], steps: list[Step]) -> list[tuple[int, int, float]]:
+def _visible(records: Sequence[Record], steps: list[ReadingStep]) -> list[tuple[int, int, float]]:
     """Joint, run and instant of the best steps of encoders whose readings are counts and can contain the step."""
     possible = (step for step in steps if records[step.run].screened.on_grid[step.joint])
     shown = (step for step in possible if shows_step(records[step.run], step))
     return [(step.joint, step.run, step.at) for step in islice(shown, STEPS.kept)]
 
 
-def shows_step(record: Record, step: Step, settings: StepSettings = STEPS) -> bool:
+def shows_step(record: Record, step: ReadingStep, settings: StepSettings = STEPS) -> bool:
     """Whether the readings about an instant can contain a step: a polynomial with a step is fitted to them.
 
     A step with fewer readings before or after it is no step but a zero of the recording.
@@ -98,13 +98,13 @@ def shows_step(record: Record, step: Step, settings: StepSettings = STEPS) -> bo
     return False
 
 
-def _steps(problem: Problem, fit: Fit) -> list[Step]:
+def _steps(problem: Problem, fit: Fit) -> list[ReadingStep]:
     """Step at the best sample of each segment, the largest gain first, by cumulative sums from the end.
 
     A segment that lies entirely after the step contains a constant, which its initial state nearly absorbs; the
     nonlinear fit determines the exact offset.
     """
-    segments, steps = problem.segments, list[Step]()
+    segments, steps = problem.segments, list[ReadingStep]()
     firsts, lengths = segments.offsets[:-1], np.diff(segments.offsets)
     every = padded(np.ones((*problem.weight.shape, 1)), problem.weight, segments.offsets)[..., 0]
     for joint in range(2):
@@ -121,7 +121,7 @@ def _steps(problem: Problem, fit: Fit) -> list[Step]:
         best = np.argmax(gain[:, 1:], axis=1) + 1
         each, at = np.arange(len(best)), problem.t[firsts + best] - STEPS.before_s
         columns = gain[each, best].tolist(), segments.run.tolist(), at.tolist(), size[each, best].tolist()
-        steps += [Step(most, joint, *rest) for most, *rest in zip(*columns, strict=True)]
+        steps += [ReadingStep(most, joint, *rest) for most, *rest in zip(*columns, strict=True)]
     return sorted(steps, reverse=True)
 
 
