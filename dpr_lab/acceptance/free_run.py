@@ -26,6 +26,6 @@ def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon
     long = [run for run in runs if run.t[-1] >= horizon_s]
     if not long:
         return {}
-    at = Estimate.of(diagnosis.unknowns, effect_params(diagnosis.model_effects), np.zeros((0, 4)))
+    estimate = Estimate.of(diagnosis.unknowns, effect_params(diagnosis.model_effects), np.zeros((0, 4)))
     recordings = Recordings(tuple(record(run, rig) for run in long), rig)
-    return free_runs(recordings, at, horizon_s).errors_rad
+    return free_runs(recordings, estimate, horizon_s).errors_rad

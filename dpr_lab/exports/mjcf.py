@@ -186,16 +186,16 @@ def mjcf(model: AnyModel, rig: Rig) -> str:
     element(custom, "text", name="left_out", data=text)
     element(custom, "text", name="scale", data=model.scale_sentence)
     friction, parent = rest_friction(model.effects, rig), element(root, "worldbody")
-    at, joints = "", [(j, rod.words) for j, rod in enumerate(made.rods, 1)]
+    position, joints = "", [(j, rod.words) for j, rod in enumerate(made.rods, 1)]
     if made.arm:
-        parent, at = _arm(parent, made.arm, friction[0]), f"0 {-made.arm.length!r} 0"
+        parent, position = _arm(parent, made.arm, friction[0]), f"0 {-made.arm.length!r} 0"
     if isinstance(model, MovingArmModel) and made.arm:
         joints = [(0, made.arm.words), *joints]
     for j, rod in enumerate(made.rods, 1):
-        parent = _rod(parent, rod, j, at, friction[j])
-        at = f"0 0 {rod.length!r}"
+        parent = _rod(parent, rod, j, position, friction[j])
+        position = f"0 0 {rod.length!r}"
         if j == 1 and made.tip_mass > 0.0:
-            _inertia(element(parent, "body", name="encoder2", pos=at), "0 0 0", made.tip_mass, THIN)
+            _inertia(element(parent, "body", name="encoder2", pos=position), "0 0 0", made.tip_mass, THIN)
     _motors(root, made, joints)
     sensors = element(root, "sensor")
     for j, words in joints:
@@ -264,9 +264,9 @@ def _arm(world: Element, arm: Arm, friction: float) -> Element:
     return body
 
 
-def _rod(parent: Element, rod: Rod, joint: int, at: str, friction: float) -> Element:
+def _rod(parent: Element, rod: Rod, joint: int, position: str, friction: float) -> Element:
     """A thin rod on its hinge."""
-    body = element(parent, "body", name=("inner", "outer")[joint - 1], **({"pos": at} if at else {}))
+    body = element(parent, "body", name=("inner", "outer")[joint - 1], **({"pos": position} if position else {}))
     element(
         body,
         "joint",
@@ -315,5 +315,5 @@ def _parts(words: Words, hanging: float) -> list[tuple[str, tuple[float, ...]]]:
     return [*waves, ("lugre", (torque / length, 0.0, torque, torque, 1.0))]
 
 
-def _inertia(body: Element, at: str, mass: float, inertia: float) -> None:
-    element(body, "inertial", pos=at, mass=repr(mass), diaginertia=f"{inertia!r} {inertia!r} {THIN!r}")
+def _inertia(body: Element, position: str, mass: float, inertia: float) -> None:
+    element(body, "inertial", pos=position, mass=repr(mass), diaginertia=f"{inertia!r} {inertia!r} {THIN!r}")

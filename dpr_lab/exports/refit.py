@@ -92,9 +92,9 @@ def _best_fit(problem: Problem, effects: Effects, starts: Sequence[tuple[Array, 
     """Best of the fits from these ratios and effects; a poor initial value can end in a wrong minimum."""
     fits = []
     for start, arm in starts:
-        at = Estimate.of(start, effect_params(named_params(arm) | dict(effects)), initial)
+        estimate = Estimate.of(start, effect_params(named_params(arm) | dict(effects)), initial)
         of_rods = [effect for effect in effects if EFFECTS[effect].stage in MOVING]
-        fits.append(fit(problem, at, free_parameters(at, of_rods, problem), iterations=20))
+        fits.append(fit(problem, estimate, free_parameters(estimate, of_rods, problem), iterations=20))
     return min(fits, key=lambda candidate: candidate.chi2).estimate
 
 

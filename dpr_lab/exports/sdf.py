@@ -29,25 +29,25 @@ def sdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
     pull = made.gravity * math.sin(made.tilt), 0.0, -made.gravity * math.cos(made.tilt)
     _text(world, "gravity", " ".join(map(repr, pull)))
     body = element(world, "model", name=model.rig.name)
-    parent, at = "world", "0 0 0 0 0 0"
+    parent, pose = "world", "0 0 0 0 0 0"
     if arm := made.arm:
         if arm.input:
             comment(root, f"joint0: torque = {arm.gain!r} N m per unit of {arm.input}")
-        _mass(_link(body, "arm", parent, at), "0 0 0", 1e-9, arm.inertia, arm.inertia)
+        _mass(_link(body, "arm", parent, pose), "0 0 0", 1e-9, arm.inertia, arm.inertia)
         _joint(body, 0, (parent, "arm"), arm.damping, arm.words)
-        parent, at = "arm", f"0 {-arm.length!r} 0 0 0 0"
+        parent, pose = "arm", f"0 {-arm.length!r} 0 0 0 0"
     for j, rod in enumerate(made.rods, 1):
         name = ("inner", "outer")[j - 1]
-        _inertial(_link(body, name, parent, at), rod, made.tip_mass if j == 1 else 0.0)
+        _inertial(_link(body, name, parent, pose), rod, made.tip_mass if j == 1 else 0.0)
         _joint(body, j, (parent, name), rod.damping, rod.words)
-        parent, at = name, f"0 0 {rod.length!r} 0 0 0"
+        parent, pose = name, f"0 0 {rod.length!r} 0 0 0"
     return text_of(root)
 
 
-def _link(body: Element, name: str, parent: str, at: str) -> Element:
+def _link(body: Element, name: str, parent: str, pose: str) -> Element:
     link = element(body, "link", name=name)
     relative = {} if parent == "world" else {"relative_to": parent}
-    element(link, "pose", **relative).text = at
+    element(link, "pose", **relative).text = pose
     return link
 
 
@@ -77,9 +77,9 @@ def _inertial(link: Element, rod: Rod, tip_mass: float) -> None:
     _mass(link, f"{offset!r} 0 {centroid!r}", mass, inertia, THIN)
 
 
-def _mass(link: Element, at: str, mass: float, inertia: float, along: float) -> None:
+def _mass(link: Element, position: str, mass: float, inertia: float, along: float) -> None:
     inertial = element(link, "inertial")
-    _text(inertial, "pose", f"{at} 0 0 0")
+    _text(inertial, "pose", f"{position} 0 0 0")
     _text(inertial, "mass", repr(mass))
     tensor = element(inertial, "inertia")
     for name, value in (("ixx", inertia), ("iyy", inertia), ("izz", along), ("ixy", 0.0), ("ixz", 0.0), ("iyz", 0.0)):

@@ -28,34 +28,36 @@ def urdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
     element(root, "link", name="world")
     element(root, "link", name="base")
     _joint(root, "stand", "fixed", ("world", "base"), "0 0 0", f"0 {made.tilt!r} 0")
-    parent, at = "base", "0 0 0"
+    parent, position = "base", "0 0 0"
     if arm := made.arm:
         if arm.input:
             comment(root, f"joint0: torque = {arm.gain!r} N m per unit of {arm.input}")
         _inertial(element(root, "link", name="arm"), "0 0 0", 1e-9, arm.inertia, arm.inertia)
-        _hinge(root, "joint0", (parent, "arm"), at, "0 0 1", (arm.damping, arm.words))
-        parent, at = "arm", f"0 {-arm.length!r} 0"
+        _hinge(root, "joint0", (parent, "arm"), position, "0 0 1", (arm.damping, arm.words))
+        parent, position = "arm", f"0 {-arm.length!r} 0"
     for j, rod in enumerate(made.rods):
         name = ("inner", "outer")[j]
         _link(root, name, rod)
-        _hinge(root, f"joint{j + 1}", (parent, name), at, "0 1 0", (rod.damping, rod.words))
-        parent, at = name, f"0 0 {rod.length!r}"
+        _hinge(root, f"joint{j + 1}", (parent, name), position, "0 1 0", (rod.damping, rod.words))
+        parent, position = name, f"0 0 {rod.length!r}"
     if made.tip_mass > 0.0:
         _inertial(element(root, "link", name="encoder2"), "0 0 0", made.tip_mass, THIN)
         _joint(root, "encoder2", "fixed", ("inner", "encoder2"), f"0 0 {made.rods[0].length!r}", "0 0 0")
     return text_of(root)
 
 
-def _joint(root: Element, name: str, kind: str, ends: tuple[str, str], at: str, turned: str) -> Element:
+def _joint(root: Element, name: str, kind: str, ends: tuple[str, str], position: str, turned: str) -> Element:
     joint = element(root, "joint", name=name, type=kind)
     element(joint, "parent", link=ends[0])
     element(joint, "child", link=ends[1])
-    element(joint, "origin", xyz=at, rpy=turned)
+    element(joint, "origin", xyz=position, rpy=turned)
     return joint
 
 
-def _hinge(root: Element, name: str, ends: tuple[str, str], at: str, axis: str, losses: tuple[float, Words]) -> None:
-    joint = _joint(root, name, "continuous", ends, at, "0 0 0")
+def _hinge(
+    root: Element, name: str, ends: tuple[str, str], position: str, axis: str, losses: tuple[float, Words]
+) -> None:
+    joint = _joint(root, name, "continuous", ends, position, "0 0 0")
     element(joint, "axis", xyz=axis)
     damping, words = losses
     element(joint, "dynamics", damping=repr(damping), friction=repr(words.get("friction", 0.0)))
@@ -69,9 +71,9 @@ def _link(root: Element, name: str, rod: Rod) -> None:
     element(element(visual, "geometry"), "cylinder", radius="0.006", length=repr(rod.length))
 
 
-def _inertial(link: Element, at: str, mass: float, inertia: float, along: float = THIN) -> None:
+def _inertial(link: Element, position: str, mass: float, inertia: float, along: float = THIN) -> None:
     inertial = element(link, "inertial")
-    element(inertial, "origin", xyz=at, rpy="0 0 0")
+    element(inertial, "origin", xyz=position, rpy="0 0 0")
     element(inertial, "mass", value=repr(mass))
     none = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
     element(inertial, "inertia", ixx=repr(inertia), iyy=repr(inertia), izz=repr(along), **none)

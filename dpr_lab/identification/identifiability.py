@@ -328,10 +328,10 @@ def bench_sequence(
 
 
 def _length_error(rig: Rig, Z: NDArray[np.float64], error: float = 1e-3) -> LengthError:
-    problem, at = expected_releases(base_parameters(Z, rig.L1, rig.g), rig, list(rig.poses.values()))
+    problem, estimate = expected_releases(base_parameters(Z, rig.L1, rig.g), rig, list(rig.poses.values()))
     wrong = problem.model.with_constants(problem.model.constants._replace(L1=rig.L1 + error))
-    refitted = fit_ratios(replace(problem, model=wrong), at)
-    shift = refitted.ratios / at.ratios[: len(RATIOS)] - 1
+    refitted = fit_ratios(replace(problem, model=wrong), estimate)
+    shift = refitted.ratios / estimate.ratios[: len(RATIOS)] - 1
     return LengthError(error, _named(RATIOS, shift), float(np.sqrt(1 + refitted.chi2_per_dof)))
 
 

@@ -73,10 +73,10 @@ def _one_parameter(instrument: Instrument, Z: NDArray[np.float64], rig: Rig) -> 
 
 def _rod_alone(instrument: Instrument, Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
     """Small swings of one rod about its pivot: T = 2 pi sqrt(h / g) gives h = J / (m l) + l."""
-    at = [PARAMETERS.index(name) for name in instrument.parameters]
-    centroid, m, J = Z[at]
+    columns = [PARAMETERS.index(name) for name in instrument.parameters]
+    centroid, m, J = Z[columns]
     row = np.zeros((1, len(PARAMETERS)))
-    row[0, at] = 1 - J / (m * centroid**2), -J / (m**2 * centroid), 1 / (m * centroid)
+    row[0, columns] = 1 - J / (m * centroid**2), -J / (m**2 * centroid), 1 / (m * centroid)
     return row / instrument.std[0]
 
 

@@ -224,7 +224,7 @@ def _parts(model: Any, data: Any) -> Iterator[Part]:
 
 
 def _joint(model: Any, data: Any, j: int) -> ModelJoint:
-    at, dof = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
+    address, dof = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
     kind = JOINT_KINDS[model.jnt_type[j]]
     other = {}
     for values, text in ((model.dof_dampingpoly[dof], "damping"), (model.jnt_stiffnesspoly[j], "stiffness")):
@@ -241,7 +241,7 @@ def _joint(model: Any, data: Any, j: int) -> ModelJoint:
         float(model.dof_frictionloss[dof]),
         float(model.dof_armature[dof]),
         float(np.atleast_1d(model.jnt_stiffness[j])[0]),
-        float(model.qpos_spring[at]),
+        float(model.qpos_spring[address]),
         limits,
         other,
     )

@@ -105,7 +105,7 @@ def _parts(plant: Any, context: Any, elements: dict[str, Element]) -> list[Part]
         for body in ready:
             joint = by_child.get(body.index())
             pose = plant.EvalBodyPoseInWorld(context, body)
-            turned, at = pose.rotation().matrix(), pose.translation()
+            turned, position = pose.rotation().matrix(), pose.translation()
             inertia = body.default_spatial_inertia()
             mass, centre = inertia.get_mass(), inertia.get_com()
             about_centre = inertia.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3()
@@ -114,7 +114,7 @@ def _parts(plant: Any, context: Any, elements: dict[str, Element]) -> list[Part]
             if joint is not None and joint.type_name() != "weld":
                 moving = _joint(plant, context, joint, elements.get(joint.name()))
             above = place[_above(by_child, body, world)]
-            parts.append(Part(body.name(), above, moving, float(mass), at + turned @ centre, tensor))
+            parts.append(Part(body.name(), above, moving, float(mass), position + turned @ centre, tensor))
             place[body.index()] = len(parts) - 1
         waiting = [body for body in waiting if body.index() not in place]
     return parts

@@ -94,24 +94,24 @@ def _parts(robot: Any, shapes: Mapping[str, tuple[Vector, ...]], path: Path) -> 
     parts: list[Part] = []
     waiting: list[tuple[str, int, Any, Vector, Vector]] = [(roots[0], -1, None, np.eye(3), np.zeros(3))]
     while waiting:
-        name, above, joint, turned, at = waiting.pop()
+        name, above, joint, turned, position = waiting.pop()
         if joint is not None:
             own, offset = _pose(joint.origin)
-            at, turned = at + turned @ offset, turned @ own
+            position, turned = position + turned @ offset, turned @ own
         inertial = robot.link_map[name].inertial
         own, offset = _pose(inertial.origin if inertial else None)
         tensor = np.zeros((3, 3)) if inertial is None else np.array(inertial.inertia.to_matrix(), dtype=np.float64)
-        axes, ends = turned @ own, tuple(at + turned @ end for end in shapes.get(name, ()))
+        axes, ends = turned @ own, tuple(position + turned @ end for end in shapes.get(name, ()))
         mass = float(inertial.mass) if inertial else 0.0
-        moving = _joint(joint, turned, at) if joint is not None and joint.type != "fixed" else None
-        parts.append(Part(name, above, moving, mass, at + turned @ offset, axes @ tensor @ axes.T, ends))
-        waiting += [(child.child, len(parts) - 1, child, turned, at) for child in children.get(name, [])]
+        moving = _joint(joint, turned, position) if joint is not None and joint.type != "fixed" else None
+        parts.append(Part(name, above, moving, mass, position + turned @ offset, axes @ tensor @ axes.T, ends))
+        waiting += [(child.child, len(parts) - 1, child, turned, position) for child in children.get(name, [])]
     if len(parts) != len(robot.links):
         raise ConfigError(f"{path}: joints form a loop: {len(robot.links) - len(parts)} links are not reached")
     return parts
 
 
-def _joint(joint: Any, turned: Vector, at: Vector) -> ModelJoint:
+def _joint(joint: Any, turned: Vector, position: Vector) -> ModelJoint:
     axis = turned @ np.array(joint.axis or (1.0, 0.0, 0.0), dtype=np.float64)
     if not np.linalg.norm(axis) > 0:
         raise ValueError(f"joint {joint.name} has an axis without a direction")
@@ -122,7 +122,7 @@ def _joint(joint: Any, turned: Vector, at: Vector) -> ModelJoint:
         joint.name,
         KINDS.get(joint.type, "other"),  # type: ignore[arg-type]
         axis / np.linalg.norm(axis),
-        at,
+        position,
         float((dynamics and dynamics.damping) or 0.0),
         float((dynamics and dynamics.friction) or 0.0),
         limits=limits,
@@ -137,13 +137,13 @@ def _ends(link: Element) -> tuple[Vector, ...]:
         try:
             origin = shape.find("origin")
             where = {} if origin is None else origin.attrib
-            at, axes = _numbers(where.get("xyz"), "0 0 0"), frame(*_numbers(where.get("rpy"), "0 0 0"))
+            position, axes = _numbers(where.get("xyz"), "0 0 0"), frame(*_numbers(where.get("rpy"), "0 0 0"))
             for solid in shape.iterfind("geometry/cylinder"):
-                points += [at + sign * axes[:, 2] * float(solid.get("length", "nan")) / 2 for sign in (1, -1)]
+                points += [position + sign * axes[:, 2] * float(solid.get("length", "nan")) / 2 for sign in (1, -1)]
             for solid in shape.iterfind("geometry/box"):
                 reach = _numbers(solid.get("size"), "") / 2
                 points += [
-                    at + sign * axis * size for axis, size in zip(axes.T, reach, strict=True) for sign in (1, -1)
+                    position + sign * axis * size for axis, size in zip(axes.T, reach, strict=True) for sign in (1, -1)
                 ]
         except ValueError:  # a shape has no influence on the motion
             continue

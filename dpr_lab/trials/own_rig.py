@@ -92,8 +92,8 @@ def trust(
     Raises:
         DprError: a process was killed.
     """
-    at = Estimate.of(diagnosis.unknowns, effect_params(diagnosis.model_effects), np.zeros((0, 4)))
-    originals = tuple(_original(run, rig, at) for run in runs)
+    estimate = Estimate.of(diagnosis.unknowns, effect_params(diagnosis.model_effects), np.zeros((0, 4)))
+    originals = tuple(_original(run, rig, estimate) for run in runs)
     plan = _Plan(diagnosis, originals, rig, tuple(library), max_effects, seed)
     trials: dict[int, TrustTrial] = {}
     on_trial(0)
@@ -153,9 +153,9 @@ def _as_found(diagnosis: Diagnosis) -> Effects:
     return {name: values for name, values in diagnosis.model_effects.items() if name in named}
 
 
-def _original(run: Run, rig: Rig, at: Estimate) -> _Original:
+def _original(run: Run, rig: Rig, estimate: Estimate) -> _Original:
     prepared = record(run, rig)
-    freely = free_runs(Recordings((prepared,), rig), at)
+    freely = free_runs(Recordings((prepared,), rig), estimate)
     return _Original(run, prepared.screened, freely.start.initial, segment_start(float(freely.items[0].t[0])))
 
 

@@ -102,8 +102,8 @@ class Bars:
             yield Text(f"{name:<{label}} {self._bar(value, interval, top, width)} {text}", no_wrap=True)
 
     def _bar(self, value: float, interval: tuple[float, float] | None, top: float, width: int) -> str:
-        def column(at: float) -> int:
-            return min(max(round(at / top * (width - 1)), 0), width - 1)
+        def column(position: float) -> int:
+            return min(max(round(position / top * (width - 1)), 0), width - 1)
 
         cells = [
             "█" if value > 0 and i <= column(value) and round(value / top * width) > 0 else " " for i in range(width)

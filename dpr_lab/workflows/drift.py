@@ -127,16 +127,17 @@ def _recorded(file: Path) -> "Occasion":
 
     described = info(file)
     try:
-        at = datetime.fromisoformat(described.recorded_utc) if described.recorded_utc else None
+        recorded_at = datetime.fromisoformat(described.recorded_utc) if described.recorded_utc else None
     except ValueError as error:
         raise RunError(f"{file}: its date of recording is not valid: {described.recorded_utc!r}") from error
-    if at is not None and at.tzinfo is None:  # a date without time is a day of this computer's time zone
-        at = (
-            at.replace(hour=12).astimezone()
+    if recorded_at is not None and recorded_at.tzinfo is None:
+        # a date without time is a day of this computer's time zone
+        recorded_at = (
+            recorded_at.replace(hour=12).astimezone()
             if len(described.recorded_utc) <= len("2026-03-01")
-            else at.replace(tzinfo=UTC)
+            else recorded_at.replace(tzinfo=UTC)
         )
-    return Occasion(described.file, at, described.note or file.resolve().parent.name)
+    return Occasion(described.file, recorded_at, described.note or file.resolve().parent.name)
 
 
 def _effects(file: Path) -> "Mapping[str, Mapping[str, float]]":

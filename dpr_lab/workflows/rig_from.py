@@ -106,19 +106,19 @@ def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> 
     d = DRAFT
     inner, outer = chain.rods
     lengths = (inner.length or 0.0, outer.length or 2 * outer.centroid)
-    at = {name: values[name] for name in ("l1", "l2", "m1", "m2", "mb", "J1", "J2")}
-    tip = at["J2"] + at["m2"] * at["l2"] ** 2
-    hanging = at["J1"] + at["m1"] * at["l1"] ** 2 + (at["mb"] + at["m2"]) * lengths[0] ** 2 + tip
-    moments = at["m1"] * at["l1"] + (at["mb"] + at["m2"]) * lengths[0], at["m2"] * at["l2"]
+    Z = {name: values[name] for name in ("l1", "l2", "m1", "m2", "mb", "J1", "J2")}
+    tip = Z["J2"] + Z["m2"] * Z["l2"] ** 2
+    hanging = Z["J1"] + Z["m1"] * Z["l1"] ** 2 + (Z["mb"] + Z["m2"]) * lengths[0] ** 2 + tip
+    moments = Z["m1"] * Z["l1"] + (Z["mb"] + Z["m2"]) * lengths[0], Z["m2"] * Z["l2"]
     ranges: dict[str, tuple[float, float]] = {}
     for rod, inertia in ((1, hanging), (2, tip)):
-        mass, length = at[f"m{rod}"], lengths[rod - 1]
+        mass, length = Z[f"m{rod}"], lengths[rod - 1]
         ranges[f"m{rod}"] = d.mass[0] * mass, d.mass[1] * mass
         ranges[f"l{rod}"] = d.centre[0] * length, d.centre[1] * length
         ranges[f"J{rod}"] = d.inertia[0] * mass * length**2, d.inertia[1] * mass * length**2
         scale = 2 * math.sqrt(max(inertia * moments[rod - 1] * chain.gravity, 1e-30))
         ranges[f"c{rod}"] = d.damping[0] * scale, d.damping[2] * scale
-    ranges["mb"] = (d.mass[0] * at["mb"], d.mass[1] * at["mb"]) if at["mb"] > 0 else (5e-7, 2e-6)
+    ranges["mb"] = (d.mass[0] * Z["mb"], d.mass[1] * Z["mb"]) if Z["mb"] > 0 else (5e-7, 2e-6)
     bounds = {}
     for name, (lower, upper) in ranges.items():
         value = values[name]

@@ -197,9 +197,9 @@ def _moved(
     """Move an element so that a position derived from it moves by a shift, (3,) in the world, m."""
     place = file.editor.place(edit, owner)
 
-    def measured(at: Vector) -> Vector:
+    def measured(point: Vector) -> Vector:
         tried = file.editable(edit.text())
-        file.editor.set_place(tried, owner, label, at)
+        file.editor.set_place(tried, owner, label, point)
         return measure(file.model(tried))
 
     before, step = measured(place), 0.1

@@ -113,15 +113,15 @@ class Simulation:
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)  # the torques are applied here
         step = min(float(self.model.opt.timestep), self.longest_step_s)
         self.model.opt.timestep = step
-        at = [int(self.model.joint(name).qposadr[0]) for name in self.joints]
+        addresses = [int(self.model.joint(name).qposadr[0]) for name in self.joints]
         theta1, theta2, omega1, omega2 = swing.x0.tolist()
-        data.qpos[at] = self.zero + self.direction * [theta1 - np.pi, theta2 - theta1]
-        data.qvel[at] = self.direction * [omega1, omega2 - omega1]
+        data.qpos[addresses] = self.zero + self.direction * [theta1 - np.pi, theta2 - theta1]
+        data.qvel[addresses] = self.direction * [omega1, omega2 - omega1]
         n = int(np.ceil((swing.t[-1] - swing.start) / step)) + 1
         path = np.empty((n + 1, 2))
         for i in range(n + 1):
-            path[i] = data.qpos[at]
-            data.qfrc_applied[at] = self.direction * gain * swing.driven(swing.start + i * step, None)
+            path[i] = data.qpos[addresses]
+            data.qfrc_applied[addresses] = self.direction * gain * swing.driven(swing.start + i * step, None)
             mujoco.mj_step(self.model, data)
         relative = self.direction * (path - self.zero)
         times = swing.start + step * np.arange(n + 1)

@@ -84,11 +84,13 @@ def absolute_values(fit: ArmFit, covariance: Array, scale: ArmScale, seen: Seque
     """Absolute values of the determined unknowns, and of the scale."""
     unknowns, values = fit.problem.unknowns, fit.values
     absolute = {}
-    at = unknowns.free.index("gain") if scale.by_gain else None
+    gain_index = unknowns.free.index("gain") if scale.by_gain else None
     own = np.zeros(len(values))
-    if at is not None:
-        own[at] = -1.0 / values[at]
-    places = [(parameter, k) for k, parameter in enumerate(unknowns.free) if seen[k] and parameter != "L0" and k != at]
+    if gain_index is not None:
+        own[gain_index] = -1.0 / values[gain_index]
+    places = [
+        (parameter, k) for k, parameter in enumerate(unknowns.free) if seen[k] and parameter != "L0" and k != gain_index
+    ]
     rows = [(unknowns.scale, 1.0, own)]
     for parameter, k in places:
         row = own.copy()

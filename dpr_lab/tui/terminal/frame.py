@@ -92,15 +92,15 @@ class CellFrame:
         out: list[str] = []
         pen: Look | None = None
         for y, (wanted, sent) in enumerate(zip(self._wanted, self._sent, strict=True)):
-            at = 0
+            column = 0
             for first, last in _runs(wanted, sent):
-                out.append(f"\x1b[{first - at}C" if 0 < at <= first else f"\x1b[{y + 1};{first + 1}H")
+                out.append(f"\x1b[{first - column}C" if 0 < column <= first else f"\x1b[{y + 1};{first + 1}H")
                 for text, look in wanted[first:last]:
                     if look != pen:
                         out.append(look.after(pen))
                         pen = look
                     out.append(text)
-                at = last
+                column = last
             sent[:] = wanted
         return "".join(out)
 

@@ -35,7 +35,7 @@ class Pace:
         """Time until the next frame may be sent, s; 0: now."""
         self._count(now)
         budget = max(-self._credit, 0.0) / (SETTINGS.bytes_per_cell_s * self._cells)
-        return max(budget, *(at + SETTINGS.lost_after_s - now for at in self._out.values()), 0.0)
+        return max(budget, *(sent_at + SETTINGS.lost_after_s - now for sent_at in self._out.values()), 0.0)
 
     def refill(self) -> None:
         """Allow an immediate frame after a key press."""
@@ -50,7 +50,7 @@ class Pace:
     def confirmed(self, frame: int, now: float) -> float | None:
         """Confirm a frame and all earlier ones; return the round trip time, s, or None for an unknown frame."""
         sent = self._out.get(frame)
-        self._out = {other: at for other, at in self._out.items() if other > frame}
+        self._out = {other: sent_at for other, sent_at in self._out.items() if other > frame}
         return None if sent is None else now - sent
 
     def _count(self, now: float) -> None:
