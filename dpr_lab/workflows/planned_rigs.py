@@ -6,23 +6,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.whole_file import write_text
 
 if TYPE_CHECKING:
     from dpr_lab.planning.result import Plan, PlannedRelease
+    from dpr_lab.rig import Rig
 
 ARM_MODES = {"held": "clamped", "free": "free", "driven": "driven"}
 """Arm of a planned release -> mode in the rig file."""
 
 
-def planned_poses(made: "Plan", rig: Rig) -> "dict[str, PlannedRelease]":
+def planned_poses(made: "Plan", rig: "Rig") -> "dict[str, PlannedRelease]":
     """The releases of a plan by names of poses that the rig file does not have yet: P1, P2, ..."""
     free = (name for number in count(1) if (name := f"P{number}") not in rig.poses)
     return dict(zip(free, made.releases, strict=False))
 
 
-def planned_rigs(poses: "dict[str, PlannedRelease]", rig: Rig, to: Path) -> dict[str, Path]:
+def planned_rigs(poses: "dict[str, PlannedRelease]", rig: "Rig", to: Path) -> dict[str, Path]:
     """Write a rig file for each setup of a plan: rods, added mass and mode of the arm.
 
     Args:
@@ -52,12 +52,12 @@ Setup = tuple[str, str, str, str]
 """Mounted rods, elbow, added mass as a TOML table, and mode of the arm."""
 
 
-def _setup_of(rig: Rig) -> Setup:
+def _setup_of(rig: "Rig") -> Setup:
     mass = rig.added_mass
     return rig.rods.mounted, rig.rods.elbow, "" if mass is None else _mass_table(mass.model_dump()), rig.arm.mode
 
 
-def _setup(release: "PlannedRelease", rig: Rig) -> Setup:
+def _setup(release: "PlannedRelease", rig: "Rig") -> Setup:
     mass = "" if release.added_mass is None else _mass_table(release.added_mass.model_dump())
     mode = ARM_MODES[release.arm]
     held = release.arm == "held" and rig.arm.mode not in ("free", "driven")
@@ -68,8 +68,10 @@ def _mass_table(mass: dict[str, object]) -> str:
     return f'[added_mass]\nrod = "{mass["rod"]}"\nmass = {mass["mass"]}\nposition = {mass["position"]}\n'
 
 
-def _with_setup(text: str, setup: Setup, rig: Rig) -> str:
+def _with_setup(text: str, setup: Setup, rig: "Rig") -> str:
     """A rig file with another setup; comments outside the replaced tables are kept."""
+    from dpr_lab.rig import parse_rig
+
     mounted, elbow, mass, mode = setup
     for table in ("rods", "added_mass"):
         text = re.sub(rf"(?ms)^\[{table}\][^\n]*\n(?:(?!^\[).*?\n)*", "", text)
