@@ -30,7 +30,7 @@ class EnergyRiseSettings:
     """Standard deviation of a reading above which the speeds, and thus the energy, are too uncertain, rad."""
     least_ratio: float = 0.01
     """Smallest permitted ratio; typical double pendulums have no ratio below 0.3."""
-    least_exchange: float = 0.2
+    least_exchange: float = 0.5
     """Least range of the energy, over the largest range of one of its terms. The total energy of rods in good bearings
     hardly changes, so that errors of the speeds at a low sample rate are a large share of its range.
     """
