@@ -43,6 +43,12 @@ class ScanSettings:
 
 SCAN = ScanSettings()
 
+ORDER = "order"
+"""Shape parameter of a torque that repeats so many times per turn of its joint. The joint must cover one period.
+
+On a shorter arc, two harmonics are a free polynomial in the angle, which fits any smooth force or encoder error.
+"""
+
 
 def shapes(effect: Effect, problem: Problem, fit: Fit, along: Trajectory, recorded: Recorded) -> list[Shape]:
     """The shapes of an effect for the score test."""
@@ -51,9 +57,18 @@ def shapes(effect: Effect, problem: Problem, fit: Fit, along: Trajectory, record
         return proposed
     grid = [[(param_index(effect.name, p.name), value) for value in p.scan] for p in effect.shapes if p.scan]
     every = [tuple(choice) for choice in product(*grid)]
+    if any(p.name == ORDER for p in effect.shapes):
+        covered = arc(along.joint_angle[:, effect.joints[0]])
+        every = [chosen for chosen in every if chosen[0][1] * covered >= 2 * np.pi]
     if len(every) <= SCAN.many or effect.stage not in TRAJECTORY_TORQUES:
         return every
     return _between(effect, _apart(every, _gains(effect, every, problem, fit, along)), problem, fit, along)
+
+
+def arc(angle: Array) -> float:
+    """Part of the circle that angles (n,) cover, rad: without the largest gap between two of them."""
+    around = np.sort(np.mod(angle, 2 * np.pi))
+    return 2 * np.pi - float(np.diff(around, append=around[0] + 2 * np.pi).max())
 
 
 def _apart(every: list[Shape], gains: Array) -> list[Shape]:

@@ -1,0 +1,31 @@
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.effect import Recorded
+from dpr_lab.fitting.response import TRAJECTORY, trajectory
+from dpr_lab.gap.hypothesis.scan import arc, shapes
+from tests import one_rod
+
+
+def test_an_arc_is_the_part_of_the_circle_that_a_joint_covers() -> None:
+    assert arc(np.array([-0.2, 0.3, 0.1])) == pytest.approx(0.5)
+    assert arc(np.array([math.pi - 0.1, -math.pi + 0.2])) == pytest.approx(0.3)
+    assert arc(np.linspace(0.0, 7.0, 400)) == pytest.approx(2 * math.pi, abs=0.02)
+
+
+@pytest.mark.parametrize("name", ["detent_joint1", "torque_ripple_joint1"])
+def test_a_pattern_is_proposed_only_where_a_joint_covers_its_period(
+    name: str, bare, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(one_rod, "RELEASES", (0.25, 0.28))
+    rig, runs = one_rod.recorded(one_rod.Rod(duration=4.0), 1, tmp_path)
+    problem, base = bare(runs, rig)
+    along = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
+    proposed = shapes(EFFECTS[name], problem, base.fit, along, Recorded((None, None), list))
+    orders = [order for ((_, order),) in proposed]
+    assert orders
+    assert min(orders) * 0.56 >= 2 * math.pi * 0.97
