@@ -92,7 +92,7 @@ def test_another_input_than_the_rig_file_says_is_refused(furuta: Rig, tmp_path: 
 
 def test_a_plant_whose_arm_is_driven_needs_its_drive(tmp_path: Path, bench) -> None:
     plant = changed(tmp_path, 'mode = "driven"', 'mode = "free"')
-    with pytest.raises((LinkError, ConfigError), match="go together"), bench(rig="furuta", plant=plant):
+    with pytest.raises((LinkError, ConfigError), match="require each other"), bench(rig="furuta", plant=plant):
         pass
 
 

@@ -81,7 +81,7 @@ FAST = {"arrival_ppm": 50_000.0, "arrival_margin_ppm": 4_000.0}
             FAST,
             replace(WORD, no_clock_fit="frozen"),
             ["clock", "clock_fit"],
-            "runs 5.0 % fast (4.6 to 5.4) against this",
+            "runs 5.0 % fast (4.6 to 5.4) relative to this",
         ),
         (
             ARRIVAL,
@@ -212,7 +212,7 @@ def test_every_check_has_a_fault_that_fails_it(good: Run, rig: Rig) -> None:
 def test_rods_that_hung_askew_before_they_were_raised_degrade_the_run(good: Run, rig: Rig) -> None:
     verdict = judge(good, rig, duration=5.0, hanging=(0.001, -0.03))
     assert _failed(verdict) == ["hanging_before"]
-    assert "the outer rod hung 0.030 rad away from the vertical" in verdict.sentence
+    assert "the outer rod deviated by 0.030 rad from the vertical" in verdict.sentence
 
 
 def test_a_table_without_rest_is_judged_on_what_it_has(good: Run, rig: Rig) -> None:

@@ -15,6 +15,7 @@ from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.prior import prior_of
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.hypothesis import scan
 from dpr_lab.gap.hypothesis.score_test import score_test
 from dpr_lab.gap.screen.record import record as screened
 from dpr_lab.gap.screen.recordings import Recordings
@@ -100,7 +101,8 @@ def test_a_prior_holds_what_the_recordings_do_not_show(wrong_rig: tuple) -> None
     assert not np.allclose(free_of_prior, problem.prior.mean[:5], rtol=0.1)
 
 
-def test_cogging_of_order_one_is_gravity_on_one_rod() -> None:
+def test_cogging_of_order_one_is_gravity_on_one_rod(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scan, "arc", lambda angle: 2 * np.pi)  # as if the rod had turned fully
     rig = load_rig("paper").with_rods("inner")
     runs = record(load_plant("paper"), rig, duration=5.0, rate_hz=200)[1:2]
     _, problem, bare = fit_bare_model(Recordings(tuple(screened(run, rig) for run in runs), rig), nominal_ratios(rig))

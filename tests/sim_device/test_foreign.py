@@ -161,7 +161,7 @@ def test_every_reading_of_a_foreign_swing_gives_the_same_bits(paper, name):
         read.append(pieces.theta(tick, count))
         tick += count
     assert np.array_equal(np.concatenate(read), whole)
-    with pytest.raises(ValueError, match="not back to 3"):
+    with pytest.raises(ValueError, match=r"no longer available \(requested: 3\)"):
         pieces.theta(3, 1)
 
 
@@ -169,7 +169,7 @@ def test_a_foreign_effect_stands_alone_and_is_spelled_out(paper):
     config = load_plant("paper")
     good = {"mains_hum": {"error_rad": 1e-3, "phase_rad": 0.0}}
     for changes, said in (
-        ({"foreign": good, "effects": {"base_tilt": {"tilt_rad": 0.01}}}, "stands alone"),
+        ({"foreign": good, "effects": {"base_tilt": {"tilt_rad": 0.01}}}, "cannot be combined"),
         ({"foreign": {"gremlins": {}}}, "no foreign effect 'gremlins'"),
         ({"foreign": {"mains_hum": {"error_rad": 1e-3}}}, "has the parameters error_rad, phase_rad"),
     ):

@@ -43,5 +43,5 @@ def test_drives_and_foreign_effects_have_no_mount(paper):
     foreign = load_plant("paper").model_copy(
         update={"mount": MountConfig(**yielding), "foreign": {"loose_bearing": {}}}
     )
-    with pytest.raises(ConfigError, match="no mount"):
+    with pytest.raises(ConfigError, match="cannot be combined"):
         plant_of(foreign, paper)

@@ -60,7 +60,7 @@ workspace, as by `dpr-lab compare`.
         Binding("v", "cycle('view')", "View", id="compare.view", tooltip="angle, free-run error, segment residual"),
         Binding("o", "cycle('run')", "Other", id="compare.run", tooltip="another run"),
         Binding("O", "beside", "Second curve", id="compare.beside", tooltip="another run or model in the same plot"),
-        Binding("i", "edit", "Enter path", id="compare.edit", show=False),
+        Binding("i", "edit", "Edit", id="compare.edit", show=False),
         Binding("j", "cycle('axis')", "Joint", id="compare.axis", tooltip="the other joint"),
         Binding("left_square_bracket", "start_at(-1)", "Start earlier", id="compare.earlier", show=False),
         Binding("right_square_bracket", "start_at(1)", "Start later", id="compare.later", show=False),

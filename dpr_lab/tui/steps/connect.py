@@ -55,7 +55,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         Binding("l", "exercise", "Link test", id="connect.exercise"),
         Binding("u", "look", "Refresh", id="connect.look"),
         Binding("z", "disconnect", "Disconnect", id="connect.disconnect", show=False),
-        Binding("i", "edit", "Enter URL", id="connect.edit", show=False),
+        Binding("i", "edit", "Edit", id="connect.edit", show=False),
     ]
 
     def __init__(self, services: Services, *, id: str | None = None) -> None:

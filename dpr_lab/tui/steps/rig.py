@@ -53,7 +53,7 @@ identification then uses. `{rig.read}` reads the file again after a change.
 the selected rig.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("i", "edit", "Enter path", id="rig.edit", tooltip="name another rig file"),
+        Binding("i", "edit", "Edit", id="rig.edit", tooltip="name another rig file"),
         Binding("f3", "write", "Edit file", id="rig.write", tooltip="edit the rig file and save it"),
         Binding("u", "read", "Refresh", id="rig.read"),
         Binding("pagedown", "page(1)", "More", id="rig.more", key_display="pgdn", priority=True),

@@ -183,7 +183,7 @@ async def test_every_rival_says_what_tells_it_apart(lab, fixed_diagnosis: Path, 
     async with lab(DiagnoseStep, diagnosis=tmp_path / "diagnosis.json") as pilot:
         lines = [line.split() for line in text(pilot.app, "#which-text").splitlines()]
         rival = named("stribeck_joint1").split()
-        assert any(line[:2] == rival[:2] and line[-5:] == ["0.7", "%", "1.0000", "next", "step", "1"] for line in lines)
+        assert any(line[:2] == rival[:2] and line[-6:] == ["0.7", "%", "1.0000", "next", "step", "1"] for line in lines)
         assert sum(line[:2] == ["a", "cause"] for line in lines) == 2
         said = " ".join(text(pilot.app, "#next-text").split())
         assert "1. Raise the rods higher" in said
