@@ -32,8 +32,8 @@ class Stopping:
     fewest: int = 2
     """Minimum number of releases for a decision: a single release is not validated by another one."""
     holds: float = 0.85
-    """Share of certain decisions after one more release that occurred in `trials campaign --plan`: 8 of 10, and more
-    than 9 of 10 in an earlier campaign of 11 plants.
+    """Share of certain decisions after one more release that occur, estimated from a small campaign of
+    `trials campaign --plan`: 8 of 10 occurred. Its uncertainty is therefore about 0.1.
     """
     likely: float = 0.9
     """Probability of a decision from which this number of releases is recommended."""
