@@ -127,4 +127,4 @@ def test_a_gravity_that_no_place_on_earth_has_is_questioned_instead_of_the_lengt
     diagnosis = diagnose(swings, wrong, library=TWINS)
     assert (diagnosis.verdict, diagnosis.effects) == ("unexplained", [])
     assert "g = 9 m/s^2 in the rig file is not a value that occurs on earth" in diagnosis.sentence
-    assert "with g = 9.81" in diagnosis.sentence
+    assert "With g = 9.81" in diagnosis.sentence

@@ -60,8 +60,8 @@ def test_friction_that_the_rods_alone_do_not_know_passes(recorded, paper: Rig) -
         pytest.param(lambda a, b: (a, 2 * PI - b), "one rod's sign", marks=pytest.mark.long),
         pytest.param(lambda a, b: (a, 2 * a - b), "sign of joint 2", marks=pytest.mark.long),
         (lambda a, b: (a, b + PI), "zero of joint 2"),
-        (lambda a, b: (b, a), "exchanged"),
-        pytest.param(lambda a, b: (b - a + PI, b), "exchanged", marks=pytest.mark.long),  # relative angles
+        (lambda a, b: (b, a), "swapped"),
+        pytest.param(lambda a, b: (b - a + PI, b), "swapped", marks=pytest.mark.long),  # relative angles
         pytest.param(lambda a, b: (a, b - a + PI), "--angles relative", marks=pytest.mark.long),
         pytest.param(lambda a, b: (a, b + a - PI), "--angles absolute", marks=pytest.mark.long),
         pytest.param(lambda a, b: (a - PI, b - a), "--zero hanging --angles relative"),

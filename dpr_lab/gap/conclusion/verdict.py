@@ -82,13 +82,15 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carrie
     if not chosen.effects:
         return "no_gap" if _small(chosen) and not _only_held_out(carried) else "unexplained"
     whole = share >= RULES.named_share or at_noise_floor(chosen)
-    sure = max(posterior.probability for posterior in posteriors) >= RULES.sure
+    most = max(posterior.probability for posterior in posteriors)
+    sure = most >= RULES.sure
     tested = carried.basis != "one release"
     transfers = not tested or (not carried.withdrawn and carried.closed.estimate >= RULES.closes)
     transfers = transfers and not carried.worse_free_run
     if chosen.residuals.z < RULES.noise and whole and sure and transfers and not carried.oversized:
         return "named"
-    nothing = tested and (carried.closed.estimate <= 0 or len(carried.withdrawn) == len(chosen.effects))
+    nothing = carried.closed.estimate <= 0 and (tested or most < RULES.rather)
+    nothing = nothing or (tested and len(carried.withdrawn) == len(chosen.effects))
     if share >= RULES.partly_share and not nothing and listed_causes(posteriors):
         return "partly_explained"
     only_expected = set(chosen.effects) <= selection.expected
@@ -157,13 +159,13 @@ def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPo
         )
     if not posteriors:
         return f"Unexplained: a gap of {remainder:.2g} times the noise, and no effect of the library fits it."
-    closest = listed([_class(cause) for cause in posteriors])
+    closest, verb = listed([_class(cause) for cause in posteriors]), "explain" if len(posteriors) > 1 else "explains"
     if share >= RULES.partly_share:
         return (
-            f"Unexplained: {closest} explains {percent(share)} of the excess chi-square in the fitted"
+            f"Unexplained: {closest} {verb} {percent(share)} of the excess chi-square in the fitted"
             f" recordings, but not in other recordings. {how_far(carried)}"
         )
-    return f"Unexplained: the closest effect, {closest}, explains only {percent(share)} of the excess chi-square."
+    return f"Unexplained: the closest, {closest}, {verb} only {percent(share)} of the excess chi-square."
 
 
 def _causes_named(
