@@ -101,7 +101,7 @@ def in_time(run: Run, factor: float) -> Run:
 
 @pytest.fixture(scope="module")
 def driven(paper: Rig) -> list[Run]:
-    return driven_runs(paper, 0, duration=1.5)[1]
+    return driven_runs(paper, 0)[1]
 
 
 @pytest.fixture(scope="module")
