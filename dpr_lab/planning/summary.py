@@ -177,7 +177,7 @@ def _assumptions(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[s
         " poses). Beyond the horizon of a release, its information is averaged over such initial states.",
         "Effects that occurred only once, such as lost counts, are not considered.",
     ]
-    if known.inflation > 1.0:
+    if f"{known.inflation:.2g}" != "1":
         assumptions.append(
             f"One reading counts as 1/{known.inflation:.2g} of an independent reading, because the residual of"
             " the model exceeds the noise."
