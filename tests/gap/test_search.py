@@ -112,6 +112,19 @@ def test_a_move_leaves_the_state_as_it_was_and_repeats_itself(
 
 
 @pytest.mark.slow
+def test_no_move_exceeds_the_maximum_number_of_effects(
+    bare: Callable[..., Any], screened: Callable[..., Any], recorded: Callable[..., list[Run]]
+) -> None:
+    runs = recorded(TRUTHS["two effects"], duration=2.0)
+    problem, base = bare(runs)
+    library = {name: EFFECTS[name] for name in LIBRARY if EFFECTS[name].stage != "load"}
+    sets = FittedSets(screened(runs), problem, library, base, lambda event: None)
+    state = run((forward_selection(2),), sets, SearchState.bare(sets, max_effects=1))
+    assert len(state.current.effects) == 1
+    assert "more than 1 effects" in {trial.reason for trial in state.trace}
+
+
+@pytest.mark.slow
 def test_the_trace_leads_from_the_bare_model_to_the_chosen_set(paper: Rig, recorded: Callable[..., list[Run]]) -> None:
     diagnosis = diagnose(recorded(TRUTHS["two effects"], duration=3.0), paper)
     current: list[str] = []

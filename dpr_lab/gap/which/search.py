@@ -55,11 +55,13 @@ class SearchState:
     """The score tests on the fitted sets."""
     trace: tuple[TracedTrial, ...] = ()
     """All trials so far, in order."""
+    max_effects: int = 4
+    """Maximum number of effects in a set, besides those that every rig of this kind has."""
 
     @classmethod
-    def bare(cls, sets: FittedSets) -> "SearchState":
+    def bare(cls, sets: FittedSets, max_effects: int = 4) -> "SearchState":
         """The initial state of the search: the model without effects."""
-        return cls(sets.bare, sets.fits, sets.tests)
+        return cls(sets.bare, sets.fits, sets.tests, max_effects=max_effects)
 
     def after(self, move: Move, proposal: Proposal, decision: Decision) -> "SearchState":
         """The state after a trial."""
@@ -85,7 +87,10 @@ def run(moves: Sequence[Move], sets: FittedSets, state: SearchState) -> SearchSt
 
 
 def apply(move: Move, sets: FittedSets, state: SearchState) -> SearchState:
-    """Run one move. No move replaces a set by one with a curve that follows only small unknown causes.
+    """Run one move.
+
+    No move replaces a set by one with a curve that follows only small unknown causes, or by a larger one with more than
+    the maximum number of effects.
 
     Args:
         move: the move
@@ -99,6 +104,9 @@ def apply(move: Move, sets: FittedSets, state: SearchState) -> SearchState:
             decision = move.accept(sets, state.current, proposal)
             if decision.accepted and follows_remainder(sets.bare, proposal.model, state.current):
                 decision = Decision(False, "the curve only fits the remainder of small unknown causes")
+            size, most = len(sets.unexpected(proposal.model)), len(sets.unexpected(state.current))
+            if decision.accepted and size > max(most, state.max_effects):
+                decision = Decision(False, f"more than {state.max_effects} effects")
             state = state.after(move, proposal, decision)
             if decision.accepted and move.then != "go on":
                 break

@@ -93,7 +93,8 @@ def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | N
 
 def _forward(sets: FittedSets, max_effects: int) -> Draft:
     start = short_segments(max_effects) if far_from_noise(sets.bare) else START
-    return Draft(sets, max_effects, run((start, forward_selection(max_effects)), sets, SearchState.bare(sets)))
+    state = SearchState.bare(sets, max_effects)
+    return Draft(sets, max_effects, run((start, forward_selection(max_effects)), sets, state))
 
 
 def _refined(draft: Draft) -> Selection:
@@ -120,7 +121,7 @@ def short_segments(max_effects: int) -> Move:
 
     def propose(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
         short = sets.on_short()
-        state = run(moves, short, SearchState.bare(short))
+        state = run(moves, short, SearchState.bare(short, max_effects))
         model = sets.carried_over(state.current) if state.current.effects else sets.bare
         yield Proposal(model, trials=state.trace)
 
