@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -177,3 +178,8 @@ class Setup:
 
 BOTH = Setup()
 """Both rods mounted, without an attached mass."""
+
+
+def only_inner(setups: Iterable[Setup]) -> bool:
+    """Whether the inner rod swings alone in every run, so that results are relative to its own inertia a."""
+    return all(setup.mounting == "inner" for setup in setups)

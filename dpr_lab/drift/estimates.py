@@ -19,6 +19,7 @@ from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+from dpr_lab.setup import only_inner
 
 Array = NDArray[np.float64]
 
@@ -72,7 +73,7 @@ def estimate_each(
                 f" {', '.join(names)}"
             )
     values, std = (np.array(columns) for columns in list(zip(*fits, strict=True))[1:])
-    alone = all(run.setup.mounting == "inner" for run in runs)
+    alone = only_inner(run.setup for run in runs)
     b = None if "b" in names else float(initial[SCALE]) * (alone_share(initial) if alone else 1.0)
     poses = tuple(run.pose or "" for run in runs)
     return Estimates(tuple(run.name for run in runs), poses, names, values, std, b, "a" if alone else "b")
@@ -99,7 +100,7 @@ def _estimate(
     indices = [i for i, parameter in enumerate(fitted.free) if parameter.block != "zeros"]
     parameters = [fitted.free[i] for i in indices]
     is_scale_known = any(not parameter.effect and parameter.name == "b" for parameter in parameters)
-    alone = run.setup.mounting == "inner"
+    alone = only_inner([run.setup])
     inertia = fitted.estimate.ratios[SCALE] * (alone_share(fitted.estimate.ratios) if alone else 1.0)
     rows = []
     for parameter in parameters:

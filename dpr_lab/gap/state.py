@@ -45,6 +45,7 @@ from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+from dpr_lab.setup import only_inner
 
 Array = NDArray[np.float64]
 
@@ -157,7 +158,7 @@ class Advised(Transferred):
     @property
     def scale(self) -> Scale:
         """Assumption of absolute sizes about b, or a of an inner rod alone: fitted, or taken from the rig file."""
-        alone = all(setup.mounting == "inner" for setup in self.problem.segments.setups)
+        alone = only_inner(self.problem.segments.setups)
         share = alone_share(self.selection.chosen.fit.estimate.ratios)
         return self._scale_b.as_inertia("a", share) if alone else self._scale_b
 

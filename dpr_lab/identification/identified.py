@@ -33,6 +33,7 @@ from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.identification.uncertainty import RatioUncertainty, uncertainty
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+from dpr_lab.setup import only_inner
 from dpr_lab.shown import percent
 from dpr_lab.version import __version__
 
@@ -95,7 +96,7 @@ def identified_model(
     parameters, base = update_prior(sure.values, sure.of_runs, rig, ratio_fit.visible)
     scale, unknown = _scale(ratio_fit, sure, rig, base["b"]), ratio_fit.fit.estimate.ratios
     parameters, base = with_intervals(parameters, base, ratios, scale, unknown, rig, ratio_fit.visible)
-    alone = all(prepared.run.setup.mounting == "inner" for prepared in runs)
+    alone = only_inner(prepared.run.setup for prepared in runs)
     p_over_b = float(unknown[ON_ELBOW])
     std = dict.fromkeys(RATIOS, 0.0) | _of_ratios(sure.names, sure.cramer_rao_std)
     share = float(unknown[RATIOS.index("a/b")]) - p_over_b

@@ -10,9 +10,9 @@ from dpr_lab.workflows.events import OnEvent, ignore
 
 if TYPE_CHECKING:
     from dpr_lab.storage.inspect import RunInfo
+    from dpr_lab.storage.tables.asked import TableQuestion
     from dpr_lab.storage.tables.options import ImportOptions
     from dpr_lab.storage.tables.preview import Preview
-    from dpr_lab.storage.tables.questions import TableQuestion
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,16 +48,16 @@ def planned_rigs(poses: "dict[str, PlannedRelease]", rig: "Rig", to: Path) -> di
     return files
 
 
-Setup = tuple[str, str, str, str]
+RigSetup = tuple[str, str, str, str]
 """Mounted rods, elbow, added mass as a TOML table, and mode of the arm."""
 
 
-def _setup_of(rig: "Rig") -> Setup:
+def _setup_of(rig: "Rig") -> RigSetup:
     mass = rig.added_mass
     return rig.rods.mounted, rig.rods.elbow, "" if mass is None else _mass_table(mass.model_dump()), rig.arm.mode
 
 
-def _setup(release: "PlannedRelease", rig: "Rig") -> Setup:
+def _setup(release: "PlannedRelease", rig: "Rig") -> RigSetup:
     mass = "" if release.added_mass is None else _mass_table(release.added_mass.model_dump())
     mode = ARM_MODES[release.arm]
     held = release.arm == "held" and rig.arm.mode not in ("free", "driven")
@@ -68,7 +68,7 @@ def _mass_table(mass: dict[str, object]) -> str:
     return f'[added_mass]\nrod = "{mass["rod"]}"\nmass = {mass["mass"]}\nposition = {mass["position"]}\n'
 
 
-def _with_setup(text: str, setup: Setup, rig: "Rig") -> str:
+def _with_setup(text: str, setup: RigSetup, rig: "Rig") -> str:
     """A rig file with another setup; comments outside the replaced tables are kept."""
     from dpr_lab.rig import parse_rig
 

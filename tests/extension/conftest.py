@@ -44,7 +44,7 @@ class Copy:
         path.write_text("".join([*lines[:last], f"{imported}\n" if imported else "", *lines[last:]]), encoding="utf-8")
 
     def run(self, code: str, timeout: float = 600.0, *, cache: bool = False) -> str:
-        """What a program prints that works with this copy; `cache`: its kernels are others, and kept beside it."""
+        """What a program prints that works with this copy; `cache`: with a kernel cache of its own."""
         program = textwrap.dedent(code)
         environment = {**os.environ, "PYTHONPATH": str(self.folder)}
         environment |= {"NUMBA_CACHE_DIR": str(self.folder / "cache")} if cache else {}

@@ -90,17 +90,20 @@ def test_nor_does_it_on_a_drawn_rig_with_two_effects() -> None:
     assert_order_does_not_matter(record(draw_plant(parse_request("pair:clear"), plant, rig), rig), rig, seed)
 
 
-@pytest.mark.slow
-def test_a_move_leaves_the_state_as_it_was_and_repeats_itself(
-    bare: Callable[..., Any], screened: Callable[..., Any], recorded: Callable[..., list[Run]]
-) -> None:
+@pytest.fixture(scope="module")
+def sets(bare: Callable[..., Any], screened: Callable[..., Any], recorded: Callable[..., list[Run]]) -> FittedSets:
+    """The sets of a rig with two effects; only the bare model is fitted."""
     runs = recorded(TRUTHS["two effects"], duration=2.0)
     problem, base = bare(runs)
     library = {name: EFFECTS[name] for name in LIBRARY if EFFECTS[name].stage != "load"}
-    sets = FittedSets(screened(runs), problem, library, base, lambda event: None)
-    start = SearchState.bare(sets)
+    return FittedSets(screened(runs), problem, library, base, lambda event: None)
+
+
+@pytest.mark.slow
+def test_a_move_leaves_the_state_as_it_was_and_repeats_itself(sets: FittedSets) -> None:
+    start = SearchState.bare(sets, 2)
     grown = run((forward_selection(2),), sets, start)
-    assert dict(start.fits) == {frozenset(): base}
+    assert dict(start.fits) == {frozenset(): sets.bare}
     fits, fitted_more = dict(grown.fits), False
     for move in MOVES:
         one, other = apply(move, sets, grown), apply(move, sets, grown)
@@ -112,16 +115,10 @@ def test_a_move_leaves_the_state_as_it_was_and_repeats_itself(
 
 
 @pytest.mark.slow
-def test_no_move_exceeds_the_maximum_number_of_effects(
-    bare: Callable[..., Any], screened: Callable[..., Any], recorded: Callable[..., list[Run]]
-) -> None:
-    runs = recorded(TRUTHS["two effects"], duration=2.0)
-    problem, base = bare(runs)
-    library = {name: EFFECTS[name] for name in LIBRARY if EFFECTS[name].stage != "load"}
-    sets = FittedSets(screened(runs), problem, library, base, lambda event: None)
+def test_no_move_exceeds_the_maximum_number_of_effects(sets: FittedSets) -> None:
     state = run((forward_selection(2),), sets, SearchState.bare(sets, max_effects=1))
     assert len(state.current.effects) == 1
-    assert "more than 1 effects" in {trial.reason for trial in state.trace}
+    assert "more effects than the maximum number of 1" in {trial.reason for trial in state.trace}
 
 
 @pytest.mark.slow

@@ -27,6 +27,7 @@ from dpr_lab.gap.state import Advised, Supported
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.where.locate import Place, where_sentence
 from dpr_lab.gap.which.selected import TracedTrial
+from dpr_lab.setup import only_inner
 from dpr_lab.shown import listed
 
 Array = NDArray[np.float64]
@@ -45,7 +46,7 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
     whole = families(state.problem, state.selection, named)
     at, residuals = chosen.fit.estimate, chosen.residuals
     shown_ratios, of_ratios = determined(state)
-    alone = all(setup.mounting == "inner" for setup in state.problem.segments.setups)
+    alone = only_inner(state.problem.segments.setups)
     return Diagnosis(
         verdict=kind,
         sentence=sentence(kind, state.selection, state.posteriors, state.transfer, least, state.description)

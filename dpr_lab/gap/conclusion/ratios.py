@@ -9,6 +9,7 @@ from dpr_lab.gap.conclusion.uncertainty import by_unseen_ratios
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Advised
+from dpr_lab.setup import only_inner
 
 Array = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ def determined(state: Advised) -> tuple[dict[str, Interval], Array]:
         the ratios, and their (n, n) covariance
     """
     setups, at, rig = state.problem.segments.setups, state.selection.chosen.fit, state.recordings.rig
-    alone = all(setup.mounting == "inner" for setup in setups)
+    alone = only_inner(setups)
     of, places, divisors = {}, list[int](), list[float]()
     for place, parameter in enumerate(at.free):
         if (ratio := ratio_of(parameter, at.estimate, rig, alone=alone)) is not None:

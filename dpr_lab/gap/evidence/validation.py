@@ -25,7 +25,7 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import Budget, Curves, RunBudget
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FREE_RUN, FreeRuns
-from dpr_lab.identification.moving_arm.unknowns import UNIT_NAMES
+from dpr_lab.rig_tables import INPUT_UNITS
 
 Array = NDArray[np.float64]
 Pairs = Mapping[str, FreeSwing]
@@ -156,7 +156,7 @@ def _input(recordings: Recordings, swing: FreeSwing, t: Array) -> dict[str, Any]
         return {}
     at = np.searchsorted(run.t + run.input_delay_s, swing.record.t[0] + t, side="right") - 1
     values = np.round(run.arm_input[np.maximum(at, 0)], CURVE.digits)
-    return {"input": values.tolist(), "input_name": f"{motor.input} ({UNIT_NAMES[motor.input][0]})"}
+    return {"input": values.tolist(), "input_name": f"{motor.input} ({INPUT_UNITS[motor.input]})"}
 
 
 def _rounded(values: Array) -> Any:

@@ -44,6 +44,7 @@ from dpr_lab.gap.transfer.out_of_sample import block
 from dpr_lab.gap.where.discrepancy import RULES as DISCREPANCY
 from dpr_lab.gap.where.discrepancy import discrepancy_columns
 from dpr_lab.gap.which.selected import Selection
+from dpr_lab.setup import only_inner
 
 Array = NDArray[np.float64]
 
@@ -106,13 +107,12 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     varying = parts.varying()
     freed = float(parts.left_out([one.column for one in varying]).sum()) + sum(one.chance for one in varying)
     levels = [total, float(explained.sum()), float(unmodelled.sum()), freed]
-    alone = all(setup.mounting == "inner" for setup in problem.segments.setups)
-    shown = []
+    alone, shown = only_inner(problem.segments.setups), list[VaryingParameter]()
     for one in varying:
         parameter = after.free[after.inside[one.column]]
-        name, common, per = parameter.name, parameter.read(after.estimate), 1.0
-        if parameter.block == "ratios":
-            name, common, per = ratio_of(parameter, after.estimate, everything.rig, alone=alone) or (name, common, per)
+        of_rods = parameter.block == "ratios"
+        ratio = ratio_of(parameter, after.estimate, everything.rig, alone=alone) if of_rods else None
+        name, common, per = ratio or (parameter.name, parameter.read(after.estimate), 1.0)
         shown.append(one.shown(parameter.effect, name, common, PRIOR * parameter.size / per, names))
     return split(levels, noise, names, shown, "")
 

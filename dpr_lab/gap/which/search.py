@@ -53,15 +53,15 @@ class SearchState:
     """All sets that were fitted so far, including the bare model."""
     tests: Mapping[frozenset[str], ScoreTest]
     """The score tests on the fitted sets."""
+    max_effects: int
+    """Maximum number of effects in a set, in addition to those that every rig of this kind has."""
     trace: tuple[TracedTrial, ...] = ()
     """All trials so far, in order."""
-    max_effects: int = 4
-    """Maximum number of effects in a set, besides those that every rig of this kind has."""
 
     @classmethod
-    def bare(cls, sets: FittedSets, max_effects: int = 4) -> "SearchState":
+    def bare(cls, sets: FittedSets, max_effects: int) -> "SearchState":
         """The initial state of the search: the model without effects."""
-        return cls(sets.bare, sets.fits, sets.tests, max_effects=max_effects)
+        return cls(sets.bare, sets.fits, sets.tests, max_effects)
 
     def after(self, move: Move, proposal: Proposal, decision: Decision) -> "SearchState":
         """The state after a trial."""
@@ -102,13 +102,20 @@ def apply(move: Move, sets: FittedSets, state: SearchState) -> SearchState:
         before = state.current
         for proposal in move.propose(sets, before):
             decision = move.accept(sets, state.current, proposal)
-            if decision.accepted and follows_remainder(sets.bare, proposal.model, state.current):
-                decision = Decision(False, "the curve only fits the remainder of small unknown causes")
-            size, most = len(sets.unexpected(proposal.model)), len(sets.unexpected(state.current))
-            if decision.accepted and size > max(most, state.max_effects):
-                decision = Decision(False, f"more than {state.max_effects} effects")
+            if decision.accepted and (reason := _refusal(sets, state, proposal.model)):
+                decision = Decision(False, reason)
             state = state.after(move, proposal, decision)
             if decision.accepted and move.then != "go on":
                 break
         if move.then != "repeat" or state.current is before:
             return replace(state, fits=sets.fits, tests=sets.tests)
+
+
+def _refusal(sets: FittedSets, state: SearchState, model: Hypothesis) -> str:
+    """Reason why no move may replace the current set by this one; empty if there is none."""
+    if follows_remainder(sets.bare, model, state.current):
+        return "the curve only fits the remainder of small unknown causes"
+    size = len(sets.unexpected(model))
+    if size > max(state.max_effects, len(sets.unexpected(state.current))):
+        return f"more effects than the maximum number of {state.max_effects}"
+    return ""

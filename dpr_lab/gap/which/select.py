@@ -32,8 +32,6 @@ class Draft:
     """A search after forward selection, before the moves that refine the set."""
 
     sets: FittedSets
-    max_effects: int
-    """Maximum number of effects in a set."""
     state: SearchState
 
     @property
@@ -75,7 +73,7 @@ def refined(draft: Draft) -> Selection:
     bare = _better_bare_model(draft.sets.problem, selection)
     if bare is None:
         return selection
-    return _refined(_forward(draft.sets.from_bare(bare), draft.max_effects))
+    return _refined(_forward(draft.sets.from_bare(bare), draft.state.max_effects))
 
 
 def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | None:
@@ -94,7 +92,7 @@ def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | N
 def _forward(sets: FittedSets, max_effects: int) -> Draft:
     start = short_segments(max_effects) if far_from_noise(sets.bare) else START
     state = SearchState.bare(sets, max_effects)
-    return Draft(sets, max_effects, run((start, forward_selection(max_effects)), sets, state))
+    return Draft(sets, run((start, forward_selection(max_effects)), sets, state))
 
 
 def _refined(draft: Draft) -> Selection:

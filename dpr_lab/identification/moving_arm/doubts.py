@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.identification.moving_arm.fit import ArmFit, fit_moving_arm
 from dpr_lab.identification.moving_arm.problem import ArmRecording
-from dpr_lab.identification.moving_arm.unknowns import UNIT_NAMES, nominal_gain
+from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import INPUT_UNITS
 
 Array = NDArray[np.float64]
 
@@ -108,7 +109,8 @@ def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
     factor = gain / expected if expected else 1.0
     if 1 / DOUBTS.unit < factor < DOUBTS.unit:
         return []
-    unit, thousandth = UNIT_NAMES[motor.input]
+    unit = INPUT_UNITS[motor.input]
+    thousandth = f"m{unit}"
     values, scale = (f"{thousandth}, not {unit}", "0.001") if factor < 1 else (f"{unit}, not {thousandth}", "1000")
     return [
         f"the {motor.input} acts {factor:.2g} times as strongly as the rig file says: perhaps its values are {values};"

@@ -22,14 +22,6 @@ Array = NDArray[np.float64]
 GAINS = {"torque": "1/{}", "current": "kt/{}", "voltage": "kt/(R {})"}
 """Name of the gain of each input, divided by the scale."""
 
-UNIT_NAMES = {
-    "torque": ("N m", "mN m"),
-    "current": ("A", "mA"),
-    "voltage": ("V", "mV"),
-    "acceleration": ("rad/s²", "mrad/s²"),
-}
-"""Unit of each input, and the unit a thousand times smaller."""
-
 
 @dataclass(frozen=True, slots=True)
 class Unknowns:

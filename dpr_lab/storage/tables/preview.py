@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import INPUT_UNITS
+from dpr_lab.storage.tables.asked import TableQuestion
 from dpr_lab.storage.tables.columns import AXES
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import PLAUSIBLE
-from dpr_lab.storage.tables.questions import TableQuestion
 from dpr_lab.storage.tables.torques import PASSIVE
 from dpr_lab.storage.tables.understand import understand
 

@@ -1,27 +1,22 @@
 """Doubts about a table: it is refused if it cannot be used, and a warning names the option that may correct it."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.held_rods import FreePart
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, periods
 from dpr_lab.identification.misread.torque_balance import inertia_bounds, torque_balance
-from dpr_lab.rig import Rig
 from dpr_lab.shown import percent
+from dpr_lab.storage.tables.asked import SETTINGS, Asked, QuestionSettings, TableQuestion
 from dpr_lab.storage.tables.columns import TO_SECONDS
-from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.readings import SETTINGS as READ
 from dpr_lab.storage.tables.readings import (
     OtherReading,
     ReadTable,
-    Values,
     balanced_readings,
     better_readings,
     with_zeros,
@@ -32,113 +27,16 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class QuestionSettings:
-    """Limits beyond which an import warns or refuses."""
+class PushSettings:
+    """Limits for rods that are pushed."""
 
-    fewest_rows: int = 10
-    """Minimum number of rows of a swing; the noise estimate alone needs seven."""
-    few_rows: int = 100
-    """Number of rows below which the information is small."""
-    rows_a_period: float = 8.0
-    """Minimum number of rows per period of the faster small oscillation; large swings are faster."""
-    refused_rows_a_period: float = 2.0
-    """Number of rows per period below which a swing cannot be followed."""
-    still_share: float = 0.002
-    """Excursion of a rod relative to the other's, below which its column is considered constant: coupled rods always
-    move both.
-    """
-    stiff_rad: float = 0.02
-    """Range of joint 2 below which it is considered fixed, and the same relative to the excursion of the rods."""
-    unexplained: tuple[float, float] = (0.3, 0.8)
-    """Residual of the energy of a free and of a driven swing above which a warning is given: geared drives of real
-    rigs dissipate up to half of the exchanged energy by Coulomb friction.
-    """
-    time_scale: float = 1.6
-    """Factor of the times from kinetic and potential energy above which a warning is given."""
-    arm_rad: float = 0.05
-    """Motion of a clamped arm above which a warning is given; a brake and a column yield by less."""
-    other_unit: float = 30.0
-    """Value of the factor in `time_scale` above which the unit of time must be wrong."""
-    same_rig: float = 0.15
-    """Maximum residual of the torques with any L1 at which inertias are compared with the rig file."""
-    other_rig: float = 1.1
-    """Factor between an inertia over gravity and the nearest value that the rig file allows, above which a warning is
-    given. It is below 1.05 for free swings of the correct rig, 1.15 or more for another one of this repository.
-    """
-    energy_rows: int = 200_000
-    """Maximum number of rows for the energy test; a wrong interpretation is wrong from the start."""
-    pose: tuple[float, float] = (3.0, 10.0)
-    """Distance from the named pose, in units of its tolerance, above which a warning is given and above which the
-    table is refused.
-    """
+    hanging_rad: float = 0.03
+    """Distance from hanging at rest within which rods do not start to swing by themselves, rad."""
+    pushed_rad: float = 0.2
+    """Later excursion that shows that they were pushed, rad."""
 
 
-SETTINGS = QuestionSettings()
-
-
-@dataclass(frozen=True, slots=True)
-class TableQuestion:
-    """A doubt about a table."""
-
-    sentence: str
-    mend: tuple[str, ...] = ()
-    """Command-line options that correct it, if this is certain."""
-
-
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """A table with its interpretation."""
-
-    path: Path
-    rig: Rig
-    options: ImportOptions
-    columns: Mapping[str, str]
-    t: Array
-    """(n,) times including the rest before the release, s."""
-    theta: Array
-    """(n, 3) absolute angles, rad."""
-    values: Values
-    """(n,) values by axis, in the unit of the table."""
-    part: FreePart
-    torques: Array | None
-    """(n, 2) known torques, N m; None for a free swing."""
-    arm_moves: bool
-    """Whether the motion of the arm is prescribed."""
-    torque_columns: tuple[str, str]
-    """Names of the columns of the torques."""
-    ignored: tuple[str, Array] | None
-    """Kind and (n, 2) torques of the table that the options ignore, N m; None if there are none."""
-
-    @property
-    def free(self) -> bool:
-        """Whether only gravity and friction act."""
-        return self.torques is None and not self.arm_moves
-
-    @property
-    def prescribed(self) -> bool:
-        """Whether the arm or the inner rod is moved by an unknown torque."""
-        return self.arm_moves or self.options.inner == "prescribed"
-
-    @property
-    def swing(self) -> slice:
-        """Samples of the swing."""
-        return slice(self.part.start, self.part.stop)
-
-    @property
-    def rest(self) -> slice:
-        """Samples of the rest before it, or the first sample of the swing."""
-        return slice(self.part.rest, max(self.part.start, self.part.rest + 1))
-
-    def looked_at(self, settings: QuestionSettings) -> slice:
-        """Samples of the swing for the energy test."""
-        return slice(self.part.start, min(self.part.stop, self.part.start + settings.energy_rows))
-
-    def read(self, settings: QuestionSettings) -> ReadTable:
-        """The same samples as they are read."""
-        rows = self.looked_at(settings)
-        values = {axis: column[rows] for axis, column in self.values.items()}
-        torques = None if self.torques is None else self.torques[rows]
-        return ReadTable(self.path, self.rig, self.options, self.columns, self.t[rows], values, torques)
+PUSH = PushSettings()
 
 
 def questions(asked: Asked, settings: QuestionSettings = SETTINGS) -> list[TableQuestion]:
@@ -192,6 +90,26 @@ def _refuse_dead(asked: Asked, theta: Array, settings: QuestionSettings) -> None
         raise RunError(
             f"{asked.path}: theta1 ({names[0]!r}) is constant while theta2 turns by {most:.3g} rad. If the outer rod"
             " swung alone: --rods outer; otherwise name the column: --columns theta1=NAME"
+        )
+
+
+def refuse_push(asked: Asked, origin: float, settings: PushSettings = PUSH) -> None:
+    """Refuse rods that start to swing from the hanging rest without a known drive.
+
+    Raises:
+        RunError: they were pushed; the message names the option that excludes the push.
+    """
+    rest, start = asked.part.rest, asked.part.start
+    if start == rest or not asked.free:
+        return
+    hung = apart(np.median(asked.theta[rest:start, 1:], axis=0), np.array([np.pi, np.pi]))
+    if hung <= settings.hanging_rad and np.ptp(asked.theta[asked.swing, 1:], axis=0).max() > settings.pushed_rad:
+        begins = asked.t[start] - origin
+        raise RunError(
+            f"{asked.path}: the rods hang at rest until {begins:.4g} s after the first row and then swing:"
+            f" they were pushed by an unknown force. Exclude the push (--start-s {begins + 1:.4g}), or name"
+            f" the torques' columns"
+            " tau1_Nm, tau2_Nm; --keep-rest uses all rows"
         )
 
 

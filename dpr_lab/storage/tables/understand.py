@@ -20,12 +20,12 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import as_mounted
 from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.tables.arm_input import find_input, gain_note, refuse_silent, stated_arm
+from dpr_lab.storage.tables.asked import Asked, TableQuestion
 from dpr_lab.storage.tables.clock_wrap import continues_across, unwrapped_times, wrap_behind
 from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, with_still_joint2
 from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
 from dpr_lab.storage.tables.plausible import PLAUSIBLE, check_spacing, gap_notes, outliers, recorded_by_stamps
-from dpr_lab.storage.tables.pushed import refuse_push
-from dpr_lab.storage.tables.questions import Asked, TableQuestion, questions
+from dpr_lab.storage.tables.questions import questions, refuse_push
 from dpr_lab.storage.tables.readings import TO_RADIANS, angles, wrap_notes
 from dpr_lab.storage.tables.table import Table
 from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, held_torque, torque_column

@@ -362,19 +362,16 @@ def _far(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
         Bars([(name, max(share, 0.0), interval, percent(share, 1)) for name, share, interval in shares], top=1.0),
     ]
     if not gap.waterfall:
-        closing = [
-            f"\n{'There is no gap' if diagnosis.verdict == 'no_gap' else 'No effect is named'}, so there"
-            f" is no gap reduction"
-        ]
+        why = "There is no gap" if diagnosis.verdict == "no_gap" else "No effect is named"
+        closing = [f"\n{why}, so there is no gap reduction"]
     if parts := repeatability_parts(diagnosis):
         closing += [
             f"\nShares of the mean squared residual. {' '.join(repeatability_sentences(diagnosis))}",
             Bars([(label, share, None, percent(share, 1)) for label, share in parts], top=1.0),
         ]
     return Group(
-        f"Gap per reading ({unit.small} rms, segments of 0.5 s) and share of the excess explained, as effects"
-        f" are added."
-        f" Each bar is the part above the noise floor of {three(floor)}",
+        f"Gap per reading ({unit.small} rms, segments of 0.5 s) and share of the excess explained, as effects are"
+        f" added. Each bar is the part above the noise floor of {three(floor)}",
         Bars(steps),
         *closing,
         "",

@@ -115,7 +115,7 @@ async def test_length_and_repeats_are_chosen_by_keys(app: DprApp, until) -> None
 
 
 async def test_the_page_asks_for_what_is_left_to_do(app: DprApp, monkeypatch: pytest.MonkeyPatch) -> None:
-    # The latch was told to close that was closed, and red arrows turned rods that had nowhere to go any more.
+    # The screen once closed a latch that was closed, and its arrows pointed beyond the pose.
     monkeypatch.setattr(Sighting, "fresh", lambda *_: True)
     async with app.run_test(size=(80, 24)) as pilot:
         app.device.connected = Connected(SIM, DeviceInfo("1.0.0", "1", (16384, 16384, 16384), 4000, 1000), 1000, (), "")
