@@ -4,6 +4,7 @@ A page is a single file: figures are embedded and nothing is loaded from elsewhe
 """
 
 import base64
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -158,8 +159,9 @@ def _environment() -> Environment:
 
 
 def _printable(value: Any) -> Any:
-    """Spell out control characters of a text that is not markup; Jinja2 escapes it afterwards."""
-    return printable(value) if isinstance(value, str) and not hasattr(value, "__html__") else value
+    """Spell out control characters of a text that is not markup, and keep "98 %" in one line; Jinja2 escapes later."""
+    is_text = isinstance(value, str) and not hasattr(value, "__html__")
+    return re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", printable(value)) if is_text else value
 
 
 def write_page(page: str, path: Path) -> Path:
