@@ -150,8 +150,8 @@ class ChildProgram:
 
 def _insist(ways: Sequence[Callable[[], None]], ended: Callable[[], bool]) -> None:
     """Try several ways to end a process in turn until one succeeds."""
-    for way in ways:
-        way()
+    for method in ways:
+        method()
         if ended():
             return
 

@@ -86,9 +86,9 @@ def _keys_of(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
     """Keys that a table of a file may have; tables of free names and lists lead to the tables in them."""
     models = {model}
     for part in place:
-        fields = [one.model_fields[part].annotation for one in models if part in one.model_fields]
+        fields = [table.model_fields[part].annotation for table in models if part in table.model_fields]
         models = {inner for field in fields for inner in _models_in(field)} or models
-    return sorted({key for one in models for key in one.model_fields})
+    return sorted({key for table in models for key in table.model_fields})
 
 
 def _models_in(annotation: Any) -> set[type[BaseModel]]:

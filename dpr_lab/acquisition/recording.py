@@ -252,8 +252,8 @@ class Recording:
         """Close the file as an incomplete run with a reason; a finished file is not changed."""
         if self._finished:
             return
-        seen = len(self.samples) > 0
-        cut = self.run(complete=False) if seen else None
+        has_samples = len(self.samples) > 0
+        cut = self.run(complete=False) if has_samples else None
         report = judge(cut, self.rig, 0.0, self._hanging, self._limits, self._word) if cut is not None else None
         with unbroken():
             self._writer.abort(reason, self._summary(report))

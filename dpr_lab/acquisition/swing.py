@@ -113,11 +113,11 @@ class SwingRecorder:
                 with suppress(RunError):
                     recording.note_clock(*self.device.clock())
                     recording.abort(reason)
-                kept = f"the data recorded so far are kept in {path}"
+                data_kept = f"the data recorded so far are kept in {path}"
                 if isinstance(error, KeyboardInterrupt):
-                    raise KeyboardInterrupt(f"{STOPPED}; {kept}") from error
+                    raise KeyboardInterrupt(f"{STOPPED}; {data_kept}") from error
                 if isinstance(error, DprError) and not isinstance(error, RunError):  # whose message names the file
-                    raise type(error)(f"{error}; {kept}") from error
+                    raise type(error)(f"{error}; {data_kept}") from error
                 raise
             tick, measured = recording.release_tick or 0, recording.pose_measured
             return Captured(path, report, tick, recording.t, recording.lost, measured)

@@ -39,13 +39,13 @@ def _hash(package: Path, added: str) -> str:
 
 
 def compare_code(
-    certified: MadeWith, here: Mapping[str, str], *, other_code: bool, same_libraries: bool
+    certified: MadeWith, current: Mapping[str, str], *, other_code: bool, same_libraries: bool
 ) -> list[Verified]:
     """Compare code and libraries with those of a certificate; the machine may differ.
 
     Args:
         certified: versions in the certificate
-        here: versions of the running code (`made_with`)
+        current: versions of the running code (`made_with`)
         other_code: whether version and hash of the code may differ
         same_libraries: whether Python and the libraries must be equal
     """
@@ -53,7 +53,7 @@ def compare_code(
     reasons = {} if other_code else dict.fromkeys(CODE, code)
     if same_libraries:
         reasons |= dict.fromkeys(LIBRARIES, "the certificate names another version")
-    versions = [(name, getattr(certified, name), here[name], reason) for name, reason in reasons.items()]
+    versions = [(name, getattr(certified, name), current[name], reason) for name, reason in reasons.items()]
     return [
         Verified(f"made with: {name}", version, now, version == now, "" if version == now else reason)
         for name, version, now, reason in versions

@@ -15,8 +15,10 @@ def choices_of(certificate: Certificate) -> list[Declared]:
     choices, recordings = certificate.choices, certificate.recordings
     library, without = choices.library, ", ".join(choices.without)
     return [
-        Declared("fitted recordings", ", ".join(each.file for each in recordings if not each.held_out)),
-        Declared("held-out recordings", ", ".join(each.file for each in recordings if each.held_out) or "none"),
+        Declared("fitted recordings", ", ".join(recording.file for recording in recordings if not recording.held_out)),
+        Declared(
+            "held-out recordings", ", ".join(recording.file for recording in recordings if recording.held_out) or "none"
+        ),
         Declared("rig file", f"{certificate.rig.file} (SHA-256 {certificate.rig.sha256[:12]})"),
         Declared("library", EVERYTHING) if library is None else _not_default("library", ", ".join(library), EVERYTHING),
         _choice("excluded effects", without or "none", "none"),
@@ -35,19 +37,19 @@ def _not_default(name: str, value: str, default: str) -> Declared:
     return Declared(name, value, f"default: {default}")
 
 
-def origin_of(certificate: Certificate, here: Mapping[str, str]) -> list[Declared]:
+def origin_of(certificate: Certificate, current: Mapping[str, str]) -> list[Declared]:
     """Origin of a diagnosis: policy, code, libraries, machine and signature.
 
     Args:
         certificate: the certificate
-        here: versions of the running code (`dpr_lab.certificate.code.made_with`); notes give those that differ
+        current: versions of the running code (`dpr_lab.certificate.code.made_with`); notes give those that differ
     """
-    return [Declared("policy", str(certificate.policy)), *_made_with(certificate, here), _signed(certificate)]
+    return [Declared("policy", str(certificate.policy)), *_made_with(certificate, current), _signed(certificate)]
 
 
-def _made_with(certificate: Certificate, here: Mapping[str, str]) -> Iterator[Declared]:
+def _made_with(certificate: Certificate, current: Mapping[str, str]) -> Iterator[Declared]:
     for name, value in certificate.made_with.model_dump().items():
-        yield Declared(f"made with: {name}", value, "" if value == here[name] else f"here: {here[name]}")
+        yield Declared(f"made with: {name}", value, "" if value == current[name] else f"here: {current[name]}")
 
 
 def _signed(certificate: Certificate) -> Declared:

@@ -80,8 +80,8 @@ def required_claims(diagnosis: Diagnosis, acceptance: Acceptance | None = None) 
 
 def _limit_claims(acceptance: Acceptance) -> dict[str, RequiredClaim]:
     """The result of each limit, and of all of them; the limits file, which has a hash, contains the bounds."""
-    each = {f"limit of {limit.quantity}": _text(limit.answer) for limit in acceptance.limits}
-    return each | {"all limits": _text(acceptance.answer)}
+    claims = {f"limit of {limit.quantity}": _text(limit.answer) for limit in acceptance.limits}
+    return claims | {"all limits": _text(acceptance.answer)}
 
 
 def _effect_claims(effect: NamedEffect, scale: Scale | None) -> Iterator[tuple[str, RequiredClaim]]:

@@ -80,7 +80,7 @@ def hypotheses(diagnosis: Diagnosis, about: str) -> dict[str, float]:
 
 
 def _done(diagnosis: Diagnosis, about: str) -> list[CheckDone]:
-    return [one for one in diagnosis.checks_done if one.check.about == about]
+    return [done for done in diagnosis.checks_done if done.check.about == about]
 
 
 def _named(diagnosis: Diagnosis, about: str) -> NamedEffect:
@@ -102,7 +102,9 @@ def posterior(
         log_joint = np.log(p) + L
     after = np.exp(log_joint - np.logaddexp.reduce(log_joint))
     others = [np.arange(len(names)) != k for k in range(len(names))]
-    factors = [(L[k] - log_mean(L[rest], p[rest])) / np.log(10) for k, rest in enumerate(others)]
+    factors = [
+        (L[k] - log_mean(L[alternatives], p[alternatives])) / np.log(10) for k, alternatives in enumerate(others)
+    ]
     return dict(zip(names, after.tolist(), strict=True)), dict(zip(names, factors, strict=True))
 
 
@@ -149,10 +151,10 @@ def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
 def _reweighed(check: AdvisedCheck, done: CheckDone) -> AdvisedCheck:
     if check.about != done.check.about:
         return check
-    own = check.measures or check.about
-    rest = [name for name in check.splits if name != own]
+    target = check.measures or check.about
+    alternatives = [name for name in check.splits if name != target]
     before, after = (
-        expected_bits([p.get(own, 0.0), sum(p.get(name, 0.0) for name in rest)], np.inf)
+        expected_bits([p.get(target, 0.0), sum(p.get(name, 0.0) for name in alternatives)], np.inf)
         for p in (done.before, done.after)
     )
     return check.model_copy(update={"expected_bits": check.expected_bits * (after / before if before > 0 else 0.0)})
@@ -160,7 +162,11 @@ def _reweighed(check: AdvisedCheck, done: CheckDone) -> AdvisedCheck:
 
 def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:
     """Probability that some cause is outside the library: the largest of the named effects, checked or not."""
-    checked = {one.check.about: one.after[NONE_OF_THEM] for one in diagnosis.checks_done if NONE_OF_THEM in one.after}
+    checked = {
+        previous.check.about: previous.after[NONE_OF_THEM]
+        for previous in diagnosis.checks_done
+        if NONE_OF_THEM in previous.after
+    }
     checked[done.check.about] = done.after[NONE_OF_THEM]
     unchecked = any(effect.name not in checked for effect in diagnosis.effects)
     return max([*checked.values(), *([diagnosis.probabilities.get(NONE_OF_THEM, 0.0)] if unchecked else [])])
@@ -179,10 +185,10 @@ def _standing(
     """Named effects and alternatives; members of a class that a check separated become alternatives."""
     named = _named(diagnosis, about)
     whole = sum(after[name] for name in named.members)
-    kept = [name for name in named.members if after[name] > SETTINGS.dropped * whole]
-    kept = kept if about in kept else [about]
-    split = [name for name in named.members if name not in kept]
-    standing = named.model_copy(update={"members": kept, "probability": sum(after[name] for name in kept)})
+    members = [name for name in named.members if after[name] > SETTINGS.dropped * whole]
+    members = members if about in members else [about]
+    split = [name for name in named.members if name not in members]
+    standing = named.model_copy(update={"members": members, "probability": sum(after[name] for name in members)})
     effects = [standing if effect.name == about else effect for effect in diagnosis.effects]
     rivals = [
         rival.model_copy(update={"probability": after[rival.name]}) if rival.instead_of == about else rival

@@ -102,9 +102,9 @@ def _operator(*, ask: bool) -> "Confirm":
 def _record(captured: "Captured") -> dict[str, Any]:
     from dpr_lab.storage.inspect import info
 
-    kept = asdict(info(captured.run_file))
+    summary = asdict(info(captured.run_file))
     names = ("file", "pose", "samples", "duration_s", "release_tick", "lost", "pose_measured_rad", "sha256")
-    return {name: kept[name] for name in names} | {
+    return {name: summary[name] for name in names} | {
         "ok": captured.quality.ok,
         "verdict": captured.quality.to_json(),
     }

@@ -134,16 +134,20 @@ def verify(
 def _show_verified(done: "VerifiedCertificate") -> None:
     _show_declared("Choices: declared, not verified", done.choices)
     _show_declared("Origin: declared by the certificate", done.origin)
-    files = [[each.claim, _cell(each.certified), _cell(each.now), _held(each)] for each in done.lines if _is_file(each)]
+    files = [
+        [checked.claim, _cell(checked.certified), _cell(checked.now), _held(checked)]
+        for checked in done.lines
+        if _is_file(checked)
+    ]
     table("Files and signature", ["what", "certified", "now", "result"], files)
     claims = [
-        [each.claim, _cell(each.certified), _cell(each.now), _tolerance(each.within), _held(each)]
-        for each in done.lines
-        if not _is_file(each)
+        [checked.claim, _cell(checked.certified), _cell(checked.now), _tolerance(checked.within), _held(checked)]
+        for checked in done.lines
+        if not _is_file(checked)
     ]
     if claims:
         table("Claims", ["claim", "certified", "now", "tolerance", "result"], claims)
-    broken = [each.claim for each in done.lines if not each.holds]
+    broken = [checked.claim for checked in done.lines if not checked.holds]
     if broken:
         line(f"Not confirmed: {', '.join(broken)}.")
         return
@@ -163,7 +167,7 @@ def _show_verified(done: "VerifiedCertificate") -> None:
 
 
 def _show_declared(title: str, declared: "Sequence[Declared]") -> None:
-    table(title, ["what", "value", "note"], [[each.name, each.value, each.note] for each in declared])
+    table(title, ["what", "value", "note"], [[entry.name, entry.value, entry.note] for entry in declared])
 
 
 def _is_file(checked: "Verified") -> bool:

@@ -28,15 +28,17 @@ def conform(
     refuse_with_rods(rods_off)
     exchanges: list[Conformity] = []
     with Listener(), closing(open_transport(link)) as opened, progress("conform", None) as bar:
-        for one in conformity(opened):
-            exchanges.append(one)
-            bar(None, one.what)
-    ok = all(one.ok for one in exchanges)
+        for exchange in conformity(opened):
+            exchanges.append(exchange)
+            bar(None, exchange.what)
+    ok = all(exchange.ok for exchange in exchanges)
     if as_json:
-        checks = [asdict(one) | {"said": one.message} for one in exchanges]  # `said` is the key in earlier versions
+        checks = [
+            asdict(exchange) | {"said": exchange.message} for exchange in exchanges
+        ]  # `said` is the key in earlier versions
         emit({"link": link, "ok": ok, "checks": checks})
     else:
-        rows = [(one.what, "ok" if one.ok else "wrong", one.message) for one in exchanges]
+        rows = [(exchange.what, "ok" if exchange.ok else "wrong", exchange.message) for exchange in exchanges]
         table(f"Conformity of {link}", ("check", "", "result"), rows)
     if not ok:
         raise typer.Exit(1)

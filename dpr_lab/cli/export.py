@@ -176,8 +176,8 @@ def show_replays(name: str, replays: "Sequence[FileReplay]") -> None:
             del kinds["with passive forces"]
         columns = ("run", "until, s", *(f"{name}, mrad" for name in kinds))
         rows = [
-            (each.run, f"{each.until_s:.3g}", *(f"{1e3 * getattr(each, kind):.3g}" for kind in kinds.values()))
-            for each in replays
+            (replay.run, f"{replay.until_s:.3g}", *(f"{1e3 * getattr(replay, kind):.3g}" for kind in kinds.values()))
+            for replay in replays
         ]
         note = (
             "Errors of free runs. The file cannot contain all effects; the error after the change minus the error"

@@ -73,9 +73,9 @@ def import_table(
 
 def _with_options(command: Callable[..., None]) -> inspect.Signature:
     """Signature of the command: the rig and one option for each field of `ImportOptions`."""
-    own = inspect.signature(command)
-    file, rig, *others, _ = own.parameters.values()
-    return own.replace(parameters=[file, rig, *map(_parameter, typed_options()), *others])
+    signature = inspect.signature(command)
+    file, rig, *others, _ = signature.parameters.values()
+    return signature.replace(parameters=[file, rig, *map(_parameter, typed_options()), *others])
 
 
 def _parameter(option: TypedOption) -> inspect.Parameter:
@@ -101,9 +101,9 @@ def _options(typed: Mapping[str, Any]) -> ImportOptions:
             values["recorded_at"] = parse_recorded_at(values["recorded_at"])
         return ImportOptions(**values)
     except ValueError as error:
-        name, space, rest = str(error).partition(" ")
+        name, space, message = str(error).partition(" ")
         name = f"--{name.replace('_', '-')}" if name in typed else name
-        raise typer.BadParameter(f"{name}{space}{rest}") from error
+        raise typer.BadParameter(f"{name}{space}{message}") from error
 
 
 import_table.__signature__ = _with_options(import_table)  # pyright: ignore[reportFunctionMemberAccess]

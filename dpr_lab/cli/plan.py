@@ -70,8 +70,10 @@ def show(made: "Plan") -> None:
     line(made.sentence)
     columns = ("release", "what to record", "reason", "minutes", "horizon, s", "information, bits", "P(decided)")
     if made.releases:
-        table("What to record, in this order", columns, [_row(one) for one in made.releases], note=HORIZON)
-    if pairs := [(str(one.number), *pair.causes, f"{pair.bits:.2f}") for one in made.releases for pair in one.pairs]:
+        table("What to record, in this order", columns, [_row(release) for release in made.releases], note=HORIZON)
+    if pairs := [
+        (str(release.number), *pair.causes, f"{pair.bits:.2f}") for release in made.releases for pair in release.pairs
+    ]:
         table("Undecided causes", ("after release", "cause", "or", "expected bits"), pairs)
     if made.releases:
         last = made.releases[-1].ratio_std
@@ -80,26 +82,36 @@ def show(made: "Plan") -> None:
         _show_detectable(made)
     if made.limits:
         rows = [
-            (one.quantity, "" if one.reach is None else f"{one.reach:.2g}", one.unit, "yes" if one.decides else "no")
-            for one in made.limits
+            (
+                release.quantity,
+                "" if release.reach is None else f"{release.reach:.2g}",
+                release.unit,
+                "yes" if release.decides else "no",
+            )
+            for release in made.limits
         ]
         table("Limits of the rig", ("quantity", "undecided range", "unit", "decidable after the plan"), rows)
-    for one in made.inseparable:
-        line(f"No release separates {' from '.join(one.causes)}. {one.check}")
+    for release in made.inseparable:
+        line(f"No release separates {' from '.join(release.causes)}. {release.check}")
     if made.releases:
         line(f"{made.minutes:.1f} minutes at the rig.")
 
 
-def _row(one: "PlannedRelease") -> tuple[str, ...]:
-    decided = "" if one.decided is None else f"{one.decided:.2f}"
-    figures = (f"{one.minutes:.1f}", f"{one.horizon_s:.1f}", f"{one.library_bits:.2f}", decided)
-    return (str(one.number), one.text, one.reason, *figures)
+def _row(release: "PlannedRelease") -> tuple[str, ...]:
+    decided = "" if release.decided is None else f"{release.decided:.2f}"
+    figures = (f"{release.minutes:.1f}", f"{release.horizon_s:.1f}", f"{release.library_bits:.2f}", decided)
+    return (str(release.number), release.text, release.reason, *figures)
 
 
 def _show_detectable(made: "Plan", most: int = 12) -> None:
     """The amplitudes that are hardest to detect with the plan, relative to their typical size."""
-    worst = sorted(made.detectable, key=lambda one: -(float("inf") if one.after is None else one.after / one.typical))
-    rows = [(one.effect, one.parameter, _size(one.before), _size(one.after), one.unit) for one in worst[:most]]
+    worst = sorted(
+        made.detectable, key=lambda effect: -(float("inf") if effect.after is None else effect.after / effect.typical)
+    )
+    rows = [
+        (effect.effect, effect.parameter, _size(effect.before), _size(effect.after), effect.unit)
+        for effect in worst[:most]
+    ]
     note = f"{len(made.detectable)} amplitudes in total; the table lists those that are hardest to detect. {NOT_SEEN}"
     table("Minimum detectable size", ("effect", "amplitude", "now", "after the plan", "unit"), rows, note=note)
 

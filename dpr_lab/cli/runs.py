@@ -88,11 +88,11 @@ def recover(
     from dpr_lab.storage.inspect import recover as recover_run
 
     recover_run(file, out)
-    kept = asdict(inspect_run(out))
+    summary = asdict(inspect_run(out))
     if as_json:
-        emit({"out": str(out), **kept})
+        emit({"out": str(out), **summary})
     else:
-        line(f"{out}: {kept['samples']} samples, {kept['duration_s']:.3f} s recovered")
+        line(f"{out}: {summary['samples']} samples, {summary['duration_s']:.3f} s recovered")
 
 
 @app.command()
@@ -166,7 +166,7 @@ def _each(
                 show(summaries[-1])
     if json:
         emit(summaries if len(files) > 1 else summaries[0])
-    if not all(one.get("ok", "error" not in one) for one in summaries):
+    if not all(summary.get("ok", "error" not in summary) for summary in summaries):
         raise typer.Exit(RunError.exit_code)
 
 

@@ -182,14 +182,14 @@ def strategy_rows(strategies: dict[str, dict[str, Any]]) -> list[tuple[str, ...]
     return [
         (
             name,
-            str(one["trials"]),
-            f"{one['median_releases']:g}",
-            f"{one['mean_releases']:.2f}",
-            f"{one['decided']:.2f}",
-            f"{one['right_when_stopped']:.2f}",
-            f"{one['forecast_calibration_error']:.2f}" if one["forecasts"] else "",
+            str(summary["trials"]),
+            f"{summary['median_releases']:g}",
+            f"{summary['mean_releases']:.2f}",
+            f"{summary['decided']:.2f}",
+            f"{summary['right_when_stopped']:.2f}",
+            f"{summary['forecast_calibration_error']:.2f}" if summary["forecasts"] else "",
         )
-        for name, one in strategies.items()
+        for name, summary in strategies.items()
     ]
 
 

@@ -41,7 +41,11 @@ def estimate_each_arm(runs: Sequence[Run], rig: Rig, clearest: float = 0.5) -> E
     clear = np.isfinite(estimates).all(axis=0) & (std <= clearest * scale).all(axis=0)
     if not clear.any():
         raise RunError("no ratio is determined by every one of these runs: record longer or larger swings")
-    kept = tuple(name for name, seen in zip(names, clear, strict=True) if seen)
+    determined = tuple(name for name, is_clear in zip(names, clear, strict=True) if is_clear)
     return Estimates(
-        tuple(run.name for run in runs), tuple(run.pose or "" for run in runs), kept, estimates[:, clear], std[:, clear]
+        tuple(run.name for run in runs),
+        tuple(run.pose or "" for run in runs),
+        determined,
+        estimates[:, clear],
+        std[:, clear],
     )

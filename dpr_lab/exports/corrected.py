@@ -101,7 +101,7 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
             for run in runs
         ],
         p_over_b=diagnosis.p_over_b,
-        effects={name: own for name, own in effects.items() if not EFFECTS[name].event},
+        effects={name: parameters for name, parameters in effects.items() if not EFFECTS[name].event},
         warnings=[] if diagnosis.verdict in ("named", "no_gap") else [diagnosis.sentence],
         version=__version__,
     )
@@ -109,21 +109,27 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
 
 def _alone(diagnosis: Diagnosis, five: Sequence[EstimatedValue], rig: Rig) -> dict[str, EstimatedValue]:
     """e1/a and c1/a of the inner rod alone with the intervals of the diagnosis."""
-    own = ratios_alone(five, diagnosis.p_over_b or 0.0, rig.g / rig.L1)
-    ends = {name: diagnosis.determined[name].interval90 for name in own if name in diagnosis.determined}
-    return {name: one.model_copy(update={"interval90": ends.get(name, one.interval90)}) for name, one in own.items()}
+    alone = ratios_alone(five, diagnosis.p_over_b or 0.0, rig.g / rig.L1)
+    ends = {name: diagnosis.determined[name].interval90 for name in alone if name in diagnosis.determined}
+    return {
+        name: estimate.model_copy(update={"interval90": ends.get(name, estimate.interval90)})
+        for name, estimate in alone.items()
+    }
 
 
 def significant_values(diagnosis: Diagnosis) -> tuple[NDArray[np.float64], dict[str, dict[str, float]]]:
     """(7,) ratios, b and p/b, and the effects, without insignificant amplitudes."""
     fitted = {name: interval.value for name, interval in diagnosis.all_ratios.items()} | {
-        f"{name}.{key}": value for name, own in diagnosis.model_effects.items() for key, value in own.items()
+        f"{name}.{key}": value
+        for name, parameters in diagnosis.model_effects.items()
+        for key, value in parameters.items()
     }
     values = _without_insignificant(diagnosis, fitted)
     unknown = diagnosis.unknowns
     unknown[: len(RATIOS)] = [values[name] for name in RATIOS]
     return unknown, {
-        name: {key: values[f"{name}.{key}"] for key in own} for name, own in diagnosis.model_effects.items()
+        name: {key: values[f"{name}.{key}"] for key in parameters}
+        for name, parameters in diagnosis.model_effects.items()
     }
 
 
@@ -143,6 +149,8 @@ def _without_insignificant(diagnosis: Diagnosis, fitted: Mapping[str, float]) ->
 
 def _insignificant(effect: NamedEffect) -> set[str]:
     """Amplitudes whose interval contains zero; none if no other amplitude is left."""
-    own = {p.name for p in EFFECTS[effect.name].amplitudes} & set(effect.parameters)
-    chance = {key for key in own if effect.parameters[key].interval90[0] <= 0 <= effect.parameters[key].interval90[1]}
-    return chance if chance != own else set()
+    amplitudes = {p.name for p in EFFECTS[effect.name].amplitudes} & set(effect.parameters)
+    chance = {
+        key for key in amplitudes if effect.parameters[key].interval90[0] <= 0 <= effect.parameters[key].interval90[1]
+    }
+    return chance if chance != amplitudes else set()

@@ -101,10 +101,10 @@ def yardstick(model: AnyModel, runs: Sequence[Run], rig: Rig) -> Yardstick:
     if not runs:
         raise RunError("no run can be replayed")
     pieces, held_out, _ = in_pieces(runs, [])
-    seen = tuple((held_out or pieces)[: REPLAY_RULE.most])
-    own = replays(seen, rig, model)
+    replayed = tuple((held_out or pieces)[: REPLAY_RULE.most])
+    corrected = replays(replayed, rig, model)
     bare = bare_model(model, runs, rig) if model.effects else model
-    return Yardstick(rig, seen, model, bare, own, replays(seen, rig, bare, own))
+    return Yardstick(rig, replayed, model, bare, corrected, replays(replayed, rig, bare, corrected))
 
 
 def _rms(squares: Sequence[float]) -> float:

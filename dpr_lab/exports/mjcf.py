@@ -224,13 +224,13 @@ def passive(
     more |= {"reduced_rods": reduced_rods, "with_arm": with_arm, "called_torques": effect_torques}
     if moving:
         more |= {"called_arm_torques": arm_torques, "called_arm_drives": arm_drives, "called_whole": whole_torques}
-    own = partial(of_effects, effects=called)
-    text = module_text(model, rig, more, {name: own for name in more if name.startswith("called_")})
-    joints = {number: each for number, *each in zip((1, 2), place.joints, place.upright, place.sign, strict=True)}
+    effects_of = partial(of_effects, effects=called)
+    text = module_text(model, rig, more, {name: effects_of for name in more if name.startswith("called_")})
+    joints = {number: terms for number, *terms in zip((1, 2), place.joints, place.upright, place.sign, strict=True)}
     joints = ({0: ["joint0", 0.0, 1.0]} if moving else {}) | (joints if outer else {1: joints[1]})
     return text + _CALLBACK.format(
         friction=rest_friction({name: model.effects[name] for name in called}, rig),
-        joints={number: tuple(each) for number, each in joints.items()},
+        joints={number: tuple(terms) for number, terms in joints.items()},
         gravity=place.gravity,
         file=place.name,
         mode=FREE if moving else CLAMPED,
@@ -247,11 +247,11 @@ def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float, float]:
     hanging = motion_of(0.0, (0.0, math.pi, math.pi), (0.0, 0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
     weights = (constants.m1 + constants.m2 + constants.mb) * constants.g, constants.m2 * constants.g
     hanging = under_load(hanging, *weights)
-    both = [
+    lines = [
         (dry_limit0(hanging, push, params, active), *dry_limits(hanging, push, push, params, active))
         for push in (1.0, -1.0)
     ]
-    arm, joint1, joint2 = np.min(both, axis=0).tolist()
+    arm, joint1, joint2 = np.min(lines, axis=0).tolist()
     return arm, joint1, joint2
 
 

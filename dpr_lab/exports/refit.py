@@ -123,9 +123,9 @@ def _bare_fit(model: AnyModel, runs: Sequence[Run], rig: Rig) -> tuple[Problem, 
 
 def _without(model: AnyModel, lost: frozenset[str], words: frozenset[str]) -> dict[str, dict[str, float]]:
     """Remaining effects, and simpler ones in place of the lost effects."""
-    kept = {name: values for name, values in known_effects(model.effects).items() if name not in lost}
-    stand_ins = {name for gone in sorted(lost) for name in _simpler(EFFECTS[gone], words)} - set(kept)
-    return kept | {name: _typical(EFFECTS[name]) for name in sorted(stand_ins)}
+    remaining = {name: values for name, values in known_effects(model.effects).items() if name not in lost}
+    stand_ins = {name for gone in sorted(lost) for name in _simpler(EFFECTS[gone], words)} - set(remaining)
+    return remaining | {name: _typical(EFFECTS[name]) for name in sorted(stand_ins)}
 
 
 def _simpler(effect: Effect, words: frozenset[str]) -> set[str]:

@@ -71,4 +71,4 @@ def replayed(name: str, model: AnyModel, rig: Rig, swings: Sequence[Replay]) -> 
         simulate = export.runs_in(Path(folder) / export.main, model, rig)
         joints = [simulate(swing) for swing in swings]
     to_rods = rig.encoders.joint_angles.to_rods
-    return [np.column_stack([each[:, :-2], to_rods(each[:, -2:])]) for each in joints]
+    return [np.column_stack([trajectory[:, :-2], to_rods(trajectory[:, -2:])]) for trajectory in joints]

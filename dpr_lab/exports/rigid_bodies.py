@@ -62,11 +62,11 @@ class Bodies:
 
 def words_of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]:
     """Elements of the effects of one joint (0 or 1, -1 for the arm); no two effects may use the same element."""
-    own: dict[str, Any] = {}
+    of_joint: dict[str, Any] = {}
     for name, words in expressed.items():
         if EFFECTS[name].joints == (joint,):
-            own |= words
-    return own
+            of_joint |= words
+    return of_joint
 
 
 def rod_about_joint(

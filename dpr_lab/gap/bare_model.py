@@ -49,23 +49,23 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
     if steady is not recordings:
         recordings, short, first = _fitted_in_short_segments(steady, start)
     ratios = first.estimate.ratios
-    kept = recordings.arm_moves or any(setup.torques for setup in short.segments.setups)
-    b = float(ratios[SCALE]) if kept else assumed_b(ratios, recordings.rig).value
+    driven = recordings.arm_moves or any(setup.torques for setup in short.segments.setups)
+    b = float(ratios[SCALE]) if driven else assumed_b(ratios, recordings.rig).value
     recordings = recordings.without(short, lone_readings(short, first.estimate))
-    at = first.estimate.changed(ratios=with_scale(ratios, b))
-    recordings = replace(recordings, ratios=None if recordings.exact_torques else at.ratios)
-    problem, bare = lengthened(recordings, short, at, recordings.working_length)
+    estimate = first.estimate.changed(ratios=with_scale(ratios, b))
+    recordings = replace(recordings, ratios=None if recordings.exact_torques else estimate.ratios)
+    problem, bare = lengthened(recordings, short, estimate, recordings.working_length)
     if quieter := with_likeliest_noise(recordings, problem, bare):
         recordings = quieter
-        problem, bare = lengthened(recordings, short, at, recordings.working_length)
+        problem, bare = lengthened(recordings, short, estimate, recordings.working_length)
     return recordings, problem, bare
 
 
 def _fitted_in_short_segments(recordings: Recordings, start: Array) -> tuple[Recordings, Problem, Fit]:
     short, initial = recordings.cut(LENGTHS.first)
-    at = Estimate.of(start, recordings.start_params, initial)
-    free = free_parameters(at, (), short)
-    rough = fit(short, at, free)
+    initial_estimate = Estimate.of(start, recordings.start_params, initial)
+    free = free_parameters(initial_estimate, (), short)
+    rough = fit(short, initial_estimate, free)
     _all_followed(recordings, short, rough)
     if not recordings.exact_torques:
         short = replace(short, disturbance=disturbance(short, rough.estimate, most_Nm=recordings.torque_noise_Nm))
@@ -77,16 +77,16 @@ def _all_followed(recordings: Recordings, problem: Problem, bare: Fit) -> None:
     lost = np.flatnonzero(~np.isfinite(bare.linear.chi2_by_segment))
     if len(lost):
         run = recordings.records[problem.segments.run[lost[0]]].run.name
-        at = problem.t[problem.segments.offsets[lost[0]]]
+        failed_s = problem.t[problem.segments.offsets[lost[0]]]
         raise RunError(
-            f"{run}: the model cannot follow the readings from {at:.2f} s on: check the rig file and the"
+            f"{run}: the model cannot follow the readings from {failed_s:.2f} s on: check the rig file and the"
             f" encoder, or exclude the run"
         )
 
 
-def lengthened(recordings: Recordings, short: Problem, at: Estimate, length: float) -> tuple[Problem, Hypothesis]:
+def lengthened(recordings: Recordings, short: Problem, estimate: Estimate, length: float) -> tuple[Problem, Hypothesis]:
     """The bare model at another segment length, s, from the initial states of shorter segments."""
     longer, initial = recordings.cut(length)
-    start = at.changed(initial=carried(short.segments, at.initial, longer.segments, initial))
+    start = estimate.changed(initial=carried(short.segments, estimate.initial, longer.segments, initial))
     fitted = fit(longer, start, free_parameters(start, (), longer), iterations=20)
     return longer, hypothesis(longer, (), refit_lost(longer, fitted, initial))

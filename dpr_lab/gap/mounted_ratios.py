@@ -9,13 +9,13 @@ from dpr_lab.identification.moving_arm.unknowns import GAINS
 from dpr_lab.rig import Rig
 
 
-def ratio_of(parameter: FreeParameter, at: Estimate, rig: Rig, *, alone: bool) -> tuple[str, float, float] | None:
+def ratio_of(parameter: FreeParameter, estimate: Estimate, rig: Rig, *, alone: bool) -> tuple[str, float, float] | None:
     """A fitted parameter of rods, arm or drive as a ratio to b, or to a if the inner rod is alone.
 
     Returns:
         its name, its value, and what the parameter was divided by; None for the size of an effect
     """
-    unknown, value = at.ratios, parameter.read(at)
+    unknown, value = estimate.ratios, parameter.read(estimate)
     on_elbow, inertia = (float(unknown[ON_ELBOW]), alone_share(unknown)) if alone else (0.0, 1.0)
     scale, letter = float(unknown[SCALE]) * inertia, "a" if alone else "b"
     if parameter.block == "ratios" and parameter.place < len(RATIOS):

@@ -83,8 +83,8 @@ class ScreenedRuns:
     @classmethod
     def after(cls, before: ScreenedRuns, **results: Any) -> Self:
         """The state of the stage before, extended by the results of this one."""
-        kept = {field.name: getattr(before, field.name) for field in fields(cls) if field.name not in results}
-        return cls(**kept, **results)
+        earlier = {field.name: getattr(before, field.name) for field in fields(cls) if field.name not in results}
+        return cls(**earlier, **results)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -62,7 +62,7 @@ def posterior_of(model: Model, diagnosis: Diagnosis | None) -> list[PosteriorCom
 
 def _drawn(model: Model, component: PosteriorComponent, rng: np.random.Generator, tries: int = 1000) -> Model:
     values = dict(component.ratios) | {
-        f"{name}.{key}": value for name, own in component.effects.items() for key, value in own.items()
+        f"{name}.{key}": value for name, parameters in component.effects.items() for key, value in parameters.items()
     }
     mean = np.array([values[name] for name in component.free])
     root = _root(component.predictive)
@@ -116,8 +116,8 @@ def _with_values(model: Model, component: PosteriorComponent, values: Mapping[st
         for p in EFFECTS[name].parameters
     }
     effects = {
-        name: {key: values[f"{name}.{key}"] * factor ** powers.get(f"{name}.{key}", 0) for key in own}
-        for name, own in component.effects.items()
+        name: {key: values[f"{name}.{key}"] * factor ** powers.get(f"{name}.{key}", 0) for key in parameters}
+        for name, parameters in component.effects.items()
         if name in EFFECTS and not EFFECTS[name].event
     }
     return model.with_ratios([values[name] for name in RATIOS]).model_copy(

@@ -165,9 +165,9 @@ def _lengthened(file: _File, edit: XmlEdit, longer: float) -> XmlEdit:
     owner = file.editor.elbow_owner(file.joint(edit, joint), file.link(edit, _part(model, joint)))
 
     def anchor(changed: SimulatorModel) -> Vector:
-        own = _part(changed, joint).joint
-        assert own is not None
-        return own.anchor
+        joint_in_file = _part(changed, joint).joint
+        assert joint_in_file is not None
+        return joint_in_file.anchor
 
     return _moved(file, edit, owner, f"joint {joint}", anchor, longer * rod.along)
 

@@ -98,11 +98,11 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     """
     effects: Mapping[str, dict[str, float]] = model.effects
     longer = sum(words.get("added_length", 0.0) for words in words_of(effects).values())
-    own = _base_of(chain, longer)
+    of_file = _base_of(chain, longer)
     rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])  # visible only in a during a free swing
     gears = _gear_factors(effects, diagnosis, runs)
-    total = _base(own + rotor, model, diagnosis, np.array(list(gears.values())))
-    base = _with_own_numbers(chain, np.where(total == own + rotor, own, total - rotor), own, longer)
+    total = _base(of_file + rotor, model, diagnosis, np.array(list(gears.values())))
+    base = _with_own_numbers(chain, np.where(total == of_file + rotor, of_file, total - rotor), of_file, longer)
     factor = base[1] / model.base["b"].value
     effects = {name: _as_in_file(diagnosis, chain, name, _scaled(name, v, factor)) for name, v in effects.items()}
     for name, gain in gears.items():
@@ -114,7 +114,7 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     for name in list(effects):
         without = {**effects, name: file[name]}
         models = (_with(model, chain, base, some) for some in (effects, without))
-        error, more = (_error(one, runs, rig) for one in models)
+        error, more = (_error(candidate, runs, rig) for candidate in models)
         if more < (1 + CHANGE.felt) * error:
             effects = {other: values for other, values in without.items() if any(values.values())}
     least = _with(model, chain, base, effects)
@@ -124,13 +124,13 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
             causes[name] = rows, _with(model, chain, base, {**effects, name: file[name]})
     for number, terms in enumerate(BODY_TERMS):
         places = [BASE.index(term) for term in terms]
-        if np.any(base[places] != own[places]):
-            rows = _body_rows(chain, base, own, number, longer)
-            causes[f"body{number}"] = rows, _with(model, chain, _replaced(base, own, places), effects)
+        if np.any(base[places] != of_file[places]):
+            rows = _body_rows(chain, base, of_file, number, longer)
+            causes[f"body{number}"] = rows, _with(model, chain, _replaced(base, of_file, places), effects)
         damping = 4 + number
-        if base[damping] != own[damping]:
-            row = _cause(chain, number, "damping", own[damping], base[damping], "N m s/rad")
-            causes[f"damping{number}"] = [row], _with(model, chain, _replaced(base, own, [damping]), effects)
+        if base[damping] != of_file[damping]:
+            row = _cause(chain, number, "damping", of_file[damping], base[damping], "N m s/rad")
+            causes[f"damping{number}"] = [row], _with(model, chain, _replaced(base, of_file, [damping]), effects)
     nothing = _with(model, chain, _base_of(chain, 0.0), {name: file[name] for name in effects})
     shares = _shares(least, {key: without for key, (_, without) in causes.items()}, nothing, runs, rig)
     ranked = sorted(causes, key=lambda key: -shares[key])
@@ -161,11 +161,11 @@ def _gear_factors(
     return {name: 1.0 + effects.get(name, {}).get("excess", 0.0) for name in names.values()}
 
 
-def _base(own: Array, model: Model, diagnosis: Diagnosis, gears: Array) -> Array:
+def _base(of_file: Array, model: Model, diagnosis: Diagnosis, gears: Array) -> Array:
     """(6,) base parameters: those of the file if compatible, the others as estimated, at one scale.
 
     Args:
-        own: (6,) of the file
+        of_file: (6,) of the file
         model: the corrected model
         diagnosis: the diagnosis
         gears: `_gear_factors`
@@ -173,8 +173,8 @@ def _base(own: Array, model: Model, diagnosis: Diagnosis, gears: Array) -> Array
     u = np.insert(model.ratio_values, 1, 1.0)
     std = np.insert(np.sqrt(np.diag(np.array(diagnosis.ratio_covariance))), 1, 0.0)
     tolerance = np.maximum(CHANGE.same, CHANGE.stds * std / u)
-    floor = CHANGE.idle * np.sqrt(own[1] * own[3])  # a file without damping; both in N m s
-    x = np.where(own > 0, own, floor)
+    floor = CHANGE.idle * np.sqrt(of_file[1] * of_file[3])  # a file without damping; both in N m s
+    x = np.where(of_file > 0, of_file, floor)
     b, scale = model.base["b"].value, diagnosis.scale
     scales: list[float] = [] if scale is not None and scale.known and not len(gears) else (x / u)[:4].tolist()
     scales += [] if scale is None or not scale.known else [b, *(b / gears).tolist()]
@@ -186,7 +186,7 @@ def _base(own: Array, model: Model, diagnosis: Diagnosis, gears: Array) -> Array
         return int(np.sum(stays(s)) + np.sum(np.abs(s / b * gears - 1) < _same_gear(diagnosis)))
 
     s = max(scales, key=lambda scale: (unchanged(scale), -np.abs(np.log(scale * u / x)[:4]).sum()))
-    return np.where(stays(s), own, s * u)
+    return np.where(stays(s), of_file, s * u)
 
 
 def _same_gear(diagnosis: Diagnosis) -> float:
@@ -195,17 +195,18 @@ def _same_gear(diagnosis: Diagnosis) -> float:
     return max(CHANGE.same, CHANGE.stds * float(np.log(high / low)) / (2 * NORMAL_Q90))
 
 
-def _with_own_numbers(chain: ModelChain, base: Array, own: Array, longer: float) -> Array:
+def _with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: float) -> Array:
     """(6,) base parameters with the file's centroid or inertia of a body if only the other one changed."""
     length, carried = (chain.rods[0].length or 0.0) + longer, chain.rods[1].mass + chain.elbow_mass
     changed = base.copy()
     for number, terms in enumerate(BODY_TERMS):
         places = [BASE.index(term) for term in terms]
-        if np.all(base[places] == own[places]):
+        if np.all(base[places] == of_file[places]):
             continue
-        file, estimated = (_bodies(chain, values, longer)[number] for values in (own, base))
+        file, estimated = (_bodies(chain, values, longer)[number] for values in (of_file, base))
         centroid, inertia = (
-            one if abs(other / one - 1) < CHANGE.same else other for one, other in zip(file, estimated, strict=True)
+            in_file if abs(other / in_file - 1) < CHANGE.same else other
+            for in_file, other in zip(file, estimated, strict=True)
         )
         mass = chain.rods[number].mass
         about = inertia + mass * centroid**2
@@ -248,14 +249,14 @@ def _in_file(chain: ModelChain, name: str) -> dict[str, float]:
 
 def _unseen(diagnosis: Diagnosis, chain: ModelChain, named: Collection[str]) -> dict[str, dict[str, float]]:
     """Effects of the file that are not named and below the minimum detectable size; they are kept."""
-    kept = {}
+    undetectable = {}
     for kind, (_, key, *_) in _TERMS.items():
         for name in (f"{kind}_joint1", f"{kind}_joint2"):
             values = _in_file(chain, name)
             least = diagnosis.detectable.get(name, {}).get(key)
             if name not in named and values[key] and (least is None or values[key] < least):
-                kept[name] = values
-    return kept
+                undetectable[name] = values
+    return undetectable
 
 
 def _attribute(joint: ModelJoint, attribute: str) -> float:
@@ -265,10 +266,10 @@ def _attribute(joint: ModelJoint, attribute: str) -> float:
 def _as_in_file(diagnosis: Diagnosis, chain: ModelChain, name: str, values: dict[str, float]) -> dict[str, float]:
     """Values of an effect, with the value of the file if it is in the interval."""
     sizes = next((effect.parameters for effect in diagnosis.effects if effect.name == name), {})
-    for key, own in _in_file(chain, name).items():
+    for key, in_file in _in_file(chain, name).items():
         half = np.ptp(sizes[key].interval90) / 2 / abs(sizes[key].value) if key in sizes and sizes[key].value else 0.0
-        if own and abs(values.get(key, 0.0) / own - 1) < max(CHANGE.same, half):
-            values = {**values, key: own}
+        if in_file and abs(values.get(key, 0.0) / in_file - 1) < max(CHANGE.same, half):
+            values = {**values, key: in_file}
     return values
 
 
@@ -291,9 +292,9 @@ def _with(model: Model, chain: ModelChain, base: Array, effects: Mapping[str, Ma
     return model.with_ratios(ratios(base).tolist()).model_copy(update=update)
 
 
-def _replaced(base: Array, own: Array, places: Sequence[int]) -> Array:
+def _replaced(base: Array, replacement: Array, places: Sequence[int]) -> Array:
     changed = base.copy()
-    changed[list(places)] = own[list(places)]
+    changed[list(places)] = replacement[list(places)]
     return changed
 
 
@@ -325,14 +326,14 @@ def _effect_rows(
     return rows
 
 
-def _body_rows(chain: ModelChain, base: Array, own: Array, number: int, longer: float) -> list[ModelCause]:
+def _body_rows(chain: ModelChain, base: Array, of_file: Array, number: int, longer: float) -> list[ModelCause]:
     """Centroid and inertia of the body on a joint, with the masses of the file."""
-    before, after = (_bodies(chain, values, longer)[number] for values in (own, base))
+    before, after = (_bodies(chain, values, longer)[number] for values in (of_file, base))
     names = ("centroid of the body along the rod", "m"), ("inertia of the body about its centroid", "kg m^2")
     return [
-        _cause(chain, number, words, one, other, unit)
-        for (words, unit), one, other in zip(names, before, after, strict=True)
-        if abs(other - one) > 1e-9 * abs(one)
+        _cause(chain, number, words, old, new, unit)
+        for (words, unit), old, new in zip(names, before, after, strict=True)
+        if abs(new - old) > 1e-9 * abs(old)
     ]
 
 

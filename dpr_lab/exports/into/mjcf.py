@@ -161,8 +161,8 @@ def _set_gear(edit: XmlEdit, file: _File, number: int, target: RodTarget) -> Non
     index = next((i for i in motors if edit.tags[edit.tags[i].parent].tag == "actuator"), None)
     if index is None:
         raise ConfigError(f"{file.path}: the motor of joint {name!r} is not in the file itself: move it into this file")
-    rest = edit.tags[index].attributes.get("gear", "").split()[1:]
-    edit.set(index, f"motor of joint {name}", gear=" ".join([numbers([target.gear]), *rest]))
+    further = edit.tags[index].attributes.get("gear", "").split()[1:]
+    edit.set(index, f"motor of joint {name}", gear=" ".join([numbers([target.gear]), *further]))
 
 
 def _lengthen(edit: XmlEdit, file: _File, longer: float) -> None:

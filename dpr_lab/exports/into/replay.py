@@ -159,11 +159,11 @@ def _compiled(text: str) -> Any:
 
 def _planar(chain: ModelChain) -> str:
     """The double pendulum of a file; both joints are zero for upright rods."""
-    length, rest = chain.rods[0].length or 0.0, [np.pi, 0.0]
+    length, hanging = chain.rods[0].length or 0.0, [np.pi, 0.0]
     joints = [
         f'<joint name="joint{i + 1}" axis="0 1 0" damping="{rod.joint.damping!r}" frictionloss="{rod.joint.friction!r}"'
         f' armature="{rod.joint.armature!r}" stiffness="{rod.joint.stiffness!r}"'
-        f' springref="{float(rest[i] + rod.direction * (rod.joint.rest - rod.hanging))!r}"/>'
+        f' springref="{float(hanging[i] + rod.direction * (rod.joint.rest - rod.hanging))!r}"/>'
         for i, rod in enumerate(chain.rods)
     ]
     inertials = [

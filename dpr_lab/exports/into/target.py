@@ -95,11 +95,11 @@ def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None
     Raises:
         ConfigError: they differ.
     """
-    for name, own, wanted in (("L1", chain.rods[0].length, L1), ("g", chain.gravity, g)):
-        if own is None or abs(own - wanted) > PATCH.same * wanted:
+    for name, in_file, wanted in (("L1", chain.rods[0].length, L1), ("g", chain.gravity, g)):
+        if in_file is None or abs(in_file - wanted) > PATCH.same * wanted:
             raise ConfigError(
-                f"{path}: its {name} is {own:.6g}, but that of the model is {wanted:.6g}: start from the rig file that"
-                f" `dpr-lab rig from {path.name}` writes"
+                f"{path}: its {name} is {in_file:.6g}, but that of the model is {wanted:.6g}: start from the rig file"
+                f" that `dpr-lab rig from {path.name}` writes"
             )
 
 
@@ -114,12 +114,12 @@ def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> t
     rods, length = made.rods, made.rods[0].length
     tips = (rods[1].mass + made.tip_mass) - (chain.rods[1].mass + chain.elbow_mass), 0.0
     targets = []
-    for own, rod, moved, held in zip(chain.rods, rods, tips, friction, strict=True):
+    for rod_in_file, rod, moved, held in zip(chain.rods, rods, tips, friction, strict=True):
         moment = rod.mass * rod.centroid + moved * length
         about = rod.inertia + rod.mass * (rod.centroid**2 + rod.offset**2) + moved * length**2
-        centroid, offset = moment / own.mass, rod.mass * rod.offset / own.mass
-        inertia = about - own.mass * (centroid**2 + offset**2)
-        gear = None if own.gear is None else own.gear * rod.words.get("gear", 1.0)
+        centroid, offset = moment / rod_in_file.mass, rod.mass * rod.offset / rod_in_file.mass
+        inertia = about - rod_in_file.mass * (centroid**2 + offset**2)
+        gear = None if rod_in_file.gear is None else rod_in_file.gear * rod.words.get("gear", 1.0)
         words = {**rod.words, "friction": rod.words.get("friction", 0.0) + held} if held else rod.words
         targets.append(RodTarget(centroid, offset, inertia, rod.damping, words, gear))
     return targets[0], targets[1]
@@ -143,14 +143,16 @@ def body_change(
     moved = (target.centroid - rod.centroid) * rod.along + (target.offset - rod.offset) * across
     shift = rod.mass / part.mass * moved
     bare = replace(part, centroid=part.centroid + shift, inertia=np.zeros((3, 3)))
-    parts = tuple(bare if own is part else own for own in read.parts)
-    rest = double_pendulum(replace(read, parts=parts), joints, chain.gravity if read.gravity is None else None)
-    own = float(chain.axis @ part.inertia @ chain.axis)
-    factor = (target.inertia - rest.rods[number].inertia) / own if own > 0 else math.nan
+    parts = tuple(bare if inertia is part else inertia for inertia in read.parts)
+    without_inertia = double_pendulum(
+        replace(read, parts=parts), joints, chain.gravity if read.gravity is None else None
+    )
+    inertia = float(chain.axis @ part.inertia @ chain.axis)
+    factor = (target.inertia - without_inertia.rods[number].inertia) / inertia if inertia > 0 else math.nan
     if not 0 < factor < math.inf:
         raise ConfigError(
             f"{path}: with the masses of the file, body {part.name!r} would need the inertia"
-            f" {target.inertia - rest.rods[number].inertia:.3g} kg m^2: correct the masses first"
+            f" {target.inertia - without_inertia.rods[number].inertia:.3g} kg m^2: correct the masses first"
         )
     return BodyChange(part.name, part.mass, shift, factor)
 
@@ -195,8 +197,8 @@ def refuse_overridden(
         pairs += [(rod.inertia, target.inertia), (rod.joint.damping, target.damping)]
         pairs += [(rod.gear or 0.0, target.gear or 0.0)]
         of_joint = {name: float(getattr(rod.joint, name)) for name in ("friction", "armature", "stiffness")}
-        pairs += [(own, target.words.get(name, 0.0)) for name, own in of_joint.items() if name in words]
-    if any(abs(own - wanted) > PATCH.reached * abs(wanted) for own, wanted in pairs):
+        pairs += [(in_file, target.words.get(name, 0.0)) for name, in_file in of_joint.items() if name in words]
+    if any(abs(in_file - wanted) > PATCH.reached * abs(wanted) for in_file, wanted in pairs):
         raise ConfigError(reason)
 
 

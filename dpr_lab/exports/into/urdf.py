@@ -33,8 +33,8 @@ class UrdfEditor:
         """As of `Editor`."""
         inertia = edit.child(inertial, "inertia")
         if inertia is not None:
-            own = {name: float(edit.tags[inertia].attributes.get(name, "0")) for name in INERTIA}
-            scaled = {name: numbers([factor * value]) for name, value in own.items() if value}
+            tensor = {name: float(edit.tags[inertia].attributes.get(name, "0")) for name in INERTIA}
+            scaled = {name: numbers([factor * value]) for name, value in tensor.items() if value}
             edit.set(inertia, f"{label}, inertia", **scaled)
 
     def set_joint(self, edit: XmlEdit, joint: int, label: str, values: dict[str, str]) -> None:

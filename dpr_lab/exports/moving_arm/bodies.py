@@ -33,11 +33,11 @@ def arm_bodies(model: MovingArmModel, rig: Rig, expressed: Mapping[str, Words], 
             " bodies requires: identify from recordings with a free arm, or one that is driven by a torque,"
             " current or voltage; or export to python"
         )
-    values, both, constants = model.sizes, model.mounted == "both", rig_constants(rig)
+    values, both_rods, constants = model.sizes, model.mounted == "both", rig_constants(rig)
     length = model.rig.L1 + sum(words.get("added_length", 0.0) for words in expressed.values())
-    L0, S2 = values["L0"], values["d"] / length if both else 0.0
-    least2 = S2**2 / values["b"] if both else 0.0
-    nominal1, nominal2 = rig.parameters["m1"].nominal, rig.parameters["m2"].nominal if both else 0.0
+    L0, S2 = values["L0"], values["d"] / length if both_rods else 0.0
+    least2 = S2**2 / values["b"] if both_rods else 0.0
+    nominal1, nominal2 = rig.parameters["m1"].nominal, rig.parameters["m2"].nominal if both_rods else 0.0
     for share in (1.0, 0.5, 0.25, 0.0):  # smaller masses of the rods leave a larger inertia for the arm
         m2 = max(share * nominal2, margin * least2)
         S1, about1 = values["e1"] / model.rig.g - m2 * length, values["a"] - m2 * length**2
@@ -48,7 +48,7 @@ def arm_bodies(model: MovingArmModel, rig: Rig, expressed: Mapping[str, Words], 
         if alone > 0.0:
             words = [words_of_joint(expressed, joint) for joint in (0, 1)]
             rods = [rod_about_joint(length, m1, S1, about1, values["c1"], constants.m1, words[0])]
-            if both:
+            if both_rods:
                 length2 = rig.L2 or 2 * S2 / m2
                 rods.append(rod_about_joint(length2, m2, S2, values["b"], values["c2"], constants.m2, words[1]))
             held_by = words_of_joint(expressed, ARM)

@@ -52,7 +52,7 @@ def corrected_arm_model(
     assumed = diagnosis.scale or Scale(b=inertia, interval90=(inertia, inertia), fixed_by="bound", inertia=letter)
     scale = assumed.as_inertia(letter, inertia / assumed.b)
     kind = rig.motor.input if driven and rig.motor else ""
-    estimated = {name: _estimated(one) for name, one in diagnosis.determined.items()}
+    estimated = {name: _estimated(interval) for name, interval in diagnosis.determined.items()}
     ratios = _with_values(estimated, swing, kind, letter)
     floor = diagnosis.gap.floor_rad
     rms = {joint: float(np.hypot(above, floor[joint])) for joint, above in diagnosis.gap.after_rad.items()}
@@ -101,10 +101,12 @@ def _with_values(
 ) -> dict[str, EstimatedValue]:
     """The ratios with the values of `SWING_PARAMETERS`."""
     places, gain = list[str](SWING_PARAMETERS), GAINS.get(kind, "").format(letter)
-    own = {
+    new_values = {
         name: swing[places.index("gain" if name == gain else name.partition("/")[0])] for name in ratios if name != "L0"
     }
-    return {name: one.model_copy(update={"value": own.get(name, one.value)}) for name, one in ratios.items()}
+    return {
+        name: ratio.model_copy(update={"value": new_values.get(name, ratio.value)}) for name, ratio in ratios.items()
+    }
 
 
 def _mounted(rig: Rig) -> Literal["both", "inner"]:
@@ -121,9 +123,9 @@ def _named(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, fl
     return {name: dict(values) for name, values in effects.items() if name not in OF_ARM and not EFFECTS[name].event}
 
 
-def _estimated(one: Interval) -> EstimatedValue:
-    std = (one.interval90[1] - one.interval90[0]) / (2 * NORMAL_Q90)
-    return EstimatedValue(value=one.value, std=std, interval90=one.interval90)
+def _estimated(interval: Interval) -> EstimatedValue:
+    std = (interval.interval90[1] - interval.interval90[0]) / (2 * NORMAL_Q90)
+    return EstimatedValue(value=interval.value, std=std, interval90=interval.interval90)
 
 
 def _absolute(ratios: dict[str, EstimatedValue], scale: Scale, kind: str) -> dict[str, EstimatedValue]:

@@ -43,8 +43,8 @@ def _check(question: OpenQuestion, measured: str) -> AdvisedCheck:
     wider = effect.adds and not set(effect.nested).isdisjoint(question.causes)
     amplitude = next(p for p in effect.amplitudes if p.name == effect.adds) if wider else effect.amplitudes[0]
     pairs = zip(question.causes, question.probabilities, strict=True)
-    own = sum(p for name, p in pairs if has(name, measured, amplitude.name))
-    bits = expected_bits([own, sum(question.probabilities) - own], np.inf)
+    probability = sum(p for name, p in pairs if has(name, measured, amplitude.name))
+    bits = expected_bits([probability, sum(question.probabilities) - probability], np.inf)
     quantity = Quantity.of(measured, amplitude.name)
     check = question.check("measurement", f"{effect.bench_check} Give the {quantity.label}.", question.causes, bits)
     return check.model_copy(update={"measures": measured, "quantity": quantity})
@@ -130,7 +130,7 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
         for name, size in fitted
         if abs(value - size) <= SETTINGS.questioned * SETTINGS.model_error * abs(size)
     ]
-    name, size = max(fitted, key=lambda one: abs(one[1]), default=("", np.inf))
+    name, size = max(fitted, key=lambda pair: abs(pair[1]), default=("", np.inf))
     larger = not estimate and abs(value) > SETTINGS.undetermined * abs(size)
     if explained and (estimate or not (confused or larger)):
         return ""

@@ -37,8 +37,8 @@ def expected_size(selection: Selection, scale: Scale, check: AdvisedCheck) -> In
 
 
 def _size(selection: Selection, check: AdvisedCheck, names: tuple[str, ...]) -> Interval | None:
-    own = selection.without[check.about].key | {check.measures}
-    fitted = selection.chosen if check.measures in selection.chosen.key else selection.fitted.get(own)
+    key = selection.without[check.about].key | {check.measures}
+    fitted = selection.chosen if check.measures in selection.chosen.key else selection.fitted.get(key)
     if fitted is not None:
         return _of_fit(fitted, check.measures, names)
     test = selection.tests_without[check.about]
@@ -48,11 +48,11 @@ def _size(selection: Selection, check: AdvisedCheck, names: tuple[str, ...]) -> 
 
 def _of_fit(fitted: Hypothesis, effect: str, names: tuple[str, ...]) -> Interval | None:
     free = fitted.fit.free
-    own = _places(free, effect, names)
-    if not own:
+    places = _places(free, effect, names)
+    if not places:
         return None
-    covariance = considered(fitted.fit, fitted.residuals.inflation)[np.ix_(own, own)]
-    return magnitude(np.array([free[i].read(fitted.fit.estimate) for i in own]), NORMAL_Q90**2 * covariance)
+    covariance = considered(fitted.fit, fitted.residuals.inflation)[np.ix_(places, places)]
+    return magnitude(np.array([free[i].read(fitted.fit.estimate) for i in places]), NORMAL_Q90**2 * covariance)
 
 
 def _places(parameters: Sequence[FreeParameter], effect: str, names: tuple[str, ...]) -> list[int]:
@@ -62,9 +62,9 @@ def _places(parameters: Sequence[FreeParameter], effect: str, names: tuple[str, 
 
 
 def _of_score(test: ScoreTest, score: Score, chosen: Hypothesis, names: tuple[str, ...]) -> Interval | None:
-    own = _places([test.free[column] for column in score.columns], score.effect.name, names)
-    if not own:
+    places = _places([test.free[column] for column in score.columns], score.effect.name, names)
+    if not places:
         return None
-    covariance = test.projected(score.columns).covariance()[np.ix_(own, own)] * chosen.residuals.inflation
-    covariance = covariance + np.diag((SETTINGS.linear_error * score.amplitudes[own]) ** 2)
-    return magnitude(score.amplitudes[own], NORMAL_Q90**2 * covariance)
+    covariance = test.projected(score.columns).covariance()[np.ix_(places, places)] * chosen.residuals.inflation
+    covariance = covariance + np.diag((SETTINGS.linear_error * score.amplitudes[places]) ** 2)
+    return magnitude(score.amplitudes[places], NORMAL_Q90**2 * covariance)

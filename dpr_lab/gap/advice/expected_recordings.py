@@ -81,23 +81,27 @@ def expected_recordings(recordings: Recordings, chosen: Hypothesis, names: Seque
 def _expected(
     recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease, names: Sequence[str]
 ) -> ExpectedRecording:
-    at = chosen.fit.estimate
+    estimate = chosen.fit.estimate
     trial, initial = _simulated(recordings, chosen, choice)
     known = [p for p in chosen.fit.free if p.block == "ratios" or p.effect in trial.always]
-    own = {name: effect_parameters(EFFECTS[name]) for name in names}
+    parameters = {name: effect_parameters(EFFECTS[name]) for name in names}
     known += trial.all_free(())
     linear = linearise(
-        trial, trial.with_zeros(at.changed(initial=initial)), [*known, *(p for each in own.values() for p in each)]
+        trial,
+        trial.with_zeros(estimate.changed(initial=initial)),
+        [*known, *(p for of_effect in parameters.values() for p in of_effect)],
     )
     A, _ = linear.flat
-    ends = np.cumsum([len(known), *map(len, own.values())])
-    fitted = {name: np.array([parameter.read(at) for parameter in each]) for name, each in own.items()}
+    ends = np.cumsum([len(known), *map(len, parameters.values())])
+    fitted = {
+        name: np.array([parameter.read(estimate) for parameter in of_effect]) for name, of_effect in parameters.items()
+    }
     return ExpectedRecording(
         choice,
         A[:, : ends[0]],
-        {name: A[:, i:j] for name, i, j in zip(own, ends[:-1], ends[1:], strict=True)},
+        {name: A[:, i:j] for name, i, j in zip(parameters, ends[:-1], ends[1:], strict=True)},
         {
-            name: sizes if sizes.any() else np.array([parameter.size for parameter in own[name]])
+            name: sizes if sizes.any() else np.array([parameter.size for parameter in parameters[name]])
             for name, sizes in fitted.items()
         },
     )
@@ -107,10 +111,10 @@ def _simulated(recordings: Recordings, chosen: Hypothesis, choice: PossibleRelea
     """A release of the menu simulated with the fitted estimate, without noise but weighted by its level."""
     rate = RATE_HZ
     t = PAD + np.arange(int(choice.duration * rate)) / rate
-    at, like = chosen.fit.estimate, min(recordings.records, key=lambda recorded: recorded.run.setup.alone)
+    estimate, like = chosen.fit.estimate, min(recordings.records, key=lambda recorded: recorded.run.setup.alone)
     start = np.array([[*choice.theta, 0.0, 0.0]])
     setup = replace(like.run.setup, added=choice.added)
-    angles = predict(at.whole, at.params, recordings.constants, segments([t], setups=[setup]), start)
+    angles = predict(estimate.whole, estimate.params, recordings.constants, segments([t], setups=[setup]), start)
     sigma = np.tile(np.median(like.sigma, axis=0), (len(t), 1))
     run = replace(like.run, added_mass=choice.added)
     record = replace(like, run=run, t=t + 0.5 * PAD, joints=angles, sigma=sigma, breaks=np.zeros(0))

@@ -34,8 +34,8 @@ def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -
 def _share(problem: Problem, selection: Selection, parts: tuple[str, ...]) -> float:
     """Share of the excess that returns if all effects of the family are removed, 0 to 1."""
 
-    def less(at: Hypothesis, name: str) -> Hypothesis:
-        return refit_without(problem, at, name, selection.base)
+    def less(model: Hypothesis, name: str) -> Hypothesis:
+        return refit_without(problem, model, name, selection.base)
 
     chosen, whole = selection.chosen, selection.base.residuals.excess
     back = reduce(less, parts, chosen).residuals.excess - max(chosen.residuals.excess, 0.0)

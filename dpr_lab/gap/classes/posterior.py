@@ -108,15 +108,17 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
         calibration: of the probabilities
     """
     without, chosen, test = selection.without[name], selection.chosen, selection.tests_without[name]
-    own = test.shaped[name][0]
-    others = {score.effect.name: score for score in test.ranking if score is not own}
-    alike = [other for other, score in others.items() if _indistinguishable(selection, without, test, own, score)]
-    alike += [other for other in _hidden(selection, own.effect) if other in others and other not in alike]
+    named_score = test.shaped[name][0]
+    others = {score.effect.name: score for score in test.ranking if score is not named_score}
+    alike = [
+        other for other, score in others.items() if _indistinguishable(selection, without, test, named_score, score)
+    ]
+    alike += [other for other in _hidden(selection, named_score.effect) if other in others and other not in alike]
     sizes = {other: _plausibility(selection, without, others[other]) for other in alike}
     alike = sorted(alike, key=lambda other: -sizes[other])
     prior = np.array([plausibility(chosen.fit.estimate.params, name), *(sizes[other] for other in alike)])
     alternatives = [
-        Alternative(other, (other,), test.cosine(own, score), _cost(selection, without, score))
+        Alternative(other, (other,), test.cosine(named_score, score), _cost(selection, without, score))
         for other, score in others.items()
         if other not in alike
         and other not in selection.misleading
@@ -148,13 +150,13 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
 
 def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
     """Whether another effect is a curve that in place of the named effect only follows it, or small unknown causes."""
-    both = selection.fitted.get(selection.chosen.key | {other})
+    with_both = selection.fitted.get(selection.chosen.key | {other})
     instead = selection.fitted.get(without.key | {other})
     if instead is None:
         return False
     if follows_remainder(selection.base, instead, selection.chosen):
         return True
-    return both is not None and taking_over(both, instead) == other
+    return with_both is not None and taking_over(with_both, instead) == other
 
 
 def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> float:
@@ -168,28 +170,28 @@ def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> fl
     return plausibility(params, score.effect.name)
 
 
-def _indistinguishable(selection: Selection, without: Hypothesis, test: ScoreTest, own: Score, other: Score) -> bool:
+def _indistinguishable(selection: Selection, without: Hypothesis, test: ScoreTest, score: Score, other: Score) -> bool:
     """Whether the recordings prefer neither of two effects with the same signature: by fits, or by linear scores."""
-    if min(test.cosine(own, other), test.cosine(other, own)) <= THRESHOLDS.indistinguishable:
+    if min(test.cosine(score, other), test.cosine(other, score)) <= THRESHOLDS.indistinguishable:
         return False
     margin = indifference(selection.base, selection.chosen)
     fitted = selection.fitted.get(without.key | {other.effect.name})
     if fitted is not None:
         return fitted.cost - selection.chosen.cost < margin
-    related = other.effect.name in own.effect.nested or own.effect.name in other.effect.nested
-    return not related and own.gain - other.gain < max(margin, SAME_SCORE * own.gain)
+    related = other.effect.name in score.effect.nested or score.effect.name in other.effect.nested
+    return not related and score.gain - other.gain < max(margin, SAME_SCORE * score.gain)
 
 
-def _hidden(selection: Selection, own: Effect) -> tuple[str, ...]:
+def _hidden(selection: Selection, effect: Effect) -> tuple[str, ...]:
     """Richer forms of an effect whose additional parameters are undetectable in the recordings."""
     params = selection.chosen.fit.estimate.params
-    size = max(abs(float(params[param_index(own.name, p.name)])) for p in own.amplitudes)
+    size = max(abs(float(params[param_index(effect.name, p.name)])) for p in effect.amplitudes)
     least = detectable(selection.chosen, selection.final_test)
     return tuple(
         score.effect.name
         for score in selection.final_test.ranking
-        if own.name in score.effect.nested
-        and all(seen is None or seen > HIDDEN * size for seen in least[score.effect.name].values())
+        if effect.name in score.effect.nested
+        and all(minimum is None or minimum > HIDDEN * size for minimum in least[score.effect.name].values())
     )
 
 

@@ -61,11 +61,11 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
 
 def _length(state: Advised) -> str:
     """The length L1: as measured, or fitted within its uncertainty."""
-    rig, at = state.recordings.rig, state.selection.chosen.fit.estimate
+    rig, estimate = state.recordings.rig, state.selection.chosen.fit.estimate
     if rig.rig.L1_std is None:
         return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."
     name = next(name for name in state.problem.always if EFFECTS[name].corrects == "L1")
-    (added,) = named_params(at.params).get(name, {"": 0.0}).values()
+    (added,) = named_params(estimate.params).get(name, {"": 0.0}).values()
     reach = max(state.intervals[key] for key in state.intervals if key[0] == name)
     text = (
         f"L1 is given as {rig.L1:g} m with a standard uncertainty of {rig.rig.L1_std:g} m and fitted:"
@@ -112,8 +112,8 @@ def _torque_noise(state: Advised) -> list[str]:
     """The noise of measured torques that the fits assume."""
     if state.problem.disturbance is None or not (most := most_noise(state.problem)).any():
         return []
-    one, two = np.minimum(most, state.recordings.torque_noise_Nm)
-    text = f"Noise of the measured torques of joints 1 and 2, standard deviation: {one:.2g} and {two:.2g} N m"
+    inner, outer = np.minimum(most, state.recordings.torque_noise_Nm)
+    text = f"Noise of the measured torques of joints 1 and 2, standard deviation: {inner:.2g} and {outer:.2g} N m"
     differences = "by differences of the recorded torques"
     likelier = f"; by maximum likelihood of the residuals, below {most[0]:.2g} and {most[1]:.2g} N m {differences}"
     return [f"{text}{likelier if np.isfinite(state.recordings.torque_noise_Nm).all() else f', {differences}'}."]
@@ -122,9 +122,12 @@ def _torque_noise(state: Advised) -> list[str]:
 def _zeros(state: Advised) -> list[str]:
     """The fitted zeros of encoders that are set to zero before each recording."""
     runs, zeros = state.recordings.records, 1e3 * state.selection.chosen.fit.estimate.zeros
-    each = [f"{record.run.name}: {own[0]:.3g} and {own[1]:.3g}" for record, own in zip(runs, zeros, strict=False)]
+    texts = [
+        f"{record.run.name}: {offsets[0]:.3g} and {offsets[1]:.3g}"
+        for record, offsets in zip(runs, zeros, strict=False)
+    ]
     text = "Encoders are zeroed before each recording; the zero errors of joints 1 and 2 were fitted, mrad"
-    return [f"{text}: {'; '.join(each)}."] if each else []
+    return [f"{text}: {'; '.join(texts)}."] if texts else []
 
 
 def _geared(state: Advised) -> list[str]:

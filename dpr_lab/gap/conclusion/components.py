@@ -48,57 +48,63 @@ def components(
         rig: measured constants
         remainder: discrepancy term of the selected set
     """
-    kept = list(_likeliest(selection))
-    whole = sum(weight for _, weight in kept)
-    made = [_component(problem, at, rig, remainder, weight / whole) for at, weight in kept]
+    models = list(_likeliest(selection))
+    whole = sum(weight for _, weight in models)
+    made = [_component(problem, model, rig, remainder, weight / whole) for model, weight in models]
     return [component for component in made if component is not None]
 
 
 def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
     """The selected set and other sets that may be true, the most probable first, with their weights."""
     chosen = selection.chosen
-    others = {at.key: at for at in selection.fitted.values() if at is not chosen and _may_be_true(selection, at)}
+    others = {
+        model.key: model
+        for model in selection.fitted.values()
+        if model is not chosen and _may_be_true(selection, model)
+    }
     models = {**others, chosen.key: chosen}
     span = 2 * chosen.residuals.inflation * CALIBRATION.temperature
-    logs = {key: -_worse(at, chosen) / span for key, at in models.items()}
+    logs = {key: -_worse(model, chosen) / span for key, model in models.items()}
     most = max(logs.values())
     weights = {key: float(np.exp(log - most)) for key, log in logs.items()}
     ranked = sorted(models, key=lambda key: (-weights[key], key != chosen.key))
-    kept = [key for key in ranked if weights[key] >= MIXTURE.least * sum(weights.values())][: MIXTURE.most]
-    for key in kept if chosen.key in kept else [*kept[: MIXTURE.most - 1], chosen.key]:
+    most_likely = [key for key in ranked if weights[key] >= MIXTURE.least * sum(weights.values())][: MIXTURE.most]
+    for key in most_likely if chosen.key in most_likely else [*most_likely[: MIXTURE.most - 1], chosen.key]:
         yield models[key], weights[key]
 
 
-def _may_be_true(selection: Selection, at: Hypothesis) -> bool:
+def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
     """Whether nothing but its cost speaks against a set: possible sizes, no effect that held-out runs refute."""
-    refuted = set(selection.misleading) & at.key or at.key in selection.impossible
-    return bool(np.isfinite(at.cost)) and not refuted and not follows_remainder(selection.base, at, selection.chosen)
+    refuted = set(selection.misleading) & model.key or model.key in selection.impossible
+    return (
+        bool(np.isfinite(model.cost)) and not refuted and not follows_remainder(selection.base, model, selection.chosen)
+    )
 
 
-def _worse(at: Hypothesis, chosen: Hypothesis) -> float:
+def _worse(model: Hypothesis, chosen: Hypothesis) -> float:
     """Cost of a set above that of the selected one, with the remainder of either as noise for both.
 
     Each effect beyond the number of the selected set was the best of hundreds, so it must explain more than chance.
     """
-    inflation = max(at.residuals.inflation, chosen.residuals.inflation)
-    further = max(len(at.effects) - len(chosen.effects), 0)
-    return at.cost_at(inflation) - chosen.cost_at(inflation) + further * THRESHOLDS.chance * inflation
+    inflation = max(model.residuals.inflation, chosen.residuals.inflation)
+    further = max(len(model.effects) - len(chosen.effects), 0)
+    return model.cost_at(inflation) - chosen.cost_at(inflation) + further * THRESHOLDS.chance * inflation
 
 
 def _component(
-    problem: Problem, at: Hypothesis, rig: Rig, remainder: Discrepancy | None, probability: float
+    problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrepancy | None, probability: float
 ) -> PosteriorComponent | None:
-    own = [i for i, parameter in enumerate(at.fit.free) if _name(parameter)]
-    spread = covariance(problem, at, rig, remainder)[np.ix_(own, own)]
+    places = [i for i, parameter in enumerate(model.fit.free) if _name(parameter)]
+    spread = covariance(problem, model, rig, remainder)[np.ix_(places, places)]
     if not np.isfinite(spread).all():
         return None
     return PosteriorComponent(
         probability=probability,
-        ratios=dict(zip(RATIOS, at.fit.estimate.ratios.tolist(), strict=False)),
-        effects=named_params(at.fit.estimate.params),
-        free=[_name(at.fit.free[i]) for i in own],
+        ratios=dict(zip(RATIOS, model.fit.estimate.ratios.tolist(), strict=False)),
+        effects=named_params(model.fit.estimate.params),
+        free=[_name(model.fit.free[i]) for i in places],
         covariance=spread.tolist(),
-        between=between_recordings(problem, at.fit)[np.ix_(own, own)].tolist(),
+        between=between_recordings(problem, model.fit)[np.ix_(places, places)].tolist(),
     )
 
 

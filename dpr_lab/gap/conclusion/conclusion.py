@@ -44,7 +44,7 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
     shown = state.posteriors if kind == "named" else listed_causes(state.posteriors)
     named = [named_effect(state, posterior) for posterior in shown] if kind in ("named", "partly_explained") else []
     whole = families(state.problem, state.selection, named)
-    at, residuals = chosen.fit.estimate, chosen.residuals
+    estimate, residuals = chosen.fit.estimate, chosen.residuals
     shown_ratios, of_ratios = determined(state)
     alone = only_inner(state.problem.segments.setups)
     return Diagnosis(
@@ -68,7 +68,7 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
         sensor_findings=_sensor_findings(state),
         remedies=remedies(
             named,
-            named_params(at.params),
+            named_params(estimate.params),
             state.recordings.constants,
             {*state.transfer.withdrawn, *state.transfer.oversized},
         ),
@@ -79,15 +79,17 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
         ratio_covariance=ratio_covariance(state).tolist(),
         determined=shown_ratios,
         determined_covariance=of_ratios.tolist(),
-        p_over_b=float(at.ratios[ON_ELBOW]) if any(setup.alone for setup in state.problem.segments.setups) else None,
+        p_over_b=float(estimate.ratios[ON_ELBOW])
+        if any(setup.alone for setup in state.problem.segments.setups)
+        else None,
         chi2_per_dof=residuals.chi2 / residuals.dof,
         exact_torques=state.recordings.exact_torques,
         segments=len(state.problem.segments),
-        scale_b=float(at.ratios[SCALE]),
+        scale_b=float(estimate.ratios[SCALE]),
         scale=state.scale,
         search=[_search_step(step) for step in state.selection.trace],
         posterior=components(state.problem, state.selection, state.recordings.rig, state.remainder),
-        model_effects=named_params(at.params),
+        model_effects=named_params(estimate.params),
         assumptions=assumptions(state, least),
         evidence=state.evidence,
         seconds=seconds,
@@ -121,13 +123,13 @@ def _remainder(state: Advised, kind: Verdict) -> str:
 
 def _checks(state: Advised, named: Sequence[str]) -> list[AdvisedCheck]:
     """All checks of the advice, each once, with ids that are unique among diagnoses."""
-    at = state.selection.chosen.fit.estimate
-    own = hashlib.sha256(at.ratios.tobytes() + at.params.tobytes()).hexdigest()[:4]
-    each = {(check.kind, check.text, check.about): check for step in state.advice for check in step.checks}
-    each = {key: check for key, check in each.items() if check.about in named and check.expected_bits > 0}
-    ranked, assumed = sorted(each.values(), key=lambda check: -check.expected_bits), state.scale
+    estimate = state.selection.chosen.fit.estimate
+    digest = hashlib.sha256(estimate.ratios.tobytes() + estimate.params.tobytes()).hexdigest()[:4]
+    checks = {(check.kind, check.text, check.about): check for step in state.advice for check in step.checks}
+    checks = {key: check for key, check in checks.items() if check.about in named and check.expected_bits > 0}
+    ranked, assumed = sorted(checks.values(), key=lambda check: -check.expected_bits), state.scale
     return [
-        check.model_copy(update={"id": f"{k}-{own}", "expected": expected_size(state.selection, assumed, check)})
+        check.model_copy(update={"id": f"{k}-{digest}", "expected": expected_size(state.selection, assumed, check)})
         for k, check in enumerate(ranked, 1)
     ]
 

@@ -77,5 +77,5 @@ def _as_good(look: SecondLook, selection: Selection) -> bool:
     if not look.tried:
         return True
     of_arm = any(EFFECTS[name].stage == "arm" for name in selection.chosen.effects)
-    refuting = [one.share for one in look.tried if not (one.reading.arm and of_arm)]
+    refuting = [trial.share for trial in look.tried if not (trial.reading.arm and of_arm)]
     return max(refuting, default=0.0) >= selection.share_explained - RULES.as_good

@@ -35,11 +35,11 @@ def determined(state: Advised) -> tuple[dict[str, Interval], Array]:
     Returns:
         the ratios, and their (n, n) covariance
     """
-    setups, at, rig = state.problem.segments.setups, state.selection.chosen.fit, state.recordings.rig
+    setups, fit, rig = state.problem.segments.setups, state.selection.chosen.fit, state.recordings.rig
     alone = only_inner(setups)
     of, places, divisors = {}, list[int](), list[float]()
-    for place, parameter in enumerate(at.free):
-        if (ratio := ratio_of(parameter, at.estimate, rig, alone=alone)) is not None:
+    for place, parameter in enumerate(fit.free):
+        if (ratio := ratio_of(parameter, fit.estimate, rig, alone=alone)) is not None:
             name, value, per = ratio
             error = state.intervals[parameter.effect, parameter.name] / per
             of[name] = Interval(value=value, interval90=(value - error, value + error))
@@ -53,7 +53,7 @@ def ratio_covariance(state: Advised) -> NDArray[np.float64]:
     free = state.selection.chosen.fit.free
     mine = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}
     whole = np.zeros((len(RATIOS), len(RATIOS)))
-    seen = [i for i in range(len(RATIOS)) if i in mine]
-    own = [mine[i] for i in seen]
-    whole[np.ix_(seen, seen)] = state.covariance[np.ix_(own, own)]
+    visible = [i for i in range(len(RATIOS)) if i in mine]
+    columns = [mine[i] for i in visible]
+    whole[np.ix_(visible, visible)] = state.covariance[np.ix_(columns, columns)]
     return whole

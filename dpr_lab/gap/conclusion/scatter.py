@@ -42,18 +42,18 @@ class ScatterSettings:
 SCATTER = ScatterSettings()
 
 
-def between_recordings(problem: Problem, at: Fit) -> Array:
+def between_recordings(problem: Problem, fit: Fit) -> Array:
     """(free, free) covariance of the values of another recording about the common ones; zero for values at a bound.
 
     Args:
         problem: segments and noise
-        at: the common fit
+        fit: the common fit
     """
-    inside = list(at.inside)
+    inside = list(fit.inside)
     fold = np.unique(folds(problem), return_inverse=True)[1]
-    followed = np.isfinite(at.linear.chi2_by_segment)
-    covariance = np.zeros((len(at.free), len(at.free)))
-    parts = [(at.linear.A[mine][:, :, inside], at.linear.e[mine]) for mine in _masks(fold, followed)]
+    followed = np.isfinite(fit.linear.chi2_by_segment)
+    covariance = np.zeros((len(fit.free), len(fit.free)))
+    parts = [(fit.linear.A[mine][:, :, inside], fit.linear.e[mine]) for mine in _masks(fold, followed)]
     columns = [(A.reshape(-1, len(inside)), e.ravel()) for A, e in parts]
     normal = sum((X.T @ X for X, _ in columns), np.zeros((len(inside), len(inside))))
     if len(parts) < 2 or not inside or not np.isfinite(normal).all():
@@ -61,10 +61,10 @@ def between_recordings(problem: Problem, at: Fit) -> Array:
     scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(np.float64).tiny))
     Q, rank = 0.0, 0
     for X, e in columns:
-        own, vectors = np.linalg.eigh(X.T @ X / np.outer(scale, scale))
-        seen = own > SCATTER.singular * own.max()
-        Q += float(np.sum((vectors[:, seen].T @ (X.T @ e / scale)) ** 2 / own[seen]))
-        rank += int(seen.sum())
+        eigenvalues, vectors = np.linalg.eigh(X.T @ X / np.outer(scale, scale))
+        determined = eigenvalues > SCATTER.singular * eigenvalues.max()
+        Q += float(np.sum((vectors[:, determined].T @ (X.T @ e / scale)) ** 2 / eigenvalues[determined]))
+        rank += int(determined.sum())
     nu = rank - len(inside)
     if nu < 1 or not Q > nu + SCATTER.significant * (2 * nu) ** 0.5:
         return covariance

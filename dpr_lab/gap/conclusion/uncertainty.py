@@ -28,57 +28,57 @@ from dpr_lab.rig import MASSES, Rig
 Array = NDArray[np.float64]
 
 
-def covariance(problem: Problem, at: Hypothesis, rig: Rig, remainder: Discrepancy | None = None) -> Array:
+def covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrepancy | None = None) -> Array:
     """(free, free) covariance of the values of a fit; zero for values at a bound.
 
     Args:
         problem: segments and noise
-        at: the fit
+        model: the fit
         rig: measured constants
         remainder: its discrepancy term, which also shifts the values
     """
-    before = problem.predict(at.fit.estimate)
-    shifts = [other.predict(at.fit.estimate) - before for other in _otherwise(problem, rig)]
+    before = problem.predict(model.fit.estimate)
+    shifts = [other.predict(model.fit.estimate) - before for other in _otherwise(problem, rig)]
     # a segment that cannot be simulated contains no information
     changes = [problem.whitened(np.nan_to_num(shift)) for shift in shifts]
     if remainder is not None:
         changes += list(np.moveaxis(remainder.columns, 2, 0))
-    return considered(at.fit, at.residuals.inflation, changes)
+    return considered(model.fit, model.residuals.inflation, changes)
 
 
-def by_unseen_ratios(problem: Problem, at: Hypothesis, rig: Rig, *, share: float = 1e-3) -> Array:
+def by_unseen_ratios(problem: Problem, model: Hypothesis, rig: Rig, *, share: float = 1e-3) -> Array:
     """(5,) variance of the ratios due to those that the recordings do not determine.
 
     Args:
         problem: segments and noise
-        at: a fitted set of effects
+        model: a fitted set of effects
         rig: nominal values and bounds
         share: fraction of a prior standard deviation by which such a ratio is changed for a derivative
     """
-    before = problem.predict(at.fit.estimate)
+    before = problem.predict(model.fit.estimate)
     variance = np.array(prior_ratio_std(rig)) ** 2
-    own = {p.place: i for i, p in enumerate(at.fit.free) if p.block == "ratios" and p.place < len(RATIOS)}
-    variance[list(own)] = 0.0
-    for other in _other_ratios(problem, at, share):
+    columns = {p.place: i for i, p in enumerate(model.fit.free) if p.block == "ratios" and p.place < len(RATIOS)}
+    variance[list(columns)] = 0.0
+    for other in _other_ratios(problem, model, share):
         change = problem.whitened(np.nan_to_num((problem.predict(other) - before) / share))
-        variance[list(own)] += shifted(at.fit, change)[list(own.values())] ** 2
+        variance[list(columns)] += shifted(model.fit, change)[list(columns.values())] ** 2
     return variance
 
 
-def _other_ratios(problem: Problem, at: Hypothesis, share: float) -> Iterator[Estimate]:
+def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator[Estimate]:
     """The estimate, changed by a fraction of a prior standard deviation in each undetermined direction.
 
     Their prior does not depend on the free ratios: the fitted values are no evidence for the others.
     """
-    free = {parameter.place for parameter in at.fit.free if parameter.block == "ratios"}
+    free = {parameter.place for parameter in model.fit.free if parameter.block == "ratios"}
     alone = any(setup.alone for setup in problem.segments.setups)
     fixed = [place for place in (*range(len(RATIOS)), *([ON_ELBOW] if alone else [])) if place not in free]
     if problem.prior is None:
         return
     for step in np.linalg.cholesky(problem.prior.covariance[np.ix_(fixed, fixed)]).T:
-        ratios = at.fit.estimate.ratios.copy()
+        ratios = model.fit.estimate.ratios.copy()
         ratios[fixed] += share * step
-        yield at.fit.estimate.changed(ratios=ratios)
+        yield model.fit.estimate.changed(ratios=ratios)
 
 
 def _otherwise(problem: Problem, rig: Rig) -> Iterator[Problem]:

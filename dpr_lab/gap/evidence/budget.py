@@ -68,15 +68,15 @@ class _Source:
     """Factor by which the recordings reduce the given standard uncertainty."""
 
 
-def sources(problem: Problem, at: Hypothesis, rig: Rig) -> list[_Source]:
+def sources(problem: Problem, model: Hypothesis, rig: Rig) -> list[_Source]:
     """All contributions to the uncertainty of a prediction."""
-    before = problem.predict(at.fit.estimate)
+    before = problem.predict(model.fit.estimate)
 
     def fitted_anew(other: Problem) -> tuple[Array, float]:
-        change = problem.whitened(np.nan_to_num(other.predict(at.fit.estimate) - before))
-        step = shifted(at.fit, change)
-        seen = at.fit.linear.projected(change[:, :, None])[:, :, 0] + at.fit.linear.A @ step
-        return step, float((1 + np.sum(seen**2) / at.residuals.inflation) ** -0.5)
+        change = problem.whitened(np.nan_to_num(other.predict(model.fit.estimate) - before))
+        step = shifted(model.fit, change)
+        predicted_change = model.fit.linear.projected(change[:, :, None])[:, :, 0] + model.fit.linear.A @ step
+        return step, float((1 + np.sum(predicted_change**2) / model.residuals.inflation) ** -0.5)
 
     def moved(
         step: Array, factor: float, changes: Callable[["FreeSwings"], list[Array]]
@@ -94,9 +94,9 @@ def sources(problem: Problem, at: Hypothesis, rig: Rig) -> list[_Source]:
         step, left = fitted_anew(replace(problem, model=problem.model.with_constants(constants)))
         moves = moved(step, left, lambda swings, c=constants: swings.otherwise(c))
         listed.append(_Source(name, "input", how, moves, left))
-    level, rho = at.residuals.level, at.residuals.noise_correlation
+    level, rho = model.residuals.level, model.residuals.noise_correlation
     noise = level * (1 + rho) / (1 - rho)
-    spread = considered(at.fit, noise)
+    spread = considered(model.fit, noise)
 
     def along(swings: "FreeSwings") -> list[Array]:
         moves = [swing.settled(swing.by_values) for swing in swings.each]
@@ -138,8 +138,10 @@ def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tu
 
 def mean_squares(parts: Sequence[_Source], swings: "FreeSwings", compared: Sequence[NDArray[np.bool_]]) -> Array:
     """(sources, swings) mean variance of each source over the compared readings, (n, 2), rad^2."""
-    each = [[values[own] for values, own in zip(source.variance(swings), compared, strict=True)] for source in parts]
-    return np.array([[float(values.mean()) if len(values) else 0.0 for values in row] for row in each])
+    by_source = [
+        [values[samples] for values, samples in zip(source.variance(swings), compared, strict=True)] for source in parts
+    ]
+    return np.array([[float(values.mean()) if len(values) else 0.0 for values in row] for row in by_source])
 
 
 def uncertainty_sources(

@@ -34,11 +34,11 @@ def coverage(fitted: Recordings, held_out: Recordings, settings: MapSettings = M
     spent = [[_spent(record, joints.to_rods) for record in some.records] for some in (fitted, held_out)]
     occupancy: dict[str, Occupancy] = {}
     for rod in RODS:
-        own = [list(_of(rod, some)) for some in spent]
-        fastest = max((float(np.abs(speed).max(initial=0.0)) for some in own for _, speed, _ in some), default=0.0)
+        of_rod = [list(_of(rod, some)) for some in spent]
+        fastest = max((float(np.abs(speed).max(initial=0.0)) for some in of_rod for _, speed, _ in some), default=0.0)
         if fastest > 0.0:
             edges = (np.linspace(0, 2 * np.pi, settings.angles + 1), fastest * np.linspace(-1, 1, settings.speeds + 1))
-            maps = [_seconds(some, edges) for some in own]
+            maps = [_seconds(some, edges) for some in of_rod]
             occupancy[rod] = Occupancy(
                 angle_edges_rad=edges[0].tolist(),
                 speed_edges_rad_per_s=edges[1].tolist(),

@@ -15,11 +15,11 @@ from dpr_lab.gap.hypothesis.score_test import ScoreTest
 from dpr_lab.gap.result.evidence import Exclusion
 
 
-def exclusions(at: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str, float | None]]) -> list[Exclusion]:
+def exclusions(model: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str, float | None]]) -> list[Exclusion]:
     """Every amplitude of every effect that is not named and is detectable.
 
     Args:
-        at: the fitted model
+        model: the fitted model
         test: its score test
         least: minimum detectable sizes, see `detectable`
     """
@@ -30,7 +30,7 @@ def exclusions(at: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str,
         for i, column in enumerate(score.columns):
             parameter = test.free[column]
             size = least.get(name, {}).get(parameter.name)
-            if name in at.effects or not size:
+            if name in model.effects or not size:
                 continue
             estimate = float(given.gradient[i] / given.H[i, i] * given.scale[i])
             sigma = size / SIGMAS

@@ -93,23 +93,25 @@ class FreeSwings:
         model = known.model if constants is None else known.model.with_constants(constants)
         changed = replace(known, segments=finer_segments, model=model).predict(self.runs.start)
         change = np.nan_to_num(changed - self.runs.predicted)
-        return [change[own] for own in self.runs.rows]
+        return [change[rows] for rows in self.runs.rows]
 
 
-def free_swings(runs: FreeRuns, at: Hypothesis) -> FreeSwings:
+def free_swings(runs: FreeRuns, model: Hypothesis) -> FreeSwings:
     """Sensitivity of the free runs of a model to all uncertain quantities."""
-    free, problem = at.fit.free, runs.problem
+    free, problem = model.fit.free, runs.problem
     states = problem.segments.states
     slopes = np.zeros((len(problem.t), problem.axes, len(free) + states))  # zeros of these very runs count as known
     moves = [i for i, parameter in enumerate(free) if parameter.block != "zeros"]
     slopes[:, :, [*moves, *range(len(free), len(free) + states)]] = problem.slopes(runs.start, [free[i] for i in moves])
     slopes, t = np.nan_to_num(slopes), problem.t
     parts = (t, problem.measured, problem.weight, runs.predicted, slopes[:, :, :-states], slopes[:, :, -states:])
-    each = []
-    for recording, setup, own in zip(runs.items, problem.segments.setups, runs.rows, strict=True):
-        since, measured, weight, predicted, by_values, by_start = (values[own] for values in parts)
-        each.append(FreeSwing(recording, since - since[0], measured, weight, predicted, by_values, by_start, setup))
-    return FreeSwings(runs, tuple(each))
+    predictions = []
+    for recording, setup, rows in zip(runs.items, problem.segments.setups, runs.rows, strict=True):
+        since, measured, weight, predicted, by_values, by_start = (values[rows] for values in parts)
+        predictions.append(
+            FreeSwing(recording, since - since[0], measured, weight, predicted, by_values, by_start, setup)
+        )
+    return FreeSwings(runs, tuple(predictions))
 
 
 def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:

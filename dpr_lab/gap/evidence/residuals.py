@@ -45,7 +45,7 @@ def residual_look(problem: Problem, models: Mapping[str, Hypothesis], settings: 
     joints: dict[str, dict[str, Whiteness]] = {}
     for j, axis in enumerate(ALL_AXES[: problem.axes]):
         if problem.read[:, j].any():
-            joints[axis] = {name: _look(problem, at, j, chances, settings) for name, at in models.items()}
+            joints[axis] = {name: _look(problem, model, j, chances, settings) for name, model in models.items()}
     owner = problem.owner
     within = np.diff(owner) == 0
     return ResidualLook(
@@ -56,8 +56,8 @@ def residual_look(problem: Problem, models: Mapping[str, Hypothesis], settings: 
     )
 
 
-def _look(problem: Problem, at: Hypothesis, joint: int, chances: Array, settings: LookSettings) -> Whiteness:
-    r = np.nan_to_num(problem.by_sample(at.fit.linear.residual)[:, joint], posinf=0.0)
+def _look(problem: Problem, model: Hypothesis, joint: int, chances: Array, settings: LookSettings) -> Whiteness:
+    r = np.nan_to_num(problem.by_sample(model.fit.linear.residual)[:, joint], posinf=0.0)
     read = problem.read[:, joint]
     return Whiteness(
         autocorrelation=_autocorrelation(np.where(read, r, 0.0), read, problem.owner, settings.lags).tolist(),
@@ -71,7 +71,7 @@ def _autocorrelation(r: Array, read: NDArray[np.bool_], owner: NDArray[np.int64]
     power = float(np.sum(r**2)) / max(int(read.sum()), 1)
     correlations = [1.0]
     for lag in range(1, min(lags, len(r) - 1) + 1):
-        both = (owner[lag:] == owner[:-lag]) & read[lag:] & read[:-lag]
-        mean = float(np.sum((r[lag:] * r[:-lag])[both])) / max(int(both.sum()), 1)
+        pairs = (owner[lag:] == owner[:-lag]) & read[lag:] & read[:-lag]
+        mean = float(np.sum((r[lag:] * r[:-lag])[pairs])) / max(int(pairs.sum()), 1)
         correlations.append(mean / power if power > 0 else 0.0)
     return np.array(correlations)

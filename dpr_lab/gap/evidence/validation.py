@@ -58,17 +58,19 @@ def validation(
         models: before and after
         freely: by model, the free runs of all recordings, the fitted ones first
     """
-    by_model = {name: free_swings(freely[name], at) for name, at in models.items()}
+    by_model = {name: free_swings(freely[name], model) for name, model in models.items()}
     swings = [
         dict(zip(by_model, pair, strict=True)) for pair in zip(*(of.each for of in by_model.values()), strict=True)
     ]
     ends = [horizon(pair["after"]) for pair in swings]
     until = [FREE_RUN.length_s if end is None else end for end in ends]
     compared = [_compared(pair, end) for pair, end in zip(swings, until, strict=True)]
-    parts = {name: sources(problem, at, recordings.rig) for name, at in models.items()}
+    parts = {name: sources(problem, model, recordings.rig) for name, model in models.items()}
     squares = {n: mean_squares(parts[n], by_model[n], compared) for n in models}
-    errors = {n: np.array([_error(pair[n], own) for pair, own in zip(swings, compared, strict=True)]) for n in models}
-    counts = np.array([own.sum() for own in compared], dtype=np.float64)
+    errors = {
+        n: np.array([_error(pair[n], samples) for pair, samples in zip(swings, compared, strict=True)]) for n in models
+    }
+    counts = np.array([samples.sum() for samples in compared], dtype=np.float64)
     share = counts / max(counts.sum(), 1.0)
     runs = [
         RunBudget(
@@ -115,12 +117,12 @@ def _areas(pair: Pairs, compared: NDArray[np.bool_]) -> dict[str, float]:
     noise = np.random.default_rng(0).standard_normal(after.measured.shape) / np.where(compared, after.weight, 1.0)
     areas: dict[str, list[float]] = {"before": [], "after": [], "noise": []}
     for j in range(after.measured.shape[1]):
-        own = compared[:, j]
-        if own.any():
+        samples = compared[:, j]
+        if samples.any():
             for name, swing in pair.items():
-                areas[name].append(_area_between(swing.predicted[own, j], swing.measured[own, j]))
-            exact = after.predicted[own, j]
-            areas["noise"].append(_area_between(exact, exact + noise[own, j]))
+                areas[name].append(_area_between(swing.predicted[samples, j], swing.measured[samples, j]))
+            exact = after.predicted[samples, j]
+            areas["noise"].append(_area_between(exact, exact + noise[samples, j]))
     return {f"area_{name}_rad": float(np.mean(values)) if values else 0.0 for name, values in areas.items()}
 
 
@@ -154,8 +156,8 @@ def _input(recordings: Recordings, swing: FreeSwing, t: Array) -> dict[str, Any]
     run, motor = swing.record.run, recordings.rig.motor
     if run.arm_input is None or motor is None:
         return {}
-    at = np.searchsorted(run.t + run.input_delay_s, swing.record.t[0] + t, side="right") - 1
-    values = np.round(run.arm_input[np.maximum(at, 0)], CURVE.digits)
+    rows = np.searchsorted(run.t + run.input_delay_s, swing.record.t[0] + t, side="right") - 1
+    values = np.round(run.arm_input[np.maximum(rows, 0)], CURVE.digits)
     return {"input": values.tolist(), "input_name": f"{motor.input} ({INPUT_UNITS[motor.input]})"}
 
 

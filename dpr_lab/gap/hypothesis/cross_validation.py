@@ -70,17 +70,17 @@ class _Folds:
         effects = [fit.free[i].effect for i in free]
         self.shapes = np.array([bool(name) and name in effects[:k] for k, name in enumerate(effects)], dtype=np.bool_)
         self.e = fit.linear.e
-        self.each = [self._fold(fold == r) for r in np.unique(fold)]
-        self.H = sum((one.H for one in self.each), np.eye(len(free)))
-        self.gradient = sum((one.gradient for one in self.each), np.zeros(len(free)))
+        self.folds = [self._fold(fold == r) for r in np.unique(fold)]
+        self.H = sum((part.H for part in self.folds), np.eye(len(free)))
+        self.gradient = sum((part.gradient for part in self.folds), np.zeros(len(free)))
 
-    def seen_by_one_alone(self, one: _Fold, V: Array) -> NDArray[np.bool_]:
+    def seen_by_one_alone(self, fold: _Fold, V: Array) -> NDArray[np.bool_]:
         """(free,) parameters that are free in a held-out run, like its initial state.
 
         They are the zeros that are set before that run, and shape parameters whose variance V grows too much without
         it.
         """
-        zeros = self.zeros & (np.diag(self.H) - np.diag(one.H) <= 1.0)
+        zeros = self.zeros & (np.diag(self.H) - np.diag(fold.H) <= 1.0)
         if not self.shapes.any():
             return zeros
         return zeros | (self.shapes & (np.diag(V) > FOLDS.alone * np.diag(np.linalg.inv(self.H))))
@@ -94,26 +94,26 @@ def left_out_chi2(fit: Fit, fold: NDArray[np.int64]) -> Array:
     """(segments,) chi2 of each segment as predicted from the other folds."""
     parts = _Folds(fit, fold)
     chi2 = np.sum(parts.e**2, axis=1)
-    for one in parts.each:
-        V = np.asarray(np.linalg.inv(parts.H - one.H), dtype=np.float64)
-        left = parts.e[one.mine] - parts.A[one.mine] @ (V @ (parts.gradient - one.gradient))
-        if (own := parts.seen_by_one_alone(one, V)).any():
+    for left_out in parts.folds:
+        V = np.asarray(np.linalg.inv(parts.H - left_out.H), dtype=np.float64)
+        left = parts.e[left_out.mine] - parts.A[left_out.mine] @ (V @ (parts.gradient - left_out.gradient))
+        if (directions := parts.seen_by_one_alone(left_out, V)).any():
             # parameters that are tied to the free ones move along
-            columns = parts.A[one.mine] @ (V[:, own] @ np.linalg.inv(V[np.ix_(own, own)]))
+            columns = parts.A[left_out.mine] @ (V[:, directions] @ np.linalg.inv(V[np.ix_(directions, directions)]))
             left = left - columns @ np.linalg.lstsq(columns.reshape(-1, columns.shape[2]), left.ravel(), rcond=None)[0]
-        chi2[one.mine] = np.sum(left**2, axis=1)
+        chi2[left_out.mine] = np.sum(left**2, axis=1)
     return chi2
 
 
 def predictive_loss(fit: Fit, fold: NDArray[np.int64], inflation: float) -> Array:
     """(folds,) -2 log predictive density of each fold given the others, up to a constant, in units of chi2."""
     parts = _Folds(fit, fold)
-    chi2 = sum(one.chi2 for one in parts.each)
+    chi2 = sum(left_out.chi2 for left_out in parts.folds)
     every = chi2 - parts.gradient @ np.linalg.solve(parts.H, parts.gradient)
     _, volume = np.linalg.slogdet(parts.H)
     losses = []
-    for one in parts.each:
-        H, gradient = parts.H - one.H, parts.gradient - one.gradient
-        others = chi2 - one.chi2 - gradient @ np.linalg.solve(H, gradient)
+    for left_out in parts.folds:
+        H, gradient = parts.H - left_out.H, parts.gradient - left_out.gradient
+        others = chi2 - left_out.chi2 - gradient @ np.linalg.solve(H, gradient)
         losses.append(every - others + inflation * (volume - np.linalg.slogdet(H)[1]))
     return np.array(losses)

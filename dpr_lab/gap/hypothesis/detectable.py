@@ -16,7 +16,7 @@ SEEN = 1e-6
 """Fraction of a column's squared length that must remain after projection for its amplitude to be detectable."""
 
 
-def detectable(at: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, float | None]]:
+def detectable(model: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, float | None]]:
     """Minimum detectable amplitude of each effect, given the fitted model: five standard deviations.
 
         size = 5 sqrt(f) / | s |,
@@ -25,32 +25,34 @@ def detectable(at: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, flo
     and f is the chi2 of one independent piece of evidence. None if the readings do not change at all.
 
     Args:
-        at: the fitted model
+        model: the fitted model
         test: its score test
     """
-    spread = SIGMAS * at.residuals.inflation**0.5
+    spread = SIGMAS * model.residuals.inflation**0.5
     least: dict[str, dict[str, float | None]] = {}
     for score in test.ranking:
         left = np.diag(test.projected(score.columns).H)
         scales = test.space.scale[list(score.columns)]
         sizes = {
-            test.free[column].name: _size(spread, scale, rest)
-            for column, scale, rest in zip(score.columns, scales, left, strict=True)
+            test.free[column].name: _size(spread, scale, remaining)
+            for column, scale, remaining in zip(score.columns, scales, left, strict=True)
         }
         least[score.effect.name] = {
             p.name: None if p.name in score.absorbed else sizes[p.name] for p in score.effect.amplitudes
         }
     held = test.space.chosen(list(test.held))
     left = held.scale**2 / np.diag(held.covariance())
-    for name in at.effects:
-        own = zip(at.fit.free, held.scale, left, strict=True)
-        least[name] = {p.name: _size(spread, s, rest) for p, s, rest in own if p.effect == name and p.amplitude}
+    for name in model.effects:
+        parameters = zip(model.fit.free, held.scale, left, strict=True)
+        least[name] = {
+            p.name: _size(spread, s, remaining) for p, s, remaining in parameters if p.effect == name and p.amplitude
+        }
     return {name: least[name] for name in EFFECTS if name in least}
 
 
-def _size(spread: float, scale: float, rest: float) -> float | None:
+def _size(spread: float, scale: float, remaining: float) -> float | None:
     """Detectable amplitude of a column of norm 1 / scale, with the remaining fraction of its squared length."""
-    return float(spread * scale / rest**0.5) if rest > SEEN and scale < 1 / TINY else None
+    return float(spread * scale / remaining**0.5) if remaining > SEEN and scale < 1 / TINY else None
 
 
 def visible(least: Mapping[str, Mapping[str, float | None]]) -> tuple[int, int]:

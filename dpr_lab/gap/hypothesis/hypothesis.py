@@ -103,13 +103,13 @@ def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
     return weighs or any(setup.weighs for setup in problem.segments.setups)
 
 
-def free_parameters(at: Estimate, effects: Sequence[str], problem: Problem) -> tuple[FreeParameter, ...]:
+def free_parameters(estimate: Estimate, effects: Sequence[str], problem: Problem) -> tuple[FreeParameter, ...]:
     """Ratios, b if identifiable, uncertain rig constants, and all free parameters of some effects."""
     names = dict.fromkeys((*problem.always, *effects))
     visible = visible_ratios(problem.segments.setups, scale_visible(effects, problem))
     limits = problem.limits
     of_effects = (p for name in names for p in effect_parameters(EFFECTS[name], refined=True, limits=limits))
-    return (*ratio_parameters(at, visible), *of_effects)
+    return (*ratio_parameters(estimate, visible), *of_effects)
 
 
 def started_with(problem: Problem, before: Hypothesis, test: ScoreTest, score: Score, iterations: int = 0) -> Iteration:
@@ -170,14 +170,14 @@ def refit_without(
 ) -> Hypothesis:
     """Fit without one effect, from the linearised solution; b of the bare model if b is not identifiable without it."""
     names = tuple(name for name in before.effects if name != effect)
-    free, linear, at = before.fit.free, before.fit.linear, before.fit.estimate
-    fallen = np.array([-p.read(at) if p.effect == effect and p.amplitude else 0.0 for p in free])
-    kept = [i for i, parameter in enumerate(free) if parameter.effect != effect]
+    free, linear, estimate = before.fit.free, before.fit.linear, before.fit.estimate
+    fallen = np.array([-p.read(estimate) if p.effect == effect and p.amplitude else 0.0 for p in free])
+    remaining = [i for i, parameter in enumerate(free) if parameter.effect != effect]
     A, e = linear.flat
     step = fallen.copy()
-    step[kept] = np.linalg.lstsq(A[:, kept], e - A @ fallen, rcond=1e-10)[0]
-    without = at.changed(params=without_effect(at.params, effect))
-    guess = moved(without, [free[i] for i in kept], step[kept], linear.initial_steps(step))
+    step[remaining] = np.linalg.lstsq(A[:, remaining], e - A @ fallen, rcond=1e-10)[0]
+    without = estimate.changed(params=without_effect(estimate.params, effect))
+    guess = moved(without, [free[i] for i in remaining], step[remaining], linear.initial_steps(step))
     if not problem.chi2(guess) < LOST * problem.chi2(without):
         guess = without
     if not scale_visible(names, problem):

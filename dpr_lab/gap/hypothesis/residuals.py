@@ -108,14 +108,14 @@ def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
     )
 
 
-def lone_readings(problem: Problem, at: Estimate) -> NDArray[np.bool_]:
+def lone_readings(problem: Problem, estimate: Estimate) -> NDArray[np.bool_]:
     """(samples, 2) isolated outliers: readings with a wrong value, up to three in a row.
 
     The residual of an outlier is far from the robust straight line through the seven residuals around it (Theil and
     Sen), farther than those before and after are from their lines, and returns: a missing effect is smooth, or violent
     for some time, or a step.
     """
-    r = np.nan_to_num(problem.weight * (problem.measured - problem.predict(at)))
+    r = np.nan_to_num(problem.weight * (problem.measured - problem.predict(estimate)))
     off, across = np.zeros_like(r), np.full_like(r, np.inf)
     for first, last in pairwise(problem.segments.offsets.tolist()):
         off[first:last] = _off_a_line(r[first:last])

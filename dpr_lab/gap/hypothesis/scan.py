@@ -73,17 +73,17 @@ def arc(angle: Array) -> float:
 
 def _apart(every: list[Shape], gains: Array) -> list[Shape]:
     """The best shapes, none of them a neighbour of a better one."""
-    kept: list[Shape] = []
+    separate: list[Shape] = []
     for i in np.argsort(-gains):
         first = every[i][0][1]
-        if all(abs(np.log(first / other[0][1])) > SCAN.neighbours for other in kept):
-            kept.append(every[i])
-        if len(kept) == SCAN.kept:
+        if all(abs(np.log(first / other[0][1])) > SCAN.neighbours for other in separate):
+            separate.append(every[i])
+        if len(separate) == SCAN.kept:
             break
-    return kept
+    return separate
 
 
-def _between(effect: Effect, kept: list[Shape], problem: Problem, fit: Fit, along: Trajectory) -> list[Shape]:
+def _between(effect: Effect, separate: list[Shape], problem: Problem, fit: Fit, along: Trajectory) -> list[Shape]:
     """The best shapes between those of the grid, if the shape varies continuously.
 
     The width of a frequency peak is the inverse of the record length, which is too narrow for a nonlinear fit to find
@@ -91,9 +91,9 @@ def _between(effect: Effect, kept: list[Shape], problem: Problem, fit: Fit, alon
     """
     shape = effect.shapes[0]
     if len(effect.shapes) > 1 or not shape.continuous:
-        return kept
+        return separate
     ratio, shares = shape.scan[1] / shape.scan[0], np.linspace(-SCAN.reach, SCAN.reach, SCAN.finer).tolist()
-    finer = [((index, value * ratio**share),) for ((index, value),) in kept for share in shares]
+    finer = [((index, value * ratio**share),) for ((index, value),) in separate for share in shares]
     gains = _gains(effect, finer, problem, fit, along)
     return [finer[i] for i in np.argsort(-gains)[: SCAN.kept]]
 
@@ -115,8 +115,8 @@ def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along
         initial = products[:, -states:].copy()
         products -= onto_initial @ initial  # equivalent to projecting the columns, without one more pass over them
         across = products[:, :-states].sum(axis=0).reshape(-1, len(chosen), many)
-        own = _within(columns, columns, many) - _within(initial, initial + products[:, -states:], many)
-        gains.append(fitted.gains_given(across[:-1], own, across[-1], positive))
+        reduced = _within(columns, columns, many) - _within(initial, initial + products[:, -states:], many)
+        gains.append(fitted.gains_given(across[:-1], reduced, across[-1], positive))
     return np.concatenate(gains)
 
 

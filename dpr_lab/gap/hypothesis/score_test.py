@@ -46,8 +46,8 @@ class Score:
     @property
     def named_amplitudes(self) -> dict[str, float]:
         """The linear solution by name."""
-        own = self.free[len(self.free) - len(self.columns) :]
-        return {p.name: float(value) for p, value in zip(own, self.amplitudes, strict=True)}
+        columns = self.free[len(self.free) - len(self.columns) :]
+        return {p.name: float(value) for p, value in zip(columns, self.amplitudes, strict=True)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,10 +79,10 @@ class ScoreTest:
 
     def cosine(self, target: Score, other: Score) -> float:
         """Cosine between a change by `target` and the nearest by `other`, fitted parameters projected out."""
-        own = len(target.columns)
+        count = len(target.columns)
         direction = target.amplitudes if target.amplitudes.any() else self.space.scale[list(target.columns)]
         space = self.projected((*target.columns, *other.columns))
-        return space.cosine(direction, slice(0, own), slice(own, None))
+        return space.cosine(direction, slice(0, count), slice(count, None))
 
 
 def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorded: Recorded) -> ScoreTest:
@@ -100,14 +100,14 @@ def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorde
         for effect in library
         for shape in shapes(effect, problem, fitted, along, recorded)
     ]
-    free = (*fitted.free, *(parameter for _, _, own in candidates for parameter in own))
+    free = (*fitted.free, *(parameter for _, _, parameters in candidates for parameter in parameters))
     linear = linearise(problem, fitted.estimate, free)
     test = ScoreTest(fitted, linear, free, ColumnSpace.of(*linear.flat))
     tested: dict[str, list[Score]] = {}
     first = len(fitted.free)
-    for effect, shape, own in candidates:
-        columns = tuple(range(first, first + len(own)))
-        first += len(own)
+    for effect, shape, parameters in candidates:
+        columns = tuple(range(first, first + len(parameters)))
+        first += len(parameters)
         tested.setdefault(effect.name, []).append(_score(problem, test, effect, shape, columns))
     shaped = {name: tuple(sorted(items, key=lambda score: -score.gain)) for name, items in tested.items()}
     ranking = tuple(sorted((items[0] for items in shaped.values()), key=lambda score: (-score.gain, score.effect.name)))
@@ -123,17 +123,17 @@ def _score(problem: Problem, test: ScoreTest, effect: Effect, shape: Shape, colu
     if hidden.all():
         return Score(effect, shape, 0.0, columns, free, np.zeros(len(columns)), absorbed)
     rows = [*test.held, *(len(test.held) + np.flatnonzero(~hidden)).tolist()]
-    own, free = tuple(every[i] for i in rows[len(test.held) :]), tuple(free[i] for i in rows)
+    new_columns, free = tuple(every[i] for i in rows[len(test.held) :]), tuple(free[i] for i in rows)
     chosen = space.chosen(rows)
     room = bounds(test.fit.estimate, free)
     room[:, [i for i in range(len(test.held)) if i in test.fit.absorbed]] = 0.0
     step = chosen.with_prior(prior.A[:, rows], prior.e).solution(room)
-    return Score(effect, shape, chosen.reduction(step), own, free, step[len(test.held) :], absorbed)
+    return Score(effect, shape, chosen.reduction(step), new_columns, free, step[len(test.held) :], absorbed)
 
 
 def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
     """Name of the parameter whose signature is nearest to that of an amplitude."""
     before = [*test.held, *columns[:index]]
     nearest = before[int(np.argmax(np.abs(test.space.H[before, columns[index]])))] if before else None
-    seen = nearest is not None and abs(test.space.H[nearest, columns[index]]) > 0.0
-    return test.free[nearest].name if seen and nearest is not None else "initial states"
+    visible = nearest is not None and abs(test.space.H[nearest, columns[index]]) > 0.0
+    return test.free[nearest].name if visible and nearest is not None else "initial states"

@@ -62,7 +62,7 @@ class ReadingStep(NamedTuple):
 
 def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
     """Properties of the recordings from which shapes are proposed."""
-    screened = [(axis, run, at) for run, record in enumerate(records) for at, axis in record.screened.breaks]
+    screened = [(axis, run, instant) for run, record in enumerate(records) for instant, axis in record.screened.breaks]
     return Recorded(
         arm_moves=tuple(record.arm_moves for record in records),
         steps=lambda: screened or _visible(records, _steps(problem, fit)),
@@ -91,9 +91,9 @@ def shows_step(record: Record, step: ReadingStep, settings: StepSettings = STEPS
         if first < side or first + side > len(record.t):
             continue
         some = slice(first - side, first + side)
-        seen = float(shape @ record.joints[some, step.joint]) / power
+        projection = float(shape @ record.joints[some, step.joint]) / power
         error = float(np.median(record.sigma[some, step.joint])) / power**0.5
-        if np.sign(step.size) * seen + settings.errors * error >= settings.part * abs(step.size):
+        if np.sign(step.size) * projection + settings.errors * error >= settings.part * abs(step.size):
             return True
     return False
 
@@ -115,13 +115,13 @@ def _steps(problem: Problem, fit: Fit) -> list[ReadingStep]:
         )
         inner, onto = _from_end(e * weight), _from_end(Q * weight[:, :, None])
         norm = _from_end(weight**2) - np.sum(onto**2, axis=2)
-        seen = norm > (STEPS.blind * weight.sum(axis=1) ** 2 / lengths)[:, None]
-        size = np.where(seen, inner / np.where(seen, norm, 1.0), 0.0)
+        detectable = norm > (STEPS.blind * weight.sum(axis=1) ** 2 / lengths)[:, None]
+        size = np.where(detectable, inner / np.where(detectable, norm, 1.0), 0.0)
         gain = inner * size
         best = np.argmax(gain[:, 1:], axis=1) + 1
-        each, at = np.arange(len(best)), problem.t[firsts + best] - STEPS.before_s
-        columns = gain[each, best].tolist(), segments.run.tolist(), at.tolist(), size[each, best].tolist()
-        steps += [ReadingStep(most, joint, *rest) for most, *rest in zip(*columns, strict=True)]
+        rows, instants = np.arange(len(best)), problem.t[firsts + best] - STEPS.before_s
+        columns = gain[rows, best].tolist(), segments.run.tolist(), instants.tolist(), size[rows, best].tolist()
+        steps += [ReadingStep(most, joint, *times) for most, *times in zip(*columns, strict=True)]
     return sorted(steps, reverse=True)
 
 

@@ -116,10 +116,10 @@ def follows_remainder(base: Hypothesis, with_curve: Hypothesis, simple: Hypothes
 
 
 def indifference(
-    base: Hypothesis, at: Hypothesis, *, independent: float = THRESHOLDS.chance, share: float = THRESHOLDS.integrator
+    base: Hypothesis, model: Hypothesis, *, independent: float = THRESHOLDS.chance, share: float = THRESHOLDS.integrator
 ) -> float:
     """Difference of cost below which two sets are equally good: due to chance, or to the integrator's steps."""
-    return max(independent * at.residuals.inflation, share * (base.residuals.chi2 - at.residuals.chi2))
+    return max(independent * model.residuals.inflation, share * (base.residuals.chi2 - model.residuals.chi2))
 
 
 def significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
@@ -159,12 +159,14 @@ def accepted(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
     return excess(before) - excess(after) > THRESHOLDS.large * excess(base)
 
 
-def need(base: Hypothesis, at: Hypothesis, less: Hypothesis) -> float:
+def need(base: Hypothesis, model: Hypothesis, less: Hypothesis) -> float:
     """Evidence for the effect that `less` lacks, relative to the threshold; 1 is enough to keep it."""
-    if at_noise_floor(at):
-        return (less.cost - at.cost) / (THRESHOLDS.chance * at.residuals.inflation)
-    growth, factor = less.residuals.excess - excess(at), less.residuals.excess / excess(at)
-    if less.cost - at.cost > scatter(less, at):  # it improves every segment, however small it is next to a large one
+    if at_noise_floor(model):
+        return (less.cost - model.cost) / (THRESHOLDS.chance * model.residuals.inflation)
+    growth, factor = less.residuals.excess - excess(model), less.residuals.excess / excess(model)
+    if less.cost - model.cost > scatter(
+        less, model
+    ):  # it improves every segment, however small it is next to a large one
         return factor / THRESHOLDS.slow
     if growth < THRESHOLDS.small * excess(base) and factor < THRESHOLDS.keeps_if_small:
         return 0.0

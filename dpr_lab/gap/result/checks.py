@@ -93,8 +93,8 @@ class AdvisedCheck(Saved):
     @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:
         """The amplitudes that a measurement measures."""
-        own = _amplitudes(self.measures)
-        return tuple(own[name] for name in self.quantity.parameters) if self.quantity else ()
+        of_measured = _amplitudes(self.measures)
+        return tuple(of_measured[name] for name in self.quantity.parameters) if self.quantity else ()
 
     @model_validator(mode="before")
     @classmethod

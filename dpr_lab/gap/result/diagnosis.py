@@ -190,8 +190,8 @@ def load_diagnosis(path: Path) -> Diagnosis:
     try:
         document = json.loads(regular(path, RunError).read_text(encoding="utf-8"))
         printed = ADDED_BY_COMMANDS if isinstance(document, dict) else ()
-        kept = {key: document[key] for key in document if key not in printed} if printed else document
-        diagnosis = Diagnosis.model_validate(kept)
+        stored = {key: document[key] for key in document if key not in printed} if printed else document
+        diagnosis = Diagnosis.model_validate(stored)
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
     except ValidationError as error:

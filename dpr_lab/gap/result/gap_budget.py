@@ -84,9 +84,16 @@ class GapBudget(Saved):
         """The ratio that differs between recordings by so much that the rig must have been changed; not of friction."""
         if self.basis != "recordings" or self.varying < CHANGED_RIG.share:
             return None
-        ratios = (one for one in self.parameters if not one.effect and not one.name.startswith("c"))
+        ratios = (
+            parameter for parameter in self.parameters if not parameter.effect and not parameter.name.startswith("c")
+        )
         return next(
-            (one for one in ratios if one.spread > CHANGED_RIG.scatter * np.abs(np.mean([*one.values.values()]))), None
+            (
+                parameter
+                for parameter in ratios
+                if parameter.spread > CHANGED_RIG.scatter * np.abs(np.mean([*parameter.values.values()]))
+            ),
+            None,
         )
 
     @property

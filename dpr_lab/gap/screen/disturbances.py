@@ -77,23 +77,23 @@ def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
         the same object if there are no disturbances
     """
     records = [_undisturbed(recordings, recording, ratios) for recording in recordings.records]
-    same = all(one is recording for one, recording in zip(records, recordings.records, strict=True))
+    same = all(kept is recording for kept, recording in zip(records, recordings.records, strict=True))
     return recordings if same else replace(recordings, records=tuple(records))
 
 
 def _undisturbed(recordings: Recordings, recording: Record, ratios: Array) -> Record:
     if not recording.run.setup.free or recording.arm_moves:
         return recording
-    one = replace(recordings, ratios=None).only([recording])
-    until = _pushed_until(one, *_followed(one, ratios))
+    alone = replace(recordings, ratios=None).only([recording])
+    until = _pushed_until(alone, *_followed(alone, ratios))
     if until is not None:
         evidence = f"the rods gain energy until {until:.2g} s: a hand still pushes, so these readings are excluded"
         return _with(recording.only(recording.t >= until), [Disturbed(float(recording.t[0]), until, evidence)])
-    disturbed = _outstanding(one, ratios)
+    disturbed = _outstanding(alone, ratios)
     # A kick at the start of a segment is not visible in any segment, so the recording is also cut at other instants.
     later = recording.only(recording.t >= recording.t[0] + 0.5 * LENGTHS.first)
-    for other in _outstanding(one.only([later]), ratios):
-        if all(abs(other.since - one.since) > LENGTHS.first for one in disturbed):
+    for other in _outstanding(alone.only([later]), ratios):
+        if all(abs(other.since - alone.since) > LENGTHS.first for alone in disturbed):
             disturbed.append(other)
     return _with(recording, disturbed) if disturbed else recording
 
@@ -107,37 +107,44 @@ class Disturbed:
     evidence: str
 
 
-def _followed(one: Recordings, ratios: Array) -> tuple[Problem, Fit]:
+def _followed(recordings: Recordings, ratios: Array) -> tuple[Problem, Fit]:
     """One recording in short segments, fitted with given ratios."""
-    short, initial = one.cut(LENGTHS.first)
+    short, initial = recordings.cut(LENGTHS.first)
     return short, fit(short, Estimate.of(ratios, effect_params({}), initial), (), iterations=RULES.iterations)
 
 
 def _with(recording: Record, disturbed: Sequence[Disturbed]) -> Record:
     """A recording without its disturbed readings, with breaks at the disturbances."""
-    findings = [Finding("disturbance", recording.run.name, None, one.since, one.evidence) for one in disturbed]
-    outside = np.all([(recording.t < one.since) | (recording.t >= one.until) for one in disturbed], axis=0)
-    at = np.array([one.since for one in disturbed])
+    findings = [
+        Finding("disturbance", recording.run.name, None, disturbance.since, disturbance.evidence)
+        for disturbance in disturbed
+    ]
+    outside = np.all(
+        [(recording.t < disturbance.since) | (recording.t >= disturbance.until) for disturbance in disturbed], axis=0
+    )
+    instants = np.array([disturbance.since for disturbance in disturbed])
     cut = replace(
-        recording.only(outside), breaks=np.sort(np.append(recording.breaks, at)), kicks=np.append(recording.kicks, at)
+        recording.only(outside),
+        breaks=np.sort(np.append(recording.breaks, instants)),
+        kicks=np.append(recording.kicks, instants),
     )
     return replace(cut, screened=replace(recording.screened, findings=(*recording.screened.findings, *findings)))
 
 
-def energies(problem: Problem, at: Estimate) -> Array:
+def energies(problem: Problem, estimate: Estimate) -> Array:
     """(segments,) energy at the start of each segment of one run, above that of hanging rods, over b, 1/s^2."""
     constants, (setup,) = problem.model.constants, problem.segments.setups
-    base = base_of_run(whole_of(at.ratios), setup, constants.L1, constants.g)
-    a, b, d, e1, *_ = (base / at.ratios[SCALE]).tolist()
-    th1, th2, w1, w2 = at.initial.T
+    base = base_of_run(whole_of(estimate.ratios), setup, constants.L1, constants.g)
+    a, b, d, e1, *_ = (base / estimate.ratios[SCALE]).tolist()
+    th1, th2, w1, w2 = estimate.initial.T
     w2 = w1 if setup.held else w2
     kinetic = 0.5 * a * w1**2 + 0.5 * b * w2**2 + d * np.cos(th1 - th2) * w1 * w2
     return np.asarray(kinetic + e1 * (1 + np.cos(th1)) + d * constants.g / constants.L1 * (1 + np.cos(th2)))
 
 
-def _pushed_until(one: Recordings, problem: Problem, at: Fit) -> float | None:
+def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float | None:
     """Start of the first segment from which the energy only decreases, if it rose before; otherwise None."""
-    energy = energies(problem, at.estimate)
+    energy = energies(problem, fit.estimate)
     begins = problem.t[problem.segments.offsets[:-1]]
     if len(energy) < 4 or not np.isfinite(energy).all():
         return None
@@ -146,10 +153,10 @@ def _pushed_until(one: Recordings, problem: Problem, at: Fit) -> float | None:
         return float(begins[top])
     if len(energy) < 2 * RULES.smoothed:
         return None
-    level = at.linear.chi2_by_segment / np.diff(problem.segments.offsets)
+    level = fit.linear.chi2_by_segment / np.diff(problem.segments.offsets)
     if level[0] > max(RULES.first, RULES.first * float(level[1:].max())):
         # Free rods do not follow the readings under a push, so that only the readings show their speed.
-        energy[0] = energies(problem, at.estimate.changed(initial=one.cut(LENGTHS.first)[1]))[0]
+        energy[0] = energies(problem, fit.estimate.changed(initial=recordings.cut(LENGTHS.first)[1]))[0]
     smooth, scatter = _smoothed(energy), _scatter(energy)
     top = int(np.argmax(energy >= smooth.max() - 2 * scatter))
     return float(begins[top]) if _only_rose_before(energy, smooth, top, begins, scatter) else None
@@ -179,9 +186,9 @@ def _scatter(energy: Array) -> float:
     return float(1.4826 * np.median(np.abs(np.diff(energy, 2))) / np.sqrt(6.0))
 
 
-def _outstanding(one: Recordings, ratios: Array) -> list[Disturbed]:
+def _outstanding(recordings: Recordings, ratios: Array) -> list[Disturbed]:
     """Kicks and pushes, detected by segments that fit far worse than all others."""
-    short, followed = _followed(one, ratios)
+    short, followed = _followed(recordings, ratios)
     edges, chi2 = short.segments.offsets, followed.linear.chi2_by_segment
     level = np.where(np.isfinite(chi2), chi2, np.inf) / np.diff(edges)
     order = np.argsort(-level)
@@ -193,7 +200,7 @@ def _outstanding(one: Recordings, ratios: Array) -> list[Disturbed]:
     for s in sorted(order[: worse[-1]].tolist()):
         if level[s] < RULES.visible:
             continue
-        kick = _kick(one, short, followed, s, others)
+        kick = _kick(recordings, short, followed, s, others)
         if kick is not None:
             disturbed.append(Disturbed(kick, kick, "the speed jumps as after a kick: no segment contains this instant"))
         elif level[s] > RULES.pushed * others:
@@ -203,19 +210,19 @@ def _outstanding(one: Recordings, ratios: Array) -> list[Disturbed]:
     return disturbed
 
 
-def _kick(one: Recordings, short: Problem, followed: Fit, s: int, others: float) -> float | None:
+def _kick(recordings: Recordings, short: Problem, followed: Fit, s: int, others: float) -> float | None:
     """Instant at which a cut lets a segment fit as well as the others; None if there is none."""
-    (recording,) = one.records
+    (recording,) = recordings.records
     first, last = (int(i) for i in short.segments.offsets[s : s + 2])
     begin, end = np.searchsorted(recording.t, [short.t[first], short.t[last - 1]]).tolist()
     near = recording.only(slice(max(begin - MIN_SAMPLES, 0), end + 1 + MIN_SAMPLES))
     best, where = np.inf, 0.0
     for i in range(MIN_SAMPLES, len(near.t) - MIN_SAMPLES + 1):
-        at = 0.5 * float(near.t[i - 1] + near.t[i])
-        halves, initial = one.only([replace(near, breaks=np.array([at]))]).cut(np.inf)
+        instant = 0.5 * float(near.t[i - 1] + near.t[i])
+        halves, initial = recordings.only([replace(near, breaks=np.array([instant]))]).cut(np.inf)
         cut = descend(halves, followed.estimate.changed(initial=initial), (), iterations=RULES.iterations)
         left = float(halves.chi2_by_segment(halves.predict(cut.estimate)).sum())
         if left < best:
-            best, where = left, at
+            best, where = left, instant
     enough = float(followed.linear.chi2_by_segment[s]) / RULES.cut_off
     return where if best < enough and best < RULES.alike * others * len(near.t) else None

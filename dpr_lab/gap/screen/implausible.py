@@ -63,13 +63,13 @@ def repeated(
     stands = step == 0.0
     goes_on = _before(step) * _before(step[::-1])[::-1] > (settings.goes_on * moved) ** 2
     alone = stands & goes_on & (moved > settings.moved * np.hypot(std, jitter * speed))
-    both = stands.all(axis=1)
-    last_new = np.maximum.accumulate(np.where(both, 0, np.arange(len(t))))
+    all_axes = stands.all(axis=1)
+    last_new = np.maximum.accumulate(np.where(all_axes, 0, np.arange(len(t))))
     since = np.cumsum(path, axis=0)
     significance = np.sqrt(np.sum(((since - since[last_new]) / std) ** 2, axis=1))
     highest = np.zeros(len(t))
     np.maximum.at(highest, last_new, significance)
-    return alone | (both & (highest[last_new] > settings.moved))[:, None]
+    return alone | (all_axes & (highest[last_new] > settings.moved))[:, None]
 
 
 def _before(step: Array) -> Array:

@@ -100,13 +100,13 @@ def _refuse_still(recordings: Recordings) -> None:
 def _fitted(recordings: Recordings, start: Array) -> Fit:
     """The bare model with a free gain, fitted to short segments, from the most similar unit of the input."""
     problem, initial = recordings.cut(LENGTHS.first)
-    at = Estimate.of(start, recordings.start_params, initial)
+    estimate = Estimate.of(start, recordings.start_params, initial)
     if recordings.driven_arm and recordings.rig.motor:
         problem = replace(problem, always=tuple({*problem.always, DRIVE_GAIN.name}))
         exponents = (0.0, *UNITS.get(recordings.rig.motor.input, ()))
-        tried = [at.changed(params=_with_gain(at.params, 10.0**exponent)) for exponent in exponents]
-        at = min(tried, key=problem.chi2)
-    return fit(problem, at, free_parameters(at, (), problem))
+        tried = [estimate.changed(params=_with_gain(estimate.params, 10.0**exponent)) for exponent in exponents]
+        estimate = min(tried, key=problem.chi2)
+    return fit(problem, estimate, free_parameters(estimate, (), problem))
 
 
 def _with_gain(params: Array, gain: float) -> Array:
@@ -117,8 +117,8 @@ def _with_gain(params: Array, gain: float) -> Array:
 
 def _mirrored(recordings: Recordings) -> Recordings:
     turned = np.array([1.0, 1.0, -1.0])
-    each = [
+    mirrored = [
         replace(recording, joints=recording.joints * turned[: recording.joints.shape[1]])
         for recording in recordings.records
     ]
-    return recordings.only(each)
+    return recordings.only(mirrored)

@@ -135,8 +135,8 @@ def _even_clock(t: Array, settings: InstantSettings) -> tuple[float, Array, Flag
     steady = np.polyval(np.polyfit(index[usual], offset[usual], 1), index)
     if np.std(wandering - steady) < settings.wander * jitter:
         return period, index * period + steady, np.ones(len(t), dtype=bool)
-    here = sliding_window_view(np.pad(wandering, many, mode="edge"), 2 * many + 1)
-    return period, index * period + wandering, np.asarray(np.ptp(here, axis=1) < settings.widest * period)
+    windows = sliding_window_view(np.pad(wandering, many, mode="edge"), 2 * many + 1)
+    return period, index * period + wandering, np.asarray(np.ptp(windows, axis=1) < settings.widest * period)
 
 
 def periodic_delay(t: Array, joints: Array, settings: InstantSettings = INSTANTS) -> PeriodicDelay | None:

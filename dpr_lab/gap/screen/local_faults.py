@@ -88,11 +88,11 @@ def local_faults(
             near = first + np.flatnonzero(keep[first:last])
             if len(near) < half:
                 continue
-            at, size = _step_or_outlier(t[near], angle[near], about, period, settings)
+            instant, size = _step_or_outlier(t[near], angle[near], about, period, settings)
             if size is None:
-                outliers.append(int(near[at]))
+                outliers.append(int(near[instant]))
             else:
-                steps.append((int(near[at]), size))
+                steps.append((int(near[instant]), size))
     return LocalFaults(np.array(outliers, dtype=np.int64), tuple(steps))
 
 
@@ -106,9 +106,9 @@ def _standing_out(
     reach = settings.smooth
     level = np.convolve(np.pad(even, reach, mode="edge"), np.full(2 * reach + 1, 1 / (2 * reach + 1)), mode="valid")
     speed = _highest(np.abs(np.gradient(level, period)), half)[half:-half]
-    seen = [np.abs(np.convolve(even, one[::-1], mode="valid")) for one in _filters(half, settings.degree)]
+    responses = [np.abs(np.convolve(even, filter_[::-1], mode="valid")) for filter_ in _filters(half, settings.degree)]
     bent = settings.bends * (speed * half * period) ** (settings.degree + 1) * np.sqrt(2 * half + 1)
-    return np.pad(np.maximum(*seen) / np.sqrt(noise[0] ** 2 + (noise[1] * speed) ** 2 + bent**2), half)
+    return np.pad(np.maximum(*responses) / np.sqrt(noise[0] ** 2 + (noise[1] * speed) ** 2 + bent**2), half)
 
 
 @cache
@@ -117,12 +117,12 @@ def _filters(half: int, degree: int) -> tuple[Array, Array]:
 
     Both are scaled to unit variance for unit white noise.
     """
-    at = np.arange(-half, half + 1) / half
-    smooth = np.linalg.qr(np.vander(at, degree + 1))[0]
+    positions = np.arange(-half, half + 1) / half
+    smooth = np.linalg.qr(np.vander(positions, degree + 1))[0]
     filters = []
-    for shape in ((at >= 0).astype(float), (np.arange(2 * half + 1) == half).astype(float)):
-        rest = shape - smooth @ (smooth.T @ shape)
-        filters.append(rest / np.linalg.norm(rest))
+    for shape in ((positions >= 0).astype(float), (np.arange(2 * half + 1) == half).astype(float)):
+        remainder = shape - smooth @ (smooth.T @ shape)
+        filters.append(remainder / np.linalg.norm(remainder))
     return filters[0], filters[1]
 
 
@@ -141,11 +141,11 @@ def _peaks(z: Array, half: int, settings: LocalFaultSettings) -> Indices:
     return highest[z[highest] > settings.above_surroundings * _usual(z, highest, half, settings.usual)]
 
 
-def _usual(z: Array, at: Indices, half: int, share: float) -> Array:
+def _usual(z: Array, centres: Indices, half: int, share: float) -> Array:
     """(places,) quantile of the values 2 to 10 half windows from each place; zero if there are none."""
     reach = 10 * half
     away = np.concatenate([np.arange(-reach, -2 * half), np.arange(2 * half + 1, reach)])
-    around = np.sort(np.pad(z, reach, constant_values=np.inf)[reach + at[:, None] + away], axis=1)
+    around = np.sort(np.pad(z, reach, constant_values=np.inf)[reach + centres[:, None] + away], axis=1)
     last = np.maximum(np.isfinite(around).sum(axis=1) - 1, 0)
     below = np.floor(share * last).astype(np.int64)
     low, high = (np.take_along_axis(around, i[:, None], axis=1)[:, 0] for i in (below, np.minimum(below + 1, last)))
@@ -167,15 +167,15 @@ def _step_or_outlier(
     Returns:
         index of the sample, and the size of the step, rad; no size for an outlier
     """
-    away, at = np.abs(t - about), np.arange(len(t))[:, None]
+    away, candidates = np.abs(t - about), np.arange(len(t))[:, None]
     near = int((away < (settings.reach + 0.5) * period).sum())
     places = np.argsort(away, kind="stable")[: max(near, 1)]
     smooth = np.linalg.qr(np.vander((t - about) / np.ptp(t), settings.degree + 1))[0]
-    shapes = np.hstack([at == places, at >= places]).astype(np.float64)
+    shapes = np.hstack([candidates == places, candidates >= places]).astype(np.float64)
     shapes -= smooth @ (smooth.T @ shapes)
     power, along = (shapes**2).sum(axis=0), (angle - smooth @ (smooth.T @ angle)) @ shapes
-    seen = power > settings.least_seen
-    explained = np.where(seen, along**2, 0.0) / np.where(seen, power, 1.0)
+    detectable = power > settings.least_seen
+    explained = np.where(detectable, along**2, 0.0) / np.where(detectable, power, 1.0)
     # A single reading on one side of a step is also an outlier, and few readings contain no more information: among
     # equals, the nearest is chosen.
     best = int(np.argmax(explained >= (1 - 1e-9) * explained.max()))
@@ -183,7 +183,7 @@ def _step_or_outlier(
     return int(places[best % len(places)]), size
 
 
-def _spline(t: Array, y: Array, at: Array, sweeps: int = 40) -> Array:
+def _spline(t: Array, y: Array, instants: Array, sweeps: int = 40) -> Array:
     """Values at some instants of the cubic spline through readings, with not-a-knot conditions at the ends.
 
     Its slopes s at the readings make the curvature continuous. With spacings h and difference quotients d,
@@ -206,6 +206,6 @@ def _spline(t: Array, y: Array, at: Array, sweeps: int = 40) -> Array:
     for _ in range(sweeps):
         s[1:-1] = known - left * s[:-2] - right * s[2:]
     s[0], s[-1] = first - s[1] / w[0], last - s[-2] / (1 - w[-1])
-    i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(h) - 1)
-    x, square, cube = at - t[i], (3 * d - 2 * s[:-1] - s[1:]) / h, (s[:-1] + s[1:] - 2 * d) / h**2
+    i = np.clip(np.searchsorted(t, instants, side="right") - 1, 0, len(h) - 1)
+    x, square, cube = instants - t[i], (3 * d - 2 * s[:-1] - s[1:]) / h, (s[:-1] + s[1:] - 2 * d) / h**2
     return y[i] + x * (s[i] + x * (square[i] + x * cube[i]))

@@ -92,8 +92,8 @@ class Record:
             Finding("outlier", self.run.name, ALL_AXES[axis], float(t[i]), evidence)
             for i, axis in np.argwhere(off).tolist()
         ]
-        kept = self.only(~np.isin(self.t, t[off.any(axis=1)]))
-        return replace(kept, screened=replace(self.screened, findings=(*self.screened.findings, *findings)))
+        remaining = self.only(~np.isin(self.t, t[off.any(axis=1)]))
+        return replace(remaining, screened=replace(self.screened, findings=(*self.screened.findings, *findings)))
 
     def only(self, some: slice | NDArray[np.bool_]) -> "Record":
         """Some of its readings."""
@@ -108,75 +108,77 @@ def record(run: Run, rig: Rig, settings: ThinningSettings = THINNING) -> Record:
     """
     if (run.t >= settings.after_release_s).sum() < MIN_SAMPLES:
         raise RunError(f"{run.name}: fewer than {MIN_SAMPLES} samples after the release: nothing to diagnose")
-    seen = screen(run, rig)
-    setup = setup_of(seen.run, rig)
+    screened = screen(run, rig)
+    setup = setup_of(screened.run, rig)
     if setup.arm_moves:
-        seen = with_arm(seen, rig)
-    run = seen.run
-    fastest = _fastest(seen, settings.fastest)
-    rate_hz = _block_rate(seen, fastest, run.rate_hz, settings)
-    t, joints, sigma = _as_read(seen) if rate_hz is None else _blocks(seen, rate_hz, settings.least_kept)
+        screened = with_arm(screened, rig)
+    run = screened.run
+    fastest = _fastest(screened, settings.fastest)
+    rate_hz = _block_rate(screened, fastest, run.rate_hz, settings)
+    t, joints, sigma = _as_read(screened) if rate_hz is None else _blocks(screened, rate_hz, settings.least_kept)
     whole = np.isfinite(joints).all(axis=1) & (t >= settings.after_release_s)
     t, joints, sigma = t[whole], joints[whole], sigma[whole]
     apart = np.diff(t)
     usual = float(np.median(apart)) if len(apart) else 0.0
     holes = np.flatnonzero(apart > max(settings.gap_s, settings.gap_spacings * usual))
-    breaks = np.sort(np.concatenate([[at for at, _ in seen.breaks], t[holes] + 1e-6]))
+    breaks = np.sort(np.concatenate([[instant for instant, _ in screened.breaks], t[holes] + 1e-6]))
     if not cut(t, np.inf, breaks):
         raise RunError(f"{run.name}: no sequence of {MIN_SAMPLES} valid samples without a gap: nothing to diagnose")
     step = min(STEP, settings.turn / max(fastest, 1e-3))
     thinned = max(1, round(run.rate_hz / (rate_hz or run.rate_hz)))
     correlation = float(rest_correlation(run, rig, thinned).mean())
     moves = True if setup.arm_moves else _arm_moves(run, settings.arm_moves)
-    return Record(run, seen, t, joints, sigma, breaks, moves, correlation, step, setup)
+    return Record(run, screened, t, joints, sigma, breaks, moves, correlation, step, setup)
 
 
-def _fastest(seen: Screened, quantile: float) -> float:
+def _fastest(screened: Screened, quantile: float) -> float:
     """Highest speed of a joint, rad/s, over spacings of a block, which noise and single faults hardly affect."""
-    t, trusted = seen.t, seen.keep.all(axis=1)
+    t, trusted = screened.t, screened.keep.all(axis=1)
     apart = max(1, round(1 / RATE_HZ / float(np.median(np.diff(t)))))
-    some, at = seen.joints[trusted][::apart], t[trusted][::apart]
-    if len(at) < 2:
+    some, instants = screened.joints[trusted][::apart], t[trusted][::apart]
+    if len(instants) < 2:
         return 0.0
-    return float(np.quantile(np.abs(np.diff(some, axis=0) / np.diff(at)[:, None]), quantile, axis=0).max())
+    return float(np.quantile(np.abs(np.diff(some, axis=0) / np.diff(instants)[:, None]), quantile, axis=0).max())
 
 
-def _block_rate(seen: Screened, fastest: float, rate_hz: float, settings: ThinningSettings) -> float | None:
+def _block_rate(screened: Screened, fastest: float, rate_hz: float, settings: ThinningSettings) -> float | None:
     """The lowest rate at which the bias of a block mean is below its noise, in factors of two; None: as read."""
     blocks = RATE_HZ
     while rate_hz >= settings.averaged_from * blocks:
-        noise = np.sqrt(seen.noise**2 * blocks / rate_hz + (seen.jitter_s * fastest) ** 2).min()
+        noise = np.sqrt(screened.noise**2 * blocks / rate_hz + (screened.jitter_s * fastest) ** 2).min()
         if settings.bent * (fastest / blocks) ** 4 <= settings.seen * noise:
             return blocks
         blocks *= 2
     return None
 
 
-def _as_read(seen: Screened) -> tuple[Array, Array, Array]:
+def _as_read(screened: Screened) -> tuple[Array, Array, Array]:
     """Instants, readings (nan where a reading is not trusted) and their standard deviations."""
-    speed = np.gradient(seen.joints, seen.t, axis=0)
-    sigma = np.sqrt(seen.noise**2 + (seen.jitter_s * speed) ** 2)
-    return seen.t, np.where(seen.keep, seen.joints, np.nan), sigma
+    speed = np.gradient(screened.joints, screened.t, axis=0)
+    sigma = np.sqrt(screened.noise**2 + (screened.jitter_s * speed) ** 2)
+    return screened.t, np.where(screened.keep, screened.joints, np.nan), sigma
 
 
-def _blocks(seen: Screened, rate_hz: float, least_kept: float) -> tuple[Array, Array, Array]:
+def _blocks(screened: Screened, rate_hz: float, least_kept: float) -> tuple[Array, Array, Array]:
     """Means over blocks of 1 / `rate_hz`; without dither, fewer readings are independent."""
-    number = np.floor(seen.t * rate_hz + 1e-6).astype(np.int64)
+    number = np.floor(screened.t * rate_hz + 1e-6).astype(np.int64)
     edges = np.flatnonzero(np.diff(number, prepend=number[0] - 1))
-    keep = seen.keep.all(axis=1).astype(float)
-    kept = np.add.reduceat(keep, edges)
+    keep = screened.keep.all(axis=1).astype(float)
+    counts = np.add.reduceat(keep, edges)
     with np.errstate(invalid="ignore", divide="ignore"):
-        t = np.add.reduceat(keep * seen.t, edges) / kept
-        mean = np.add.reduceat(keep[:, None] * seen.joints, edges) / kept[:, None]
-        spread = np.add.reduceat(keep * (seen.t - np.repeat(t, np.diff(edges, append=len(keep)))) ** 2, edges) / kept
-    good = (kept > 0) & (kept >= least_kept * np.median(kept))
-    for at, _ in seen.breaks:
-        good &= number[edges] != np.floor(at * rate_hz + 1e-6)
-    t, mean, spread, kept = t[good], mean[good], spread[good], kept[good]
+        t = np.add.reduceat(keep * screened.t, edges) / counts
+        mean = np.add.reduceat(keep[:, None] * screened.joints, edges) / counts[:, None]
+        spread = (
+            np.add.reduceat(keep * (screened.t - np.repeat(t, np.diff(edges, append=len(keep)))) ** 2, edges) / counts
+        )
+    good = (counts > 0) & (counts >= least_kept * np.median(counts))
+    for instant, _ in screened.breaks:
+        good &= number[edges] != np.floor(instant * rate_hz + 1e-6)
+    t, mean, spread, counts = t[good], mean[good], spread[good], counts[good]
     speed = np.gradient(mean, t, axis=0)
-    passed = 1 + np.abs(speed) / rate_hz / np.where(seen.count > 0, seen.count, np.inf)
-    independent = np.where(seen.dithered, kept[:, None], np.minimum(kept[:, None], passed))
-    sigma = np.sqrt(seen.noise**2 / independent + (seen.jitter_s * speed) ** 2 / kept[:, None])
+    passed = 1 + np.abs(speed) / rate_hz / np.where(screened.count > 0, screened.count, np.inf)
+    independent = np.where(screened.dithered, counts[:, None], np.minimum(counts[:, None], passed))
+    sigma = np.sqrt(screened.noise**2 / independent + (screened.jitter_s * speed) ** 2 / counts[:, None])
     return t, mean - 0.5 * _curvature(t, mean, rate_hz) * spread[:, None], sigma
 
 

@@ -148,7 +148,7 @@ class Recordings:
         """Segments of approximately one length, s, and (segments, 4) initial states estimated from the readings."""
         records = self.records
         cuts = [cut(record.t, length, record.breaks) for record in records]
-        stretches = [(i, s) for i, own in enumerate(cuts) for s in own]
+        stretches = [(i, s) for i, pieces in enumerate(cuts) for s in pieces]
         problem = Problem(
             segments=segments(
                 [records[i].t[s] for i, s in stretches],
@@ -168,11 +168,11 @@ class Recordings:
         relative2 = self.rig.encoders.joint2 == "relative"
         rough = _with_arm if self.arm_moves else _initial_states
         initial = np.concatenate(
-            [rough(recording, own, relative2) for recording, own in zip(records, cuts, strict=True)]
+            [rough(recording, pieces, relative2) for recording, pieces in zip(records, cuts, strict=True)]
         )
         if self.ratios is not None:
-            at = Estimate.of(self.ratios, self.start_params, initial)
-            problem = replace(problem, disturbance=disturbance(problem, at, most_Nm=self.torque_noise_Nm))
+            estimate = Estimate.of(self.ratios, self.start_params, initial)
+            problem = replace(problem, disturbance=disturbance(problem, estimate, most_Nm=self.torque_noise_Nm))
         return problem, initial
 
     def without(self, problem: Problem, off: NDArray[np.bool_]) -> "Recordings":
@@ -197,7 +197,7 @@ def _initial_states(record: Record, stretches: Sequence[slice], relative2: bool,
         theta1, theta2, omega1, omega2, rad and rad/s
     """
     begins = np.array([segment_start(float(record.t[s.start])) for s in stretches])
-    near = [_near(record, s.start, at, guess) for s, at in zip(stretches, begins, strict=True)]
+    near = [_near(record, s.start, begin, guess) for s, begin in zip(stretches, begins, strict=True)]
     axes = record.joints.shape[1]
     states = np.empty((len(stretches), 2 * axes))
     sizes = np.array([len(window) for window in near])
@@ -229,11 +229,11 @@ def _with_arm(record: Record, stretches: Sequence[slice], relative2: bool) -> Ar
     return np.column_stack([states, np.full(len(states), held), np.zeros(len(states))])
 
 
-def _near(record: Record, start: int, at: float, guess: InitialGuess) -> NDArray[np.int64]:
+def _near(record: Record, start: int, begin: float, guess: InitialGuess) -> NDArray[np.int64]:
     """Readings near an instant, on the same side of breaks; or those near the first of its segment if there are few."""
     first, last = np.searchsorted(record.t, _between(record.breaks, float(record.t[start]))).tolist()
-    i = max(first, int(np.searchsorted(record.t, at - guess.near_s, side="right")))
-    j = min(last, int(np.searchsorted(record.t, at + guess.near_s)))
+    i = max(first, int(np.searchsorted(record.t, begin - guess.near_s, side="right")))
+    j = min(last, int(np.searchsorted(record.t, begin + guess.near_s)))
     if j - i < guess.fewest:
         i, j = max(first, start - guess.before), min(last, start + guess.fewest)
     return np.arange(i, j)

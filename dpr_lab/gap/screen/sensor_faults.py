@@ -147,12 +147,12 @@ def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
         keep[faults.outliers, axis] = False
         steps = faults.steps if on_grid[axis] else ()
         breaks += [(float(t[i]), axis) for i, _ in steps]
-        for kind, at, evidence in (
+        for kind, instant, evidence in (
             ("outlier", t[wild[:, axis]], "the reading jumps there and back faster than any rod"),
             ("repeated_sample", t[stale[:, axis]], "the reading is constant while the rod moves"),
             ("outlier", t[faults.outliers], "one reading deviates from the polynomial through its neighbours"),
         ):
-            findings += _events(Finding(kind, run.name, name, None, evidence), at.tolist(), settings)
+            findings += _events(Finding(kind, run.name, name, None, evidence), instant.tolist(), settings)
         for i, size in steps:
             evidence = f"the reading steps by {size / abs(rig.radians_per_count[1 + axis]):+.1f} counts"
             findings.append(Finding(MISSED_COUNTS.name, run.name, name, float(t[i]), evidence, step=size))
@@ -167,29 +167,32 @@ def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
     return _without_joint2(screened) if run.setup.alone else screened
 
 
-def with_arm(seen: Screened, rig: Rig) -> Screened:
+def with_arm(screened: Screened, rig: Rig) -> Screened:
     """A screened run with the arm's encoder as a third axis."""
-    swing = seen.run.swing
-    theta0, noise = swing.theta[:, 0], arm_noise(seen.run, rig)
+    swing = screened.run.swing
+    theta0, noise = swing.theta[:, 0], arm_noise(screened.run, rig)
     count = 0.0
-    if seen.run.counts is not None:
-        steps = int(np.gcd.reduce(np.diff(seen.run.counts[:, 0])))
+    if screened.run.counts is not None:
+        steps = int(np.gcd.reduce(np.diff(screened.run.counts[:, 0])))
         count = max(steps, 1) * abs(float(rig.radians_per_count[0]))
     noise = max(noise, count / 12**0.5)
     keep = np.ones(len(theta0), dtype=np.bool_)
-    faults = local_faults(seen.t, theta0, keep, (noise, seen.jitter_s), 1.0 / seen.run.rate_hz)
+    faults = local_faults(screened.t, theta0, keep, (noise, screened.jitter_s), 1.0 / screened.run.rate_hz)
     keep[faults.outliers] = False
     evidence = "one reading deviates from the polynomial through its neighbours"
-    outliers = [Finding("outlier", seen.run.name, ALL_AXES[2], at, evidence) for at in seen.t[faults.outliers].tolist()]
+    outliers = [
+        Finding("outlier", screened.run.name, ALL_AXES[2], instant, evidence)
+        for instant in screened.t[faults.outliers].tolist()
+    ]
     return replace(
-        seen,
-        joints=np.column_stack([seen.joints, theta0]),
-        keep=np.column_stack([seen.keep, keep]),
-        noise=np.append(seen.noise, noise),
-        count=np.append(seen.count, count),
-        dithered=np.append(seen.dithered, True),
-        on_grid=np.append(seen.on_grid, False),
-        findings=(*seen.findings, *outliers),
+        screened,
+        joints=np.column_stack([screened.joints, theta0]),
+        keep=np.column_stack([screened.keep, keep]),
+        noise=np.append(screened.noise, noise),
+        count=np.append(screened.count, count),
+        dithered=np.append(screened.dithered, True),
+        on_grid=np.append(screened.on_grid, False),
+        findings=(*screened.findings, *outliers),
     )
 
 
@@ -247,17 +250,19 @@ def _without_joint2(screened: Screened) -> Screened:
     return replace(
         screened,
         keep=np.repeat(screened.keep[:, :1], 2, axis=1),
-        breaks=tuple((at, axis) for at, axis in screened.breaks if axis == 0),
+        breaks=tuple((instant, axis) for instant, axis in screened.breaks if axis == 0),
         noise=np.array([screened.noise[0], np.inf]),
         findings=tuple(finding for finding in screened.findings if finding.axis != AXES[1]),
     )
 
 
-def _events(finding: Finding, at: list[float], settings: ScreenSettings) -> list[Finding]:
+def _events(finding: Finding, instants: list[float], settings: ScreenSettings) -> list[Finding]:
     """A finding for each instant, or for the first one with their number if there are many."""
-    if len(at) > settings.shown:
-        return [replace(finding, at_s=at[0], evidence=f"{finding.evidence}; {len(at)} times; this is the first")]
-    return [replace(finding, at_s=s) for s in at]
+    if len(instants) > settings.shown:
+        return [
+            replace(finding, at_s=instants[0], evidence=f"{finding.evidence}; {len(instants)} times; this is the first")
+        ]
+    return [replace(finding, at_s=s) for s in instants]
 
 
 def _gaps(name: str, t: Array, period: float, settings: ScreenSettings) -> list[Finding]:

@@ -62,8 +62,8 @@ class FreeRuns:
         Runs that end there, or that the model cannot simulate to their end, are omitted.
         """
         error, t = self.problem.measured - self.predicted, self.problem.t
-        unseen = [error[own][t[own] - t[own.start] >= FREE_RUN.settle_s] for own in self.rows]
-        axes = [np.flatnonzero(self.problem.read[own].any(axis=0)) for own in self.rows]
+        unseen = [error[samples][t[samples] - t[samples.start] >= FREE_RUN.settle_s] for samples in self.rows]
+        axes = [np.flatnonzero(self.problem.read[samples].any(axis=0)) for samples in self.rows]
         rms = {
             record.run.name: float(np.sqrt(np.mean(of_run[:, read] ** 2))) if len(of_run) else np.nan
             for record, of_run, read in zip(self.items, unseen, axes, strict=True)
@@ -71,18 +71,18 @@ class FreeRuns:
         return {name: value for name, value in rms.items() if np.isfinite(value)}
 
 
-def free_runs(recordings: Recordings, at: Estimate, length_s: float = FREE_RUN.length_s) -> FreeRuns:
+def free_runs(recordings: Recordings, estimate: Estimate, length_s: float = FREE_RUN.length_s) -> FreeRuns:
     """Simulate a model freely for each recording.
 
     Args:
         recordings: the recordings; if one has few first readings, `MIN_SAMPLES` of them are fitted
-        at: ratios and effects for the simulation
+        estimate: ratios and effects for the simulation
         length_s: compared length from the beginning, s
     """
     items = tuple(
         record.only(slice(cut(record.t, np.inf, record.breaks)[0].start, None)) for record in recordings.records
     )
-    own_starts = [_own_start(recordings, record, at) for record in items]
+    own_starts = [_own_start(recordings, record, estimate) for record in items]
     compared = []
     for record in items:
         until = min(record.t[0] + length_s, *record.kicks[record.kicks > record.t[0]], np.inf)
@@ -92,26 +92,28 @@ def free_runs(recordings: Recordings, at: Estimate, length_s: float = FREE_RUN.l
     whole, _ = (
         replace(recordings, ratios=None).only(compared).cut(np.inf)
     )  # nothing is fitted here, so the noise has no influence
-    starts = np.concatenate([one.initial[:1] for one in own_starts])
-    return FreeRuns(items, whole, at.changed(initial=starts, zeros=np.concatenate([one.zeros for one in own_starts])))
+    starts = np.concatenate([start.initial[:1] for start in own_starts])
+    return FreeRuns(
+        items, whole, estimate.changed(initial=starts, zeros=np.concatenate([start.zeros for start in own_starts]))
+    )
 
 
-def _own_start(recordings: Recordings, record: Record, at: Estimate) -> Estimate:
+def _own_start(recordings: Recordings, record: Record, estimate: Estimate) -> Estimate:
     """The model with the initial state from the first readings of a recording, which is its only run."""
-    at = at.changed(params=without_events(at.params))
+    estimate = estimate.changed(params=without_events(estimate.params))
     head = record.t - record.t[0] < FREE_RUN.settle_s
     head[:MIN_SAMPLES] = True
     short = record.only(head)
     problem, initial = recordings.only([short]).cut(max(FREE_RUN.settle_s, float(np.ptp(short.t))))
-    zeros = own_zeros(recordings.only([record]), at, FREE_RUN.iterations)
+    zeros = own_zeros(recordings.only([record]), estimate, FREE_RUN.iterations)
     fixed = replace(problem, rezeroed=False)
-    return descend(fixed, at.changed(initial=initial, zeros=zeros), (), iterations=FREE_RUN.iterations).estimate
+    return descend(fixed, estimate.changed(initial=initial, zeros=zeros), (), iterations=FREE_RUN.iterations).estimate
 
 
-def own_zeros(recordings: Recordings, at: Estimate, iterations: int) -> Array:
+def own_zeros(recordings: Recordings, estimate: Estimate, iterations: int) -> Array:
     """(runs, 2) zeros of encoders that are zeroed before each run, by a fit to the whole run; else (0, 2)."""
     if not recordings.rig.encoders.rezeroed:
         return np.zeros((0, 2))
     problem, initial = recordings.cut(recordings.working_length)
-    start = at.changed(initial=initial, zeros=np.zeros((0, 2)))
+    start = estimate.changed(initial=initial, zeros=np.zeros((0, 2)))
     return descend(problem, start, (), iterations=iterations).estimate.zeros

@@ -33,25 +33,25 @@ def floor_rad(problem: Problem) -> dict[str, float]:
     return _by_axis(np.sqrt(_mean(np.where(problem.read, np.maximum(problem.weight, TINY) ** -2.0, 0.0), problem)))
 
 
-def gap_rad(problem: Problem, at: Hypothesis) -> dict[str, float]:
+def gap_rad(problem: Problem, model: Hypothesis) -> dict[str, float]:
     """Residual of a fit above the noise for each axis, rms, rad."""
-    residual = bounded_residual(problem, at.fit)
-    lost = 1 - (problem.segments.starts.sum() + len(at.fit.free)) / np.count_nonzero(problem.read)
-    above = _mean(residual**2, problem) / lost - at.residuals.level
+    residual = bounded_residual(problem, model.fit)
+    lost = 1 - (problem.segments.starts.sum() + len(model.fit.free)) / np.count_nonzero(problem.read)
+    above = _mean(residual**2, problem) / lost - model.residuals.level
     return _by_axis(np.sqrt(np.maximum(above, 0.0) / np.maximum(_mean(problem.weight**2, problem), TINY)))
 
 
-def gap_torque(problem: Problem, at: Hypothesis) -> dict[str, float]:
+def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
     """Torque that would remove the residual of a fit, for each joint, rms, N m.
 
     In every segment, a torque in each joint, piecewise linear in time, is fitted to the residual; the variance that
     noise alone would cause is subtracted.
     """
-    along, linear = trajectory(problem, at.fit.estimate, spacing=TRAJECTORY.coarse_s), at.fit.linear
+    along, linear = trajectory(problem, model.fit.estimate, spacing=TRAJECTORY.coarse_s), model.fit.linear
     columns = linear.projected(along.answer(problem, _hats(along.edges, problem.axes)))
     spaces = [ColumnSpace.of(A, e) for A, e in zip(columns, linear.e, strict=True)]
     values = np.array([space.solution() for space in spaces])
-    variance = np.array([np.diag(space.covariance()) for space in spaces]) * at.residuals.level
+    variance = np.array([np.diag(space.covariance()) for space in spaces]) * model.residuals.level
     weight = 1 / (variance + np.median(variance, axis=0))
     above = np.sum(weight * (values**2 - variance), axis=0) / np.sum(weight, axis=0)
     return _by_axis(np.sqrt(np.maximum(above.reshape(problem.axes, TORQUE_HATS).mean(axis=1), 0.0)))
@@ -64,10 +64,10 @@ def _hats(edges: NDArray[np.int64], axes: int) -> Array:
         share = np.linspace(0, TORQUE_HATS - 1, last - first)
         hats = np.maximum(0.0, 1 - np.abs(share[:, None] - np.arange(TORQUE_HATS)))
         for joint in range(axes):
-            own = slice(joint * TORQUE_HATS, (joint + 1) * TORQUE_HATS)
-            torque[first:last, joint, own] = hats
+            columns = slice(joint * TORQUE_HATS, (joint + 1) * TORQUE_HATS)
+            torque[first:last, joint, columns] = hats
             if joint == 1:  # its reaction acts on the inner rod
-                torque[first:last, 0, own] = -hats
+                torque[first:last, 0, columns] = -hats
     return torque
 
 
@@ -80,16 +80,18 @@ def by_horizon(
         problem, initial = (working, None) if length == recordings.working_length else recordings.cut(length)
         noise = np.mean(problem.weight[problem.read] ** 2)
         ratios[f"{length:g}"] = {}
-        for name, at in models.items():
-            left = at.residuals if initial is None else _left(problem, initial, working, at)
+        for name, model in models.items():
+            left = model.residuals if initial is None else _left(problem, initial, working, model)
             ratios[f"{length:g}"][name] = float(np.sqrt(max(left.excess, 0.0) / left.dof / noise))
     return ratios
 
 
-def _left(problem: Problem, initial: Array, working: Problem, at: Hypothesis) -> ResidualStatistics:
+def _left(problem: Problem, initial: Array, working: Problem, model: Hypothesis) -> ResidualStatistics:
     """Residual of a model with segments of another length."""
-    states = carried(working.segments, at.fit.estimate.initial, problem.segments, initial)
-    return residual_statistics(problem, fit(problem, at.fit.estimate.changed(initial=states), (), settings=TWO_DIGITS))
+    states = carried(working.segments, model.fit.estimate.initial, problem.segments, initial)
+    return residual_statistics(
+        problem, fit(problem, model.fit.estimate.changed(initial=states), (), settings=TWO_DIGITS)
+    )
 
 
 def _mean(values: Array, problem: Problem) -> Array:

@@ -83,9 +83,9 @@ def held_out_runs(recordings: Recordings, base: Hypothesis) -> Unseen:
 
     @cache
     def chi2(model: Hypothesis) -> Array:
-        at = model.fit.estimate  # counts that a fitted run lost were lost in that run only
-        at = at.changed(initial=states, params=without_events(at.params))
-        fitted = descend(problem, at, (), iterations=20)
+        estimate = model.fit.estimate  # counts that a fitted run lost were lost in that run only
+        estimate = estimate.changed(initial=states, params=without_events(estimate.params))
+        fitted = descend(problem, estimate, (), iterations=20)
         return problem.chi2_by_segment(problem.predict(fitted.estimate))
 
     return _unseen(recordings, problem, chi2)

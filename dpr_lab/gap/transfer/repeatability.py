@@ -84,7 +84,7 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     before, after = selection.base.fit, selection.chosen.fit
     if len(everything.records) > len(recordings.records):
         problem, before, after = _fitted_to_all(everything, problem, before, after)
-    names = [one.run.name for one in everything.records]
+    names = [record.run.name for record in everything.records]
     followed = np.isfinite(before.linear.chi2_by_segment) & np.isfinite(after.linear.chi2_by_segment)
     fold = np.unique(folds(problem), return_inverse=True)[1]
     left = residual_statistics(problem, after)
@@ -105,15 +105,17 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
         parts = parts.with_discrepancy(discrepancy_columns(problem, after))
     unmodelled = parts.left_out()
     varying = parts.varying()
-    freed = float(parts.left_out([one.column for one in varying]).sum()) + sum(one.chance for one in varying)
+    freed = float(parts.left_out([record.column for record in varying]).sum()) + sum(
+        record.chance for record in varying
+    )
     levels = [total, float(explained.sum()), float(unmodelled.sum()), freed]
     alone, shown = only_inner(problem.segments.setups), list[VaryingParameter]()
-    for one in varying:
-        parameter = after.free[after.inside[one.column]]
+    for record in varying:
+        parameter = after.free[after.inside[record.column]]
         of_rods = parameter.block == "ratios"
         ratio = ratio_of(parameter, after.estimate, everything.rig, alone=alone) if of_rods else None
         name, common, per = ratio or (parameter.name, parameter.read(after.estimate), 1.0)
-        shown.append(one.shown(parameter.effect, name, common, PRIOR * parameter.size / per, names))
+        shown.append(record.shown(parameter.effect, name, common, PRIOR * parameter.size / per, names))
     return split(levels, noise, names, shown, "")
 
 
@@ -124,15 +126,15 @@ def split(
     finite = np.nan_to_num([*levels, 0.0], nan=noise, posinf=RULES.unfollowed)
     falling = np.minimum.accumulate(np.maximum(finite, noise))
     whole = max(float(falling[0]), np.finfo(np.float64).tiny)
-    explained, unmodelled, own = (np.abs(np.diff(falling[:4])) / whole).tolist()
-    rest = float(falling[3] - falling[4]) / whole
+    explained, unmodelled, own_parameters = (np.abs(np.diff(falling[:4])) / whole).tolist()
+    remaining = float(falling[3] - falling[4]) / whole
     return GapBudget(
         basis="pieces of one recording" if len(names) == 1 else "recordings",
         explained=explained,
-        varying=own,
+        varying=own_parameters,
         unmodelled=unmodelled,
-        not_reproducible=rest,
-        noise=max(1 - explained - own - unmodelled - rest, 0.0),
+        not_reproducible=remaining,
+        noise=max(1 - explained - own_parameters - unmodelled - remaining, 0.0),
         parameters=list(varying),
         undecided=undecided,
     )
@@ -144,9 +146,9 @@ def _fitted_to_all(everything: Recordings, known: Problem, *models: Fit) -> tupl
     refitted = []
     for model in models:
         first = carried(known.segments, model.estimate.initial, problem.segments, initial)
-        at = model.estimate.changed(initial=first, zeros=np.zeros((0, 2)))
+        estimate = model.estimate.changed(initial=first, zeros=np.zeros((0, 2)))
         free = tuple(parameter for parameter in model.free if parameter.block != "zeros")
-        refitted.append(fit(problem, at, free, iterations=RULES.iterations))
+        refitted.append(fit(problem, estimate, free, iterations=RULES.iterations))
     before, after = refitted
     return problem, before, after
 
@@ -198,15 +200,15 @@ class _Parts:
     """Number of neighbouring segments that count as one piece of evidence."""
 
     @classmethod
-    def of(cls, problem: Problem, at: Fit, fold: NDArray[np.int64], followed: NDArray[np.bool_]) -> Self:
+    def of(cls, problem: Problem, fit: Fit, fold: NDArray[np.int64], followed: NDArray[np.bool_]) -> Self:
         """The model alone, for segments that can be simulated."""
-        inside = [at.free[i] for i in at.inside]
-        A = at.linear.A[:, :, at.inside] * np.array([PRIOR * parameter.size for parameter in inside])
-        A, e = np.where(followed[:, None, None], A, 0.0), np.where(followed[:, None], at.linear.e, 0.0)
+        inside = [fit.free[i] for i in fit.inside]
+        A = fit.linear.A[:, :, fit.inside] * np.array([PRIOR * parameter.size for parameter in inside])
+        A, e = np.where(followed[:, None, None], A, 0.0), np.where(followed[:, None], fit.linear.e, 0.0)
         zeros = [i for i, parameter in enumerate(inside) if parameter.block == "zeros"]
-        own = tuple(i for i in zeros if len(np.unique(fold[_used(A[:, :, i])])) == 1)
-        others = tuple(i for i in range(len(inside)) if i not in own and _used(A[:, :, i]).any())
-        return cls(A, e, fold, np.ones(len(inside)), own, others, block(problem))
+        columns = tuple(i for i in zeros if len(np.unique(fold[_used(A[:, :, i])])) == 1)
+        others = tuple(i for i in range(len(inside)) if i not in columns and _used(A[:, :, i]).any())
+        return cls(A, e, fold, np.ones(len(inside)), columns, others, block(problem))
 
     @property
     def by_fold(self) -> list[tuple[NDArray[np.bool_], Array, Array]]:
@@ -220,13 +222,13 @@ class _Parts:
 
     def left_out(self, freed: Sequence[int] = ()) -> Array:
         """(segments,) chi2 as predicted from the other recordings, with some columns fitted to the recording itself."""
-        own = [*self.own, *freed]
-        parts, chi2 = [(mine, *_without(H, g, own)) for mine, H, g in self.by_fold], np.zeros(len(self.e))
+        removed = [*self.own, *freed]
+        parts, chi2 = [(mine, *_without(H, g, removed)) for mine, H, g in self.by_fold], np.zeros(len(self.e))
         H, gradient = sum((part[1] for part in parts), np.diag(self.precision)), sum(part[2] for part in parts)
         for mine, H_own, of_own in parts:
             left = self.e[mine] - self.X[mine] @ np.linalg.solve(H - H_own, gradient - of_own)
-            if own:
-                columns = self.X[mine][:, :, own]
+            if removed:
+                columns = self.X[mine][:, :, removed]
                 left = (
                     left
                     - columns @ np.linalg.lstsq(columns.reshape(left.size, -1), left.ravel(), rcond=RULES.singular)[0]
@@ -253,12 +255,12 @@ class _Parts:
         """Parameters that differ between recordings beyond chance, the most significant first."""
         chosen: list[_Varying] = []
         while len(chosen) < RULES.varying:
-            others = [i for i in self.candidates if i not in [one.column for one in chosen]]
-            common = np.concatenate([self.X, *(self._local(one.column) for one in chosen)], axis=2)
+            others = [i for i in self.candidates if i not in [parameter.column for parameter in chosen]]
+            common = np.concatenate([self.X, *(self._local(parameter.column) for parameter in chosen)], axis=2)
             flat = common.reshape(self.e.size, -1)
             normal = flat.T @ flat + np.diag(np.append(self.precision, np.ones(flat.shape[1] - len(self.precision))))
             tried = [self._scatter(i, flat, normal) for i in others]
-            best, free = max(tried, key=lambda one: one.scatter, default=None), int(self.fold.max())
+            best, free = max(tried, key=lambda parameter: parameter.scatter, default=None), int(self.fold.max())
             if best is None or best.scatter < free + 3 * (2 * free) ** 0.5 + 2 * np.log(len(tried)):
                 break
             chosen.append(best)
@@ -271,9 +273,9 @@ class _Parts:
 
     def _scatter(self, column: int, common: Array, normal: Array) -> _Varying:
         """The values of one parameter in each recording, given (rows, k) columns that are common to all."""
-        both = np.concatenate([self._local(column), self.e[:, :, None]], axis=2)
-        flat = both.reshape(len(common), -1)
-        left = (flat - common @ np.linalg.solve(normal, common.T @ flat)).reshape(both.shape)
+        stacked = np.concatenate([self._local(column), self.e[:, :, None]], axis=2)
+        flat = stacked.reshape(len(common), -1)
+        left = (flat - common @ np.linalg.solve(normal, common.T @ flat)).reshape(stacked.shape)
         L, e = left[:, :, :-1], left[:, :, -1]
         runs = L.shape[2]
         contrasts = np.linalg.svd(np.ones((1, runs)))[2][1:].T  # the common value is no difference between recordings
@@ -289,12 +291,12 @@ class _Parts:
         return _Varying(column, values, std, float(gradient @ values) / size, size * runs)
 
 
-def _without(H: Array, gradient: Array, own: Sequence[int]) -> tuple[Array, Array]:
+def _without(H: Array, gradient: Array, removed: Sequence[int]) -> tuple[Array, Array]:
     """Normal equations of a recording, with some columns fitted to it alone."""
-    if not own:
+    if not removed:
         return H, gradient
-    taken = H[:, own] @ np.linalg.pinv(H[np.ix_(own, own)], rcond=RULES.singular, hermitian=True)
-    return H - taken @ H[own], gradient - taken @ gradient[own]
+    taken = H[:, removed] @ np.linalg.pinv(H[np.ix_(removed, removed)], rcond=RULES.singular, hermitian=True)
+    return H - taken @ H[removed], gradient - taken @ gradient[removed]
 
 
 def _used(values: Array) -> NDArray[np.bool_]:

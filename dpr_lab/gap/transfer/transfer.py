@@ -133,11 +133,11 @@ def transfer(
     shares = {name: _by_run(apart, pair, rng) for name, pair in above.items()}
     left = shares[""] if not unseen else _fitted(recordings, problem, selection, rng)
     closed = reduction(above[""], rng, apart.block)
-    kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.estimate >= TRANSFER.kept else 1.0)
+    least_kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.estimate >= TRANSFER.kept else 1.0)
     withdrawn = [
         name
         for name, less in selection.lacking.items()
-        if not (_helps(apart, chi2[name] - chosen) and _keeps(above[name], noise, less, selection.chosen, kept))
+        if not (_helps(apart, chi2[name] - chosen) and _keeps(above[name], noise, less, selection.chosen, least_kept))
     ]
     return Transfer(
         basis=basis,
@@ -199,15 +199,15 @@ def _bounded(chi2: Array) -> Array:
 
 
 def _by_run(unseen: Unseen, above: Array, rng: np.random.Generator) -> dict[str, GapReduction]:
-    return {name: reduction(above[:, own], rng, unseen.block) for name, own in unseen.runs}
+    return {name: reduction(above[:, rows], rng, unseen.block) for name, rows in unseen.runs}
 
 
 def _helps(unseen: Unseen, fall: Array) -> bool:
     """Whether chi2 is significantly reduced over all runs and significantly increased in none."""
     whole, spread = _sum(fall, unseen.block)
-    each = [_sum(fall[own], unseen.block) for _, own in unseen.runs]
+    by_run = [_sum(fall[rows], unseen.block) for _, rows in unseen.runs]
     beyond_chance = whole > spread or (whole > 0.0 and _signed_rank(fall, unseen.block) > TRANSFER.beyond_chance)
-    return beyond_chance and all(total > -reach for total, reach in each)
+    return beyond_chance and all(total > -reach for total, reach in by_run)
 
 
 def _of_fitted(closed: GapReduction, selection: Selection) -> float:
@@ -216,12 +216,12 @@ def _of_fitted(closed: GapReduction, selection: Selection) -> float:
     return float(np.clip(closed.estimate / max(share(excess), TRANSFER.kept), 0.0, 1.0))
 
 
-def _keeps(above: Array, noise: Array, less: Hypothesis, chosen: Hypothesis, kept: float) -> bool:
+def _keeps(above: Array, noise: Array, less: Hypothesis, chosen: Hypothesis, least_kept: float) -> bool:
     """Whether an effect closes a similar share as in the fitted recordings; (2, segments) chi2 above the noise."""
     if above[0].sum() < TRANSFER.gap_from * noise.sum():
         return True
     fitted = np.array([[less.residuals.excess], [chosen.residuals.excess]])
-    return share(above) >= kept * share(fitted)
+    return share(above) >= least_kept * share(fitted)
 
 
 def _signed_rank(fall: Array, block: int) -> float:

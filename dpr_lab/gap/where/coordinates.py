@@ -89,5 +89,5 @@ def under_torque(problem: Problem, along: Trajectory, joint: int, torque: Array)
     """(segments, m, k) whitened change of the readings under torques (n, k) of a joint, N m."""
     nothing = np.zeros_like(torque)
     on = {0: [torque, nothing], 1: [-torque, torque]}.get(joint, [nothing, nothing])
-    each = [*on, torque if joint in (2, ARM) else nothing][: problem.axes]
-    return along.answer(problem, np.stack(each, axis=1))
+    torques = [*on, torque if joint in (2, ARM) else nothing][: problem.axes]
+    return along.answer(problem, np.stack(torques, axis=1))

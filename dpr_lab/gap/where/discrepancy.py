@@ -86,7 +86,7 @@ class _Hats:
     """(segments, m, k) whitened change of the readings by these functions."""
 
 
-def _hats(problem: Problem, at: Fit, along: Trajectory) -> Iterator[_Hats]:
+def _hats(problem: Problem, fit: Fit, along: Trajectory) -> Iterator[_Hats]:
     for joint in np.flatnonzero(problem.read.any(axis=0)).tolist():
         speed = along.joint_speed[:, joint]
         torques = (
@@ -102,41 +102,41 @@ def _hats(problem: Problem, at: Fit, along: Trajectory) -> Iterator[_Hats]:
         yield _Hats(joint, False, errors, problem.whitened(readings))
 
 
-def _scaled(problem: Problem, at: Fit, along: Trajectory) -> list[_Hats]:
+def _scaled(problem: Problem, fit: Fit, along: Trajectory) -> list[_Hats]:
     """Hat functions whose columns have a mean squared norm of one in each group."""
     groups = []
-    for hats in _hats(problem, at, along):
-        columns = at.linear.projected(np.nan_to_num(hats.columns))
+    for hats in _hats(problem, fit, along):
+        columns = fit.linear.projected(np.nan_to_num(hats.columns))
         size = float(np.sqrt(np.sum(columns**2) / columns.shape[2]))
         if size > 0:
             groups.append(_Hats(hats.joint, hats.torque, hats.values / size, columns / size))
     return groups
 
 
-def discrepancy_columns(problem: Problem, at: Fit) -> Array:
+def discrepancy_columns(problem: Problem, fit: Fit) -> Array:
     """(segments, m, q) whitened change of the readings by each hat function, scaled by group."""
-    groups = _scaled(problem, at, trajectory(problem, at.estimate, spacing=TRAJECTORY.coarse_s))
-    return np.concatenate([np.zeros((*at.linear.e.shape, 0)), *(hats.columns for hats in groups)], axis=2)
+    groups = _scaled(problem, fit, trajectory(problem, fit.estimate, spacing=TRAJECTORY.coarse_s))
+    return np.concatenate([np.zeros((*fit.linear.e.shape, 0)), *(hats.columns for hats in groups)], axis=2)
 
 
-def discrepancy(problem: Problem, at: Hypothesis) -> Discrepancy | None:
+def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
     """The discrepancy term of a fit; None if only noise remains, or if no size is more likely than zero."""
-    linear = at.fit.linear
-    if at_noise_floor(at) or not np.isfinite(linear.residual).all():
+    linear = model.fit.linear
+    if at_noise_floor(model) or not np.isfinite(linear.residual).all():
         return None
-    along = trajectory(problem, at.fit.estimate, spacing=TRAJECTORY.coarse_s)
-    groups = _scaled(problem, at.fit, along)
+    along = trajectory(problem, model.fit.estimate, spacing=TRAJECTORY.coarse_s)
+    groups = _scaled(problem, model.fit, along)
     if not groups:
         return None
     M = np.concatenate([hats.columns for hats in groups], axis=2)
-    held = len(at.fit.inside)
-    space = ColumnSpace.of(np.concatenate([linear.A[:, :, at.fit.inside], M], axis=2), linear.e)
+    held = len(model.fit.inside)
+    space = ColumnSpace.of(np.concatenate([linear.A[:, :, model.fit.inside], M], axis=2), linear.e)
     space = space.given(slice(0, held), slice(held, None))
     H = space.H / np.outer(space.scale, space.scale)
     gradient = space.gradient / space.scale
     eigen, vectors = np.linalg.eigh(H)
     eigen, along_each = np.maximum(eigen, 0.0), (vectors.T @ gradient) ** 2
-    n = at.residuals.chi2 / at.residuals.inflation  # number of independent readings, at a variance of one
+    n = model.residuals.chi2 / model.residuals.inflation  # number of independent readings, at a variance of one
     whole = float(np.sum(linear.e**2))
 
     def cost(ridge: float) -> float:
@@ -147,7 +147,7 @@ def discrepancy(problem: Problem, at: Hypothesis) -> Discrepancy | None:
     if cost(ridge) > -RULES.likelier:
         return None
     m = vectors @ ((vectors.T @ gradient) / (eigen + ridge))
-    variance = (whole - float(np.sum(along_each / (eigen + ridge)))) / at.residuals.dof
+    variance = (whole - float(np.sum(along_each / (eigen + ridge)))) / model.residuals.dof
     return _discrepancy(groups, M * np.sqrt(max(variance, 1.0) / ridge), m, along, problem.axes)
 
 
@@ -156,8 +156,8 @@ def _discrepancy(groups: list[_Hats], columns: Array, m: Array, along: Trajector
     sums: dict[tuple[int, bool], Array] = {}
     for hats in groups:
         last = first + hats.values.shape[1]
-        own = hats.values @ m[first:last]
-        sums[hats.joint, hats.torque] = sums.get((hats.joint, hats.torque), 0.0) + own
+        coefficients = hats.values @ m[first:last]
+        sums[hats.joint, hats.torque] = sums.get((hats.joint, hats.torque), 0.0) + coefficients
         first = last
     for (joint, of_torque), values in sums.items():
         rms = float(np.sqrt(np.mean(values**2)))

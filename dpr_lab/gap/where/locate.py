@@ -155,8 +155,8 @@ _OF_TORQUES = (_torque_by_angle, _torque_by_speed, _friction_by_time, _friction_
 
 def _place(problem: Problem, base: Hypothesis, along: Trajectory, joint: int, name: str, make: Map) -> Place:
     columns, linear, held = make(problem, along, joint), base.fit.linear, len(base.fit.free)
-    seen = linear.projected(columns.readings)
-    space = ColumnSpace.of(np.concatenate([linear.A, seen], axis=2), linear.e)
+    projected = linear.projected(columns.readings)
+    space = ColumnSpace.of(np.concatenate([linear.A, projected], axis=2), linear.e)
     space = space.given(slice(0, held), slice(held, None))
     values, std = space.solution(), np.sqrt(np.diag(space.covariance()) * base.residuals.inflation)
     share = float(np.clip((space.gain() - len(space)) / base.residuals.excess, 0.0, 1.0))

@@ -254,7 +254,7 @@ class FittedSets:
         self._left.add((key, model.key))
         parents = [self._fits[key - {name}] for name in sorted(key) if key - {name} in self._tests]
         if parents and not at_noise_floor(smaller):
-            parent = min(parents, key=lambda one: one.cost)
+            parent = min(parents, key=lambda parent_model: parent_model.cost)
             (name,) = key - parent.key
             smaller = min(smaller, self._grown(parent, name) or smaller, key=_chi2)
         return self.keep(smaller)
@@ -263,8 +263,8 @@ class FittedSets:
         """Whether a few segments kept an earlier fit of a smaller set in a local minimum that a larger set has left."""
         if (smaller.key, model.key) in self._left or at_noise_floor(smaller):
             return False
-        here, there = relative_chi2(smaller.fit), relative_chi2(model.fit)
-        return bool(((here > EFFORT.outstanding) & (there < 0.5 * here)).any())
+        lower, there = relative_chi2(smaller.fit), relative_chi2(model.fit)
+        return bool(((lower > EFFORT.outstanding) & (there < 0.5 * lower)).any())
 
     def replaced(self, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
         """The set with another effect in place of one, started without either and with both; None without a score.
@@ -281,8 +281,8 @@ class FittedSets:
         if at_noise_floor(model) and not at_noise_floor(replaced):
             score = self.test(model).of(other)
             if score is not None:
-                both = refit_with(self.problem, model, self.test(model), score, iterations=0)
-                return self.keep(refit_without(self.problem, both, effect, self.bare))
+                with_both = refit_with(self.problem, model, self.test(model), score, iterations=0)
+                return self.keep(refit_without(self.problem, with_both, effect, self.bare))
         return replaced
 
     def _handed_over(self, model: Hypothesis, effect: str, other: str) -> Hypothesis:

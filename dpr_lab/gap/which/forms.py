@@ -45,14 +45,14 @@ def own_share(problem: Problem, less: Hypothesis, test: ScoreTest, score: Score)
     forms = linear.projected(
         np.concatenate([_other_forms(problem, along, less, name) for name in less.effects], axis=2)
     )
-    held, own = linear.A[:, :, list(test.held)], linear.A[:, :, list(score.columns)]
-    space = ColumnSpace.of(np.concatenate([held, own, forms], axis=2), linear.e)
-    of_held, of_own, of_forms = np.split(np.arange(len(space)), np.cumsum([held.shape[2], own.shape[2]]))
-    before, alone, others, both = (
+    held, new = linear.A[:, :, list(test.held)], linear.A[:, :, list(score.columns)]
+    space = ColumnSpace.of(np.concatenate([held, new, forms], axis=2), linear.e)
+    of_held, of_own, of_forms = np.split(np.arange(len(space)), np.cumsum([held.shape[2], new.shape[2]]))
+    before, alone, others, with_both = (
         space.chosen(np.concatenate(columns)).gain()
         for columns in ([of_held], [of_held, of_own], [of_held, of_forms], [of_held, of_own, of_forms])
     )
-    return float(np.clip((both - others) / (alone - before), 0.0, 1.0)) if alone > before else 0.0
+    return float(np.clip((with_both - others) / (alone - before), 0.0, 1.0)) if alone > before else 0.0
 
 
 def _other_forms(problem: Problem, along: Trajectory, model: Hypothesis, name: str) -> Array:

@@ -133,9 +133,9 @@ def _with_one_more(
             yield larger
 
 
-def _contains(sets: FittedSets, one: Hypothesis, other: Hypothesis) -> bool:
+def _contains(sets: FittedSets, larger: Hypothesis, other: Hypothesis) -> bool:
     """Whether two sets differ only by an effect and a simpler form of it."""
-    more, less = one.key - other.key, other.key - one.key
+    more, less = larger.key - other.key, other.key - larger.key
     if len(more) != 1 or len(less) != 1:
         return False
     (first,), (second,) = more, less
@@ -161,6 +161,6 @@ def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
     return picked + [score for score in promising if score.effect.name in inner]
 
 
-def _indistinguishable(one: Score, other: Score) -> bool:
-    same = abs(one.gain - other.gain) <= BEAM.same_gain * max(one.gain, other.gain)
-    return same and len(one.columns) == len(other.columns) and other.effect.name in one.effect.twins
+def _indistinguishable(score: Score, other: Score) -> bool:
+    same = abs(score.gain - other.gain) <= BEAM.same_gain * max(score.gain, other.gain)
+    return same and len(score.columns) == len(other.columns) and other.effect.name in score.effect.twins

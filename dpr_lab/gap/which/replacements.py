@@ -27,8 +27,8 @@ def _richer(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     for score in test.ranking:
         inner = [name for name in score.effect.nested if name in current.effects]
         if inner and score.gain > chance:
-            both = refit_with(sets.problem, current, test, score, iterations=EFFORT.fine)
-            richer = sets.keep(refit_without(sets.problem, both, inner[0], sets.bare))
+            with_both = refit_with(sets.problem, current, test, score, iterations=EFFORT.fine)
+            richer = sets.keep(refit_without(sets.problem, with_both, inner[0], sets.bare))
             yield Proposal(sets.escaped(richer) if current.cost - richer.cost > chance else richer)
 
 
@@ -184,7 +184,7 @@ def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]
     margin = indifference(sets.bare, chosen)
     for name in sets.unexpected(chosen):
         less = sets.without(chosen, name)
-        test, own = sets.test(less), plausibility(chosen.fit.estimate.params, name)
+        test, plausibility_here = sets.test(less), plausibility(chosen.fit.estimate.params, name)
         score = test.shaped[name][0]
         for other in test.ranking:
             model = sets.fits.get(less.key | {other.effect.name})
@@ -192,7 +192,7 @@ def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]
                 continue
             alike = min(test.cosine(score, other), test.cosine(other, score)) > THRESHOLDS.indistinguishable
             if alike:
-                yield Proposal(model, plausibility(model.fit.estimate.params, other.effect.name) / own)
+                yield Proposal(model, plausibility(model.fit.estimate.params, other.effect.name) / plausibility_here)
 
 
 def _far_more_plausible(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
@@ -220,10 +220,10 @@ def with_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset
 
 def _indistinguishable(test: ScoreTest, name: str) -> Iterator[Score]:
     """Effects with the signature of another one that are neither a simpler nor a richer form of it."""
-    own = test.shaped[name][0]
+    current_score = test.shaped[name][0]
     for score in test.ranking:
-        form = score.effect.name in {name, *own.effect.nested} or name in score.effect.nested
-        if not form and score.gain > 0 and test.cosine(own, score) > THRESHOLDS.indistinguishable:
+        form = score.effect.name in {name, *current_score.effect.nested} or name in score.effect.nested
+        if not form and score.gain > 0 and test.cosine(current_score, score) > THRESHOLDS.indistinguishable:
             yield score
 
 
