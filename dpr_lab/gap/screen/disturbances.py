@@ -93,7 +93,7 @@ def _undisturbed(recordings: Recordings, recording: Record, ratios: Array) -> Re
     # A kick at the start of a segment is not visible in any segment, so the recording is also cut at other instants.
     later = recording.only(recording.t >= recording.t[0] + 0.5 * LENGTHS.first)
     for other in _outstanding(alone.only([later]), ratios):
-        if all(abs(other.since - alone.since) > LENGTHS.first for alone in disturbed):
+        if all(abs(other.since - earlier.since) > LENGTHS.first for earlier in disturbed):
             disturbed.append(other)
     return _with(recording, disturbed) if disturbed else recording
 
