@@ -1,7 +1,8 @@
 """Rigs with a moving arm and one fault, in MuJoCo or by scipy: no code is shared with the package's dynamics.
 
 Faults are those of section 3 of docs/theory.md at joint 0 and of the drive: `FAULTS` maps the name of an effect to what
-draws its size.
+draws its size. With backlash of the arm's gear the motor is a body of its own, with a hundredth of the arm's inertia
+and all of its viscous friction; the gear is a tendon with limits, and the encoder reads the motor.
 """
 
 from dataclasses import dataclass, field
@@ -20,15 +21,32 @@ MODEL = """
   <option timestep="0.0005" gravity="0 0 {g!r}" integrator="RK4" iterations="50" tolerance="1e-12"/>
   <default><joint solreffriction="0.001 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/></default>
   <worldbody><body>
-    <joint type="hinge" axis="0 0 1" damping="{c0!r}" stiffness="{k0!r}" springref="{q0!r}" frictionloss="{f0!r}"/>
+    <joint name="arm" type="hinge" axis="0 0 1" damping="{own0!r}" stiffness="{k0!r}" springref="{q0!r}"
+      frictionloss="{f0!r}"/>
     <inertial pos="0 0 0" mass="1e-6" diaginertia="{J0!r} {J0!r} {J0!r}"/>
     <body pos="{L0!r} 0 0">
       <joint type="hinge" axis="-1 0 0" damping="{c1!r}" frictionloss="{f1!r}"/>
       <inertial pos="0 0 {l1!r}" mass="{m1!r}" diaginertia="{J1!r} {J1!r} 1e-12"/>
       {outer}
     </body>
-  </body></worldbody>
+  </body>
+  {motor}</worldbody>
+  {gear}
 </mujoco>
+"""
+
+MOTOR = """<body>
+    <joint name="motor" type="hinge" axis="0 0 1" damping="{c0!r}"/>
+    <inertial pos="0 0 0" mass="1e-6" diaginertia="{Jr!r} {Jr!r} {Jr!r}"/>
+  </body>
+"""
+
+GEAR = """
+  <tendon>
+    <fixed limited="true" range="{low!r} {high!r}" solreflimit="0.001 1" solimplimit="0.9999 0.9999 0.001 0.5 2">
+      <joint joint="motor" coef="1"/><joint joint="arm" coef="-1"/>
+    </fixed>
+  </tendon>
 """
 
 OUTER = """
@@ -98,7 +116,7 @@ class Plant:
 
 
 def swing(plant: Plant, start: np.ndarray, t: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """(n, 3) theta0, theta1, theta2 at even instants, by MuJoCo; start is angles and speeds, (6,)."""
+    """(n, 3) theta0 at its encoder, theta1, theta2 at even instants, by MuJoCo; start is angles and speeds, (6,)."""
     import mujoco
 
     size = plant.size if plant.fault.startswith(("coulomb", "spring")) else {}
@@ -107,10 +125,16 @@ def swing(plant: Plant, start: np.ndarray, t: np.ndarray, u: np.ndarray) -> np.n
     spring = {"k0": size["stiffness"] if of_spring else 0.0, "q0": size["rest"] if of_spring else 0.0}
     values = {**plant.rods, **friction, **spring, "J0": plant.J0, "c0": plant.c0, "L0": plant.L0, "L1": plant.L1}
     outer = OUTER.format(**values) if plant.both else ""
-    model = mujoco.MjModel.from_xml_string(MODEL.format(**values, g=-plant.g, outer=outer))
+    loose = plant.fault == "backlash_joint0"
+    half = 0.5 * plant.size["play_rad"] if loose else 0.0
+    values |= {"own0": 0.0 if loose else plant.c0, "Jr": 0.01 * plant.J0, "low": -half, "high": half}
+    parts = {"motor": MOTOR.format(**values), "gear": GEAR.format(**values)} if loose else {"motor": "", "gear": ""}
+    model = mujoco.MjModel.from_xml_string(MODEL.format(**values, g=-plant.g, outer=outer, **parts))
     data, joints = mujoco.MjData(model), 3 if plant.both else 2
-    data.qpos[:] = [start[0], start[1], start[2] - start[1]][:joints]
-    data.qvel[:] = [start[3], start[4], start[5] - start[4]][:joints]
+    data.qpos[:joints] = [start[0], start[1], start[2] - start[1]][:joints]
+    data.qvel[:joints] = [start[3], start[4], start[5] - start[4]][:joints]
+    driven = -1 if loose else 0
+    data.qpos[driven], data.qvel[driven] = start[0], start[3]
     substeps = round((t[1] - t[0]) / model.opt.timestep)
     fine = t[0] + model.opt.timestep * np.arange(len(t) * substeps)
     held = np.repeat(u, substeps)
@@ -118,8 +142,8 @@ def swing(plant: Plant, start: np.ndarray, t: np.ndarray, u: np.ndarray) -> np.n
     for i in range(len(fine)):
         if i % substeps == 0:
             q = data.qpos
-            theta[i // substeps] = q[0], q[1], q[1] + (q[2] if plant.both else 0.0)
-        data.qfrc_applied[0] = torque[i] + plant.extra(data.qpos[0], data.qvel[0], torque[i])
+            theta[i // substeps] = q[driven], q[1], q[1] + (q[2] if plant.both else 0.0)
+        data.qfrc_applied[driven] = torque[i] + plant.extra(data.qpos[0], data.qvel[0], torque[i])
         mujoco.mj_step(model, data)
     return theta
 
@@ -158,6 +182,8 @@ def drawn_plant(rng: np.random.Generator, both: bool, fault: str, reach: float, 
         "hard_stop_joint0": {"stiffness": 3.0 * largest, "range_rad": 0.5 * some * reach},
         "encoder_scale_joint0": {"excess": 0.02 * some},
         "air_drag_joint0": {"coefficient": 0.01 * some * largest},
+        "backlash_joint0": {"play_rad": 0.03 * some},
+        "backlash_joint1": {"play_rad": 0.03 * some},
     }.get(fault, {})
     return Plant(rods, J0 * rng.uniform(0.8, 1.2), c0 * rng.uniform(0.7, 1.3), L0, L1, fault=fault, size=size)
 

@@ -11,6 +11,8 @@ from dpr_lab.effects.effect_kernels import (
     arm_encoder_error,
     encoder_errors,
     held_angle,
+    held_angle0,
+    held_angle1,
     reading_shifts,
 )
 from dpr_lab.effects.quantities import RigConstants
@@ -89,10 +91,26 @@ def _fill_errors(
 
 
 @njit
-def held_along(angles: NDArray[np.float64], hold: float, model: RigModel) -> NDArray[np.float64]:
-    """(n,) angles held by the encoder of joint 2 while its joint moves through `angles`, starting with `hold`, rad."""
-    seen = np.empty(len(angles))
+def held_along(
+    angles: NDArray[np.float64], drift: NDArray[np.float64], hold: NDArray[np.float64], model: RigModel
+) -> NDArray[np.float64]:
+    """Angles held by the encoders while their joints move.
+
+    Args:
+        angles: (n, 3) joint 1 absolute, joint 2 as read by its encoder, and the arm, rad
+        drift: (n,) rotation of the arm's motor without load since the previous row, rad
+        hold: (3,) angles held before the first row, rad
+        model: the rig and its effects; only backlash is used
+
+    Returns:
+        (n, 3) held angles, rad
+    """
+    seen = np.empty(angles.shape)
+    hold1, hold2, hold0 = hold
     for k in range(len(angles)):
-        hold = held_angle(angles[k], hold, model.params, model.active)
-        seen[k] = hold
+        angle1, angle2, angle0 = angles[k]
+        hold1 = held_angle1(angle1, hold1, model.params, model.active)
+        hold2 = held_angle(angle2, hold2, model.params, model.active)
+        hold0 = held_angle0(angle0, hold0, drift[k], model.params, model.active)
+        seen[k, 0], seen[k, 1], seen[k, 2] = hold1, hold2, hold0
     return seen

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dpr_lab.effects.air_drag import AIR_DRAG_BOTH, AIR_DRAG_JOINT0, AIR_DRAG_OUTER
 from dpr_lab.effects.arm_compliance import ARM_COMPLIANCE
 from dpr_lab.effects.axis_tilt import AXIS_TILT_JOINT0
-from dpr_lab.effects.backlash import BACKLASH_JOINT2
+from dpr_lab.effects.backlash import BACKLASH_JOINT0, BACKLASH_JOINT1, BACKLASH_JOINT2
 from dpr_lab.effects.base_tilt import BASE_TILT
 from dpr_lab.effects.base_vibration import BASE_VIBRATION
 from dpr_lab.effects.clock_rate import CLOCK_RATE
@@ -103,6 +103,8 @@ EFFECTS: dict[str, Effect] = {
         HYSTERESIS_JOINT0,
         AXIS_TILT_JOINT0,
         AIR_DRAG_JOINT0,
+        BACKLASH_JOINT1,
+        BACKLASH_JOINT0,
     )
 }
 EFFECTS |= plugin_rows("effects", Effect, EFFECTS, lambda _, effect: effect.name, refusal)

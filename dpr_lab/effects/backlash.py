@@ -1,6 +1,7 @@
-"""Backlash between joint 2 and its encoder: a loose coupling or a worn key."""
+"""Backlash between a joint and its encoder: a loose coupling, a worn key, or a gear with the encoder at its motor."""
 
-from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, InternalState
+from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter, InternalState, Params
+from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.kernels import inlined
 
 
@@ -11,22 +12,88 @@ def play(angle: float, held: float, play_rad: float) -> float:
     return min(max(held, angle - half), angle + half)
 
 
+@inlined
+def driven_play(angle: float, held: float, drift: float, play_rad: float) -> float:
+    """The same for an encoder at a motor that turns by `drift` while the gear transmits no torque, rad."""
+    return play(angle, held + drift, play_rad)
+
+
+@inlined
+def unloaded_turn(torque: float, friction: float, duration: float) -> float:
+    """Rotation, rad, of a motor without inertia and load: known torque, N m, and viscous friction, N m s/rad."""
+    return torque * duration / max(friction, 1e-12)
+
+
+def _hidden(params: Params) -> float:
+    return params["play_rad"]
+
+
+def _tightened(params: Params, rig: RigConstants, joint: int) -> str:
+    size = f"{1e3 * abs(params['play_rad']):.3g} mrad of backlash"
+    if joint == ARM:
+        return f"adjust the gear of the arm, which has {size}, or read the arm's angle at the arm"
+    return f"tighten the coupling of encoder {joint + 1}, which has {size}"
+
+
+_PARAMETERS = (EffectParameter("play_rad", "rad", 5e-3, "positive"),)
+_SOURCE = "Play operator: Visintin (1994), Differential Models of Hysteresis, ch. III."
+
 BACKLASH_JOINT2 = Effect(
     name="backlash_joint2",
     words="encoder backlash, joint 2",
     equation="encoder 2 reads h, which is constant while |q2 - h| < x / 2 and then follows the joint",
-    parameters=(EffectParameter("play_rad", "rad", 5e-3, "positive"),),
+    parameters=_PARAMETERS,
     site="sensor",
     stage="play",
     kernel=play,
     joints=(1,),
     internal=(InternalState("lag", "rad"),),
-    hides_step=lambda params: params["play_rad"],
-    remedy=lambda params, rig, joint: (
-        f"tighten the coupling of encoder 2, which has {1e3 * abs(params['play_rad']):.3g} mrad of backlash"
-    ),
+    hides_step=_hidden,
+    remedy=_tightened,
     quantities=(BenchQuantity("backlash of the encoder", "x", ("play_rad",)),),
     bench_check="Hold the outer rod and turn the encoder's shaft by hand: the backlash can be felt and read from the"
     " counts.",
-    source="Play operator: Visintin (1994), Differential Models of Hysteresis, ch. III.",
+    source=_SOURCE,
+)
+
+BACKLASH_JOINT1 = Effect(
+    name="backlash_joint1",
+    words="encoder backlash, joint 1",
+    equation="encoder 1 reads h, which is constant while |q1 - h| < x / 2 and then follows the joint",
+    parameters=_PARAMETERS,
+    site="sensor",
+    stage="play1",
+    kernel=play,
+    joints=(0,),
+    internal=(InternalState("lag", "rad"),),
+    hides_step=_hidden,
+    remedy=_tightened,
+    quantities=(BenchQuantity("backlash of the encoder", "x", ("play_rad",)),),
+    bench_check="Hold the inner rod and turn the encoder's shaft, or the motor before the gear, by hand: the backlash"
+    " can be felt and read from the counts.",
+    source=_SOURCE,
+)
+
+BACKLASH_JOINT0 = Effect(
+    name="backlash_joint0",
+    words="backlash of the arm's gear, with the encoder at the motor",
+    equation=(
+        "encoder 0 reads the angle h of the motor: c0 dh/dt = tau, the known torque, while |q0 - h| < x / 2; then the"
+        " motor pushes the arm. Without a drive h is constant inside the backlash"
+    ),
+    parameters=_PARAMETERS,
+    site="sensor",
+    stage="play0",
+    kernel=driven_play,
+    joints=(ARM,),
+    internal=(InternalState("lag", "rad"),),
+    hides_step=_hidden,
+    remedy=_tightened,
+    quantities=(BenchQuantity("backlash of the gear", "x", ("play_rad",), definition="as an angle of the arm"),),
+    bench_check=(
+        "Hold the arm and turn the motor's shaft by hand to either side: the encoder counts through the backlash."
+        " Friction, in contrast, resists the motion of the arm but the encoder counts it at once."
+    ),
+    source=f"{_SOURCE} Motor without inertia: Nordin & Gutman (2002), Controlling mechanical systems with backlash - a"
+    " survey, Automatica 38, 1633.",
 )

@@ -261,7 +261,7 @@ class Effect:
     longest_step: Callable[[Params], float] | None = None
     """Longest integration step, s; None: as for the rods."""
     hides_step: Callable[[Params], float] | None = None
-    """Largest step of joint 2's readings, rad, that it explains; None: it explains none."""
+    """Largest step of its joint's readings, rad, that it explains; None: it explains none."""
     remedy: Callable[[Params, RigConstants, int], str] | None = None
     """Correction of the rig, its file or its readings, from parameters, rig and joint (0, 1); None: it is not a
     fault, and a simulator must include it.
@@ -291,7 +291,7 @@ class Effect:
     @property
     def of_arm(self) -> bool:
         """Whether it acts only at a free or driven arm."""
-        return self.stage in ("free_arm", "torque0", "drive0", "whole0", "timing0", "encoder0")
+        return self.stage in ("free_arm", "torque0", "drive0", "whole0", "timing0", "encoder0", "play0")
 
     @property
     def shapes(self) -> tuple[EffectParameter, ...]:

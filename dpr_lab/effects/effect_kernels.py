@@ -35,8 +35,13 @@ AT_RELEASE = np.array([state.at_release for _, state in _STATES])
 STEPPED = tuple(i for i, (_, state) in enumerate(_STATES) if state.after is not None)
 """Indices in `INTERNAL` of the states that move with a joint."""
 
-LAG = next((i for i, (effect, _) in enumerate(_STATES) if effect.stage == "play"), len(INTERNAL))
-"""Index of the backlash state: angle held by encoder 2 minus that of its joint, rad."""
+LAG0, LAG1, LAG2 = (
+    next((i for i, (effect, _) in enumerate(_STATES) if effect.stage == stage), len(INTERNAL))
+    for stage in ("play0", "play1", "play")
+)
+"""Indices of the backlash states of the arm, joint 1 and joint 2: angle held by the encoder minus that of its joint,
+rad.
+"""
 
 ARM = next((i for i, (effect, _) in enumerate(_STATES) if effect.stage == "arm"), len(INTERNAL))
 """Index of the arm's angle; the next one is its speed."""
@@ -175,7 +180,13 @@ encoder_errors = scalar_stage("encoder")
 """(angle1, angle2, t, run, constants, params, active) -> errors of the encoder readings of joints 1 and 2, rad."""
 
 held_angle = scalar_stage("play")
-"""(angle2, hold, params, active) -> angle held by the encoder of joint 2 after its joint has reached `angle2`, rad."""
+"""(angle2, hold2, params, active) -> angle held by the encoder of joint 2 after its joint has reached `angle2`, rad."""
+
+held_angle1 = scalar_stage("play1")
+"""(angle1, hold1, params, active) -> the same of joint 1."""
+
+held_angle0 = scalar_stage("play0")
+"""(angle0, hold0, drift0, params, active) -> the same of the arm, whose motor has turned by `drift0` without load."""
 
 input_delay = scalar_stage("input")
 """(late, params, active) -> delay of the known torques, s; `late` without effects."""

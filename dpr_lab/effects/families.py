@@ -24,8 +24,7 @@ class Family:
 
 
 def _drive(j: int) -> Family:
-    marks = [f"rotor_inertia_joint{j}", f"load_friction_joint{j}", f"detent_joint{j}"]
-    marks += [f"backlash_joint{j}"] if j == 2 else []  # the library has none for joint 1
+    marks = [f"rotor_inertia_joint{j}", f"load_friction_joint{j}", f"detent_joint{j}", f"backlash_joint{j}"]
     friction = (f"{law}_joint{j}" for law in ("coulomb", "stribeck", "friction_curve", "hysteresis"))
     expected = [f"coulomb_joint{j}", f"load_friction_joint{j}"]
     expected += ["rotor_inertia_joint2"] if j == 2 else []  # the rotor of joint 1 is part of a

@@ -21,7 +21,7 @@ def _reasons(effect: Effect) -> Iterator[str]:
     if effect.stage not in StageName.__args__:
         yield f"no stage {effect.stage!r}; there are: {', '.join(StageName.__args__)}"
         return
-    if effect.stage in ("play", "arm", "input"):
+    if effect.stage in ("play", "play1", "play0", "arm", "input"):
         yield f"the stage {effect.stage!r} is reserved for one effect of dpr-lab"
     if not effect.joints or not set(effect.joints) <= {0, 1}:
         yield f"joints = {effect.joints}: joints are 0 and 1"

@@ -21,6 +21,8 @@ an argument or a local variable, the lane version a row of the workspace.
     encoder     encoder                            rad added to the reading of the encoder of each of `joints`
     encoder0    encoder                            the same of the arm's encoder
     play        angle, held                        angle that the encoder of joint 2 holds, rad
+    play1       angle, held                        the same of joint 1
+    play0       angle, held, drift                 the same of the arm, whose motor has a drift of its own, rad
     input                                          delay of the known torques, s
     transition  state, displacement                internal state after a displacement of the joint
 
@@ -36,7 +38,7 @@ from typing import Any, Literal, NamedTuple
 
 StageName = Literal[
     "torque", "load", "arm", "free_arm", "torque0", "whole0", "timing", "timing0", "encoder", "encoder0", "play",
-    "drive", "drive0", "input",
+    "play1", "play0", "drive", "drive0", "input",
 ]  # fmt: skip
 """Stage at which the kernel of an effect is called."""
 
@@ -104,6 +106,18 @@ def _held_arm() -> Stage:
         results={"arm": "{arm}"},
         combine=_each("{arm} = x"),
         returns="{arm}",
+    )
+
+
+def _play(joint: int, *drift: str) -> Stage:
+    """The angle that the encoder of a joint holds, with the drift of a motor."""
+    angle, hold = f"angle{joint}", f"hold{joint}"
+    return Stage(
+        arguments=", ".join((angle, hold, *drift)),
+        quantities={"angle": "{angle#}", "held": "{hold#}", "drift": "{drift#}"},
+        results={angle: f"{{{angle}}}"},
+        combine=_each("{angle#} = x"),
+        returns=f"{{{angle}}}",
     )
 
 
@@ -178,13 +192,9 @@ STAGES: dict[str, Stage] = {
         combine=_each("{error0} += x"),
         returns="{error0}",
     ),
-    "play": Stage(
-        arguments="angle2, hold",
-        quantities={"angle": "{angle2}", "held": "{hold}"},
-        results={"angle2": "{angle2}"},
-        combine=_each("{angle2} = x"),
-        returns="{angle2}",
-    ),
+    "play": _play(2),
+    "play1": _play(1),
+    "play0": _play(0, "drift0"),
     "input": Stage(
         arguments="late",
         quantities={},
@@ -222,6 +232,8 @@ class Requirements(NamedTuple):
     encoder: Any
     encoder0: Any
     play: Any
+    play1: Any
+    play0: Any
     drive: Any
     drive0: Any
     whole0: Any

@@ -62,8 +62,8 @@ class ExportFormat:
 
 
 _ALL = (
-    "torque", "load", "arm", "timing", "encoder", "play", "torque0", "drive0", "timing0", "encoder0", "input",
-    "whole0",
+    "torque", "load", "arm", "timing", "encoder", "play", "play1", "play0", "torque0", "drive0", "timing0", "encoder0",
+    "input", "whole0",
 )  # fmt: skip
 
 FORMATS: dict[str, ExportFormat] = {

@@ -49,7 +49,7 @@ def _reason(name: str, values: Mapping[str, float], program: str) -> str:
         return "the inputs of the model are the acting torques, without drives"
     if words := words_of({name: values}).get(name):
         return f"{program} has no element for {' and '.join(words)}"
-    if EFFECTS[name].stage in ("timing", "encoder", "play"):
+    if EFFECTS[name].stage in ("timing", "timing0", "encoder", "encoder0", "play", "play1", "play0"):
         return f"{program} describes bodies, but not encoder readings"
     return f"{program} has no element for it"
 

@@ -68,7 +68,7 @@ class {name}(Fmi3Slave):
 
     def do_step(self, current_time, step_size):
         if not self.swing.steps:
-            self.swing.t = self.swing.began = self.swing.followed = current_time
+            self.swing.t, self.swing.began, self.swing.followed = current_time, current_time, 3 * [current_time]
         count = max(1, math.ceil(step_size / self.max_step - 1e-9))
         for _ in range(count):
             self.swing.step(step_size / count, *[getattr(self, name) for name in INPUTS])

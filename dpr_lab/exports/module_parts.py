@@ -27,6 +27,8 @@ from dpr_lab.effects.effect_kernels import (
     encoder_errors,
     free_arm_model,
     held_angle,
+    held_angle0,
+    held_angle1,
     input_delay,
     internal_after,
     load_torques,
@@ -54,6 +56,8 @@ FOLDED = {
     "reading_shifts": reading_shifts,
     "encoder_errors": encoder_errors,
     "held_angle": held_angle,
+    "held_angle1": held_angle1,
+    "held_angle0": held_angle0,
     "internal_after": internal_after,
 }
 """Functions that iterate over all effects; in an export they contain only its effects."""
@@ -82,13 +86,14 @@ class Swing:
         theta1, theta2, omega1, omega2 = map(float, x0)
         self.t, self.x = float(t), RigState(0.0, theta1, theta2, 0.0, omega1, omega2, START)
         self.run, self.starts, self.steps, self.kept_s = run, [], [], 0.0
-        self.held, self.followed, self.began = theta2 - {relative2!r} * theta1, self.t, self.t
+        self.held, self.began = [0.0, theta1, theta2 - {relative2!r} * theta1], self.t
+        self.followed = 3 * [self.t]
 
     def step(self, h, torque1=0.0, torque2=0.0):
         """Simulate a step of h, s, with torques of joint 1 on the inner rod and of joint 2 on the outer rod."""
         old, self.x = self.x, self.after(h, torque1, torque2)
         self.starts.append(self.t)
-        self.steps.append((h, old, self.x))
+        self.steps.append((h, old, self.x, torque1))
         self.t += h
 
     def after(self, h, torque1, torque2):
@@ -101,15 +106,25 @@ class Swing:
     def read(self, t):
         """Readings of the encoders of joints 1 and 2 at device time t, s, rad; t must not decrease between calls."""
         at1, at2 = (max(instant, self.began) for instant in read_at(t, MODEL))
-        for start, (h, _, _) in zip(self.starts, self.steps):
-            for quarter in (start, start + 0.25 * h, start + 0.5 * h, start + 0.75 * h):
-                if self.followed < quarter < at2:  # the backlash needs the turning points between readings
-                    self.held = held_angle(self.angles(quarter)[1], self.held, None, None)
-        self.held, self.followed = held_angle(self.angles(at2)[1], self.held, None, None), at2
-        angle1, kept = self.angles(at1)[0], max(bisect(self.starts, min(at1, at2) - self.kept_s) - 1, 0)
+        for instant in self.instants(1, at1, MODEL.required.play1):
+            self.held[1] = held_angle1(self.angles(instant)[0], self.held[1], None, None)
+        for instant in self.instants(2, at2, MODEL.required.play):
+            self.held[2] = held_angle(self.angles(instant)[1], self.held[2], None, None)
+        _, angle1, angle2 = self.held
+        kept = max(bisect(self.starts, min(at1, at2) - self.kept_s) - 1, 0)
         del self.starts[:kept], self.steps[:kept]
-        error1, error2 = encoder_errors(angle1, self.held, t, self.run, MODEL.constants, None, None)
-        return angle1 + error1, self.held + error2
+        error1, error2 = encoder_errors(angle1, angle2, t, self.run, MODEL.constants, None, None)
+        return angle1 + error1, angle2 + error2
+
+    def instants(self, joint, end, play):
+        """Instants up to `end`, s, at which an encoder is followed: backlash needs the turning points."""
+        begin, self.followed[joint] = self.followed[joint], end
+        if play:
+            for start, step in zip(self.starts, self.steps):
+                for quarter in (start, start + 0.25 * step[0], start + 0.5 * step[0], start + 0.75 * step[0]):
+                    if begin < quarter < end:
+                        yield quarter
+        yield end
 
     def angles(self, t):
         """Angles of joints 1, 2 (as its encoder measures it) and 0, by the cubic polynomial of a step."""
@@ -121,7 +136,7 @@ class Swing:
             ahead.step(t - self.t)
             return ahead.angles(t)
         i = bisect(self.starts, t, 1) - 1
-        h, old, new = self.steps[i]
+        h, old, new, _ = self.steps[i]
         share = (t - self.starts[i]) / h
         theta1 = cubic(share, h, old.theta1, old.omega1, new.theta1, new.omega1)
         theta2 = cubic(share, h, old.theta2, old.omega2, new.theta2, new.omega2)

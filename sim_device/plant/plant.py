@@ -16,12 +16,14 @@ from dpr_lab.dynamics.rig_constants import constants_of_run, rig_constants
 from dpr_lab.dynamics.simulate import as_state, at_release, integrate, rig_model
 from dpr_lab.dynamics.step import RigModel, RigState, model_with
 from dpr_lab.effects import EFFECTS, effect_params, param_index
+from dpr_lab.effects.backlash import unloaded_turn
 from dpr_lab.effects.detent import DETENT_JOINT1, DETENT_JOINT2
 from dpr_lab.effects.mounted import effects_of_run
 from dpr_lab.effects.spring import SPRING
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import JOINTS, PARAMETERS, Rig
 from dpr_lab.setup import Setup, Torques
+from sim_device.plant.arm_drive import Move
 from sim_device.plant.config import PlantConfig
 from sim_device.plant.mount import AT_REST, Yielding
 
@@ -67,6 +69,8 @@ class Block(NamedTuple):
     """(n, 6 + internal) states, as of `RigState`."""
     asked: Theta
     """(ticks,) inputs that the program of the arm requested; zeros without a drive."""
+    torques: Theta
+    """(n - 1,) torques of the drive on the arm from each instant to the next, N m; zeros without a drive."""
 
 
 def hung(Z: NDArray[np.float64], setup: Setup) -> NDArray[np.float64]:
@@ -109,7 +113,7 @@ class Plant:
         self.arm_delay = 0.0
         """Delay of the reading of the arm after that of joint 1, s."""
         self.has_play = False
-        """Whether the encoder of joint 2 has play."""
+        """Whether an encoder has play."""
         self.mount: Yielding | None = None
         """The mount, if it is compliant."""
         if config.mount is not None:
@@ -132,7 +136,7 @@ class Plant:
         self.pace = read_at(1.0, model)[0]
         self.delay = float(np.subtract(*read_at(0.0, model)))
         self.arm_delay = arm_lateness(model)
-        self.has_play = model.required.play
+        self.has_play = model.required.play or model.required.play1 or model.required.play0
         if not max(abs(self.delay), abs(self.arm_delay)) < BLOCK_TIME:
             effects = self.config.effects
             timing = [name for name in effects if EFFECTS[name].stage in ("timing", "timing0")]
@@ -230,9 +234,14 @@ class Plant:
         """(n, 3) absolute angles with another angle of joint 2, (n,) as read by its encoder, rad."""
         return np.column_stack([theta[:, :2], angle2 + self._constants.relative2 * theta[:, 1]])
 
-    def held(self, angle2: Theta, hold: float) -> Theta:
-        """(n,) angles of the encoder of joint 2, which has play, while its joint moves through `angle2`, rad."""
-        return held_along(angle2, hold, self._moving[0])
+    def held(self, angles: Theta, torques: Theta, t: Theta, hold: Theta) -> Theta:
+        """(n, 3) angles of encoders with play while their joints move through `angles`: joints 1, 2 and the arm, rad.
+
+        `torques` (n - 1,) act on the arm from each of the instants `t` (n,) to the next, N m.
+        """
+        model = self._moving[0]
+        turns = [unloaded_turn(x, model.arm.friction, h) for x, h in zip(torques, np.diff(t), strict=True)]
+        return held_along(angles, np.array([0.0, *turns]), hold, model)
 
     def misread(self, theta: Theta, t: Theta, run: int) -> Theta:
         """(n, 3) angles with encoder errors at the device times `t` (n,) since the release number `run`."""
@@ -296,22 +305,31 @@ def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Dri
     if plant.delay == 0.0 and plant.arm_delay == 0.0 and not plant.has_play:
         looks = 1 if plant.mount is None else _fine(rate_hz)
         blocks = _blocks(plant, theta, omega, rate_hz, looks, driven)
-        yield from (np.column_stack([states[:-1:looks, :JOINTS], asked]) for _, states, asked in blocks)
+        yield from (np.column_stack([block.states[:-1:looks, :JOINTS], block.asked]) for block in blocks)
     looks = _fine(rate_hz)
     blocks = _blocks(plant, theta, omega, rate_hz, looks, driven)
-    hold = float(plant.joint2(theta[1], theta[2]))
+    hold = np.array([theta[1], plant.joint2(theta[1], theta[2]), theta[0]])
     around = [next(blocks), next(blocks)]
     this = 0
     while True:
-        t, states, asked = around[this]
-        angle2 = plant.held(_joint2_at(plant, around, t - plant.delay), hold)
-        hold = float(angle2[-2])
-        seen = plant.with_joint2(states[:-1, :JOINTS], angle2[:-1])[::looks]
-        if plant.arm_delay:
-            seen[:, 0] = _seen_at(around, lambda rows: rows[:, 0], t[:-1:looks] - plant.arm_delay)
-        yield np.column_stack([seen, asked])
+        t, states, asked, torques = around[this]
+        angle0 = _seen_at(around, lambda rows: rows[:, 0], t - plant.arm_delay) if plant.arm_delay else states[:, 0]
+        angles = np.column_stack([states[:, 1], _joint2_at(plant, around, t - plant.delay), angle0])
+        held = plant.held(angles, torques, t, hold)
+        hold = held[-1]
+        yield np.column_stack([plant.with_joint2(held[:-1:looks, [2, 0]], held[:-1:looks, 1]), asked])
         around = [*around[-2:], next(blocks)]
         this = 1
+
+
+def _noted(plant: Plant, acted: list[Theta]) -> Move:
+    """`Plant.driven_on` that adds the torques of the arm to a list."""
+
+    def move(state: RigState, t: Theta, torques: Theta) -> Theta:
+        acted.append(torques[:, 0])
+        return plant.driven_on(state, t, torques)
+
+    return move
 
 
 def _fine(rate_hz: float) -> int:
@@ -342,15 +360,16 @@ def _blocks(
     own = np.arange(ticks * looks + 1) / (rate_hz * looks)
     state, first, moved, asked = plant.start(theta, omega), 0, AT_REST, np.zeros(0)
     while True:
-        t = first / rate_hz + own
+        t, acted = first / rate_hz + own, [np.zeros(0)]
         if plant.mount is not None:
             torques, moved = plant.mount.torques(t, plant.goes_on(state, t), moved)
             states = plant.driven_on(state, t, torques)
         elif driven is None:
             states = plant.goes_on(state, t)
         elif plant.config.arm_drive is not None:
-            states, asked = driven(plant.driven_on, state, t, ticks, asked=asked)
+            states, asked = driven(_noted(plant, acted), state, t, ticks, asked=asked)
         else:
             states = plant.driven_on(state, t, np.repeat(driven(first, ticks), looks, axis=0))
-        yield Block(t, states, asked[first:] if len(asked) else np.zeros((len(states) - 1) // looks))
+        torques = np.concatenate(acted) if len(acted) > 1 else np.zeros(len(t) - 1)
+        yield Block(t, states, asked[first:] if len(asked) else np.zeros((len(states) - 1) // looks), torques)
         state, first = as_state(states[-1]), first + ticks

@@ -12,7 +12,17 @@ from dpr_lab.dynamics.encoder_errors import apply_encoder_errors, read_at
 from dpr_lab.dynamics.prediction import INTERNAL, segment_start
 from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.dynamics.step import RigModel, RigState, advanced, model_with
-from dpr_lab.effects.effect_kernels import ARM, AT_RELEASE, LAG, STEPPED, held_angle, internal_after, internal_sliding
+from dpr_lab.effects.effect_kernels import (
+    ARM,
+    AT_RELEASE,
+    LAG1,
+    LAG2,
+    STEPPED,
+    held_angle,
+    held_angle1,
+    internal_after,
+    internal_sliding,
+)
 from dpr_lab.effects.fold import compiled
 from dpr_lab.effects.mounted import effects_of_run
 from dpr_lab.effects.quantities import HELD_ARM
@@ -99,7 +109,8 @@ def _segment(
     handed = min(segment_start(read_at(until, model)[0]), last1)
     fresh = _stepped_of(AT_RELEASE)
     x = RigState(internal[ARM], start[0], start[1], internal[ARM + 1], start[2], start[3], _stepped_of(internal))
-    hold = x.theta2 - relative2 * x.theta1 + internal[LAG]
+    hold = x.theta2 - relative2 * x.theta1 + internal[LAG2]
+    hold1 = x.theta1 + internal[LAG1]
     next1, next2, step, events, until = 0, 0, h, 0, now + h
     while next1 < n or next2 < n:
         released = now > -0.5 * step
@@ -109,13 +120,14 @@ def _segment(
         if h == 0.0:
             x = y
             continue
-        next1 = _read_joint1(next1, t, now, h, x, y, model, angles)
+        next1, hold1 = _read_joint1(next1, hold1, t, now, h, x, y, model, angles)
         next2, hold = _read_joint2(next2, hold, t, now, h, x, y, model, angles)
         if not released:
-            hold = angle2(1.0, h, x, y, relative2)
+            hold, hold1 = angle2(1.0, h, x, y, relative2), y.theta1
             y = RigState(y.theta0, y.theta1, y.theta2, y.omega0, y.omega1, y.omega2, fresh)
         if now < handed and handed <= now + h:
-            _hand_over((handed - now) / h, h, x, y, hold - angle2(1.0, h, x, y, relative2), model, after)
+            lags = hold1 - y.theta1 if model.required.play1 else 0.0, hold - angle2(1.0, h, x, y, relative2)
+            _hand_over((handed - now) / h, h, x, y, lags, model, after)
         now = until if whole else now + h
         until = until + step if whole else until
         x = y
@@ -125,6 +137,7 @@ def _segment(
 @njit
 def _read_joint1(
     first: int,
+    hold: float,
     t: NDArray[np.float64],
     now: float,
     h: float,
@@ -132,15 +145,34 @@ def _read_joint1(
     y: RigState,
     model: RigModel,
     angles: NDArray[np.float64],
-) -> int:
-    """Read joint 1 and the arm from sample `first` on, as far as the step from x to y goes; the next sample."""
-    for k in range(first, len(t)):
+) -> tuple[int, float]:
+    """Read joint 1 and the arm from sample `first` on, as far as the step from x to y goes.
+
+    Returns:
+        the next sample, and the angle that encoder 1 holds at the end of the step
+    """
+    k, passed, loose = first, 0.0, model.required.play1
+    while k < len(t):
         u = (read_at(t[k], model)[0] - now) / h
         if u > 1.0:
-            return k
+            break
         angles[k, 0] = angle1(u, h, x, y)
         angles[k, 2] = hermite(u, h, x.theta0, x.omega0, y.theta0, y.omega0)
-    return len(t)
+        if loose:
+            hold = _dragged1(hold, passed, u, h, x, y, model)
+            passed, angles[k, 0] = u, hold
+        k += 1
+    return k, _dragged1(hold, passed, 1.0, h, x, y, model) if loose else hold
+
+
+@njit
+def _dragged1(hold: float, since: float, to: float, h: float, x: RigState, y: RigState, model: RigModel) -> float:
+    """The angle that encoder 1 holds at the share `to` of a step, from that at the share `since`, rad."""
+    for k in range(1, _SUBSTEPS):
+        u = k / _SUBSTEPS
+        if since < u and u < to:
+            hold = held_angle1(angle1(u, h, x, y), hold, model.params, model.active)
+    return held_angle1(angle1(to, h, x, y), hold, model.params, model.active)
 
 
 @njit
@@ -182,11 +214,17 @@ def _dragged(hold: float, since: float, to: float, h: float, x: RigState, y: Rig
 
 @njit
 def _hand_over(
-    u: float, h: float, x: RigState, y: RigState, lag: float, model: RigModel, after: NDArray[np.float64]
+    u: float,
+    h: float,
+    x: RigState,
+    y: RigState,
+    lags: tuple[float, float],
+    model: RigModel,
+    after: NDArray[np.float64],
 ) -> None:
-    """The internal states at the share u of the step from x to y; what the encoder holds is that of the step's end."""
+    """The internal states at the share u of the step from x to y; what the encoders hold is that of the step's end."""
     displacement1, displacement2 = u * (y.theta1 - x.theta1), u * (y.theta2 - x.theta2 - y.theta1 + x.theta1)
     _put(internal_after(x.internal, 0.0, displacement1, displacement2, model.params, model.active), after)
-    after[LAG] = lag
+    after[LAG1], after[LAG2] = lags
     after[ARM] = hermite(u, h, x.theta0, x.omega0, y.theta0, y.omega0)
     after[ARM + 1] = x.omega0 + u * (y.omega0 - x.omega0)

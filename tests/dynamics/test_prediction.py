@@ -158,10 +158,22 @@ def test_play_drags_the_encoder_along(truth):
     assert np.abs(found[:, 1] - relative(at(truth, T))[:, 1]).max() == pytest.approx(play / 2, rel=1e-3)
 
 
+def test_play_of_encoder_1_leaves_encoder_2_alone(truth):
+    play = 0.02
+    hold, held = truth[0, 0], []
+    for angle in truth[:, 0]:
+        hold = min(max(hold, angle - play / 2), angle + play / 2)
+        held.append(hold)
+    found = read({"backlash_joint1": {"play_rad": play}})
+    np.testing.assert_allclose(found[:, 0], at(np.array(held), T), atol=2e-5)
+    np.testing.assert_allclose(found[:, 1], read({})[:, 1], atol=1e-12)
+
+
 REMEMBERING = {
     "hysteresis_joint1": {"torque_Nm": 5e-3, "length_rad": 0.1},
     "hysteresis_joint2": {"torque_Nm": 2e-3, "length_rad": 0.1},
     "backlash_joint2": {"play_rad": 1.0},
+    "backlash_joint1": {"play_rad": 1.0},
     "arm_compliance": {"coupling_per_kg": 0.1, "frequency_hz": 6.0},
 }
 
@@ -192,7 +204,7 @@ def test_memory_can_be_held_still():
     internal = internal_states(BASE, params, CONSTANTS, CUT, starts)
     assert internal.shape == (2, len(INTERNAL))
     assert (internal[0] == 0).all()
-    acting = [not name.startswith("hysteresis_joint0") for name in INTERNAL]  # this arm is clamped
+    acting = ["joint0" not in name for name in INTERNAL]  # this arm is clamped
     assert (np.abs(internal[1, acting]) > 0).all()
     whole = predict(BASE, params, CONSTANTS, CUT, starts)
     np.testing.assert_array_equal(predict(BASE, params, CONSTANTS, CUT, starts, internal), whole)

@@ -16,6 +16,7 @@ from dpr_lab.effects import EFFECTS, OF_ARM, effect_params, param_index
 from dpr_lab.effects.mounted import effects_of_run
 from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
+from tests.arm_engine import drawn_plant, rig_of, swing
 from tests.three_hinges import three_hinges
 
 RIG = load_rig("paper")
@@ -171,3 +172,52 @@ def test_dry_friction_holds_the_arm_and_lets_it_go_as_an_independent_engine_does
 def test_names_of_the_arm_end_with_its_joint():
     assert all(name.endswith("_joint0") for name in OF_ARM)
     assert all(EFFECTS[name].joints == (-1,) for name in OF_ARM)
+
+
+@pytest.mark.parametrize("torque", [PUSH, None])
+def test_backlash_of_the_arm_s_gear_is_a_play_operator_that_the_motor_moves(torque):
+    play, arm = 0.04, {"free_arm": {"inertia_kgm2": INERTIA, "viscous_Nms": VISCOUS}}
+    laid_out = driven() if torque is not None else segments([T], setups=[Setup(arm_moves=True)], step=1e-3)
+    fine = T[0] - 0.02 + 1e-3 * np.arange(round(1e3 * (T[-1] - T[0] + 0.02)) + 1)
+    setup = laid_out.setups[0]
+    motion = predict(
+        BASE, effect_params(arm), CONSTANTS, segments([fine[20:]], setups=[setup], step=1e-3), START, arm=True
+    )[:, 2]
+    before = predict(
+        BASE, effect_params(arm), CONSTANTS, segments([[0.02, 0.021]], setups=[setup], step=1e-3), START, arm=True
+    )
+    assert before[0, 2] == pytest.approx(motion[0])
+    turn = np.zeros(len(motion)) if torque is None else np.interp(fine[20:] - 5e-4, LOGGED, PUSH) * 1e-3 / VISCOUS
+    held, angle = np.empty(len(motion)), motion[0] - play / 2
+    for k, q in enumerate(motion):
+        angle = held[k] = min(max(angle + turn[k], q - play / 2), q + play / 2)
+    found = read({"backlash_joint0": {"play_rad": play}}, laid_out)[:, 2]
+    late = np.s_[40:]  # by then the first flank does not count
+    np.testing.assert_allclose(
+        found[late], held[::5][: len(found)][late], atol=2e-3 * play if torque is None else play / 10
+    )
+    assert np.abs(found - motion[::5][: len(found)]).max() == pytest.approx(play / 2, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("both", [True, False])
+@pytest.mark.parametrize("mode", ["free", "driven"])
+def test_backlash_of_the_arm_s_gear_is_that_of_a_light_motor_in_mujoco(both, mode):
+    plant = drawn_plant(np.random.default_rng(3), both, "backlash_joint0", 1.0, 0.2)
+    rig, t = rig_of(plant, mode), 2e-3 * np.arange(1000)
+    u = 0.2 * np.sin(7.0 * t + 0.3) + 0.06 * np.sign(np.sin(11.0 * t)) if mode == "driven" else np.zeros(len(t))
+    start = np.array([0.0, 4.4, 3.6 if both else 4.4, 0.0 if mode == "driven" else 1.0, 0.0, 0.0])
+    expected = swing(plant, start, t, u)[10:, 0]
+    constants = rig_constants(rig)
+    setup = Setup(rig.rods.mounting, torques=Torques(t, np.zeros((len(t), 2)), on_arm=u), arm_moves=True)
+    base = whole_parameters(rig.nominal, constants.L1, constants.g)
+    arm = {"free_arm": {"inertia_kgm2": plant.A, "viscous_Nms": plant.c0}}
+
+    def gap(effects):
+        laid_out = segments([t[10:]], setups=[setup], step=1e-3)
+        initial = [[start[1], start[2], 0.0, 0.0, 0.0, start[3]]]
+        return np.std(
+            predict(base, effect_params(arm | effects), constants, laid_out, initial, arm=True)[:, 2] - expected
+        )
+
+    assert gap({"backlash_joint0": plant.size}) < 0.5 * gap({})

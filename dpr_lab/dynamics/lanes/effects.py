@@ -90,8 +90,14 @@ rods.
 add_dry_limit0 = lane_stage("dry0")
 """(w, active): add the limit of Coulomb friction of the arm."""
 
-hold_angle = lane_stage("play")
+hold_angle2 = lane_stage("play")
 """(w, active): replace the angle of joint 2 by the angle held by its encoder."""
+
+hold_angle1 = lane_stage("play1")
+"""(w, active): the same for joint 1."""
+
+hold_angle0 = lane_stage("play0")
+"""(w, active): the same for the arm, whose motor has turned by the row `drift0` without load."""
 
 _move_states = lane_stage("transition")
 

@@ -8,12 +8,23 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.lanes.blocks import Buffers, Candidates, LaneBlock, Piece, SegmentArrays
 from dpr_lab.dynamics.lanes.driving import prescribe_arm, set_torques
 from dpr_lab.dynamics.lanes.effects import displaced
-from dpr_lab.dynamics.lanes.samples import angle0, angle2, read_both, read_joint1, read_joint2, read_play, shares
-from dpr_lab.dynamics.lanes.starts import begin_segment, load_track, params_row, reset_internal
+from dpr_lab.dynamics.lanes.samples import (
+    angle0,
+    angle1,
+    angle2,
+    read_both,
+    read_joint1,
+    read_joint2,
+    read_play1,
+    read_play2,
+    shares,
+)
+from dpr_lab.dynamics.lanes.starts import begin_segment, load_track, params_row, reads_apart, reset_internal
 from dpr_lab.dynamics.lanes.tracks import Tracks, required_in
 from dpr_lab.dynamics.lanes.workspace import LANES, LaneWorkspace
-from dpr_lab.effects.effect_kernels import ARM, LAG, STEPPED, arm_encoder_error, encoder_errors
+from dpr_lab.effects.effect_kernels import ARM, LAG0, LAG1, LAG2, STEPPED, arm_encoder_error, encoder_errors
 from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.effects.stages import Requirements
 from dpr_lab.kernels import njit, subroutine
 
 
@@ -94,16 +105,19 @@ def _read(block: LaneBlock, advance: Any, buffers: Buffers) -> None:
         if len(drive.prescribed.t) > 0:
             prescribe_arm(w, drive, buffers.run)
         advance(w, block.rig, block.active, required, held)
-        if not (required.timing or required.play):
+        if not reads_apart(required):
             read_both(w, relative2, required.arm, samples)
         else:
-            read_joint1(w, required.arm, samples)
+            if required.play1 or required.play0:
+                read_play1(w, required.arm, block.active, samples)
+            else:
+                read_joint1(w, required.arm, samples)
             if required.play:
-                read_play(w, relative2, block.active, samples)
+                read_play2(w, relative2, block.active, samples)
             else:
                 read_joint2(w, 1.0, relative2, samples)
         if required.internal:
-            _hand_over(w, relative2, block.active, required.play, buffers.after)
+            _hand_over(w, relative2, block.active, required, buffers.after)
         held = held and _any_held(w)
 
 
@@ -126,7 +140,11 @@ def _any_due(w: LaneWorkspace) -> bool:
 
 @subroutine
 def _hand_over(
-    w: LaneWorkspace, relative2: float, active: NDArray[np.bool_], play: bool, after: NDArray[np.float64]
+    w: LaneWorkspace,
+    relative2: float,
+    active: NDArray[np.bool_],
+    required: Requirements,
+    after: NDArray[np.float64],
 ) -> None:
     """Store the internal states for the next segment if it starts in this step; backlash as at the end of the step."""
     if not shares(w, w.handed, 1.0):
@@ -143,7 +161,9 @@ def _hand_over(
             if u > 0.0:
                 for n, index in enumerate(STEPPED):
                     after[k, index] = w.moved[n, k]
-                after[k, LAG] = w.hold[k] - angle2(w, k, 1.0, relative2) if play else 0.0
+                after[k, LAG0] = w.hold0[k] - angle0(w, k, 1.0) if required.play0 else 0.0
+                after[k, LAG1] = w.hold1[k] - angle1(w, k, 1.0) if required.play1 else 0.0
+                after[k, LAG2] = w.hold2[k] - angle2(w, k, 1.0, relative2) if required.play else 0.0
                 after[k, ARM] = angle0(w, k, u)
                 after[k, ARM + 1] = w.old_omega0[k] + u * (w.omega0[k] - w.old_omega0[k])
             w.handed[k] = np.inf

@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.lanes.effects import hold_angle
+from dpr_lab.dynamics.lanes.effects import hold_angle0, hold_angle1, hold_angle2
 from dpr_lab.dynamics.lanes.workspace import LANES, LaneWorkspace, Row, waits
+from dpr_lab.effects.backlash import unloaded_turn
 from dpr_lab.kernels import subroutine
 
 
@@ -36,7 +37,7 @@ def _cubic(u: float, h: float, y0: float, v0: float, y1: float, v1: float) -> fl
 
 
 @subroutine
-def _angle1(w: LaneWorkspace, k: int, u: float) -> float:
+def angle1(w: LaneWorkspace, k: int, u: float) -> float:
     """theta1 of lane k at the share u of its step, rad."""
     return _cubic(u, w.h[k], w.old_theta1[k], w.old_omega1[k], w.theta1[k], w.omega1[k])
 
@@ -45,7 +46,7 @@ def _angle1(w: LaneWorkspace, k: int, u: float) -> float:
 def angle2(w: LaneWorkspace, k: int, u: float, relative2: float) -> float:
     """Angle of joint 2 as read by its encoder, at the share u, rad."""
     theta2 = _cubic(u, w.h[k], w.old_theta2[k], w.old_omega2[k], w.theta2[k], w.omega2[k])
-    return theta2 - relative2 * _angle1(w, k, u)
+    return theta2 - relative2 * angle1(w, k, u)
 
 
 @subroutine
@@ -84,7 +85,7 @@ def read_both(w: LaneWorkspace, relative2: float, arm: bool, samples: LaneSample
     """Read the samples that fall into the step, both joints at one instant."""
     while shares(w, w.due1, 1.0):
         for k in range(LANES):
-            w.angle1[k] = _angle1(w, k, w.share[k])
+            w.angle1[k] = angle1(w, k, w.share[k])
             w.angle2[k] = angle2(w, k, w.share[k], relative2)
         if arm:
             _read_arm(w)
@@ -103,7 +104,7 @@ def read_joint1(w: LaneWorkspace, arm: bool, samples: LaneSamples) -> None:
     """Read joint 1 and the arm at the samples that fall into the step."""
     while shares(w, w.due1, 1.0):
         for k in range(LANES):
-            w.angle1[k] = _angle1(w, k, w.share[k])
+            w.angle1[k] = angle1(w, k, w.share[k])
         if arm:
             _read_arm(w)
         for k in range(LANES):
@@ -114,6 +115,53 @@ def read_joint1(w: LaneWorkspace, arm: bool, samples: LaneSamples) -> None:
                 if arm and samples.columns > 2:
                     samples.out[i + 2] = w.angle0[k]
                 samples.next1[k] = _after_reading(w.due1, k, samples.t1, j, samples.size[k])
+
+
+@subroutine
+def read_play1(w: LaneWorkspace, arm: bool, active: NDArray[np.bool_], samples: LaneSamples) -> None:
+    """Read joint 1 and the arm through the backlash of their encoders, which is updated at each quarter of the step."""
+    for k in range(LANES):
+        w.followed0[k] = 0.0
+    for quarter in range(1, 5):
+        until = 0.25 * quarter
+        while shares(w, w.due1, until):
+            for k in range(LANES):
+                w.angle1[k] = angle1(w, k, w.share[k])
+            hold_angle1(w, active)
+            if arm:
+                _read_arm(w)
+                _drift(w)
+                hold_angle0(w, active)
+            for k in range(LANES):
+                if w.share[k] <= until:
+                    j = samples.next1[k]
+                    i = samples.first[k] + j * samples.columns
+                    w.hold1[k] = samples.out[i] = w.angle1[k]
+                    if arm:
+                        w.hold0[k], w.followed0[k] = w.angle0[k], w.share[k]
+                        if samples.columns > 2:
+                            samples.out[i + 2] = w.angle0[k]
+                    samples.next1[k] = _after_reading(w.due1, k, samples.t1, j, samples.size[k])
+        for k in range(LANES):
+            w.share[k], w.angle1[k] = until, angle1(w, k, until)
+        hold_angle1(w, active)
+        if arm:
+            for k in range(LANES):
+                w.angle0[k] = angle0(w, k, until)
+            _drift(w)
+            hold_angle0(w, active)
+        for k in range(LANES):
+            w.hold1[k], w.hold0[k], w.followed0[k] = w.angle1[k], w.angle0[k], until
+    for k in range(LANES):
+        w.hold1[k] = angle1(w, k, 1.0) if waits(w, k) else w.hold1[k]
+        w.hold0[k] = angle0(w, k, 1.0) if waits(w, k) else w.hold0[k]
+
+
+@subroutine
+def _drift(w: LaneWorkspace) -> None:
+    """Fill the row `drift0`: rotation of the arm's motor inside its backlash since it was followed last."""
+    for k in range(LANES):
+        w.drift0[k] = unloaded_turn(w.drive0[k], w.friction[k], (w.share[k] - w.followed0[k]) * w.h[k])
 
 
 @subroutine
@@ -130,24 +178,24 @@ def read_joint2(w: LaneWorkspace, until: float, relative2: float, samples: LaneS
 
 
 @subroutine
-def read_play(w: LaneWorkspace, relative2: float, active: NDArray[np.bool_], samples: LaneSamples) -> None:
+def read_play2(w: LaneWorkspace, relative2: float, active: NDArray[np.bool_], samples: LaneSamples) -> None:
     """Read joint 2 through the backlash of its encoder, which is updated at each quarter of the step."""
     for quarter in range(1, 5):
         until = 0.25 * quarter
         while shares(w, w.due2, until):
             for k in range(LANES):
                 w.angle2[k] = angle2(w, k, w.share[k], relative2)
-            hold_angle(w, active)
+            hold_angle2(w, active)
             for k in range(LANES):
                 if w.share[k] <= until:
                     j = samples.next2[k]
-                    w.hold[k] = w.angle2[k]
+                    w.hold2[k] = w.angle2[k]
                     samples.out[samples.first[k] + j * samples.columns + 1] = w.angle2[k]
                     samples.next2[k] = _after_reading(w.due2, k, samples.t2, j, samples.size[k])
         for k in range(LANES):
             w.angle2[k] = angle2(w, k, until, relative2)
-        hold_angle(w, active)
+        hold_angle2(w, active)
         for k in range(LANES):
-            w.hold[k] = w.angle2[k]
+            w.hold2[k] = w.angle2[k]
     for k in range(LANES):
-        w.hold[k] = angle2(w, k, 1.0, relative2) if waits(w, k) else w.hold[k]
+        w.hold2[k] = angle2(w, k, 1.0, relative2) if waits(w, k) else w.hold2[k]

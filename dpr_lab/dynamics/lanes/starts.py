@@ -9,7 +9,9 @@ from dpr_lab.dynamics.lanes.workspace import LaneWorkspace, constants_at
 from dpr_lab.effects.effect_kernels import (
     ARM,
     AT_RELEASE,
-    LAG,
+    LAG0,
+    LAG1,
+    LAG2,
     STEPPED,
     arm_delay,
     arm_model,
@@ -19,6 +21,7 @@ from dpr_lab.effects.effect_kernels import (
     reading_shifts,
 )
 from dpr_lab.effects.quantities import HELD_ARM
+from dpr_lab.effects.stages import Requirements
 from dpr_lab.kernels import njit, subroutine
 
 PAD = 0.02
@@ -46,6 +49,12 @@ def load_track(w: LaneWorkspace, k: int, c: int, r: int, block: LaneBlock) -> No
     w.late[k] = input_delay(0.0, params, block.active)
     w.late0[k] = arm_delay(0.0, params, block.active)
     w.inertia[k], w.friction[k], w.stiffness[k] = arm.inertia, arm.friction, arm.stiffness
+
+
+@subroutine
+def reads_apart(required: Requirements) -> bool:
+    """Whether the encoders of joints 1 and 2 are read one after the other."""
+    return required.timing or required.play or required.play1 or required.play0
 
 
 @subroutine
@@ -84,7 +93,7 @@ def begin_segment(k: int, piece: Piece, block: LaneBlock, buffers: Buffers) -> N
         _leave_idle(k, samples, previous)
         return
     w.due1[k] = samples.t1[k, 0]
-    if block.required.timing or block.required.play:
+    if reads_apart(block.required):
         w.due2[k] = samples.t2[k, 0]
     w.handed[k] = min(segment_start(until), last1)
     w.t[k], w.h[k], w.step[k] = start, block.segments.step[s], block.segments.step[s]
@@ -110,7 +119,7 @@ def _set_samples(k: int, piece: Piece, block: LaneBlock, samples: LaneSamples) -
     samples.next1[k], samples.next2[k], samples.size[k] = 0, 0, count
     for n in range(count):
         samples.t1[k, n] = t[i + n]
-    for n in range(count if required.timing or required.play else 0):
+    for n in range(count if reads_apart(required) else 0):
         samples.t2[k, n] = t[i + n]
     if required.timing:
         params = block.candidates.params[c, params_row(int(block.segments.run[s]), block)]
@@ -140,7 +149,8 @@ def _set_state(
     w.old_theta0[k], w.old_omega0[k] = w.theta0[k], w.omega0[k]
     for row in (w.stage_omega0, w.stage_omega1, w.stage_omega2, w.alpha0, w.alpha1, w.alpha2):
         row[k] = 0.0
-    w.hold[k] = initial[1] - relative2 * initial[0] + internal[LAG]
+    w.hold0[k], w.hold1[k] = w.theta0[k] + internal[LAG0], initial[0] + internal[LAG1]
+    w.hold2[k] = initial[1] - relative2 * initial[0] + internal[LAG2]
     for n, index in enumerate(STEPPED):
         w.internal[n, k] = internal[index]
 

@@ -130,14 +130,19 @@ class LaneWorkspace:
     forward0: Row
     first0: Row
     last0: Row
-    # readings: next samples of joints 1 and 2, their share of the step, angles there, angle held by backlash
+    # readings: next samples of joints 1 and 2, their share of the step, angles there, angles held by backlash, and the
+    # drift of the arm's motor inside its backlash since the share of the step up to which it was followed
     due1: Row
     due2: Row
     share: Row
     angle0: Row
     angle1: Row
     angle2: Row
-    hold: Row
+    hold0: Row
+    hold1: Row
+    hold2: Row
+    drift0: Row
+    followed0: Row
     handed: Row
     # internal states that move with a joint: at the start of the step, after a displacement, and current
     old_internal: Rows

@@ -20,7 +20,7 @@ from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 from dpr_lab.simulator_models.chain import ModelChain
 
-STAGES = ("torque", "load", "timing", "encoder", "play")
+STAGES = ("torque", "load", "timing", "encoder", "play", "play1")
 """Stages of effects that the module contains."""
 
 

@@ -7,6 +7,7 @@ from dpr_lab.dynamics.arm import DRIVEN, FREE, with_gravity
 from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.dynamics.step import with_arm
 from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.backlash import unloaded_turn
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.quantities import ArmModel
 from dpr_lab.exports.module_parts import assembled, parameter_lines, simulated_rig
@@ -67,6 +68,7 @@ class ArmSwing(Swing):
         self.x = self.x._replace(theta0=theta0, omega0=omega0)
         self.input, self.times, self.impulse = None, [], []
         self.kept_s = abs(arm_delay(0.0, None, None))
+        self.held[0] = theta0
 
     def step(self, h, u=None):
         """Simulate a step of h, s, with an input."""
@@ -94,9 +96,14 @@ class ArmSwing(Swing):
 
     def read(self, t):
         """Readings of the encoders of joints 0, 1 and 2 at device time t, s, rad; t must not decrease between calls."""
-        theta0 = self.angles(max(read_at(t, MODEL)[0] - arm_delay(0.0, None, None), self.began))[2]
-        error0 = arm_encoder_error(theta0, t, self.run, MODEL.constants, None, None)
-        return theta0 + error0, *super().read(t)
+        at0 = max(read_at(t, MODEL)[0] - arm_delay(0.0, None, None), self.began)
+        before = self.followed[0]
+        for instant in self.instants(0, at0, MODEL.required.play0):
+            torque = GAIN * self.steps[max(bisect(self.starts, before) - 1, 0)][3] if self.steps else 0.0
+            drift, before = unloaded_turn(torque, MODEL.arm.friction, instant - before), instant
+            self.held[0] = held_angle0(self.angles(instant)[2], self.held[0], drift, None, None)
+        error0 = arm_encoder_error(self.held[0], t, self.run, MODEL.constants, None, None)
+        return self.held[0] + error0, *super().read(t)
 
     def state(self):
         """(6,) the state."""
@@ -161,4 +168,5 @@ def arm_module_text(model: MovingArmModel, rig: Rig, more: Mapping[str, Any], re
     mode = DRIVEN if model.input == "acceleration" else FREE
     simulated = simulated_rig(base, constants, arm, effects)
     tail = _TAIL.format(mode=mode)
-    return assembled(head, simulated, tail, effects, {"with_arm": with_arm, **more}, rewritten, mode)
+    more = {"with_arm": with_arm, "unloaded_turn": unloaded_turn, **more}
+    return assembled(head, simulated, tail, effects, more, rewritten, mode)
