@@ -19,9 +19,12 @@ from tests.arm_engine import drawn_plant, recorded, rig_of
 DRIVEN = (
     "coulomb_joint0", "spring_joint0", "torque_scale_joint0", "input_delay", "torque_offset_joint0", "dead_zone_joint0",
     "saturation_joint0", "detent_joint0", "torque_ripple_joint0", "hard_stop_joint0", "encoder_scale_joint0",
-    "coulomb_joint1",
+    "coulomb_joint1", "air_drag_joint0", "backlash_joint0", "backlash_joint1",
 )  # fmt: skip
-FREE = ("coulomb_joint0", "spring_joint0", "detent_joint0", "coulomb_joint1", "encoder_scale_joint0")
+FREE = (
+    "coulomb_joint0", "spring_joint0", "detent_joint0", "coulomb_joint1", "encoder_scale_joint0", "air_drag_joint0",
+    "backlash_joint0", "backlash_joint1",
+)  # fmt: skip
 
 
 def tried(seed: int, fault: str, mode: str, both: bool, seconds: float) -> tuple[str, bool, float, str]:
@@ -52,11 +55,12 @@ def main() -> None:
     parser.add_argument("--clean", type=int, default=5)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--only", nargs="+", help="these faults instead of all")
     options = parser.parse_args()
     right = wrong = false = 0
     for i in range(options.cases + options.clean):
         mode = "free" if i % 4 == 3 else "driven"
-        each = FREE if mode == "free" else DRIVEN
+        each = options.only or (FREE if mode == "free" else DRIVEN)
         fault = "" if i >= options.cases else each[(i // (4 if mode == "free" else 1)) % len(each)]
         both = (i // 2) % 2 == 0
         _, good, spent, line = tried(options.seed + i, fault, mode, both, options.seconds)

@@ -218,6 +218,12 @@ def recorded(plant: Plant, rig: Rig, mode: str, rng: np.random.Generator, second
             start[2] = start[1]
         theta = swing(plant, start, t, u)
         joints = np.column_stack([theta[:, 0], theta[:, 1], theta[:, 2] - theta[:, 1]])
+        if plant.fault == "backlash_joint1":
+            held = joints[0, 1]
+            for i, angle in enumerate(joints[:, 1]):
+                held = joints[i, 1] = np.clip(
+                    held, angle - plant.size["play_rad"] / 2, angle + plant.size["play_rad"] / 2
+                )
         if plant.fault == "encoder_scale_joint0":
             joints[:, 0] *= 1.0 + plant.size["excess"]
         joints = COUNT * np.round(joints / COUNT + rng.normal(0, 0.3, joints.shape))

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import ConfigError, unknown_name
+from dpr_lab.errors import ConfigError, RunError, unknown_name
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.diagnose import RECORD
 from dpr_lab.workflows.events import OnEvent, ignore
@@ -13,8 +13,8 @@ from dpr_lab.workflows.reading import read_runs
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from dpr_lab.exports.bodies import AnyModel
     from dpr_lab.exports.ensemble.bands import PredictiveBand
-    from dpr_lab.identification.model import Model
     from dpr_lab.rig import Rig
 
 
@@ -84,27 +84,36 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         DprError: a file cannot be written.
     """
     from dpr_lab.exports import FORMATS
-    from dpr_lab.exports.ensemble.bands import predictive_band
+    from dpr_lab.exports.ensemble.bands import PredictiveBand, predictive_band
     from dpr_lab.exports.ensemble.calibrate import calibrated, widened
-    from dpr_lab.exports.ensemble.sampled import posterior_of, sampled_models
+    from dpr_lab.exports.ensemble.sampled import diagnosed_posterior, posterior_of, sampled_models
+    from dpr_lab.exports.moving_arm.ensemble import sampled_arm_models
     from dpr_lab.gap.result.diagnosis import load_diagnosis
-    from dpr_lab.identification.model import load_model
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.report.saving import write_export
     from dpr_lab.rig import load_rig
+    from dpr_lab.workflows.export import model_to_export
 
     if unknown := [name for name in request.formats if name not in FORMATS]:
         raise ConfigError(unknown_name(f"no format named {unknown[0]}", unknown[0], FORMATS))
     refuse_file(request.out)
     rig = load_rig(request.rig)
     file = request.model / "model.json" if request.model.is_dir() else request.model
-    model, record = load_model(file), file.with_name(RECORD)
-    model.starting_point(rig)
+    model, record = model_to_export(file, rig), file.with_name(RECORD)
     diagnosis = load_diagnosis(record) if record.is_file() else None
-    posterior = posterior_of(model, diagnosis)
-    runs = read_runs(request.check, rig, on_event)
-    factor = calibrated(model, posterior, runs, rig, request.seed).factor if runs else 1.0
-    models = sampled_models(model, widened(posterior, factor), request.size, request.seed)
-    bands = [predictive_band(model, models, run, rig, request.seed) for run in runs]
+    models: Sequence[AnyModel]
+    bands, factor = list[PredictiveBand](), 1.0
+    if isinstance(model, MovingArmModel):
+        if request.check:
+            raise RunError(f"{file}: its arm moves: --check calibrates ensembles of a clamped arm only, remove --check")
+        of_diagnosis = diagnosed_posterior(diagnosis) if diagnosis is not None else []
+        models = sampled_arm_models(model, of_diagnosis, rig, request.size, request.seed)
+    else:
+        posterior = posterior_of(model, diagnosis)
+        runs = read_runs(request.check, rig, on_event)
+        factor = calibrated(model, posterior, runs, rig, request.seed).factor if runs else 1.0
+        models = sampled_models(model, widened(posterior, factor), request.size, request.seed)
+        bands = [predictive_band(model, models, run, rig, request.seed) for run in runs]
     folders = []
     for number, member in enumerate(models if request.formats else ()):
         folder = request.out / f"{number:03}"
@@ -122,8 +131,9 @@ def _coverage(band: "PredictiveBand") -> BandCoverage:
     return BandCoverage(band.run, band.covered, band.horizon_s, band.width_rad)
 
 
-def _write(models: "Sequence[Model]", rig: "Rig", request: EnsembleRequest, factor: float) -> dict[str, int]:
+def _write(models: "Sequence[AnyModel]", rig: "Rig", request: EnsembleRequest, factor: float) -> dict[str, int]:
     from dpr_lab.exports.bodies import bodies, in_words
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.report.files import write_json
 
     members, sets = [], dict[str, int]()
@@ -133,10 +143,11 @@ def _write(models: "Sequence[Model]", rig: "Rig", request: EnsembleRequest, fact
             {"length_m": rod.length, "mass_kg": rod.mass, "centroid_m": rod.centroid, "inertia_kgm2": rod.inertia}
             for rod in made.rods
         ]
+        moving = isinstance(model, MovingArmModel)
         members.append(
             {
                 "ratios": {name: estimate.value for name, estimate in model.ratios.items()},
-                "base": {name: parameter.value for name, parameter in model.base.items()},
+                "base": model.sizes if moving else {name: value.value for name, value in model.base.items()},
                 "rods": rods,
                 "effects": model.effects,
             }

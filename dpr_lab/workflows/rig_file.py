@@ -278,7 +278,7 @@ def _missing(rig: "Rig") -> Iterator[RigFinding]:
             "no mass is weighed (measured, std): only ratios can be identified, and the scale of all masses is unknown"
         )
         yield RigFinding("missing", "parameters", message)
-    if rig.L2 is None:
+    if rig.L2 is None and rig.rods.mounted != "inner":
         yield RigFinding("missing", "rig.L2", "without it, drawings and exports use an assumed length of the outer rod")
 
 

@@ -15,12 +15,14 @@ from dpr_lab.dynamics.prediction import predict, segment_start
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports import FORMATS
+from dpr_lab.exports.moving_arm.ensemble import sampled_arm_models
 from dpr_lab.exports.programs import Replay
 from dpr_lab.fitting.estimate import whole_of
 from dpr_lab.identification.model import EstimatedValue, RigFacts
 from dpr_lab.identification.moving_arm.engine import engine_constants, engine_values
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.setup import drive_gain
+from dpr_lab.identification.moving_arm.unknowns import GAINS
 from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
 from tests.identification.test_moving_arm_fit import rig_with
@@ -125,10 +127,16 @@ def test_export_checks_a_captured_run(tmp_path):
     import_csv(table, load_rig(rig_file), ImportOptions(keep_rest=True), out=run)
     fitted = CliRunner().invoke(app, ["identify", str(run), "--rig", str(rig_file), "--out", str(tmp_path / "m.json")])
     assert fitted.exit_code == 0, fitted.output
-    for option in (["--ensemble", "3"], ["--into", "robot.xml"]):
-        refused = CliRunner().invoke(app, ["export", str(tmp_path / "m.json"), "--rig", str(rig_file), *option])
-        assert refused.exit_code != 0
-        assert "which only `compare` and `export --to` take" in str(refused.exception)
+    of_model = ["export", str(tmp_path / "m.json"), "--rig", str(rig_file)]
+    refused = CliRunner().invoke(app, [*of_model, "--into", "robot.xml"])
+    assert refused.exit_code != 0
+    assert "which only `compare`, and `export` with --to or --ensemble take" in str(refused.exception)
+    refused = CliRunner().invoke(app, [*of_model, "--ensemble", "3", "--check", str(run)])
+    assert refused.exit_code != 0
+    assert "its arm moves" in str(refused.exception)
+    drawn = CliRunner().invoke(app, [*of_model, "--ensemble", "3", "--to", "python", "--out", str(tmp_path / "many")])
+    assert drawn.exit_code == 0, drawn.output
+    assert len({(tmp_path / "many" / f"00{i}" / "corrected_model.py").read_text() for i in range(3)}) == 3
     out = tmp_path / "export"
     args = ["export", str(tmp_path / "m.json"), "--rig", str(rig_file), "--to", "mjcf,python", "--check", str(run)]
     done = CliRunner().invoke(app, [*args, "--out", str(out), "--json"])
@@ -195,3 +203,22 @@ def test_effects_of_arm_and_drive_are_in_the_program(name, near, effects, rods, 
     without = model.model_copy(update={"effects": {}})
     assert np.abs(read - engine_readings(rig, without, start, t))[:, :joints].max() > 20 * near
     assert away.max() < near
+
+
+@pytest.mark.parametrize(("mounted", "kind"), [("both", "torque"), ("inner", "voltage")])
+def test_an_ensemble_has_the_covariance_of_the_identification(mounted, kind):
+    rig, model = model_of(mounted, kind)
+    letter = "b" if mounted == "both" else "a"
+    places = {f"{name}/{letter}": name for name in ("e1", "A", "c0")} | {GAINS[kind].format(letter): "gain"}
+    own = np.array([model.swing[SWING_PARAMETERS.index(place)] for place in places.values()])
+    one = next(iter(model.ratios.values()))
+    ratios = {name: one.model_copy(update={"value": value}) for name, value in zip(places, own, strict=True)}
+    names, spread = list(ratios), 0.01 * own
+    covariance = np.outer(spread, spread) * (0.5 + 0.5 * np.eye(len(names)))
+    changed = {"ratios": ratios, "unknowns": names, "covariance": covariance.tolist(), "effects": {}}
+    model = model.model_copy(update=changed)
+    drawn = sampled_arm_models(model, [], rig, 400, 1)
+    values = np.array([[one.ratios[name].value for name in names] for one in drawn])
+    np.testing.assert_allclose(np.cov((values / spread).T), 0.5 + 0.5 * np.eye(len(names)), atol=0.2)
+    if kind == "torque":  # the torque is known, so that all models have its gain
+        np.testing.assert_allclose([one.sizes["gain"] for one in drawn], 0.5, rtol=1e-9)

@@ -48,9 +48,7 @@ def posterior_of(model: Model, diagnosis: Diagnosis | None) -> list[PosteriorCom
         RunError: a diagnosis of an older version, without a posterior.
     """
     if diagnosis is not None:
-        if not diagnosis.posterior:
-            raise RunError("the diagnosis has no joint covariance of its parameters: diagnose the recordings again")
-        return diagnosis.posterior
+        return diagnosed_posterior(diagnosis)
     free = [name for name in model.covariance.order if name in RATIOS]
     places = [model.covariance.order.index(name) for name in free]
     spread = np.array(model.covariance.matrix)[np.ix_(places, places)]
@@ -60,15 +58,30 @@ def posterior_of(model: Model, diagnosis: Diagnosis | None) -> list[PosteriorCom
     ]
 
 
-def _drawn(model: Model, component: PosteriorComponent, rng: np.random.Generator, tries: int = 1000) -> Model:
+def diagnosed_posterior(diagnosis: Diagnosis) -> list[PosteriorComponent]:
+    """The posterior of a diagnosis.
+
+    Raises:
+        RunError: it is of an older version, without a posterior.
+    """
+    if not diagnosis.posterior:
+        raise RunError("the diagnosis has no joint covariance of its parameters: diagnose the recordings again")
+    return diagnosis.posterior
+
+
+def drawn_values(component: PosteriorComponent, rng: np.random.Generator) -> dict[str, float]:
+    """Values of one set of effects: ratios, and `effect.parameter`."""
     values = dict(component.ratios) | {
         f"{name}.{key}": value for name, parameters in component.effects.items() for key, value in parameters.items()
     }
     mean = np.array([values[name] for name in component.free])
-    root = _root(component.predictive)
+    step = square_root(component.predictive) @ rng.standard_normal(len(mean))
+    return signed(values | dict(zip(component.free, (mean + step).tolist(), strict=True)))
+
+
+def _drawn(model: Model, component: PosteriorComponent, rng: np.random.Generator, tries: int = 1000) -> Model:
     for _ in range(tries):
-        step = root @ rng.standard_normal(len(mean))
-        drawn = signed(values | dict(zip(component.free, (mean + step).tolist(), strict=True)))
+        drawn = drawn_values(component, rng)
         if _possible(drawn):
             return _with_values(model, component, drawn, _scale_factor(model, rng))
     raise RunError(
@@ -76,7 +89,7 @@ def _drawn(model: Model, component: PosteriorComponent, rng: np.random.Generator
     )
 
 
-def _root(covariance: Array) -> Array:
+def square_root(covariance: Array) -> Array:
     """A square root of a covariance, which may be singular."""
     scale = np.sqrt(np.maximum(np.diag(covariance), np.finfo(np.float64).tiny))
     eigen, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))

@@ -88,12 +88,24 @@ def corrected_arm_model(
 
 def with_estimate(model: MovingArmModel, estimate: Estimate, rig: Rig) -> MovingArmModel:
     """The model with the values and effects of another fit."""
-    swing, inertia = swing_of(estimate.ratios, estimate.params, model.mounted, bool(model.input), rig)
+    return with_engine_values(model, estimate.ratios, estimate.params, rig)
+
+
+def with_engine_values(
+    model: MovingArmModel, unknown: NDArray[np.float64], params: NDArray[np.float64], rig: Rig
+) -> MovingArmModel:
+    """The model with other values (7,) of the unknowns of the fitting engine, and other effects (SIZE,)."""
+    swing, inertia = swing_of(unknown, params, model.mounted, bool(model.input), rig)
+    changed = with_swing(model, swing, inertia)
+    return changed.model_copy(update={"effects": _named(named_params(params))})
+
+
+def with_swing(model: MovingArmModel, swing: Sequence[float], inertia: float) -> MovingArmModel:
+    """The model with other values (12,) of `SWING_PARAMETERS` over the scale, and another scale, kg m^2."""
     assumed = model.absolute[model.scale]
     absolute = dict(model.absolute) | {model.scale: assumed.model_copy(update={"value": inertia})}
-    effects = _named(named_params(estimate.params))
     ratios = _with_values(model.ratios, swing, model.input, model.scale)
-    return model.model_copy(update={"swing": swing, "ratios": ratios, "effects": effects, "absolute": absolute})
+    return model.model_copy(update={"swing": list(swing), "ratios": ratios, "absolute": absolute})
 
 
 def _with_values(

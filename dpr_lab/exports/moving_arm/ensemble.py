@@ -1,0 +1,114 @@
+"""Models with a moving arm sampled from the posterior of a diagnosis, or from the covariance of an identification.
+
+As for rods on a clamped arm (`dpr_lab.exports.ensemble.sampled`): a value that cannot be negative and is drawn so is
+zero, and values that no bodies have are drawn again. Where torque or current determine the scale, the gain of the drive
+is known and the scale follows from the drawn ratio; otherwise it is drawn log-normally within its interval.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
+from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects.drive_gain import DRIVE_GAIN
+from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.exports.ensemble.sampled import drawn_values, square_root
+from dpr_lab.exports.moving_arm.bodies import arm_bodies
+from dpr_lab.exports.moving_arm.corrected import with_engine_values, with_swing
+from dpr_lab.gap.result.posterior import PosteriorComponent
+from dpr_lab.identification.moving_arm.engine import engine_values
+from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.unknowns import GAINS
+from dpr_lab.rig import Rig
+
+Array = NDArray[np.float64]
+
+KNOWN_TORQUE = ("torque", "current")
+"""Inputs from which the scale follows."""
+
+
+def sampled_arm_models(
+    model: MovingArmModel, components: Sequence[PosteriorComponent], rig: Rig, n: int, seed: int, tries: int = 1000
+) -> list[MovingArmModel]:
+    """Draw models.
+
+    Args:
+        model: the model, of `identify` or of a diagnosis
+        components: the posterior of the diagnosis; empty: the covariance of the model
+        rig: its rig
+        n: number of models
+        seed: seed of the random numbers
+        tries: number of draws of one model until bodies with its values exist
+
+    Raises:
+        RunError: almost no random model is possible.
+    """
+    rng = np.random.default_rng(seed)
+    models = list[MovingArmModel]()
+    for _ in range(n):
+        for _ in range(tries):
+            drawn = _of_posterior(model, components, rig, rng) if components else _of_covariance(model, rng)
+            if _possible(drawn, rig):
+                models.append(drawn.with_arm_effects())
+                break
+        else:
+            raise RunError(
+                "almost no sample of the posterior is physically possible: these recordings do not determine the model"
+            )
+    return models
+
+
+def _possible(model: MovingArmModel, rig: Rig) -> bool:
+    """Whether bodies with the values of a model exist; an arm whose inertia is not determined stays as it is."""
+    if "A" not in {name.split("/")[0] for name in model.ratios}:
+        return True
+    try:
+        arm_bodies(model, rig, {})
+    except ConfigError:
+        return False
+    return True
+
+
+def _of_covariance(model: MovingArmModel, rng: np.random.Generator) -> MovingArmModel:
+    """A model drawn from the covariance of the ratios of an identification."""
+    gain = GAINS.get(model.input, "").format(model.scale)
+    names = ["gain" if name == gain else name.partition("/")[0] for name in model.unknowns]
+    places, swing = [SWING_PARAMETERS.index(name) for name in names], np.array(model.swing)
+    size = len(places)
+    swing[places] += square_root(np.reshape(model.covariance, (size, size))) @ rng.standard_normal(size)
+    losses = [SWING_PARAMETERS.index(name) for name in ("c1", "c2", "c0", "k0", "f0")]
+    swing[losses] = np.maximum(swing[losses], 0.0)
+    scale, place = model.absolute[model.scale], SWING_PARAMETERS.index("gain")
+    if model.input in KNOWN_TORQUE and "gain" in names:
+        factor = model.swing[place] / swing[place]
+    else:
+        factor = np.exp(rng.standard_normal() * scale.std / scale.value)
+    return with_swing(model, swing.tolist(), float(scale.value * factor))
+
+
+def _of_posterior(
+    model: MovingArmModel, components: Sequence[PosteriorComponent], rig: Rig, rng: np.random.Generator
+) -> MovingArmModel:
+    """A model drawn from a posterior: first a set of effects, then their values."""
+    weights = np.array([component.probability for component in components])
+    component = components[int(rng.choice(len(components), p=weights / weights.sum()))]
+    drawn = drawn_values(component, rng)
+    scale, z = model.absolute[model.scale], float(rng.standard_normal())
+    low, high = (float(np.log(end / scale.value)) / NORMAL_Q90 for end in scale.interval90)
+    factor = float(np.exp(z * (high if z > 0 else -low)))
+    effects = {
+        name: {p.name: drawn[f"{name}.{p.name}"] * factor**p.scale_power for p in EFFECTS[name].parameters}
+        for name in component.effects
+        if name in EFFECTS and not EFFECTS[name].event
+    }
+    if DRIVE_GAIN.name in effects:  # the ratio of the gain to the scale is determined
+        (excess,) = effects[DRIVE_GAIN.name].values()
+        effects[DRIVE_GAIN.name] = {DRIVE_GAIN.amplitudes[0].name: (1.0 + excess) * factor - 1.0}
+    unknown, _ = engine_values(model, rig)
+    unknown[: len(RATIOS)] = [drawn[name] for name in RATIOS]
+    unknown[len(RATIOS)] *= factor
+    return with_engine_values(model, unknown, effect_params(effects), rig)
