@@ -39,6 +39,7 @@ from dpr_lab.gap.where.discrepancy import Discrepancy
 from dpr_lab.gap.where.locate import Place
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.tried import Description
+from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.identification.prior_update import assumed_b
 from dpr_lab.identification.scaling.prior_spread import scale_of
 from dpr_lab.identification.scaling.scale import Scale
@@ -167,7 +168,9 @@ class Advised(Transferred):
         unknown, intervals = self.selection.chosen.fit.estimate.ratios, self.intervals
         b = float(unknown[SCALE])
         if ("", "b") in intervals:
-            reach = intervals["", "b"]
+            driven = any(setup.torques is not None and setup.arm_moves for setup in self.problem.segments.setups)
+            of_drive = drive_gain(self.recordings.rig).relative_std if driven else 0.0
+            reach = float(np.hypot(intervals["", "b"], NORMAL_Q90 * b * of_drive))
             return Scale(b=b, interval90=(max(b - reach, 1e-3 * b), b + reach), fixed_by="data")
         visible = [i for i, name in enumerate(UNKNOWN_RATIOS) if ("", name) in intervals]
         assumed = assumed_b(self.selection.base.fit.estimate.ratios, self.recordings.rig)

@@ -2,7 +2,8 @@
 
 As for rods on a clamped arm (`dpr_lab.exports.ensemble.sampled`): a value that cannot be negative and is drawn so is
 zero, and values that no bodies have are drawn again. Where torque or current determine the scale, the gain of the drive
-is known and the scale follows from the drawn ratio; otherwise it is drawn log-normally within its interval.
+is known, apart from the uncertainty of a measured kt, and the scale follows from the drawn ratio; otherwise it is drawn
+log-normally within its interval.
 """
 
 from collections.abc import Sequence
@@ -83,10 +84,11 @@ def _of_covariance(model: MovingArmModel, rng: np.random.Generator) -> MovingArm
     losses = [SWING_PARAMETERS.index(name) for name in ("c1", "c2", "c0", "k0", "f0")]
     swing[losses] = np.maximum(swing[losses], 0.0)
     scale, place = model.absolute[model.scale], SWING_PARAMETERS.index("gain")
+    spread, factor = scale.std / scale.value, 1.0
     if model.input in KNOWN_TORQUE and "gain" in names:
-        factor = model.swing[place] / swing[place]
-    else:
-        factor = np.exp(rng.standard_normal() * scale.std / scale.value)
+        of_ratio = model.covariance[names.index("gain")][names.index("gain")] / model.swing[place] ** 2
+        spread, factor = max(spread**2 - of_ratio, 0.0) ** 0.5, model.swing[place] / swing[place]
+    factor *= np.exp(rng.standard_normal() * spread)
     return with_swing(model, swing.tolist(), float(scale.value * factor))
 
 

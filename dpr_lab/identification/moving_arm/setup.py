@@ -1,5 +1,6 @@
 """Input of the arm of a run as a diagnosis uses it: a torque on the arm, of known or unknown scale."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +21,8 @@ class DriveGain:
     """N m over the unit of the input; arbitrary without data in the rig file."""
     known: bool
     """Whether it follows from measured constants, or from the unit: an input that is a torque."""
+    relative_std: float = 0.0
+    """Relative standard deviation of measured constants."""
 
 
 def drive_gain(rig: Rig) -> DriveGain:
@@ -28,7 +31,8 @@ def drive_gain(rig: Rig) -> DriveGain:
     if motor is None or value == 0.0:
         return DriveGain(float(rod_inertias(rig.nominal, rig)[1]), False)
     constants = {"current": [motor.kt], "voltage": [motor.kt, motor.R]}.get(motor.input, [])
-    return DriveGain(value, all(one is not None and one.measured is not None for one in constants))
+    measured = [(one.std or 0.0) / one.measured for one in constants if one is not None and one.measured is not None]
+    return DriveGain(value, len(measured) == len(constants), math.hypot(*measured))
 
 
 def rods_measured(rig: Rig) -> bool:
