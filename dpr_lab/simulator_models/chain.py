@@ -122,7 +122,7 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
     _refuse_tilted(outer, inner.axis, f"the axis of {inner.name!r}", notes)
     e, arm = inner.axis, None
     if len(joints) == 3:
-        arm = _arm(joints[2], groups, -pull / np.linalg.norm(pull), e, notes)
+        arm = _arm((joints[2], inner), groups, -pull / np.linalg.norm(pull), e, notes)
         if (joints[2].anchor - _sum_of(groups[0] + groups[1])[1]) @ e < 0:
             e = -e  # the axis of the rods points from them to the axis of the arm
     down = pull - (pull @ e) * e
@@ -200,6 +200,8 @@ def _named(model: SimulatorModel, names: Sequence[str]) -> list[int]:
         )
     if unknown := [name for name in names if name not in by_name]:
         raise ConfigError(f"no hinge is named {unknown[0]!r}; hinges of the model: {_names(model, hinges)}")
+    if common := [name for name in names if sum(_joint_of(model, index).name == name for index in hinges) > 1]:
+        raise ConfigError(f"several hinges are named {common[0]!r}: rename them, or keep one model in the file")
     indices = [by_name[name] for name in names]
     shoulder, elbow, *arm = indices
     chain = set(indices)
@@ -378,17 +380,22 @@ def _gear(model: SimulatorModel, joint: ModelJoint) -> float | None:
     return own[0].gear if motor and own[0].gear and math.isfinite(own[0].gear) else None
 
 
-def _arm(joint: ModelJoint, groups: Sequence[Sequence[Part]], up: Vector, e: Vector, notes: list[str]) -> ChainArm:
-    """The arm with the rods at its end; `e` is the axis of the rods."""
+def _arm(
+    joints: tuple[ModelJoint, ModelJoint], groups: Sequence[Sequence[Part]], up: Vector, e: Vector, notes: list[str]
+) -> ChainArm:
+    """The arm with the rods at its end, from its joint and that of the inner rod; `e` is the axis of the rods."""
+    joint, inner = joints
     _refuse_tilted(joint, up, "the vertical", notes)
     mass, own, inertia = _sum_of(groups[2])
     r = own - joint.anchor
     about = float(up @ inertia @ up + mass * (r @ r - (r @ up) ** 2))
-    to = _sum_of([*groups[0], *groups[1]])[1] - joint.anchor
-    length = float(abs(to @ e))
+    length = float(abs((_sum_of([*groups[0], *groups[1]])[1] - joint.anchor) @ e))
     if not length > 1e-6:
         raise ConfigError(f"the rods are on the axis of the arm {joint.name!r}: L0 would be zero")
-    sideways = float(np.linalg.norm(to - (to @ e) * e - (to @ up) * up))
+    sideways = float(abs((inner.anchor - joint.anchor) @ np.cross(e, up)))
     if sideways > 1e-3 * length:
         notes.append(f"the rods are {1e3 * sideways:.3g} mm away from the radius of the arm: treated as zero")
+    apart = float(abs((_sum_of(groups[0])[1] - _sum_of(groups[1])[1]) @ e))
+    if apart > 1e-3 * length:
+        notes.append(f"the rods are {1e3 * apart:.3g} mm apart along the arm: L0 is the distance of their centroid")
     return ChainArm(joint, length, about, 1 if joint.axis @ up > 0 else -1)

@@ -1,5 +1,6 @@
 """Read MJCF with MuJoCo's `MjSpec`. Meshes, textures and plugins are removed before."""
 
+import warnings
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -35,6 +36,9 @@ LISTED = {
     "deformable": "flexible bodies",
 }
 """Elements that act on the rods but are not part of a rig file."""
+
+SWITCHES = {"damping": ("damper",), "frictionloss": ("frictionloss", "constraint"), "stiffness": ("spring",)}
+"""Attribute of a joint -> attributes of `<flag>` that switch it off."""
 
 JOINT_KINDS = ("free", "ball", "slide", "hinge")
 """Names of joint types by their number in MuJoCo."""
@@ -77,7 +81,8 @@ class CompiledMjcf:
 
     def simulator_model(self) -> SimulatorModel:
         """Parts, joints and gravity of the model."""
-        parts, gravity = tuple(_parts(self.model, self.data)), np.array(self.model.opt.gravity)
+        parts = tuple(_parts(self.model, self.data))
+        gravity = np.zeros(3) if _disabled(self.model, "gravity") else np.array(self.model.opt.gravity)
         return SimulatorModel(self.name, "MJCF", gravity, parts, tuple(_actuators(self.model)), self.notes)
 
 
@@ -98,11 +103,13 @@ def compile_mjcf(path: Path, text: bytes | None = None) -> CompiledMjcf:
         raise ConfigError("reading MJCF needs MuJoCo: pip install dpr-lab[exports]") from missing
     root = with_includes(path, text)
     notes = _bared(root, path)
-    refuse_bad_attributes(root, NUMBERS, path)
+    refuse_bad_attributes(root, NUMBERS, path, words={"flag"})
     degrees = [compiler.get("angle", "degree") for compiler in root.iter("compiler")][-1:] != ["radian"]
     try:
-        spec = mujoco.MjSpec.from_string(tostring(root, encoding="unicode"))
-        model = spec.compile()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of an inertia matrix near singular, which the checks below describe
+            spec = mujoco.MjSpec.from_string(tostring(root, encoding="unicode"))
+            model = spec.compile()
         data = mujoco.MjData(model)
         data.qpos[:] = np.where(np.isin(np.arange(model.nq), _scalar_positions(model)), 0.0, model.qpos0)
         mujoco.mj_kinematics(model, data)
@@ -111,6 +118,11 @@ def compile_mjcf(path: Path, text: bytes | None = None) -> CompiledMjcf:
         raise ConfigError(f"{path}: MuJoCo cannot read it: {' '.join(str(error).split())}") from error
     if np.any(model.opt.wind) or model.opt.density or model.opt.viscosity:
         notes.append(f"fluid: density {model.opt.density:g} kg/m^3, viscosity {model.opt.viscosity:g} Pa s")
+    notes += [
+        f"body {model.body(b).name!r}: gravcomp {share:g}, the share of its weight that is compensated"
+        for b, share in enumerate(model.body_gravcomp)
+        if share
+    ]
     return CompiledMjcf(spec.modelname or path.stem, model, data, degrees, tuple(notes))
 
 
@@ -230,21 +242,35 @@ def _joint(model: Any, data: Any, j: int) -> ModelJoint:
     for values, text in ((model.dof_dampingpoly[dof], "damping"), (model.jnt_stiffnesspoly[j], "stiffness")):
         if np.any(values):
             other[f"{text} of higher order"] = " ".join(f"{value:g}" for value in values)
+    values = {
+        "damping": float(np.atleast_1d(model.dof_damping[dof])[0]),
+        "frictionloss": float(model.dof_frictionloss[dof]),
+        "stiffness": float(np.atleast_1d(model.jnt_stiffness[j])[0]),
+    }
+    for key, flags in SWITCHES.items():
+        if values[key] and any(_disabled(model, flag) for flag in flags):
+            other[f"{key}, switched off by a <flag> of the file:"] = f"{values[key]:g}"
+            values[key] = 0.0
     lower, upper = model.jnt_range[j].tolist()
-    limits = (lower, upper) if model.jnt_limited[j] else None
+    limited = model.jnt_limited[j] and not any(_disabled(model, flag) for flag in ("limit", "constraint"))
     return ModelJoint(
         model.joint(j).name or f"joint {j}",
         kind,
         np.array(data.xaxis[j]),
         np.array(data.xanchor[j]),
-        float(np.atleast_1d(model.dof_damping[dof])[0]),
-        float(model.dof_frictionloss[dof]),
+        values["damping"],
+        values["frictionloss"],
         float(model.dof_armature[dof]),
-        float(np.atleast_1d(model.jnt_stiffness[j])[0]),
+        values["stiffness"],
         float(model.qpos_spring[address]),
-        limits,
+        (lower, upper) if limited else None,
         other,
     )
+
+
+def _disabled(model: Any, flag: str) -> bool:
+    bits = import_module("mujoco").mjtDisableBit
+    return bool(model.opt.disableflags & int(getattr(bits, f"mjDSBL_{flag.upper()}")))
 
 
 def _ends(model: Any, data: Any, body: int) -> Iterator[np.ndarray]:

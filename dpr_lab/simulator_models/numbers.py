@@ -5,7 +5,7 @@ The libraries misread some numbers: SDFormat's reads `1,5` as 1.0, and MuJoCo re
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -15,15 +15,17 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _INFINITY = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 
 
-def refuse_bad_attributes(root: Element, names: frozenset[str], path: Path) -> None:
-    """Check the attributes with these names.
+def refuse_bad_attributes(
+    root: Element, names: frozenset[str], path: Path, words: Collection[str] = frozenset()
+) -> None:
+    """Check the attributes with these names, except in elements of `words`, in which they are no numbers.
 
     Raises:
         ConfigError: one of them contains something other than finite numbers; the message names file, element and
         attribute.
     """
     for label, element in _labelled(root):
-        for name in names & set(element.attrib):
+        for name in names & set(element.attrib) if element.tag not in words else ():
             if problem := _problem(element.attrib[name]):
                 raise ConfigError(f"{path}: <{element.tag}>{label}: attribute {name}: {problem}")
 

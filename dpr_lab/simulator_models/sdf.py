@@ -54,6 +54,7 @@ def read_sdf(path: Path, text: bytes | None = None) -> SimulatorModel:
     logging.getLogger("drake").setLevel(logging.ERROR)
     root = read_xml(path, text)
     counts: Counter[str] = Counter()
+    _refuse_masses_of_meshes(root, path)
     _strip(root, counts)
     refuse_bad_texts(root, NUMBERS, UNBOUNDED, path)
     plant = plants.MultibodyPlant(0.0)
@@ -76,9 +77,23 @@ def read_sdf(path: Path, text: bytes | None = None) -> SimulatorModel:
     return SimulatorModel(model or path.stem, "SDFormat", gravity, parts, (), tuple(notes))
 
 
+def _refuse_masses_of_meshes(root: Element, path: Path) -> None:
+    for link in root.iter("link"):
+        if _from_shapes(link) and any(link.iterfind("collision/geometry/mesh")):
+            raise ConfigError(
+                f"{path}: the mass of link {link.get('name', '')!r} is defined by a mesh, which is not loaded: give its"
+                " <inertial> a mass and an inertia instead of auto"
+            )
+
+
+def _from_shapes(element: Element) -> bool:
+    """Whether a link has mass and inertia from its collision shapes."""
+    return any(inertial.get("auto") in ("true", "1") for inertial in element.findall("inertial"))
+
+
 def _strip(parent: Element, counts: Counter[str]) -> None:
     for child in list(parent):
-        if child.tag in IGNORED:
+        if child.tag in IGNORED and not (child.tag == "collision" and _from_shapes(parent)):
             counts[child.tag] += 1
             parent.remove(child)
         else:

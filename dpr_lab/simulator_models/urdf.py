@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, tostring
+from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 
@@ -34,8 +34,8 @@ def read_urdf(path: Path, text: bytes | None = None) -> SimulatorModel:
     except ModuleNotFoundError as missing:
         raise ConfigError("reading URDF needs urdf-parser-py: pip install dpr-lab[exports]") from missing
     root = read_xml(path, text)
-    if any("xacro" in element.tag for element in root.iter()):
-        raise ConfigError(f"{path}: contains macros of xacro: expand them first (xacro FILE > model.urdf)")
+    _refuse_macros(root, path)
+    _without_namespaces(root)
     shapes = {link.get("name", ""): _ends(link) for link in root.iter("link")}
     ignored = Counter(child.tag for child in root if child.tag not in ("link", "joint", "transmission", "material"))
     meshes, plugins = sum(1 for _ in root.iter("mesh")), sum(1 for _ in root.iter("plugin"))
@@ -46,13 +46,15 @@ def read_urdf(path: Path, text: bytes | None = None) -> SimulatorModel:
         for shape in [part for part in child if part.tag not in _READ[child.tag]] if child.tag in _READ else ():
             child.remove(shape)
     refuse_bad_attributes(root, NUMBERS, path)
+    _complete(root, path)
     try:
         robot = urdf.URDF.from_xml_string(tostring(root))
         parts = tuple(_parts(robot, shapes, path))
     except ConfigError:
         raise
     except Exception as error:  # the library raises any exception of its helpers
-        raise ConfigError(f"{path}: is not valid URDF: {str(error) or type(error).__name__}") from error
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ConfigError(f"{path}: is not valid URDF: {reason}") from error
     notes = [f"{count} <{tag}> elements, not read" for tag, count in ignored.items()]
     notes += [f"{meshes} meshes, not loaded"] if meshes else []
     notes += [f"{plugins} plugins, not loaded"] if plugins else []
@@ -64,6 +66,43 @@ _READ = {
     "joint": {"origin", "parent", "child", "axis", "dynamics", "limit", "mimic"},
 }
 """Element -> its parts that are read."""
+
+
+WORLD = "world"
+"""Link to which a robot may be fixed without declaring it (Drake)."""
+
+
+def _refuse_macros(root: Element, path: Path) -> None:
+    for element in root.iter():
+        macro = "xacro" in element.tag or any("${" in text or "$(" in text for text in element.attrib.values())
+        if macro and element.tag not in ("mesh", "texture"):  # a path with $(find PACKAGE) is not opened
+            raise ConfigError(f"{path}: contains macros of xacro: expand them first (xacro FILE > model.urdf)")
+
+
+def _without_namespaces(root: Element) -> None:
+    """Remove attributes with prefixes, and declarations of prefixes, which are no part of URDF."""
+    for element in root.iter():
+        for key in [key for key in element.attrib if ":" in key or key == "xmlns"]:
+            del element.attrib[key]
+
+
+def _complete(root: Element, path: Path) -> None:
+    """Add the world if it is a parent that the file does not declare.
+
+    Raises:
+        ConfigError: two links have the same name, or a joint names a link that does not exist.
+    """
+    links = Counter(link.get("name", "") for link in root.iter("link"))
+    if twice := [name for name, count in links.items() if count > 1]:
+        raise ConfigError(f"{path}: {links[twice[0]]} links are named {twice[0]!r}")
+    for joint in root.findall("joint"):
+        for end in ("parent", "child"):
+            name = getattr(joint.find(end), "attrib", {}).get("link")
+            if name == WORLD and end == "parent" and name not in links:
+                SubElement(root, "link", name=WORLD)
+                links[WORLD] = 1
+            elif name is not None and name not in links:
+                raise ConfigError(f"{path}: joint {joint.get('name', '')!r}: its {end} {name!r} is no link of the file")
 
 
 def _numbers(text: str | None, default: str, count: int = 3) -> Vector:

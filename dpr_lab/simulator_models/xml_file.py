@@ -98,6 +98,8 @@ def _include(parent: Element, path: Path, folder: Path, above: tuple[Path, ...],
             _include(child, path, folder, above, count)
             continue
         name = child.get("file", "")
+        if not name.strip():
+            raise ConfigError(f"{path}: <include> has no attribute file")
         file = _inside(folder / name, folder, f'{path}: <include file="{name[:200]}">')
         if file in above:
             raise ConfigError(f'{path}: <include file="{name[:200]}"> includes itself')

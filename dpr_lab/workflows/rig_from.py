@@ -61,7 +61,7 @@ def rig_from_model(
     try:
         chain = double_pendulum(read, joints, g)
     except ConfigError as error:
-        skipped = f" (not read: {'; '.join(read.notes)})" if read.notes else ""
+        skipped = f" (notes: {'; '.join(read.notes)})" if read.notes else ""
         raise ConfigError(f"{model}: {error}{skipped}") from error
     driven = {actuator.joint: actuator.gear for actuator in read.actuators}
     nominal, notes = _nominal(chain), list(chain.notes)

@@ -7,6 +7,7 @@ import pytest
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import load_rig
+from dpr_lab.simulator_models import read_model
 from dpr_lab.workflows.rig_from import rig_from_model
 
 pytest.importorskip("mujoco")
@@ -112,3 +113,20 @@ def test_a_joint_of_sdformat_may_have_no_stop_and_a_pose_may_be_empty(tmp_path: 
 def test_what_drake_exits_at_is_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"the library of SDFormat cannot read it: .*stiffness"):
         read(tmp_path, SDF.replace("<spring_stiffness>0.3", "<spring_stiffness>-1"))
+
+
+def test_masses_from_shapes_are_read_and_masses_from_meshes_are_not(tmp_path: Path) -> None:
+    pytest.importorskip("pydrake")
+    box = "<box><size>.1 .1 .2</size></box>"
+    shape = f"<collision name='c'><pose>0 0 -.1 0 0 0</pose><geometry>{box}</geometry></collision>"
+    text = f"""<sdf version="1.11"><model name="m"><link name="a"><inertial auto="true"/>{shape}</link>
+      <joint name="s" type="revolute"><parent>world</parent><child>a</child><axis><xyz>0 1 0</xyz></axis></joint>
+    </model></sdf>"""
+    file = tmp_path / "model.sdf"
+    file.write_text(text, encoding="utf-8")
+    part = read_model(file).parts[0]
+    assert part.mass == pytest.approx(2.0)  # of water
+    assert part.centroid == pytest.approx([0, 0, -0.1])
+    file.write_text(text.replace(box, "<mesh><uri>a.dae</uri></mesh>"), encoding="utf-8")
+    with pytest.raises(ConfigError, match="mass of link 'a' is defined by a mesh"):
+        read_model(file)

@@ -139,6 +139,41 @@ def test_an_include_inside_the_folder_is_read(tmp_path: Path) -> None:
     assert rig.g == 5.0
 
 
+def test_what_the_file_switches_off_is_zero_and_listed(tmp_path: Path) -> None:
+    flag = '<option><flag damper="disable" spring="disable" frictionloss="disable" limit="disable"/></option>'
+    second = 'damping=".02" frictionloss=".03" stiffness=".5" range="-90 90" limited="true"'
+    text = two_hinges(second=second, more=flag).replace('<body name="b"', '<body name="b" gravcomp="0.5"')
+    read, _ = written(tmp_path, text)
+    assert read.nominal["c2"] == 0
+    assert not read.terms
+    off = [note.removeprefix("joint 'elbow': ") for note in read.notes if "switched off" in note]
+    assert off == [
+        f"{key}, switched off by a <flag> of the file: {value}"
+        for key, value in (("damping", "0.02"), ("frictionloss", "0.03"), ("stiffness", "0.5"))
+    ]
+    assert "body 'b': gravcomp 0.5, the share of its weight that is compensated" in read.notes
+    assert not any("stops" in note for note in read.notes)
+
+
+def test_the_radius_of_the_arm_does_not_depend_on_the_angles_of_the_rods(tmp_path: Path) -> None:
+    raised = two_hinges(arm='axis="0 0 1"').replace(
+        '<body name="a" pos="0 -.2 0"', '<body name="a" pos="0 -.2 0" euler="0 70 0"'
+    )
+    read, rig = written(tmp_path, raised)
+    assert rig.L0 == pytest.approx(0.2)
+    assert not any("radius of the arm" in note or "apart" in note for note in read.notes)
+    aside = (
+        two_hinges(arm='axis="0 0 1"')
+        .replace('pos="0 -.2 0"', 'pos=".01 -.2 0"')
+        .replace('pos="0 0 .25"', 'pos="0 -.02 .25"')
+    )
+    notes = written(tmp_path, aside)[0].notes
+    assert "the rods are 10 mm away from the radius of the arm: treated as zero" in notes
+    assert "the rods are 20 mm apart along the arm: L0 is the distance of their centroid" in notes
+
+
+ROBOT = "".join(f'<link name="{name}"/>' for name in "ab")
+
 BAD = {
     "one hinge": (two_hinges().replace("elbow", "e").replace('<joint name="e" axis="0 1 0" />', ""), "only one hinge"),
     "no hinge": ("<mujoco><worldbody><body><geom size='1'/></body></worldbody></mujoco>", "has no hinge"),
@@ -173,6 +208,17 @@ BAD = {
         '<joint name="k" type="fixed"><parent link="b"/><child link="a"/></joint></robot>',
         "0 links without a parent",
     ),
+    "robot of equal links": (f'<robot name="r">{ROBOT}<link name="a"/></robot>', "2 links are named 'a'"),
+    "robot without a link": (
+        f'<robot name="r">{ROBOT}<joint name="j" type="fixed"><parent link="a"/><child link="c"/></joint></robot>',
+        "joint 'j': its child 'c' is no link of the file",
+    ),
+    "substitution": (
+        f'<robot name="r">{ROBOT}<joint name="j" type="fixed"><origin xyz="0 0 ${{h}}"/></joint></robot>',
+        "macros of xacro",
+    ),
+    "include of nothing": (two_hinges(more="<include/>"), "<include> has no attribute file"),
+    "gravity switched off": (two_hinges(more='<option><flag gravity="disable"/></option>'), "has no gravity"),
     "half a robot": (
         '<robot name="r"><link name="a"><inertial><mass/></inertial></link></robot>',
         "valid URDF",

@@ -93,10 +93,12 @@ READ = {
         0.2,
         "1 equality constraints (closed chains, couplings)",
     ),
-    "urdf, acrobot with transmissions": (
+    "urdf, acrobot with transmissions on the world that its engine adds": (
         "model.urdf",
-        f"""<?xml version="1.0"?><robot name="acrobot"><material name="red"><color rgba="1 0 0 1"/></material>
+        f"""<?xml version="1.0"?><robot xmlns="https://a.org" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"
+        xsi:schemaLocation="https://a.org a.xsd" name="acrobot"><material name="red"><color rgba="1 0 0 1"/></material>
         <link name="base"><visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual></link>{RODS}
+        <joint name="weld" type="fixed"><parent link="world"/><child link="base"/></joint>
         {urdf_joint("shoulder", "base", "upper", 0.0)}{urdf_joint("elbow", "upper", "lower", -1.0)}
         <transmission name="elbow_trans" type="SimpleTransmission"><actuator name="elbow"/><joint name="elbow"/>
         <mechanicalReduction>1</mechanicalReduction></transmission></robot>""",
