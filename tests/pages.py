@@ -22,8 +22,14 @@ RECORD = ROOT.parent / "shared" / "data" / "real" / "multiarm" / "dp_freeswing_1
 
 FOLLOWED = ("sh", "python")
 READ = ("c", "json", "toml")
-LAW_OF_PLUGIN = "{literalinclude} ../examples/plugin/src/dpr_lab_magnet.py"
-NOT_COMMANDS = ("", "text", "{toctree}", LAW_OF_PLUGIN, "{eval-rst}", "{code-cell} ipython3")
+ROWS_OF_PLUGIN = tuple(
+    f"{{literalinclude}} ../examples/plugin/src/{file}.py"
+    for file in (
+        "dpr_lab_magnet",
+        *(f"dpr_lab_bench/{row}" for row in ("log_file", "unix_socket", "random_search", "c_header")),
+    )
+)
+NOT_COMMANDS = ("", "text", "{toctree}", *ROWS_OF_PLUGIN, "{eval-rst}", "{code-cell} ipython3")
 """Formulas, what a program prints, what Sphinx reads; cells of a notebook run whenever the site is built."""
 
 

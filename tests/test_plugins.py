@@ -225,7 +225,7 @@ def test_the_template_installs_lists_its_law_and_passes_its_own_tests(environmen
     shown = json.loads(installed(environment, "-m", "dpr_lab", "effects", "show", "magnet_joint2", "--json"))
     assert shown["package"] == "dpr-lab-magnet 0.1.0"
     assert [parameter["name"] for parameter in shown["parameters"]] == ["damping_Nms", "width_rad"]
-    assert "3 passed" in installed(environment, "-m", "pytest", "-q", "-p", "no:cacheprovider", "plugin/tests")
+    assert "6 passed" in installed(environment, "-m", "pytest", "-q", "-p", "no:cacheprovider", "plugin/tests")
 
 
 @pytest.mark.long

@@ -127,6 +127,11 @@ def _ready_url(url: str, child: ChildProgram) -> str:
     try:
         return json.loads(child.line(patience_s))["url"]
     except (KeyError, TypeError, ValueError) as error:
+        if child.exit_code is None and not child.last_words:
+            raise LinkError(
+                f"{url}: the simulated device did not start within {patience_s:g} s: try again while this computer is"
+                " less busy"
+            ) from error
         child.end(PATIENCE.stop_s)
         refused = child.exit_code in (LinkUrlError.exit_code, ConfigError.exit_code)
         kind = LinkUrlError if refused else LinkError

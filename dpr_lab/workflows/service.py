@@ -341,10 +341,13 @@ def _request(method: Method, params: Mapping[str, Any]) -> Any:
     if unknown := [name for name in params if name not in known]:
         raise RpcError(RpcCode.INVALID_PARAMS, f"unknown parameter {unknown[0]!r}; there are: {', '.join(known)}")
     try:
-        return TypeAdapter(kind).validate_python(dict(params))
+        return TypeAdapter(kind).validate_json(json.dumps(dict(params)))  # its messages have the words of JSON
     except ValidationError as error:
         first = error.errors()[0]
-        raise RpcError(RpcCode.INVALID_PARAMS, f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+        name = ".".join(map(str, first["loc"]))
+        missing = f"missing parameter {name!r}; there are: {', '.join(known)}"
+        sentence = missing if first["type"] == "missing" else f"{name}: {first['msg']}"
+        raise RpcError(RpcCode.INVALID_PARAMS, sentence) from error
 
 
 def _imported(name: str) -> Any:

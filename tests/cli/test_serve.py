@@ -7,10 +7,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import fields
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from dpr_lab.workflows.service import METHODS
 
 pytestmark = pytest.mark.slow
 
@@ -88,7 +92,8 @@ MALFORMED = [
     (b'{"jsonrpc": "2.0", "id": 1, "method": "identify", "params": [1]}', -32602, "named parameters"),
     (b'{"jsonrpc": "2.0", "id": 1, "method": "identify", "params": {"runz": 1}}', -32602, "unknown parameter 'runz'"),
     (b'{"jsonrpc": "2.0", "id": 1, "method": "identify", "params": {"runs": 3}}', -32602, "runs"),
-    (b'{"jsonrpc": "2.0", "id": 1, "method": "identify", "params": {"runs": []}}', -32602, "rig"),
+    (b'{"jsonrpc": "2.0", "id": 1, "method": "identify", "params": {"runs": []}}', -32602, "missing parameter 'rig'"),
+    (b'{"jsonrpc": "2.0", "id": 1, "method": "plan", "params": {"runs": "x", "rig": "paper"}}', -32602, "valid array"),
     (b'{"jsonrpc": "2.0", "id": 1, "method": "cancel", "params": {}}', -32602, "takes the id"),
 ]
 
@@ -174,3 +179,14 @@ def test_the_end_of_the_requests_finishes_the_jobs(client: Client, runs: list[Pa
 def test_without_stdio_the_command_says_what_to_do(cli: Any) -> None:
     done = cli("serve")
     assert (done.code, "--stdio" in done.err) == (2, True)
+
+
+def test_the_page_lists_every_parameter() -> None:
+    page = (Path(__file__).parents[2] / "docs/how-to/serve.md").read_text(encoding="utf-8")
+    rows = page.split("| parameter | method |")[1].split("\n\n")[0].splitlines()[2:]
+    cells = [[cell.strip() for cell in row.split("|")[1:3]] for row in rows]
+    for name, method in METHODS.items():
+        module, _, kind = method.request.partition(":")
+        listed = [names.strip("`").split("`, `") for names, of in cells if of in ("all", f"`{name}`")]
+        known = [field.name for field in fields(getattr(import_module(module), kind))]
+        assert sorted(known) == sorted(one for names in listed for one in names)
