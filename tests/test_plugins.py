@@ -88,6 +88,33 @@ def test_broken_plugins_are_named_and_skipped(announce: Announce) -> None:
     assert "right" not in reasons
 
 
+def test_a_plugin_that_fails_at_work_is_named_with_file_and_line(announce: Announce, tmp_path: Path) -> None:
+    site = announce(
+        "own_reader",
+        """
+        from dpr_lab.storage.readers import Reader
+
+        def read(path, take):
+            return {}["speed"]
+
+        READER = Reader("bench log", (b"BENCH1",), read)
+        """,
+        readers="bench = own_reader:READER",
+    )
+    (tmp_path / "swing.log").write_bytes(b"BENCH1")
+    code = f"""
+    try:
+        {COMMAND.format(["import", "table", "swing.log", "--rig", "paper"])}
+    except SystemExit as ended:
+        print(ended.code)
+    """
+    done = run(code, site, cwd=tmp_path)
+    assert done.stdout == "1\n"
+    reason = "plugin own_reader 1.0 failed (own_reader.py, line 5): KeyError: 'speed': update or remove it"
+    assert reason in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 @pytest.mark.slow
 def test_no_plugins_turns_them_off(announce: Announce) -> None:
     site = announce("right", LAW, effects="a = right:MAGNETS")

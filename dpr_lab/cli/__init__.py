@@ -102,9 +102,15 @@ def _run(app: Callable[[], object]) -> None:
         raise
     except Exception as error:
         # A compiler that is interrupted reports a failed compilation, possibly without the cause.
-        if isinstance(error, DprError) or (stopped := _interrupt_behind(error)) is None:
+        if isinstance(error, DprError):
             raise
-        raise stopped from None
+        if (stopped := _interrupt_behind(error)) is not None:
+            raise stopped from None
+        from dpr_lab.plugins.rows import failure
+
+        if sentence := failure(error):
+            raise DprError(sentence) from error
+        raise
     sys.stdout.flush()
 
 

@@ -22,7 +22,7 @@ def schema(
     name: Annotated[
         str | None,
         typer.Argument(
-            help="diagnosis, model, check, certificate, drift or accept; default: list them.",
+            help="diagnosis, model, check, certificate, drift, accept or plan; default: list them.",
             callback=SCHEMA_NAMES.check,
             autocompletion=SCHEMA_NAMES.complete,
         ),

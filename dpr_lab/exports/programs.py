@@ -75,7 +75,9 @@ class Replay:
 
 
 Program = Callable[[Path, AnyModel, Rig], Callable[[Replay], Array]]
-"""Function of the main file, the model in it and its rig that replays swings in that program."""
+"""Function of the main file, the model in it and its rig. Its result replays a swing in that program: (n, 2) angles of
+joints 1 and 2 at the times of the swing, as the encoders of the rig measure them, or (n, 3) with that of the arm, rad.
+"""
 
 
 def in_python(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from dpr_lab.dynamics.base import BASE, RATIOS
+from dpr_lab.dynamics.base import BASE, RATIOS, base_from_ratios
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError, printable
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
@@ -273,6 +273,16 @@ class Model(Shown, _Record):
             return self.model_copy(update={"ratios": dict(zip(RATIOS, five, strict=True))})
         own = ratios_alone(five, self.p_over_b or 0.0, self.rig.g / self.rig.L1)
         return self.model_copy(update={"ratios": own, "fitted": five})
+
+    def scaled_ratios(self) -> "Model":
+        """The model with the base parameters of its ratios, which move as in its comparison with recordings.
+
+        The base parameters of an identification are those of the nine parameters, which the bounds of the rig file may
+        pull away from ratios of large uncertainty.
+        """
+        values = self.base["b"].value * base_from_ratios([ratio.value for ratio in self.all_ratios.values()])
+        pairs = zip(self.base.items(), values.tolist(), strict=True)
+        return self.model_copy(update={"base": {k: v.model_copy(update={"value": value}) for (k, v), value in pairs}})
 
     @property
     def _determined(self) -> "dict[str, EstimatedValue]":

@@ -1,7 +1,9 @@
 """Rows that plugins add to a table."""
 
 import sys
+import traceback
 from collections.abc import Callable, Collection
+from pathlib import Path
 from typing import TypeVar
 
 from dpr_lab.plugins.installed import Plugin, announced, without_current_folder
@@ -25,6 +27,23 @@ def reason_skipped(plugin: Plugin) -> str:
 def origin(group: str, row: str) -> Plugin | None:
     """The plugin that added a row to a table; None for a row of dpr-lab, or a missing one."""
     return _origins.get((group, row))
+
+
+def failure(error: BaseException) -> str:
+    """Sentence for an exception that a plugin raised, or a library that it called; empty if dpr-lab raised it."""
+    by_module = {plugin.module.partition(".")[0]: plugin for plugin in announced()}
+    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
+        root = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        if root in by_module:
+            place = f"{Path(frame.f_code.co_filename).name}, line {line}"
+            plugin = by_module[root]
+            return (
+                f"plugin {plugin.package} {plugin.version} failed ({place}): {type(error).__name__}: {error}: update or"
+                " remove it, or use --no-plugins"
+            )
+        if root == "dpr_lab":
+            return ""
+    return ""
 
 
 def plugin_rows(

@@ -140,7 +140,7 @@ def model_to_export(file: Path, rig: "Rig") -> "AnyModel":
     if moving is None:
         model = load_model(file)
         model.starting_point(rig)
-        return model
+        return model.scaled_ratios()
     if (moving.rig.name, moving.rig.L1, moving.mounted) != (rig.name, rig.L1, rig.rods.mounted):
         raise RunError(f"{file}: is a model of rig {moving.rig.name} with other rods or lengths than {rig.name}")
     return moving.with_arm_effects()

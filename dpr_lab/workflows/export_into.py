@@ -77,7 +77,7 @@ def export_into(
     if file.resolve() == into.resolve():
         raise ConfigError(f"{out}: is the folder of {into.name}, which is not overwritten: choose another folder")
     loaded_rig = load_rig(rig)
-    loaded = load_model(model / "model.json" if model.is_dir() else model)
+    loaded = load_model(model / "model.json" if model.is_dir() else model).scaled_ratios()
     loaded.starting_point(loaded_rig)
     patched = into_file(loaded, loaded_rig, into, joints)
     text = patched.text.decode("utf-8")

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from dpr_lab.errors import RunError
@@ -66,3 +67,13 @@ def test_a_covariance_that_is_none_is_refused(table, tmp_path: Path) -> None:
     table["covariance"]["matrix"][0].append(1.0)
     with pytest.raises(RunError, match="square matrix"):
         load_model(written(tmp_path / "m.json", table))
+
+
+def test_an_export_gets_the_ratios_of_the_recordings_and_not_those_that_the_bounds_pull_away() -> None:
+    model = load_model(MODEL)
+    pulled = model.with_ratios(np.multiply(model.ratio_values, (1.0, 1.0, 1.0, 0.97, 1.02)))
+    base = {name: value.value for name, value in pulled.scaled_ratios().base.items()}
+    assert base["b"] == model.base["b"].value
+    of_ratios = [base[name] / base["b"] for name in ("a", "d", "e1", "c1", "c2")]
+    assert of_ratios == pytest.approx(pulled.ratio_values, rel=1e-12)
+    assert base["c1"] == pytest.approx(0.97 * model.base["c1"].value, rel=1e-6)

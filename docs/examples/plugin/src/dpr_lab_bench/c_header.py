@@ -27,12 +27,14 @@ def header(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> dict[str, str 
     """
     if not isinstance(model, Model):
         raise ConfigError(f"{HEADER} holds a rig with a clamped arm: choose another format")
-    lines = [f"#define RIG_{name.upper()} {model.base[name].value!r}" for name in NAMES]
+    values = {name: parameter.value for name, parameter in model.base.items()}
+    values["e2"] = values["d"] * rig.g / rig.L1
+    lines = [f"#define RIG_{name.upper()} {values[name]!r}" for name in NAMES]
     return {HEADER: "\n".join([f"/* {rig.name}, SI */", *lines]) + "\n"}
 
 
 def in_scipy(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], NDArray[np.float64]]:
-    """Simulate recordings with the constants of the header."""
+    """Simulate recordings with the constants of the header; the result is the angles at the encoders."""
     constants = re.findall(r"#define RIG_\w+ (\S+)", file.read_text(encoding="utf-8"))
     a, b, d, e1, e2, c1, c2 = map(float, constants)
 
@@ -50,7 +52,7 @@ def in_scipy(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], NDArra
     def replayed(replay: Replay) -> NDArray[np.float64]:
         span = (replay.start, float(replay.t[-1]))
         done = solve_ivp(rates, span, replay.x0, t_eval=replay.t, args=(replay,), rtol=1e-9, atol=1e-10)
-        return done.y[:2].T
+        return rig.encoders.joint_angles.of_rods(done.y[:2].T)
 
     return replayed
 
