@@ -142,8 +142,12 @@ class Rig(Shown, RigTable):
         """
         match table:
             case {"rods": {"mounted": "inner" | "outer" as mounted}, "parameters": dict(parameters)}:
-                own, other = ("1", "2") if mounted == "inner" else ("2", "1")
-                alike = {f"{q}{other}": parameters[f"{q}{own}"] for q in "lmcJ" if f"{q}{own}" in parameters}
+                mounted_rod, missing_rod = ("1", "2") if mounted == "inner" else ("2", "1")
+                alike = {
+                    f"{q}{missing_rod}": parameters[f"{q}{mounted_rod}"]
+                    for q in "lmcJ"
+                    if f"{q}{mounted_rod}" in parameters
+                }
                 table = {**table, "parameters": {"mb": NO_ENCODER, **alike, **parameters}}
         match table:
             case {"rods": {"mounted": "inner" | "outer"}, "poses": dict(poses)}:

@@ -156,10 +156,10 @@ class Run(Shown):
             unread += ("arm_mode", "arm_input")
         if self.inner is None:
             unread += ("inner",)
-        for each in fields(self):
-            if each.name not in unread:
-                digest.update(f"{each.name}=".encode())
-                for part in _flat(getattr(self, each.name)):
+        for member in fields(self):
+            if member.name not in unread:
+                digest.update(f"{member.name}=".encode())
+                for part in _flat(getattr(self, member.name)):
                     digest.update(_bytes(part))
         return digest.hexdigest()
 
@@ -223,7 +223,7 @@ def torque_kinds(runs: Iterable[Run]) -> tuple[str, ...]:
 def _flat(value: Any) -> Iterator[Any]:
     """Numbers, texts and arrays in a value, through dataclasses, tuples and mappings."""
     if is_dataclass(value) and not isinstance(value, type):
-        value = {each.name: getattr(value, each.name) for each in fields(value)}
+        value = {member.name: getattr(value, member.name) for member in fields(value)}
     if isinstance(value, Mapping):
         value = tuple(sorted(value.items()))
     if isinstance(value, tuple):
@@ -338,9 +338,9 @@ def refuse_repeated(runs: Sequence[Run]) -> None:
     Raises:
         RunError: two runs contain the same recording, by the hashes of their files.
     """
-    seen: dict[str, Run] = {}
+    by_digest: dict[str, Run] = {}
     for run in runs:
-        if run.sha256 in seen:
-            raise RunError(f"{run.file}: is the same recording as {seen[run.sha256].file}: give each run once")
+        if run.sha256 in by_digest:
+            raise RunError(f"{run.file}: is the same recording as {by_digest[run.sha256].file}: give each run once")
         if run.sha256:
-            seen[run.sha256] = run
+            by_digest[run.sha256] = run

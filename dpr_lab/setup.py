@@ -46,14 +46,14 @@ class Torques:
         """The same torques as samples of a course: each holds for half an interval on both sides of its instant."""
         return replace(self, t=self.t - 0.5 * np.diff(self.t, prepend=2 * self.t[:1] - self.t[1:2]))
 
-    def mean_before(self, at: ArrayLike, first: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+    def mean_before(self, instants: ArrayLike, first: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """(m, 2) mean generalised torques on theta1, theta2 between each of (m,) instants and the previous one, N m.
 
         Zero without a previous instant: at the first one, and where `first` (m,) is true.
         """
-        at, (t, impulse) = np.asarray(at, dtype=np.float64), self.knots
-        until = np.stack([np.interp(at, t, column) for column in impulse.T], axis=1)
-        passed = _since_before(at, first)
+        instants, (t, impulse) = np.asarray(instants, dtype=np.float64), self.knots
+        until = np.stack([np.interp(instants, t, column) for column in impulse.T], axis=1)
+        passed = _since_before(instants, first)
         gained = np.diff(until, axis=0, prepend=until[:1])
         gained[~np.isfinite(passed)] = 0.0
         return gained / np.where(passed > 0, passed, 1.0)[:, None]
@@ -95,20 +95,20 @@ class ArmMotion:
     noise: float = 0.0
     """Standard deviation of the readings from which it was estimated, rad."""
 
-    def mean_before(self, at: ArrayLike, first: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+    def mean_before(self, instants: ArrayLike, first: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """(m, 2) mean acceleration and squared speed between each of (m,) instants and the previous one, rad, s.
 
         Without a previous instant, at the first one and where `first` (m,) is true, the speed is that of the instant.
         """
-        at = np.asarray(at, dtype=np.float64)
-        v, passed = np.interp(at, self.t, self.omega), _since_before(at, first)
+        instants = np.asarray(instants, dtype=np.float64)
+        v, passed = np.interp(instants, self.t, self.omega), _since_before(instants, first)
         u = np.where(np.isfinite(passed), np.append(v[:1], v[:-1]), v)
         return np.stack([(v - u) / passed, (u * u + u * v + v * v) / 3.0], axis=1)
 
 
-def _since_before(at: NDArray[np.float64], first: NDArray[np.bool_] | None) -> NDArray[np.float64]:
+def _since_before(instants: NDArray[np.float64], first: NDArray[np.bool_] | None) -> NDArray[np.float64]:
     """(m,) time since the previous instant; infinite without one."""
-    passed = np.diff(at, prepend=-np.inf)
+    passed = np.diff(instants, prepend=-np.inf)
     return passed if first is None else np.where(first, np.inf, passed)
 
 

@@ -109,8 +109,8 @@ def _explain_fields(cls: Any) -> None:
 def readable(signature: inspect.Signature) -> inspect.Signature:
     """The same signature with short type names and without long default values."""
     parameters = [
-        one.replace(annotation=_annotated(one.annotation), default=_short(one.default))
-        for one in signature.parameters.values()
+        parameter.replace(annotation=_annotated(parameter.annotation), default=_short(parameter.default))
+        for parameter in signature.parameters.values()
     ]
     return signature.replace(parameters=parameters, return_annotation=_annotated(signature.return_annotation))
 

@@ -109,12 +109,12 @@ def _whole_bytes(layout: Layout) -> bool:
 
 
 def _struct_pair(layout: Layout) -> tuple[Pack, Unpack]:
-    form, at = "<", 0
+    form, position = "<", 0
     for signal in layout.signals:
         code = _STRUCT_CODES[signal.length]
-        form += "x" * (signal.start // 8 - at) + (code if signal.is_signed else code.upper())
-        at = (signal.start + signal.length) // 8
-    compiled = struct.Struct(form + "x" * (layout.length - at))
+        form += "x" * (signal.start // 8 - position) + (code if signal.is_signed else code.upper())
+        position = (signal.start + signal.length) // 8
+    compiled = struct.Struct(form + "x" * (layout.length - position))
     return compiled.pack, compiled.unpack
 
 

@@ -50,14 +50,14 @@ def cobs_decode(data: bytes) -> bytes:
     if not data or 0 in data:
         raise RemoteProtocolError("a COBS packet is empty or has a zero inside")
     out = bytearray()
-    at, end = 0, len(data)
-    while at < end:
-        code = data[at]
-        out += data[at + 1 : at + code]
-        at += code
-        if code != 0xFF and at < end:
+    position, end = 0, len(data)
+    while position < end:
+        code = data[position]
+        out += data[position + 1 : position + code]
+        position += code
+        if code != 0xFF and position < end:
             out.append(0)
-    if at != end:
+    if position != end:
         raise RemoteProtocolError("a COBS packet ends too early")
     return bytes(out)
 

@@ -136,12 +136,12 @@ class SampleStream:
         return True
 
     def _anchor(self, position: Position) -> None:
-        near, at = self._counts[position.joint], unwrap(position.tick, self._tick, 16)
+        near, angle = self._counts[position.joint], unwrap(position.tick, self._tick, 16)
         if self._tick >= 0:
-            if at < self._tick - self._blind:
+            if angle < self._tick - self._blind:
                 return  # so late that the joint may have made a turn since
-            self._told_at[position.joint] = at
-        if near is None or at - self._tick > self._blind:
+            self._told_at[position.joint] = angle
+        if near is None or angle - self._tick > self._blind:
             self._counts[position.joint] = position.position
             return
         whole = unwrap(position.position, near, 32)

@@ -62,8 +62,8 @@ class TorquePairs:
         """Remaining samples at the end of the stream."""
         return self._let_go(0)
 
-    def _let_go(self, kept: int) -> list[DrivenRow]:
-        cut = max(0, len(self._waiting) - kept)
+    def _let_go(self, count: int) -> list[DrivenRow]:
+        cut = max(0, len(self._waiting) - count)
         ready, self._waiting = self._waiting[:cut], self._waiting[cut:]
         return [row for row in map(self._with_torques, ready) if row is not None]
 

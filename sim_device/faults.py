@@ -88,17 +88,19 @@ class Faults:
             frames = [self._untrue(frame) for frame in frames]
         if not frames or drop == twice == swap == 0.0:
             return frames
-        kept = [frame for frame, u in zip(frames, self._rng.random(len(frames)), strict=True) if u >= drop]
-        copies = 1 + (self._rng.random(len(kept)) < twice)
-        arrived = [frame for frame, n in zip(kept, copies, strict=True) for _ in range(n)]
-        for at in np.flatnonzero(self._rng.random(max(0, len(arrived) - 1)) < swap):
-            arrived[at], arrived[at + 1] = arrived[at + 1], arrived[at]
+        remaining = [frame for frame, u in zip(frames, self._rng.random(len(frames)), strict=True) if u >= drop]
+        copies = 1 + (self._rng.random(len(remaining)) < twice)
+        arrived = [frame for frame, n in zip(remaining, copies, strict=True) for _ in range(n)]
+        for place in np.flatnonzero(self._rng.random(max(0, len(arrived) - 1)) < swap):
+            arrived[place], arrived[place + 1] = arrived[place + 1], arrived[place]
         return arrived
 
     def _without_events(self, frames: list[Frame]) -> list[Frame]:
-        events = [at for at, frame in enumerate(frames) if frame.number == NUMBERS[Event]][: int(self._events_to_lose)]
+        events = [place for place, frame in enumerate(frames) if frame.number == NUMBERS[Event]][
+            : int(self._events_to_lose)
+        ]
         self._events_to_lose -= len(events)
-        return [frame for at, frame in enumerate(frames) if at not in events]
+        return [frame for place, frame in enumerate(frames) if place not in events]
 
     def _without(self, fault: str, number: int, frames: list[Frame]) -> list[Frame]:
         if fault not in self._values:

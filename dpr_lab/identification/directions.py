@@ -30,11 +30,11 @@ def free_directions(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     return Vt[s < SEEN].T
 
 
-def spread(rows: NDArray[np.float64], seen: float = SEEN) -> NDArray[np.float64]:
+def spread(rows: NDArray[np.float64], least: float = SEEN) -> NDArray[np.float64]:
     """(n,) relative standard deviation of each column; inf if it has a component in a free direction."""
     s, Vt = _decompose(rows)
-    std = np.linalg.norm(Vt[s >= seen].T / s[s >= seen], axis=1)
-    return np.where(np.linalg.norm(Vt[s < seen], axis=0) > UNREACHED, np.inf, std)
+    std = np.linalg.norm(Vt[s >= least].T / s[s >= least], axis=1)
+    return np.where(np.linalg.norm(Vt[s < least], axis=0) > UNREACHED, np.inf, std)
 
 
 def simple_basis(free: NDArray[np.float64], names: Sequence[str] = PARAMETERS) -> list[dict[str, float]]:

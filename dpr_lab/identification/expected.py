@@ -48,9 +48,9 @@ def expected_information(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) 
     """
     whole, setup = whole_parameters(Z, rig.L1, rig.g), Setup(added=rig.added_mass)
     _, slopes = ratios_of_run(unknown_ratios(whole), setup, rig.L1, rig.g)
-    seen = slopes[:, : SCALE + 1 if rig.added_mass else len(RATIOS)]
+    determined = slopes[:, : SCALE + 1 if rig.added_mass else len(RATIOS)]
     base = whole[:-1] + added_base(rig.added_mass, rig.L1, rig.g)
-    return seen.T @ ratio_information(base, rig, list(rig.poses.values()), releases) @ seen
+    return determined.T @ ratio_information(base, rig, list(rig.poses.values()), releases) @ determined
 
 
 def ratio_information(
@@ -73,8 +73,8 @@ def expected_releases(
     std = rig.reading_std[1:]
     t = np.arange(round(releases.duration_s * rate_hz)) / rate_hz
     starts = np.array([[*pose.theta[1:], 0.0, 0.0] for pose in poses])
-    each = segments([t] * len(poses), run=range(len(poses)), step=MAX_STEP)
-    swung = swings(ratios(base), rig.L1, rig.g, each, starts)
+    layout = segments([t] * len(poses), run=range(len(poses)), step=MAX_STEP)
+    swung = swings(ratios(base), rig.L1, rig.g, layout, starts)
     runs = []
     for pose, states in zip(poses, np.split(swung, len(poses)), strict=True):
         theta = np.insert(states[:, :2], 0, pose.theta0, axis=1)

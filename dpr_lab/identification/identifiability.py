@@ -229,7 +229,7 @@ def already_made(instrument: Instrument, rig: Rig) -> bool:
 
 
 def _bounded_spread(known: NDArray[np.float64], bounds: NDArray[np.float64]) -> NDArray[np.float64]:
-    return spread(np.vstack([known, bounds]), seen=0.0)
+    return spread(np.vstack([known, bounds]), least=0.0)
 
 
 def _parameters(

@@ -100,8 +100,8 @@ def identified_model(
     p_over_b = float(unknown[ON_ELBOW])
     std = dict.fromkeys(RATIOS, 0.0) | _of_ratios(sure.names, sure.cramer_rao_std)
     share = float(unknown[RATIOS.index("a/b")]) - p_over_b
-    own = replace(sure, assumed=0.0) if alone else sure  # what is not mounted has no influence on ratios to a
-    shown = {name: _ratio(ratio_fit, own, rig, name, profile) for name in RATIOS} if alone else ratios
+    mounted_alone = replace(sure, assumed=0.0) if alone else sure  # what is not mounted has no influence on ratios to a
+    shown = {name: _ratio(ratio_fit, mounted_alone, rig, name, profile) for name in RATIOS} if alone else ratios
     return Model(
         rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g),
         ratios=ratios_alone([*shown.values()], p_over_b, rig.g / rig.L1) if alone else ratios,
@@ -123,8 +123,8 @@ def identified_model(
         ),
         search=search,
         runs=[_used(i, runs[i], ratio_fit) for i in range(len(runs))],
-        warnings=_of_alone(_warnings(ratio_fit, own), alone) + _beyond_bounds(parameters, rig),
-        failures=_of_alone(_failures(ratio_fit, own), alone)
+        warnings=_of_alone(_warnings(ratio_fit, mounted_alone), alone) + _beyond_bounds(parameters, rig),
+        failures=_of_alone(_failures(ratio_fit, mounted_alone), alone)
         + _misread(ratio_fit, [prepared.run for prepared in runs], rig),
         version=__version__,
     )
@@ -134,8 +134,8 @@ def _of_alone(sentences: list[str], alone: bool) -> list[str]:
     """Sentences on ratios, to a for an inner rod alone; without what is said of rods that are not mounted."""
     if not alone:
         return sentences
-    kept = [sentence for sentence in sentences if "do not determine a/b" not in sentence]
-    return [sentence.replace("e1/b", "e1/a").replace("c1/b", "c1/a") for sentence in kept]
+    remaining = [sentence for sentence in sentences if "do not determine a/b" not in sentence]
+    return [sentence.replace("e1/b", "e1/a").replace("c1/b", "c1/a") for sentence in remaining]
 
 
 def _of_ratios(names: Sequence[str], values: NDArray[np.float64]) -> dict[str, float]:
@@ -173,10 +173,10 @@ def _profile(ratio_fit: RatioFit, sure: RatioUncertainty, index: int) -> tuple[f
 
 
 def _identifiable(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, Z: NDArray[np.float64]) -> Identifiable:
-    seen = sure.information / max(
+    relative = sure.information / max(
         1.0, ratio_fit.chi2_per_dof
     )  # a residual above the noise is treated as noise of that size
-    analysis = identifiability(seen, rig, Z, lengths=False, visible=ratio_fit.visible)
+    analysis = identifiability(relative, rig, Z, lengths=False, visible=ratio_fit.visible)
     return Identifiable.model_validate(summary(analysis))
 
 

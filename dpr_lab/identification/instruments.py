@@ -103,8 +103,8 @@ def _loaded_release(
         return added_base(AddedMass(rod=rod, mass=mass + more_mass, position=position + further), L1, g)
 
     base = base_parameters(Z, L1, g) + load()
-    seen = ratio_information(base, rig, list(rig.poses.values())[:1])
-    answer = information_root(seen, ratios(base)) @ ratio_slopes(base)
+    loaded = ratio_information(base, rig, list(rig.poses.values())[:1])
+    answer = information_root(loaded, ratios(base)) @ ratio_slopes(base)
     N = answer @ np.transpose([load(mass_std) - load(), load(0.0, position_std) - load()])
     root = np.linalg.cholesky(np.eye(len(N)) + N @ N.T)
     return np.linalg.solve(root, answer @ base_jacobian(Z, L1, g)).astype(np.float64)

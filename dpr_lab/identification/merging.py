@@ -127,8 +127,8 @@ def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece]
 
 def _step_for(ratio_fit: RatioFit, index: int, piece: _Piece) -> float | None:
     """Longest step whose error, estimated by halving, is below the noise; None if chaos makes this impossible."""
-    own = slice(int(ratio_fit.problem.segments.offsets[index]), piece.end)
-    t, allowed = ratio_fit.problem.t[own], SETTINGS.solver_error / ratio_fit.problem.weight[own].max()
+    samples = slice(int(ratio_fit.problem.segments.offsets[index]), piece.end)
+    t, allowed = ratio_fit.problem.t[samples], SETTINGS.solver_error / ratio_fit.problem.weight[samples].max()
     step = min(piece.step, float(np.median(np.diff(t))))
     coarse = _states(ratio_fit, index, t, step)
     while step >= SETTINGS.shortest_step:
@@ -156,5 +156,5 @@ def _followed(ratio_fit: RatioFit, index: int, tolerance: float) -> int:
 def _states(ratio_fit: RatioFit, index: int, t: Array, step: float) -> Array:
     """(n, 4) free run of a segment."""
     rig, layout, estimate = ratio_fit.problem.model.constants, ratio_fit.problem.segments, ratio_fit.fit.estimate
-    own = segments([t], setups=[layout.setups[layout.run[index]]], step=step)
-    return followed(estimate.ratios, own, estimate.initial[index : index + 1], rig)[0]
+    swing = segments([t], setups=[layout.setups[layout.run[index]]], step=step)
+    return followed(estimate.ratios, swing, estimate.initial[index : index + 1], rig)[0]

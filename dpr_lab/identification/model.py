@@ -98,11 +98,11 @@ def ratios_alone(five: Sequence[EstimatedValue], p_over_b: float, pull: float) -
     """e1/a and c1/a of the inner rod alone from a/b, d/b, e1/b, c1/b, c2/b of the fit, p/b, and g/L1 (1/s^2)."""
     ratios, share = dict(zip(RATIOS, five, strict=True)), five[0].value - p_over_b
 
-    def over_a(one: EstimatedValue, less: float) -> EstimatedValue:
-        low, high = ((end - less) / share for end in one.interval90)
-        ends = tuple(end if end is None else (end - less) / share for end in one.profile90 or ())
-        scaled = {"value": (one.value - less) / share, "std": one.std / share, "interval90": (low, high)}
-        return one.model_copy(update=scaled | {"profile90": ends or None})
+    def over_a(ratio: EstimatedValue, less: float) -> EstimatedValue:
+        low, high = ((end - less) / share for end in ratio.interval90)
+        ends = tuple(end if end is None else (end - less) / share for end in ratio.profile90 or ())
+        scaled = {"value": (ratio.value - less) / share, "std": ratio.std / share, "interval90": (low, high)}
+        return ratio.model_copy(update=scaled | {"profile90": ends or None})
 
     return {"e1/a": over_a(ratios["e1/b"], p_over_b * pull), "c1/a": over_a(ratios["c1/b"], 0.0)}
 
@@ -271,8 +271,8 @@ class Model(Shown, _Record):
         five = [r.model_copy(update={"value": v}) for r, v in zip(self.all_ratios.values(), values, strict=True)]
         if not self.fitted:
             return self.model_copy(update={"ratios": dict(zip(RATIOS, five, strict=True))})
-        own = ratios_alone(five, self.p_over_b or 0.0, self.rig.g / self.rig.L1)
-        return self.model_copy(update={"ratios": own, "fitted": five})
+        alone = ratios_alone(five, self.p_over_b or 0.0, self.rig.g / self.rig.L1)
+        return self.model_copy(update={"ratios": alone, "fitted": five})
 
     def scaled_ratios(self) -> "Model":
         """The model with the base parameters of its ratios, which move as in its comparison with recordings.

@@ -64,9 +64,9 @@ def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
 
     parts = []
     for run, prepared in ((prepared.run, _seen_as_one(prepared, rig)) for prepared in runs):
-        kept = _thinned(prepared.run.t)
-        edges = np.searchsorted(kept, [stretch.start for stretch in partition(prepared.run, SETTINGS.segment_s)])
-        groups = [group for group in np.split(kept, edges[1:]) if len(group) > 1]
+        samples = _thinned(prepared.run.t)
+        edges = np.searchsorted(samples, [stretch.start for stretch in partition(prepared.run, SETTINGS.segment_s)])
+        groups = [group for group in np.split(samples, edges[1:]) if len(group) > 1]
         groups = groups[:: -(-len(groups) // SETTINGS.segments)]
         swings = segments([prepared.run.t[group] for group in groups], step=SETTINGS.step)
         initial = prepared.states[[group[0] for group in groups]]
@@ -98,10 +98,15 @@ def paper_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
 
     parts = []
     for run, prepared in ((prepared.run, _seen_as_one(prepared, rig)) for prepared in runs):
-        kept = _thinned(prepared.run.t)
-        swings = segments([prepared.run.t[kept]], step=SETTINGS.step)
+        samples = _thinned(prepared.run.t)
+        swings = segments([prepared.run.t[samples]], step=SETTINGS.step)
         parts.append(
-            (run, swings, prepared.states[:1], np.hstack([prepared.run.theta[kept, 1:], prepared.states[kept, 2:]]))
+            (
+                run,
+                swings,
+                prepared.states[:1],
+                np.hstack([prepared.run.theta[samples, 1:], prepared.states[samples, 2:]]),
+            )
         )
 
     def errors(candidates: NDArray[np.float64]) -> NDArray[np.float64]:

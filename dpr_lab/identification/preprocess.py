@@ -36,5 +36,5 @@ def preprocess(run: Run, rig: Rig, every: int = 1) -> PreprocessedRun:
     refuse_moving_arms([run])
     refuse_without_motion(run, rig)
     noise, swing = noise_floor(run, rig), run.swing
-    kept = swing if every == 1 else swing.only(np.arange(len(swing.t)) % every == 0)
-    return PreprocessedRun(kept, noise, smooth(kept, noise).states)
+    thinned = swing if every == 1 else swing.only(np.arange(len(swing.t)) % every == 0)
+    return PreprocessedRun(thinned, noise, smooth(thinned, noise).states)

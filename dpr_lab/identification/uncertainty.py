@@ -121,8 +121,8 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     if not (np.diag(bread) > 0.0).all():
         raise np.linalg.LinAlgError("the information matrix is numerically singular")
     white = bread * ratio_fit.chi2_per_dof
-    own = scores[:, free]
-    blocks = len(own) / max(len(own) - len(free), 1) * bread @ own.T @ own @ bread
+    free_scores = scores[:, free]
+    blocks = len(free_scores) / max(len(free_scores) - len(free), 1) * bread @ free_scores.T @ free_scores @ bread
     variance = np.maximum(np.diag(white), np.diag(blocks))
     if ratio_fit.chi2_per_dof > SETTINGS.misfit:
         apart = SETTINGS.halves * _halves_apart(ratio_fit.problem, H, np.einsum("smi,sm->si", A, e))[free]
@@ -135,7 +135,7 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     names = tuple(UNKNOWN_RATIOS[i] for i in ratio_fit.visible)
     assumed = np.zeros_like(covariance)
     assumed[np.ix_(free, free)] = _by_unseen(ratio_fit, A, bread, free)
-    return RatioUncertainty(ratio_fit.unknowns, H.sum(axis=0), covariance, len(own), names, prior, assumed)
+    return RatioUncertainty(ratio_fit.unknowns, H.sum(axis=0), covariance, len(free_scores), names, prior, assumed)
 
 
 def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: NDArray[np.bool_]) -> Array:

@@ -105,8 +105,8 @@ def objective(reading: Reading, truth: NDArray[np.float64], rig: Rig) -> Objecti
     Returns:
         (n, 9) candidates -> (n, poses) E
     """
-    kept = [POSES.index(pose) for pose in reading.poses]
-    starts = start_states(rig)[kept]
-    reference = truth[kept] if reading.speeds else truth[kept][..., :2]
+    places = [POSES.index(pose) for pose in reading.poses]
+    starts = start_states(rig)[places]
+    reference = truth[places] if reading.speeds else truth[places][..., :2]
     L1, g = rig.L1, rig.g
     return lambda Z: trajectory_errors(rows(base_parameters(Z, L1, g), L1, g), starts, reference, STEP)

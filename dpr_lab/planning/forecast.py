@@ -71,8 +71,8 @@ def decision_probability(pairs: Sequence[OpenPairs], gained: Sequence[Array], re
         releases: number of these releases
     """
     probability = 1.0 - (1.0 - STOPPING.holds) ** releases
-    for one, d2 in zip(pairs, gained, strict=True):
-        probability *= _decided(one.probabilities, d2)
+    for pair, d2 in zip(pairs, gained, strict=True):
+        probability *= _decided(pair.probabilities, d2)
     return float(probability)
 
 

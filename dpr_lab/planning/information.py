@@ -100,15 +100,15 @@ def informed(
         horizons, slopes = _horizons(batch, model), _slopes(batch, model)
         for release, horizon, A in zip(batch, horizons, slopes, strict=True):
             for duration in (release.duration_s, *(d for d in durations if d < release.duration_s)):
-                seen = A[: max(1, round(duration / LENGTHS.working))].reshape(-1, A.shape[2])
+                covered = A[: max(1, round(duration / LENGTHS.working))].reshape(-1, A.shape[2])
                 shorter = replace(release, duration_s=duration)
-                rated.append(Informed(shorter, seen.T @ seen, float(min(horizon, duration))))
+                rated.append(Informed(shorter, covered.T @ covered, float(min(horizon, duration))))
     return rated
 
 
 def _batches(releases: Sequence[CandidateRelease]) -> Iterator[list[CandidateRelease]]:
     """Batches of releases of equal duration, all with a clamped or all with a moving arm."""
-    for _, group in groupby(releases, key=lambda one: (one.duration_s, one.mounted.arm_held)):
+    for _, group in groupby(releases, key=lambda release: (release.duration_s, release.mounted.arm_held)):
         members = list(group)
         yield from (members[i : i + SWING.batch] for i in range(0, len(members), SWING.batch))
 
@@ -117,17 +117,17 @@ def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> 
     """(releases, n, 4) states at `path_hz` from the release on, with effects, rad and rad/s; 6 with a moving arm."""
     t = np.arange(round(batch[0].duration_s * SWING.path_hz) + 1) / SWING.path_hz
     read = t > PAD  # readings before this would start their segment before the release
-    whole = segments([t[read]] * len(batch), range(len(batch)), [one.setup for one in batch], SWING.step_s)
+    whole = segments([t[read]] * len(batch), range(len(batch)), [release.setup for release in batch], SWING.step_s)
     still = model.estimate.params.copy()
     still[ENCODER_AMPLITUDES] = 0.0
-    starts = np.array([one.start for one in batch])
+    starts = np.array([release.start for release in batch])
     joints = predict(model.estimate.whole, still, model.rods.constants, whole, starts, arm=whole.arm_moves)
     axes = joints.shape[1]
-    seen = joints.reshape(len(batch), -1, axes)
-    seen[:, :, 1] += model.rods.constants.relative2 * seen[:, :, 0]
+    read_joints = joints.reshape(len(batch), -1, axes)
+    read_joints[:, :, 1] += model.rods.constants.relative2 * read_joints[:, :, 0]
     at_rest, first = starts[:, None, [0, 1, 4][:axes]], t[read][0]
-    before = at_rest + (seen[:, :1] - at_rest) * (t[~read] / first)[:, None] ** 2
-    theta = np.concatenate([before, seen], axis=1)
+    before = at_rest + (read_joints[:, :1] - at_rest) * (t[~read] / first)[:, None] ** 2
+    theta = np.concatenate([before, read_joints], axis=1)
     omega = np.gradient(theta, 1 / SWING.path_hz, axis=1)
     omega[:, 0] = 0.0
     return np.concatenate([theta[:, :, :2], omega[:, :, :2], theta[:, :, 2:], omega[:, :, 2:]], axis=2)
@@ -144,7 +144,7 @@ def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Pr
     instants = [(k * length + np.arange(1, length + 1)) / rate for k in range(count)]
     states = path[:, np.arange(count) * length * apart].reshape(-1, path.shape[2])
     run = np.repeat(np.arange(len(batch)), count)
-    cut = segments(instants * len(batch), run, [one.setup for one in batch], SWING.step_s)
+    cut = segments(instants * len(batch), run, [release.setup for release in batch], SWING.step_s)
     weight = _weight(batch, model, count * length)
     return Problem(cut, np.zeros((len(cut.t), weight.shape[1])), weight, model.rods), states
 
@@ -160,7 +160,7 @@ def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
 def _weight(batch: Sequence[CandidateRelease], model: PresentModel, samples: int) -> Array:
     """(samples, 2) inverse of the noise of a reading; zero for a joint without a rod; 3 columns with a moving arm."""
     axes = 2 if batch[0].mounted.arm_held else 3
-    read = np.array([[1.0, float(not one.setup.alone), 1.0][:axes] for one in batch])
+    read = np.array([[1.0, float(not release.setup.alone), 1.0][:axes] for release in batch])
     return np.repeat(read / (model.noise[:axes] * np.sqrt(SWING.rate_hz)), samples, axis=0)
 
 
@@ -170,15 +170,15 @@ def _without_zeros(A: Array, linear: Linearisation, problem: Problem, releases: 
     zeros = linear.projected(problem.whitened(shifts)).reshape(releases, -1, 2)
     flat = A.reshape(releases, zeros.shape[1], -1)
     return np.stack(
-        [own - z @ np.linalg.lstsq(z, own, rcond=1e-9)[0] for own, z in zip(flat, zeros, strict=True)]
+        [jacobian - z @ np.linalg.lstsq(z, jacobian, rcond=1e-9)[0] for jacobian, z in zip(flat, zeros, strict=True)]
     ).reshape(A.shape)
 
 
 def _horizons(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
     """(releases,) predictability horizons, s."""
     t = np.arange(1, round(batch[0].duration_s * SWING.horizon_hz) + 1) / SWING.horizon_hz
-    whole = segments([t] * len(batch), range(len(batch)), [one.setup for one in batch], SWING.step_s)
-    starts = np.array([one.start for one in batch])
+    whole = segments([t] * len(batch), range(len(batch)), [release.setup for release in batch], SWING.step_s)
+    starts = np.array([release.start for release in batch])
     nudged = np.tile(starts, (3, 1, 1))
     nudged[1, :, 0] += SWING.nudge_rad
     nudged[2, :, 1] += SWING.nudge_rad

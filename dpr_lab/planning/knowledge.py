@@ -127,7 +127,7 @@ def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Act
         acting: what may act in the next release
     """
     recordings = Recordings(tuple(record(run, rig) for run in runs), rig)
-    acting = acting.besides([one.setup for one in recordings.records])
+    acting = acting.besides([recorded.setup for recorded in recordings.records])
     ratios, always = diagnosis.unknowns, _always(rig, acting)
     params = _with_arm(diagnosis.model_effects, rig, acting)
     if not np.isfinite(ratios[ON_ELBOW]):
@@ -173,15 +173,15 @@ def _with_arm(effects: Mapping[str, Mapping[str, float]], rig: Rig, acting: Acti
 
 
 def _model(rig: Rig, ratios: Array, params: Array, noise: Array, acting: Acting) -> PresentModel:
-    at = Estimate.of(ratios, params, np.zeros((0, 4)))
+    estimate = Estimate.of(ratios, params, np.zeros((0, 4)))
     library = [effect for effect in EFFECTS.values() if _can_act(effect, rig, acting)]
     columns = (
-        *ratio_parameters(at, range(RATIO_COLUMNS)),
+        *ratio_parameters(estimate, range(RATIO_COLUMNS)),
         *(parameter for effect in library for parameter in effect_parameters(effect)),
     )
     tolerance = float(np.median([pose.tolerance for pose in rig.poses.values()] or [0.05]))
     rods = RodsWithEffects(rig_constants(rig))
-    return PresentModel(at, columns, rods, noise, tolerance / 2, rig.encoders.rezeroed)
+    return PresentModel(estimate, columns, rods, noise, tolerance / 2, rig.encoders.rezeroed)
 
 
 def _can_act(effect: Effect, rig: Rig, acting: Acting) -> bool:
@@ -205,9 +205,9 @@ def _noise_of(rig: Rig) -> Array:
 
 def _noise_in(recordings: Recordings) -> Array:
     """(3,) the same in the recordings; that of the rig file for an arm that was held."""
-    each = [np.median(one.sigma, axis=0) / np.sqrt(RATE_HZ) for one in recordings.records]
-    of_arm = [sigma[2] for sigma in each if len(sigma) > 2] or [_noise_of(recordings.rig)[2]]
-    return np.append(np.median([sigma[:2] for sigma in each], axis=0), np.median(of_arm))
+    levels = [np.median(record.sigma, axis=0) / np.sqrt(RATE_HZ) for record in recordings.records]
+    of_arm = [sigma[2] for sigma in levels if len(sigma) > 2] or [_noise_of(recordings.rig)[2]]
+    return np.append(np.median([sigma[:2] for sigma in levels], axis=0), np.median(of_arm))
 
 
 def _places(model: PresentModel) -> dict[str, tuple[int, ...]]:
@@ -221,9 +221,9 @@ def _places(model: PresentModel) -> dict[str, tuple[int, ...]]:
 def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str], hidden: Sequence[int]) -> Array:
     """(k, k) information of the rig file: ratios, b, p/b, and amplitudes by their limits; hidden ratios are fixed."""
     information = np.zeros((len(model.columns), len(model.columns)))
-    seen = np.isfinite(prior.mean)
-    places = np.flatnonzero(seen)
-    information[np.ix_(places, places)] = np.linalg.inv(prior.covariance[np.ix_(seen, seen)])
+    bounded = np.isfinite(prior.mean)
+    places = np.flatnonzero(bounded)
+    information[np.ix_(places, places)] = np.linalg.inv(prior.covariance[np.ix_(bounded, bounded)])
     for i, column in enumerate(model.columns[RATIO_COLUMNS:], RATIO_COLUMNS):
         widest = np.inf if column.effect in always else STRENGTH.zeros * column.size
         information[i, i] = 1.0 / min(prior.std(column), widest) ** 2
@@ -235,9 +235,9 @@ def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str]
 def information_of_runs(recordings: Recordings, model: PresentModel) -> Array:
     """(k, k) Fisher information of runs as a diagnosis cuts them."""
     problem, initial = recordings.cut(recordings.working_length)
-    at = problem.with_zeros(model.estimate.changed(initial=initial))
+    estimate = problem.with_zeros(model.estimate.changed(initial=initial))
     columns = problem.all_free(model.columns)
-    A, _ = linearise(problem, at, columns).flat
+    A, _ = linearise(problem, estimate, columns).flat
     H, k = A.T @ A, len(model.columns)
     if len(columns) > k:
         H = H[:k, :k] - H[:k, k:] @ np.linalg.lstsq(H[k:, k:], H[k:, :k], rcond=1e-12)[0]
@@ -248,6 +248,6 @@ def _causes(diagnosis: Diagnosis) -> Iterator[Causes]:
     """Candidate causes of each named effect: the members of its class by their odds, and its alternatives."""
     for effect in diagnosis.effects:
         odds = {name: effect.odds.get(name, 1 / len(effect.members)) for name in effect.members}
-        own = {name: effect.probability * share for name, share in odds.items()}
+        alternatives = {name: effect.probability * share for name, share in odds.items()}
         others = {rival.name: rival.probability for rival in diagnosis.rivals if rival.instead_of == effect.name}
-        yield Causes(effect.name, own | {name: p for name, p in others.items() if name not in own})
+        yield Causes(effect.name, alternatives | {name: p for name, p in others.items() if name not in alternatives})

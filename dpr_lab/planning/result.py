@@ -162,7 +162,9 @@ class Plan(Shown, _Record):
         return self.sentence
 
     def _rows(self) -> list[Row]:
-        rows = [(str(one.number), one.text, f"{one.minutes:.1f}", one.reason) for one in self.releases]
+        rows = [
+            (str(release.number), release.text, f"{release.minutes:.1f}", release.reason) for release in self.releases
+        ]
         return [("release", "what to record", "minutes", "reason"), *rows] if rows else []
 
     def to_json(self) -> dict[str, Any]:

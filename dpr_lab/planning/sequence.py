@@ -104,13 +104,13 @@ class Planner:
         poses = spread_poses(self.limits, SEARCH.spread, self.rng).tolist()
         parts = list(mountings(self.objective.known.rig, self.limits))
         releases = list[CandidateRelease]()
-        for k, one in enumerate(parts):
+        for k, mounting in enumerate(parts):
             apart = 1 if k == 0 else min(len(parts), SEARCH.best)
-            releases += [_swing(a, b, duration, one) for a, b in poses[k % apart :: apart]]
+            releases += [_swing(a, b, duration, mounting) for a, b in poses[k % apart :: apart]]
         return self._informed([*releases, *self.signals])
 
     def _informed(self, releases: Sequence[CandidateRelease], durations: Sequence[float] = ()) -> list[Informed]:
-        return informed([_bent(one) for one in releases], self.objective.known.model, durations)
+        return informed([_bent(release) for release in releases], self.objective.known.model, durations)
 
     def _best(self, pool: list[Informed], now: SequenceSoFar) -> SequenceStep | None:
         """Best release of all candidates, refined; None if none fits the remaining time."""
@@ -118,14 +118,14 @@ class Planner:
         if not ranked:
             return None
         for width in (SEARCH.near_rad, SEARCH.near_rad / 2):
-            free = [one for one in ranked[: SEARCH.best] if one.release.torques is None]
+            free = [step for step in ranked[: SEARCH.best] if step.release.torques is None]
             tried = [
-                other for one in free for other in near(one.release, self.limits, width, SEARCH.neighbours, self.rng)
+                other for step in free for other in near(step.release, self.limits, width, SEARCH.neighbours, self.rng)
             ]
             refined = self._informed(tried)
             pool += refined
             ranked = sorted([*ranked, *self._ranked(refined, now)], key=_rate, reverse=True)
-        return max((self._final(one, now) for one in ranked[: SEARCH.finalists]), key=_rate)
+        return max((self._final(step, now) for step in ranked[: SEARCH.finalists]), key=_rate)
 
     def _final(self, step: SequenceStep, now: SequenceSoFar) -> SequenceStep:
         """Release with its best duration; its value is corrected by the nonlinear simulation."""
@@ -139,15 +139,15 @@ class Planner:
         before = self.objective.worth(F)
         steps = [
             SequenceStep(
-                one.release,
-                one.information / f,
-                one.horizon_s,
+                candidate.release,
+                candidate.information / f,
+                candidate.horizon_s,
                 cost,
-                novelty(one.release, now.made) * (self.objective.worth(F + one.information / f) - before),
-                _price(cost, one.release, now.left),
+                novelty(candidate.release, now.made) * (self.objective.worth(F + candidate.information / f) - before),
+                _price(cost, candidate.release, now.left),
             )
-            for one in pool
-            if (cost := minutes(one.release, now.mounted, self.limits)) <= now.left
+            for candidate in pool
+            if (cost := minutes(candidate.release, now.mounted, self.limits)) <= now.left
         ]
         return sorted(steps, key=_rate, reverse=True)
 
@@ -160,10 +160,14 @@ class Planner:
         longest = replace(release, duration_s=times.longest_s)
         durations = [d for d in (SEARCH.screened_s, times.shortest_s) if d < times.longest_s]
         rated = self._informed([longest, *placements(longest, std, SEARCH.placements, self.rng)], durations)
-        each = len(rated) // (1 + SEARCH.placements)
+        count = len(rated) // (1 + SEARCH.placements)
         averaged = [
-            Informed(rated[k].release, np.mean([one.information for one in rated[k::each]], axis=0), rated[k].horizon_s)
-            for k in range(each)
+            Informed(
+                rated[k].release,
+                np.mean([placed.information for placed in rated[k::count]], axis=0),
+                rated[k].horizon_s,
+            )
+            for k in range(count)
         ]
         return next(iter(self._ranked(averaged, now)), step)
 

@@ -142,14 +142,14 @@ def _kept(
     Raises:
         ConfigError: none does; the message names the table of the limits and its key of the size.
     """
-    kept = [one for signal in signals if (one := _within(signal, model, limits, rig)) is not None]
-    if not kept:
+    within_limits = [driven for signal in signals if (driven := _within(signal, model, limits, rig)) is not None]
+    if not within_limits:
         which = size if table == "arm" else "[drive]"
         raise ConfigError(
             f"{table}: no signal stays within speed_rad_s and angle_rad of the limits file, even at"
             f" {percent(SIGNALS.least)} of {size}: raise these limits, or remove {which}"
         )
-    return kept
+    return within_limits
 
 
 def _within(release: CandidateRelease, model: PresentModel, limits: PlanLimits, rig: Rig) -> CandidateRelease | None:

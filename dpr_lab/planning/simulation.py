@@ -56,18 +56,18 @@ def simulated_distance(
     free = [*pairs.fitted, *pairs.places[other]]
     columns, F = [known.model.columns[i] for i in free], known.information[np.ix_(free, free)] * known.inflation
     expected = _best_fit(known, pairs, truth, other, start, free)
-    at = expected
+    estimate = expected
     for _ in range(SIMULATED_FIT.iterations):
-        linear = linearise(problem, at, columns)
+        linear = linearise(problem, estimate, columns)
         if not np.isfinite(linear.residual).all():
             return None
         A, e = linear.flat
-        off = np.array([c.read(expected) - c.read(at) for c in columns])
+        off = np.array([c.read(expected) - c.read(estimate) for c in columns])
         step = np.asarray(np.linalg.solve(A.T @ A + F, A.T @ e + F @ off), dtype=np.float64)
-        at = moved(at, columns, step, linear.initial_steps(step))
-    off = np.array([c.read(at) - c.read(expected) for c in columns])
-    rest = problem.chi2(at) + off @ F @ off
-    return float(rest / known.inflation) if np.isfinite(rest) else None
+        estimate = moved(estimate, columns, step, linear.initial_steps(step))
+    off = np.array([c.read(estimate) - c.read(expected) for c in columns])
+    distance = problem.chi2(estimate) + off @ F @ off
+    return float(distance / known.inflation) if np.isfinite(distance) else None
 
 
 def _with(known: Knowledge, pairs: OpenPairs, cause: int, initial: Array) -> Estimate:
@@ -85,12 +85,12 @@ def _with(known: Knowledge, pairs: OpenPairs, cause: int, initial: Array) -> Est
 
 def _best_fit(known: Knowledge, pairs: OpenPairs, truth: int, other: int, initial: Array, free: list[int]) -> Estimate:
     """Best fit of the other cause to the runs recorded so far if `truth` is the cause, by the linear solution."""
-    own = list(pairs.places[truth])
-    lost = known.information[np.ix_(free, own)] @ pairs.sizes[truth]
+    true_places = list(pairs.places[truth])
+    lost = known.information[np.ix_(free, true_places)] @ pairs.sizes[truth]
     shift = np.asarray(np.linalg.solve(known.information[np.ix_(free, free)], lost), dtype=np.float64)
-    at = _with(known, pairs, truth, initial)
-    at = at.changed(params=without_effect(at.params, pairs.names[truth]))
+    estimate = _with(known, pairs, truth, initial)
+    estimate = estimate.changed(params=without_effect(estimate.params, pairs.names[truth]))
     columns = [known.model.columns[i] for i in free]
     held = [i for i, c in enumerate(columns) if c.effect == pairs.names[truth]]
     shift[held] += [c.read(_with(known, pairs, truth, initial)) for c in (columns[i] for i in held)]
-    return moved(at, columns, shift, np.zeros_like(initial))
+    return moved(estimate, columns, shift, np.zeros_like(initial))

@@ -48,8 +48,8 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
         state=state,
         sentence=_sentence(state, known, releases, stuck, only_ratios_sentence(reasons)),
         releases=releases,
-        minutes=sum(one.minutes for one in releases),
-        forecast=[one.decided for one in releases if one.decided is not None],
+        minutes=sum(release.minutes for release in releases),
+        forecast=[release.decided for release in releases if release.decided is not None],
         ratio_std=_stds(known, known.information),
         detectable=_detectable(known, after[-1]),
         inseparable=stuck,
@@ -106,7 +106,7 @@ def _stds(known: Knowledge, F: Array) -> dict[str, float]:
 
 def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
     names = [name for name in known.places if name not in known.always]
-    before, after = (detectable(known, one, SIGMAS, names) for one in (known.information, F))
+    before, after = (detectable(known, information, SIGMAS, names) for information in (known.information, F))
     return [
         Detectable(
             effect=name,
@@ -160,9 +160,9 @@ def _sentence(
         verb = "is" if len(releases) == 1 else "are"
         return f"Before any recording: {count} {verb} expected to show {shown}.{note}"
     if state == "bench check":
-        pairs = listed([f"{a} and {b}" for a, b in (one.causes for one in stuck)])
+        pairs = listed([f"{a} and {b}" for a, b in (inseparable.causes for inseparable in stuck)])
         return f"Nothing you can record on this rig separates {pairs}: do this bench check. {stuck[0].check}"
-    chances = [one.decided or 0.0 for one in releases]
+    chances = [release.decided or 0.0 for release in releases]
     number = next((k for k, chance in enumerate(chances, 1) if chance >= STOPPING.likely), len(chances))
     more = f"{number} more release{'s' * (number > 1)}"
     return f"With {more} the probability that the causes are decided is {chances[number - 1]:.2f}.{note}"
@@ -190,5 +190,5 @@ def _about_arm(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[str
         unused = known.rig.arm.mode == "driven" and known.rig.motor is not None
         hint = " A limits file with input in [arm] lets a plan drive it." if unused else ""
         return [f"The arm is held.{hint}"]
-    moving = [one for one in releases if one.arm != "held"]
+    moving = [release for release in releases if release.arm != "held"]
     return ["The arm starts at rest at theta0 = 0 and is held until the release."] if moving else []

@@ -45,12 +45,12 @@ def packages() -> tuple[str, ...]:
 @cache
 def _installed() -> tuple[Plugin, ...]:
     plugins: dict[tuple[str, str, str], Plugin] = {}
-    seen: set[str] = set()
+    names: set[str] = set()
     for distribution in distributions(path=_import_folders()):
         name = str(distribution.metadata["Name"]) if _mentions_us(distribution.read_text("entry_points.txt")) else ""
-        if not name or name in seen:  # the first on the path is the one that is imported
+        if not name or name in names:  # the first on the path is the one that is imported
             continue
-        seen.add(name)
+        names.add(name)
         for entry in distribution.entry_points:
             group = entry.group.removeprefix("dpr_lab.")
             if entry.group != group and group in GROUPS:
@@ -66,10 +66,10 @@ def _mentions_us(entry_points: str | None) -> bool:
 def _import_folders() -> list[str]:
     """Folders that packages are installed in: those of `sys.path` but the current one."""
     try:
-        here = Path.cwd()
+        current = Path.cwd()
     except OSError:  # the folder was removed
         return [folder for folder in sys.path if folder]
-    return [folder for folder in sys.path if folder and Path(folder).absolute() != here]
+    return [folder for folder in sys.path if folder and Path(folder).absolute() != current]
 
 
 @contextmanager

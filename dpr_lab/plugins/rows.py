@@ -90,7 +90,7 @@ def _load(plugin: Plugin, kind: type[Row]) -> tuple[Row, ...]:
     with without_current_folder():
         value = plugin.entry.load()
     several: tuple[object, ...] = tuple(value) if isinstance(value, list | tuple) else (value,)
-    loaded = tuple(each for each in several if isinstance(each, kind))
+    loaded = tuple(row for row in several if isinstance(row, kind))
     if len(loaded) < len(several) or not loaded:
         raise TypeError(f"{plugin.entry.value} is not {kind.__name__}, or a tuple of such")
     return loaded

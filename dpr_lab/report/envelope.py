@@ -24,11 +24,11 @@ def trace(
     Returns:
         instants and values to draw; equal to the input when n <= `points` and nothing is missing
     """
-    kept = _extremes(y, points)
+    points_kept = _extremes(y, points)
     breaks = _gaps(t, gap_steps)
     middle = (t[breaks] + t[breaks + 1]) / 2
-    where = np.searchsorted(kept, breaks, side="right")
-    return np.insert(t[kept], where, middle), np.insert(y[kept], where, np.nan)
+    where = np.searchsorted(points_kept, breaks, side="right")
+    return np.insert(t[points_kept], where, middle), np.insert(y[points_kept], where, np.nan)
 
 
 def _extremes(y: NDArray[np.float64], points: int) -> NDArray[np.intp]:

@@ -31,8 +31,8 @@ def summary(model: "MovingArmModel") -> str:
 def ratio_rows(model: "MovingArmModel") -> list[list[str]]:
     """One row for each ratio that the recordings determine."""
     return [
-        [name, plus_minus(one.value, one.std), interval(*one.interval90, one.value, one.std)]
-        for name, one in model.ratios.items()
+        [name, plus_minus(estimate.value, estimate.std), interval(*estimate.interval90, estimate.value, estimate.std)]
+        for name, estimate in model.ratios.items()
     ]
 
 
@@ -40,8 +40,8 @@ def absolute_rows(model: "MovingArmModel") -> list[list[str]]:
     """One row for each absolute value."""
     fixed = {"data": "the recordings and measured values", "bound": "the scale of the rig file"}
     return [
-        [name, plus_minus(one.value, one.std), UNITS.get(name, ""), fixed[one.fixed_by]]
-        for name, one in model.absolute.items()
+        [name, plus_minus(estimate.value, estimate.std), UNITS.get(name, ""), fixed[estimate.fixed_by]]
+        for name, estimate in model.absolute.items()
     ]
 
 

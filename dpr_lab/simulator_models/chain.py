@@ -138,9 +138,9 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
     up = -down / g
     plane = np.array([up, np.cross(e, up)])
     at_elbow = _at_elbow(groups[0], inner, outer, plane)
-    own = [part for part in groups[0] if part not in at_elbow]
+    inner_parts = [part for part in groups[0] if part not in at_elbow]
     terms = [term for joint in joints for term in _terms(joint)]
-    rod1, angle1 = _inner(own, at_elbow, (inner, outer), plane, e)
+    rod1, angle1 = _inner(inner_parts, at_elbow, (inner, outer), plane, e)
     if abs(rod1.offset) > CHAIN.offset:
         terms.append(JointTerm(inner.name, "distance of the centroid from the axis of the inner rod", rod1.offset, "m"))
     rod2 = _outer(groups[1], outer, plane, e, angle1)
@@ -310,13 +310,13 @@ def _at_elbow(parts: Sequence[Part], joint: ModelJoint, next_joint: ModelJoint, 
 
 
 def _inner(
-    own: Sequence[Part], at_elbow: Sequence[Part], joints: tuple[ModelJoint, ModelJoint], plane: Vector, e: Vector
+    parts: Sequence[Part], at_elbow: Sequence[Part], joints: tuple[ModelJoint, ModelJoint], plane: Vector, e: Vector
 ) -> tuple[ChainRod, float]:
     """The inner rod, and its angle at zero of its joint."""
     joint, next_joint = joints
     to = plane @ (next_joint.anchor - joint.anchor)
     length = float(np.linalg.norm(to))
-    mass, centroid, inertia = _sum_of(own)
+    mass, centroid, inertia = _sum_of(parts)
     place = plane @ (centroid - joint.anchor)
     along, offset = float(place @ to) / length, float(to[0] * place[1] - to[1] * place[0]) / length
     if not along > 0:
@@ -375,9 +375,9 @@ def _driven(model: SimulatorModel, joints: Sequence[ModelJoint], notes: list[str
 
 
 def _gear(model: SimulatorModel, joint: ModelJoint) -> float | None:
-    own = [actuator for actuator in model.actuators if actuator.joint == joint.name]
-    motor = len(own) == 1 and own[0].kind == "motor"
-    return own[0].gear if motor and own[0].gear and math.isfinite(own[0].gear) else None
+    actuators = [actuator for actuator in model.actuators if actuator.joint == joint.name]
+    motor = len(actuators) == 1 and actuators[0].kind == "motor"
+    return actuators[0].gear if motor and actuators[0].gear and math.isfinite(actuators[0].gear) else None
 
 
 def _arm(
@@ -386,8 +386,8 @@ def _arm(
     """The arm with the rods at its end, from its joint and that of the inner rod; `e` is the axis of the rods."""
     joint, inner = joints
     _refuse_tilted(joint, up, "the vertical", notes)
-    mass, own, inertia = _sum_of(groups[2])
-    r = own - joint.anchor
+    mass, centre, inertia = _sum_of(groups[2])
+    r = centre - joint.anchor
     about = float(up @ inertia @ up + mass * (r @ r - (r @ up) ** 2))
     length = float(abs((_sum_of([*groups[0], *groups[1]])[1] - joint.anchor) @ e))
     if not length > 1e-6:

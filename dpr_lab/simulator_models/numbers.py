@@ -70,7 +70,7 @@ def _labelled(root: Element) -> Iterator[tuple[str, Element]]:
     while waiting:
         label, element = waiting.pop()
         name = element.get("name")
-        own = f" {name[:50]!r}" if name else label
-        yield own, element
+        name_text = f" {name[:50]!r}" if name else label
+        yield name_text, element
         around = f" of {element.tag} {name[:50]!r}" if name else label
         waiting += [(around, child) for child in reversed(element)]

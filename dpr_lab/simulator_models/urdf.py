@@ -135,12 +135,12 @@ def _parts(robot: Any, shapes: Mapping[str, tuple[Vector, ...]], path: Path) -> 
     while waiting:
         name, above, joint, turned, position = waiting.pop()
         if joint is not None:
-            own, offset = _pose(joint.origin)
-            position, turned = position + turned @ offset, turned @ own
+            rotation, offset = _pose(joint.origin)
+            position, turned = position + turned @ offset, turned @ rotation
         inertial = robot.link_map[name].inertial
-        own, offset = _pose(inertial.origin if inertial else None)
+        rotation, offset = _pose(inertial.origin if inertial else None)
         tensor = np.zeros((3, 3)) if inertial is None else np.array(inertial.inertia.to_matrix(), dtype=np.float64)
-        axes, ends = turned @ own, tuple(position + turned @ end for end in shapes.get(name, ()))
+        axes, ends = turned @ rotation, tuple(position + turned @ end for end in shapes.get(name, ()))
         mass = float(inertial.mass) if inertial else 0.0
         moving = _joint(joint, turned, position) if joint is not None and joint.type != "fixed" else None
         parts.append(Part(name, above, moving, mass, position + turned @ offset, axes @ tensor @ axes.T, ends))

@@ -124,13 +124,13 @@ class XmlEdit:
             tag = data[first:last].decode("utf-8")
             for name, value in self._new.get(index, {}).items():
                 tag = _with_attribute(tag, name, value)
-            rest = data[last:]
+            remaining = data[last:]
             if index in self._texts:
-                rest = rest[len(self._content(index)) :]
+                remaining = remaining[len(self._content(index)) :]
             within = self._insertion(index, data, first) + escape(self._texts.get(index, ""))
             if within and tag.endswith("/>"):
                 tag, within = tag[:-2].rstrip() + ">", f"{within}</{self.tags[index].tag}>"
-            data = data[:first] + (tag + within).encode("utf-8") + rest
+            data = data[:first] + (tag + within).encode("utf-8") + remaining
         return data
 
     def _content(self, index: int) -> bytes:

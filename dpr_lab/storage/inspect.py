@@ -168,16 +168,16 @@ def recover(path: Path | str, out: Path | str) -> int:
     """
     stored = scan(Path(path))
     samples = stored.samples()
-    kept = len(samples.ticks)
-    if not kept:
+    recovered = len(samples.ticks)
+    if not recovered:
         raise RunError(f"{path}: no sample can be saved from it")
     origin = {"recovered_from": stored.path.name, "recovered_from_sha256": stored.sha256}
     summary = _summary(stored, samples)
-    notes = (*summary.notes, f"recovered from {stored.path.name}, {kept} samples kept")
+    notes = (*summary.notes, f"recovered from {stored.path.name}, {recovered} samples kept")
     with whole_run(out, replace(stored.metadata, extra={**stored.metadata.extra, **origin})) as writer:
         writer.copy(stored_messages(stored.path))
         writer.finish(replace(summary, notes=notes))
-    return kept
+    return recovered
 
 
 def _summary(stored: Scan, samples: Samples) -> RunSummary:
@@ -204,9 +204,11 @@ def _faults(stored: Scan) -> list[str]:
         faults.append(f"the recording was not completed: {stored.stopped}")
     elif stored.summary is None:
         faults.append("the recording was not completed: the file has no end record")
-    kept = len(stored.samples().ticks)
+    samples = len(stored.samples().ticks)
     announced = {"end record": stored.samples_announced, "MCAP statistics": stored.samples_counted}
-    faults += [f"{kept} samples, but the {name} says {n}" for name, n in announced.items() if n not in (None, kept)]
+    faults += [
+        f"{samples} samples, but the {name} says {n}" for name, n in announced.items() if n not in (None, samples)
+    ]
     return faults
 
 

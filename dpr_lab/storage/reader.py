@@ -50,8 +50,8 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     if not len(samples.ticks):
         raise RunError(f"{path}: contains no samples{_because(stored)}")
     t = _time(stored, samples)
-    own = stored.metadata.rig
-    theta = samples.theta if samples.counts is None else own.theta(samples.counts)
+    recorded_rig = stored.metadata.rig
+    theta = samples.theta if samples.counts is None else recorded_rig.theta(samples.counts)
     summary = stored.summary
     torques, commanded = _torques(samples)
     mode = _arm_mode(stored)
@@ -65,22 +65,24 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     run = Run(
         name=stored.path.stem,
         t=t,
-        theta=as_mounted(theta - full_turns(own, stored.metadata.pose, t, theta), own.rods.mounting, str(path)),
-        mounting=own.rods.mounting,
+        theta=as_mounted(
+            theta - full_turns(recorded_rig, stored.metadata.pose, t, theta), recorded_rig.rods.mounting, str(path)
+        ),
+        mounting=recorded_rig.rods.mounting,
         counts=samples.counts,
         torques=torques,
         commanded=commanded,
         torque_kind="" if torques is None else stored.metadata.extra.get("torque_kind", ""),
         input_delay_s=_delay(stored),
-        arm=prescribed_arm(t, theta[:, 0], own, str(path)) if mode == "prescribed" else None,
+        arm=prescribed_arm(t, theta[:, 0], recorded_rig, str(path)) if mode == "prescribed" else None,
         arm_mode=mode,
         inner=prescribed_inner(t, theta[:, 1], str(path)) if _inner_mode(stored) == "prescribed" else None,
         arm_input=arm_input,
         pose=stored.metadata.pose,
-        rig_name=own.name,
+        rig_name=recorded_rig.name,
         rig_sha256=stored.rig_sha256,
         rate_hz=stored.metadata.rate_hz,
-        added_mass=own.added_mass,
+        added_mass=recorded_rig.added_mass,
         complete=stored.complete,
         clock=clock_of(stored),
         lost=dict(summary.lost) if summary is not None else lost_by_gaps(stored, samples),
@@ -227,9 +229,11 @@ def _check_hash(stored: Scan) -> None:
 
 
 def _check_rig(stored: Scan, rig: Rig) -> None:
-    own = stored.metadata.rig
-    pairs = [(f"rig.{key}", getattr(own.rig, key), getattr(rig.rig, key)) for key in _SAME_FRAME]
-    pairs += [(f"encoders.{key}", getattr(own.encoders, key), getattr(rig.encoders, key)) for key in _SAME_ENCODERS]
+    recorded_rig = stored.metadata.rig
+    pairs = [(f"rig.{key}", getattr(recorded_rig.rig, key), getattr(rig.rig, key)) for key in _SAME_FRAME]
+    pairs += [
+        (f"encoders.{key}", getattr(recorded_rig.encoders, key), getattr(rig.encoders, key)) for key in _SAME_ENCODERS
+    ]
     differing = [
         f"{key} is {stored} in the run, {given} in the rig file" for key, stored, given in pairs if stored != given
     ]

@@ -284,8 +284,8 @@ class RunWriter:
         if texts is not None and (np.diff(log_ns) >= 0).all():
             write_rows(self._mcap, channel, log_ns, message_records(channel, log_ns, texts))
             return
-        for at, message in zip(log_ns.tolist(), _sample_messages(*rows), strict=True):
-            self._mcap.add_message(channel, at, message, at)
+        for time_ns, message in zip(log_ns.tolist(), _sample_messages(*rows), strict=True):
+            self._mcap.add_message(channel, time_ns, message, time_ns)
 
     def _add_json(self, topic: str, log_time: int, message: Mapping[str, Any], host_time_ns: int) -> None:
         self._add(topic, log_time, json.dumps(plain(message), allow_nan=False).encode(), host_time_ns)
@@ -379,8 +379,9 @@ def _sample_messages(
         ends = [f'{end},"{key}":{pair}' for end, pair in zip(ends, pairs, strict=True)]
     if counts is None:
         bare = zip(rows, ends, strict=True)
-        return (f'{{"tick":{i},"t":{at},"theta":{angles}{end}}}'.encode() for (i, at, angles), end in bare)
+        return (f'{{"tick":{i},"t":{seconds},"theta":{angles}{end}}}'.encode() for (i, seconds, angles), end in bare)
     counted = zip(rows, counts.tolist(), ends, strict=True)
     return (
-        f'{{"tick":{i},"t":{at},"counts":{c},"theta":{angles}{end}}}'.encode() for (i, at, angles), c, end in counted
+        f'{{"tick":{i},"t":{seconds},"counts":{c},"theta":{angles}{end}}}'.encode()
+        for (i, seconds, angles), c, end in counted
     )

@@ -108,19 +108,19 @@ def run_campaign(
     """
     with _alone(folder):
         _claim(folder, campaign)
-        kept = {number: outcome for number, outcome in read_trials(folder).items() if number < n}
+        finished = {number: outcome for number, outcome in read_trials(folder).items() if number < n}
         failures: list[Failure] = []
-        on_trial(len(kept), None)
-        cases = campaign.cases([number for number in range(n) if number not in kept])
+        on_trial(len(finished), None)
+        cases = campaign.cases([number for number in range(n) if number not in finished])
         for case, result in _done(cases, jobs, scheduler):
             if "error" in result:
                 last = Failure(case["number"], result["error"])
                 failures.append(last)
             else:
                 _append(folder / TRIALS, {"number": case["number"], **result})
-                last = kept[case["number"]] = read_outcome(result["outcome"])
-            on_trial(len(kept) + len(failures), last)
-        return Tried(tuple(kept[number] for number in sorted(kept)), tuple(failures))
+                last = finished[case["number"]] = read_outcome(result["outcome"])
+            on_trial(len(finished) + len(failures), last)
+        return Tried(tuple(finished[number] for number in sorted(finished)), tuple(failures))
 
 
 @contextmanager
@@ -178,8 +178,8 @@ def read_trials(folder: Path) -> dict[int, TrialOutcome]:
     outcomes: dict[int, TrialOutcome] = {}
     for number, line in enumerate(whole.splitlines(), 1):
         try:
-            kept = json.loads(line)
-            outcomes[kept["number"]] = read_outcome(kept["outcome"])
+            record = json.loads(line)
+            outcomes[record["number"]] = read_outcome(record["outcome"])
         except (ValueError, KeyError, TypeError) as error:
             raise RunError(f"{file}: line {number} is not a trial: {error!r}; remove the line to repeat it") from error
     return outcomes

@@ -55,7 +55,7 @@ def planned(now: Situation) -> tuple[CandidateRelease, Plan | None]:
 def from_menu(now: Situation) -> tuple[CandidateRelease, Plan | None]:
     """The poses of the rig file, then those of the menu of recommended recordings, in order."""
     poses = [CandidateRelease(pose.theta1, pose.theta2, SEQUENTIAL.duration_s) for pose in now.rig.poses.values()]
-    menu = [CandidateRelease(*one.theta, SEQUENTIAL.duration_s, added=one.added) for one in MENU]
+    menu = [CandidateRelease(*choice.theta, SEQUENTIAL.duration_s, added=choice.added) for choice in MENU]
     return (*poses, *menu)[len(now.runs) % (len(poses) + len(menu))], None
 
 

@@ -162,34 +162,34 @@ def _original(run: Run, rig: Rig, estimate: Estimate) -> _Original:
 def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random.Generator) -> Effects:
     """One effect that was not named but is detectable, with a random size; one of its amplitudes."""
     named = {effect.name for effect in diagnosis.effects}
-    seen = {name: {k: v for k, v in sizes.items() if v} for name, sizes in diagnosis.detectable.items()}
-    names = [n for n in seen if n in library and n not in named and seen[n] and not library[n].event]
+    detectable = {name: {k: v for k, v in sizes.items() if v} for name, sizes in diagnosis.detectable.items()}
+    names = [n for n in detectable if n in library and n not in named and detectable[n] and not library[n].event]
     if not names:
         return {}
     effect = library[names[rng.integers(len(names))]]
-    amplitudes = [parameter for parameter in effect.amplitudes if parameter.name in seen[effect.name]]
+    amplitudes = [parameter for parameter in effect.amplitudes if parameter.name in detectable[effect.name]]
     chosen = amplitudes[rng.integers(len(amplitudes))]
     low, high = np.log(OWN_RIG.times_detectable)
-    size = (seen[effect.name][chosen.name] or 0.0) * float(np.exp(rng.uniform(low, high)))
+    size = (detectable[effect.name][chosen.name] or 0.0) * float(np.exp(rng.uniform(low, high)))
     sign = 1.0 if chosen.sign == "positive" else float(rng.choice([-1.0, 1.0]))
     return {effect.name: {chosen.name: sign * size}}
 
 
 def _recorded_again(original: _Original, rig: Rig, ratios: Array, params: Array, rng: np.random.Generator) -> Run:
     """Readings of a plant at the instants of a recording; the rest before the release is unchanged."""
-    run, seen = original.run, original.seen
+    run, screened = original.run, original.seen
     swing = run.t > original.start_s
     finer = segments([run.t[swing]], setups=[run.setup], step=STEP / OWN_RIG.finer)
     joints = predict(whole_of(ratios), params, rig_constants(rig), finer, original.start)
-    rounding = np.where(seen.count > 0, seen.count, 0.0) / np.sqrt(12)
-    noise = np.sqrt(np.maximum(np.where(np.isfinite(seen.noise), seen.noise, 0.0) ** 2 - rounding**2, 0.0))
+    rounding = np.where(screened.count > 0, screened.count, 0.0) / np.sqrt(12)
+    noise = np.sqrt(np.maximum(np.where(np.isfinite(screened.noise), screened.noise, 0.0) ** 2 - rounding**2, 0.0))
     joints += noise * rng.standard_normal(joints.shape)
     counts = None
     if run.counts is not None:
         counts = run.counts.copy()
         step = rig.radians_per_count[1:]
         was = rig.encoders.joint_angles.of_rods(run.theta[swing, 1:])
-        steps = np.maximum(np.rint(seen.count / np.abs(step)), 1)
+        steps = np.maximum(np.rint(screened.count / np.abs(step)), 1)
         counts[swing, 1:] += (steps * np.rint((joints - was) / (steps * step))).astype(np.int64)
         joints = was + (counts[swing, 1:] - run.counts[swing, 1:]) * step
     theta = run.theta.copy()

@@ -82,9 +82,9 @@ def read_trial(folder: Path) -> Trial:
     file = folder / "trial.json"
     if not file.is_file():
         raise RunError(f"{folder}: contains no finished trial; start one: dpr-lab trials draw --out NEW_FOLDER")
-    kept = read_json(file)
+    content = read_json(file)
     try:
-        return Trial(folder, kept["seal"], kept["asked"], tuple(folder / name for name in kept["runs"]))
+        return Trial(folder, content["seal"], content["asked"], tuple(folder / name for name in content["runs"]))
     except (KeyError, TypeError) as error:
         raise RunError(f"{file}: was not written by `trials draw`: {error!r}") from error
 
@@ -146,9 +146,9 @@ def read_json(file: Path) -> dict[str, Any]:
         RunError: the file cannot be read, or is not a JSON object.
     """
     try:
-        kept = json.loads(regular(file, RunError).read_text(encoding="utf-8"))
+        content = json.loads(regular(file, RunError).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise RunError(f"{file}: cannot be read as JSON: {error}") from error
-    if not isinstance(kept, dict):
+    if not isinstance(content, dict):
         raise RunError(f"{file}: contains no JSON object")
-    return kept
+    return content

@@ -115,15 +115,15 @@ _LISTS = ("truth", "named", "class_sizes", "sensor_findings", "faults_missed")
 _NUMBERS = ("explained_share", "closed")
 
 
-def read_outcome(kept: Mapping[str, Any]) -> TrialOutcome:
+def read_outcome(saved: Mapping[str, Any]) -> TrialOutcome:
     """Outcome from the dict of `to_json`."""
-    lists = {name: tuple(kept[name]) for name in _LISTS}
+    lists = {name: tuple(saved[name]) for name in _LISTS}
     sizes, claims = (
-        tuple(make(**record) for record in kept[name]) for name, make in (("sizes", SizeError), ("claims", Claim))
+        tuple(make(**record) for record in saved[name]) for name, make in (("sizes", SizeError), ("claims", Claim))
     )
-    causes = tuple(Cause(**record) for record in kept["causes"])
-    number = {name: _number(kept[name]) for name in _NUMBERS}
-    return TrialOutcome(**{**kept, **lists, **number, "sizes": sizes, "claims": claims, "causes": causes})
+    causes = tuple(Cause(**record) for record in saved["causes"])
+    number = {name: _number(saved[name]) for name in _NUMBERS}
+    return TrialOutcome(**{**saved, **lists, **number, "sizes": sizes, "claims": claims, "causes": causes})
 
 
 def score(
@@ -194,8 +194,8 @@ def _causes(
 
 def over_limit(sizes: Mapping[str, float], least: Mapping[str, float | None]) -> float | None:
     """Ratio of an effect's size to its minimum detectable size, for its most visible amplitude."""
-    seen = ((abs(size), least.get(name)) for name, size in sizes.items())
-    return max((size / limit for size, limit in seen if limit), default=None)
+    ratios = ((abs(size), least.get(name)) for name, size in sizes.items())
+    return max((size / limit for size, limit in ratios if limit), default=None)
 
 
 def _faults(truth: Truth) -> list[str]:

@@ -31,10 +31,10 @@ def sequential_summary(trials: Sequence[Mapping[str, Outcome]]) -> dict[str, dic
 
 
 def _of_strategy(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    counts = [SEQUENTIAL.most + 1 if one["recordings"] is None else one["recordings"] for one in outcomes]
-    stopped = [one for one in outcomes if one["recordings"] is not None]
-    right = sum(one["right"] for one in stopped)
-    looks = [look for one in outcomes for look in one["looks"]]
+    counts = [SEQUENTIAL.most + 1 if outcome["recordings"] is None else outcome["recordings"] for outcome in outcomes]
+    stopped = [outcome for outcome in outcomes if outcome["recordings"] is not None]
+    right = sum(outcome["right"] for outcome in stopped)
+    looks = [look for outcome in outcomes for look in outcome["looks"]]
     claims = [Claim(look["stated"], look["decided"]) for look in looks if look["stated"] is not None]
     seconds = [look["plan_seconds"] for look in looks if look["plan_seconds"] is not None]
     return {

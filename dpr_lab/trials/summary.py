@@ -103,13 +103,13 @@ SHARES: dict[str, tuple[str, Callable[[TrialOutcome], bool]]] = {
 
 
 def _among(outcomes: Sequence[TrialOutcome], whom: str) -> list[TrialOutcome]:
-    kept: dict[str, Callable[[TrialOutcome], bool]] = {
+    groups: dict[str, Callable[[TrialOutcome], bool]] = {
         "all": lambda o: True,
         "clean": lambda o: not o.truth,
         "outside": lambda o: o.kind == "outside",
         "nameable": lambda o: bool(o.truth) and o.kind != "outside",
     }
-    return [o for o in outcomes if kept[whom](o)]
+    return [o for o in outcomes if groups[whom](o)]
 
 
 def size_errors(sizes: Sequence[SizeError]) -> dict[str, float]:

@@ -207,9 +207,9 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
 
     def redraw(self) -> None:
         """Draw the current state of the stepper."""
-        keys, here = self.services.keys, self.workspace.step
+        keys, step = self.services.keys, self.workspace.step
         status = [
-            StepStatus(s.NAME, s.outcome(), s.missing(), s.NAME == here, s.stale(), bool(s.work)) for s in self.steps
+            StepStatus(s.NAME, s.outcome(), s.missing(), s.NAME == step, s.stale(), bool(s.work)) for s in self.steps
         ]
         page = self.current.report()
         report = keys.of("app.report") if page is not None and page.is_file() else ""
@@ -314,8 +314,8 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
     def action_next_theme(self) -> None:
         """Switch between dark, light and high contrast."""
         names = [theme.name for theme in THEMES]
-        here = names.index(self.theme) if self.theme in names else -1
-        self.theme = names[(here + 1) % len(names)]
+        current = names.index(self.theme) if self.theme in names else -1
+        self.theme = names[(current + 1) % len(names)]
 
     def action_next_unit(self) -> None:
         """Switch between degrees and radians."""

@@ -46,5 +46,5 @@ class Palette:
 
 def _bindings(owner: DOMNode) -> list[Binding]:
     """Actions of a class that have a description."""
-    own = owner.__class__.__dict__.get("BINDINGS", ())
-    return [binding for binding in own if isinstance(binding, Binding) and binding.description]
+    bindings = owner.__class__.__dict__.get("BINDINGS", ())
+    return [binding for binding in bindings if isinstance(binding, Binding) and binding.description]

@@ -70,9 +70,9 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
 
     @web.middleware
     async def guard(request: Any, handler: Any) -> Any:
-        own = request.host == place and request.headers.get("Origin", f"http://{place}") == f"http://{place}"
+        same_origin = request.host == place and request.headers.get("Origin", f"http://{place}") == f"http://{place}"
         shown = (request.query.get("token", ""), request.path.split("/")[1])
-        if not own or not any([secrets.compare_digest(word.encode(), token.encode()) for word in shown]):
+        if not same_origin or not any([secrets.compare_digest(word.encode(), token.encode()) for word in shown]):
             raise web.HTTPForbidden(text="open the address that dpr-lab tui --serve printed\n")
         return await handler(request)
 

@@ -80,8 +80,8 @@ def _with_recordings(
         return acceptance
     open_ones = {limit.quantity for limit in acceptance.limits if limit.answer == "not decidable"}
     made = plan(rig, runs, diagnosis, limits=PlanLimits(effects=wanted.effects, ratios=wanted.ratios))
-    decides = tuple(one.quantity for one in made.limits if one.decides and one.quantity in open_ones)
-    texts = tuple(one.text for one in made.releases) if decides else ()
+    decides = tuple(release.quantity for release in made.limits if release.decides and release.quantity in open_ones)
+    texts = tuple(release.text for release in made.releases) if decides else ()
     return replace(acceptance, recordings=texts, would_decide=decides)
 
 

@@ -51,7 +51,9 @@ class VerifiedCertificate:
     @property
     def names_other_code(self) -> bool:
         """Whether the certificate names another version or hash of the code than the running one."""
-        return any(each.note for each in self.origin if each.name in ("made with: dpr_lab", "made with: code"))
+        return any(
+            declared.note for declared in self.origin if declared.name in ("made with: dpr_lab", "made with: code")
+        )
 
 
 def certify(
@@ -161,11 +163,11 @@ def verify(
     from dpr_lab.certificate.signature import compare_signature, load_public_key
 
     trusted = load_public_key(signed_by) if signed_by else None
-    certificate, here = load_certificate(path), made_with()
+    certificate, current = load_certificate(path), made_with()
     lines = [
         *certificate.compare_seal(),
         *compare_signature(certificate, trusted),
-        *compare_code(certificate.made_with, here, other_code=other_code, same_libraries=same_libraries),
+        *compare_code(certificate.made_with, current, other_code=other_code, same_libraries=same_libraries),
         *(compare_recording(recording, path.parent) for recording in certificate.recordings),
         compare_rig(certificate, path.parent),
         *compare_limits(certificate, path.parent),
@@ -175,7 +177,7 @@ def verify(
         wanted = load_limits(path.parent / certificate.limits.file) if certificate.limits else None
         diagnosis = diagnose(request, on_event).diagnosis
         lines += compare_claims(certificate.claims, diagnosis, _accepted(diagnosis, wanted, request))
-    return VerifiedCertificate(choices_of(certificate), origin_of(certificate, here), lines)
+    return VerifiedCertificate(choices_of(certificate), origin_of(certificate, current), lines)
 
 
 def _request(certificate: "Certificate", folder: Path) -> DiagnoseRequest:

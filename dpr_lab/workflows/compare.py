@@ -82,7 +82,7 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
             continue
         comparisons.append(compare_followed(followed[-1]))
         on_event(RunCompared(comparisons[-1]))
-    refuse_repeated([one.preprocessed.run for one in followed])
+    refuse_repeated([recording.preprocessed.run for recording in followed])
     if not comparisons:
         without = f"skipped: {', '.join(file.stem for file in left_out)}"
         raise RunError(f"no run can be compared ({without}): choose others")

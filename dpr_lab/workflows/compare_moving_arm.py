@@ -49,9 +49,9 @@ def compare_moving_arm(
     compare_run = compare_with_effects if loaded.effects else compare_bare
     compared = [compare_run(run, rig, loaded) for run, rig in zip(recorded, rigs, strict=True)]
     rows = [
-        ",".join([one.run, *(f"{value:.9g}" for value in (t, *measured, *simulated))])
-        for one in compared
-        for t, measured, simulated in zip(one.t, one.measured, one.simulated, strict=True)
+        ",".join([comparison.run, *(f"{value:.9g}" for value in (t, *measured, *simulated))])
+        for comparison in compared
+        for t, measured, simulated in zip(comparison.t, comparison.measured, comparison.simulated, strict=True)
         if np.isfinite(simulated).all()
     ]
     names = [f"{kind}_joint{joint}_rad" for kind in ("measured", "simulated") for joint in range(3)]
@@ -59,7 +59,7 @@ def compare_moving_arm(
     file = out / "comparison.csv"
     write_text(file, "\n".join([",".join(["run", "t_s", *names]), *rows]) + "\n", RunError)
     keys = ("run", "held_out", "segment_s", "rms_rad", "noise_rad")
-    saved = {"file": str(file), "runs": [{key: getattr(one, key) for key in keys} for one in compared]}
+    saved = {"file": str(file), "runs": [{key: getattr(comparison, key) for key in keys} for comparison in compared]}
     return saved | {"report": str(write_arm_report(loaded, compared, saved, out))}
 
 

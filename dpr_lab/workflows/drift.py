@@ -70,15 +70,15 @@ class DriftResult:
 
     def _sizes(self, values: "Sequence[float]") -> dict[str, float]:
         """Parameter -> value; sizes that are ratios also as absolute value at the assumed b."""
-        own = dict(zip(self.estimates.names, values, strict=True))
+        by_name = dict(zip(self.estimates.names, values, strict=True))
         b, inertia = self.estimates.b or 1.0, self.estimates.inertia
-        own |= {
+        by_name |= {
             name.removesuffix(f"/{inertia}"): value * b
-            for name, value in own.items()
+            for name, value in by_name.items()
             if "." in name and name.endswith(f"/{inertia}")
         }
         over = f"*{inertia}"
-        return own | {name.removesuffix(over): value / b for name, value in own.items() if name.endswith(over)}
+        return by_name | {name.removesuffix(over): value / b for name, value in by_name.items() if name.endswith(over)}
 
 
 def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResult:

@@ -122,15 +122,15 @@ def _kept(made: "Plan", rig: "Rig", out: Path | None) -> PlanResult:
     out.mkdir(parents=True, exist_ok=True)
     poses = planned_poses(made, rig)
     rigs = planned_rigs(poses, rig, out / RIG_FILE)
-    for pose, one in poses.items():
-        one = one.model_copy(update={"pose": pose, "rig": str(rigs[pose])})
+    for pose, release in poses.items():
+        release = release.model_copy(update={"pose": pose, "rig": str(rigs[pose])})
         files.setdefault("rig" if rigs[pose].name == RIG_FILE else rigs[pose].stem, str(rigs[pose]))
-        if one.torques is not None:
-            file = out / f"input_{one.number}.csv"
-            write_signal(one.torques, file, rig)
+        if release.torques is not None:
+            file = out / f"input_{release.number}.csv"
+            write_signal(release.torques, file, rig)
             files[file.stem] = str(file)
-            one = one.model_copy(update={"input": str(file)})
-        releases.append(one)
+            release = release.model_copy(update={"input": str(file)})
+        releases.append(release)
     result = PlanResult(made.model_copy(update={"releases": releases}), files)
     write_json(result.to_json(), out / RECORD)
     return result

@@ -38,11 +38,11 @@ def planned_rigs(poses: "dict[str, PlannedRelease]", rig: "Rig", to: Path) -> di
     """
     assert rig.path is not None
     text = rig.path.read_text(encoding="utf-8").rstrip() + "\n"
-    own, files, described = _setup_of(rig), dict[str, Path](), {_setup_of(rig): to}
+    current_setup, files, described = _setup_of(rig), dict[str, Path](), {_setup_of(rig): to}
     for name, release in poses.items():
         files[name] = described.setdefault(_setup(release, rig), to.with_name(f"{to.stem}_{name}{to.suffix}"))
     for setup, file in described.items():
-        base = text if setup == own else _with_setup(text, setup, rig)
+        base = text if setup == current_setup else _with_setup(text, setup, rig)
         mine = {name: poses[name] for name, its in files.items() if its == file}
         write_text(file, base + _pose_tables(mine), ConfigError)
     return files
@@ -88,6 +88,6 @@ def _with_setup(text: str, setup: RigSetup, rig: "Rig") -> str:
 
 def _pose_tables(poses: "dict[str, PlannedRelease]") -> str:
     return "".join(
-        f"\n[poses.{name}]\ntheta1 = {one.theta1_rad:.4f}\ntheta2 = {one.theta2_rad:.4f}\n"
-        for name, one in poses.items()
+        f"\n[poses.{name}]\ntheta1 = {pose.theta1_rad:.4f}\ntheta2 = {pose.theta2_rad:.4f}\n"
+        for name, pose in poses.items()
     )

@@ -325,16 +325,16 @@ def _odd_bounds(name: str, p: "Parameter") -> Iterator[RigFinding]:
 def _odd_rod(rig: "Rig", rod: int, length: float | None) -> Iterator[RigFinding]:
     """Errors of a rod: centroid beyond its end, or an inertia above the maximum m l (L - l)."""
     centre, mass, inertia = (rig.parameters[f"{name}{rod}"] for name in "lmJ")
-    at, m, J = (p.measured or p.nominal for p in (centre, mass, inertia))
+    centroid, m, J = (p.measured or p.nominal for p in (centre, mass, inertia))
     if length is None:
         return
-    if at > length:
-        message = f"{at:g} m lies beyond the end of the rod at {length:g} m"
+    if centroid > length:
+        message = f"{centroid:g} m lies beyond the end of the rod at {length:g} m"
         yield RigFinding("odd", f"parameters.l{rod}", message)
-    elif J > m * at * (length - at):
+    elif J > m * centroid * (length - centroid):
         message = (
             f"{J:g} kg m^2 is more than a rod of {m:g} kg and {length:g} m can have (at most"
-            f" {m * at * (length - at):.3g})"
+            f" {m * centroid * (length - centroid):.3g})"
         )
         yield RigFinding("odd", f"parameters.J{rod}", message)
 

@@ -49,12 +49,12 @@ class SlcanCodec:
         return frames, bytes(answers)
 
     def _obey(self, line: bytes, frames: list[Frame]) -> bytes:
-        command, rest = line[:1], line[1:]
+        command, arguments = line[:1], line[1:]
         match command:
             case b"t" | b"T" | b"r" | b"R":
-                return self._transmit(command, rest, frames)
-            case b"S" if rest.isdigit() and int(rest) < len(BITRATES) and not self._open:
-                self._bitrate = BITRATES[int(rest)]
+                return self._transmit(command, arguments, frames)
+            case b"S" if arguments.isdigit() and int(arguments) < len(BITRATES) and not self._open:
+                self._bitrate = BITRATES[int(arguments)]
             case b"O" | b"L" if not self._open:
                 self._open = True
             case b"C":
@@ -71,12 +71,12 @@ class SlcanCodec:
                 return REFUSED
         return OK
 
-    def _transmit(self, command: bytes, rest: bytes, frames: list[Frame]) -> bytes:
+    def _transmit(self, command: bytes, arguments: bytes, frames: list[Frame]) -> bytes:
         if not self._open:
             return REFUSED
         if command != b"t":
             return b"z\r" if command == b"r" else b"Z\r"
-        parts = _DATA_FRAME.fullmatch(rest)
+        parts = _DATA_FRAME.fullmatch(arguments)
         if parts is None or 2 * int(parts[2]) != len(parts[3]):
             return REFUSED
         if self._on_bus:

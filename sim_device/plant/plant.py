@@ -167,11 +167,11 @@ class Plant:
         if self.mount is not None:
             raise ConfigError(f"plant {self.config.name}: mount: a rig with drives needs a rigid mount")
         rippling = [
-            one.name for j, one in enumerate((DETENT_JOINT1, DETENT_JOINT2)) if any(self.config.drives.ripple[j])
+            effect.name for j, effect in enumerate((DETENT_JOINT1, DETENT_JOINT2)) if any(self.config.drives.ripple[j])
         ]
-        if both := [name for name in rippling if name in self.config.effects]:
+        if doubled := [name for name in rippling if name in self.config.effects]:
             raise ConfigError(
-                f"plant {self.config.name}: effects: drives with torque ripple cannot also have {', '.join(both)}"
+                f"plant {self.config.name}: effects: drives with torque ripple cannot also have {', '.join(doubled)}"
             )
         if of_drives := [name for name in self.config.effects if EFFECTS[name].driven]:
             raise ConfigError(f"plant {self.config.name}: effects: simulated drives have no {', '.join(of_drives)}")
@@ -346,9 +346,9 @@ def _seen_at(blocks: list[Block], angle: Callable[[Theta], Theta], t: Theta) -> 
     """(n,) a linear function of angles (m, 3) at the true times `t`; before the release it is constant."""
     from scipy.interpolate import CubicHermiteSpline  # slow to import, and few plants need it
 
-    at = np.concatenate([block.t[:-1] for block in blocks])
+    instants = np.concatenate([block.t[:-1] for block in blocks])
     states = np.concatenate([block.states[:-1] for block in blocks])
-    spline = CubicHermiteSpline(at, angle(states[:, :JOINTS]), angle(states[:, JOINTS : 2 * JOINTS]))
+    spline = CubicHermiteSpline(instants, angle(states[:, :JOINTS]), angle(states[:, JOINTS : 2 * JOINTS]))
     return spline(np.maximum(t, 0.0))
 
 
@@ -357,10 +357,10 @@ def _blocks(
 ) -> Iterator[Block]:
     """Blocks of a swing, each from the end of the previous one, with `looks` instants per tick."""
     ticks = max(1, round(BLOCK_TIME * rate_hz))
-    own = np.arange(ticks * looks + 1) / (rate_hz * looks)
+    instants = np.arange(ticks * looks + 1) / (rate_hz * looks)
     state, first, moved, asked = plant.start(theta, omega), 0, AT_REST, np.zeros(0)
     while True:
-        t, acted = first / rate_hz + own, [np.zeros(0)]
+        t, acted = first / rate_hz + instants, [np.zeros(0)]
         if plant.mount is not None:
             torques, moved = plant.mount.torques(t, plant.goes_on(state, t), moved)
             states = plant.driven_on(state, t, torques)

@@ -79,9 +79,9 @@ class SimulatedRods:
         begins = now if self._ready() else math.inf
         self._held, self._swing = HeldRods(start, target, begins, self._placing_time), None
 
-    def let_go(self, at: float, rate_hz: float) -> None:
+    def let_go(self, time_s: float, rate_hz: float) -> None:
         """The latch opens at the device time `at`; from then on the swing is read at `rate_hz` ticks per second."""
-        theta = self._held.theta(np.array([at]))[0]
+        theta = self._held.theta(np.array([time_s]))[0]
         self._release += 1
         omega = release_speed(self._config.hand, self._config.seed, self._release)
         driven = None
@@ -89,7 +89,7 @@ class SimulatedRods:
             act = self._drives.block if isinstance(self._drives, ArmDrive) else self._drives.exerted
             driven = partial(act, rate_hz=rate_hz)
         self._swing = self._plant.let_go(theta, omega, rate_hz * self._clock_rate, self._release, driven)
-        self._released_at, self._rate_hz = at, rate_hz
+        self._released_at, self._rate_hz = time_s, rate_hz
         self._at_release = self._read(theta[None], RandomStream.SWING, self._release, 0)[0]
 
     def held_counts(self, t: NDArray[np.float64], first: int) -> Counts:

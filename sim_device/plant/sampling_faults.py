@@ -46,9 +46,9 @@ def between_ticks(theta: NDArray[np.float64], later: NDArray[np.float64]) -> NDA
     """
     whole = np.maximum(np.floor(later), 0.0)
     near = np.arange(1, len(later) + 1) + whole.astype(np.int64)
-    before, at, after = theta[near - 1], theta[near], theta[near + 1]
+    before, sample, after = theta[near - 1], theta[near], theta[near + 1]
     u = (later - whole)[:, None]
-    return at + u * (after - before) / 2 + u * u * (after - 2 * at + before) / 2
+    return sample + u * (after - before) / 2 + u * u * (after - 2 * sample + before) / 2
 
 
 def _within(begin_s: float, lasts_s: float | None, first: int, count: int, rate_hz: float) -> NDArray[np.bool_]:

@@ -72,9 +72,9 @@ def arm_gap(config: PlantConfig, rig: Rig) -> float:
         expected, slopes = _linearised(values, starts, laid_out, rig_constants(rig), (free, rods.states))
         if not (np.isfinite(expected).all() and np.isfinite(slopes).all()):
             return float("inf")
-        rest = ((wanted - expected.reshape(wanted.shape)) / sigma)[part].reshape(len(wanted), -1)
-        columns = (slopes.reshape(*wanted.shape, -1) / sigma[:, None])[part].reshape(*rest.shape, -1)
-        shift, start_shifts, left = eliminated(rest, columns, len(free), rcond=1e-6)
+        remaining = ((wanted - expected.reshape(wanted.shape)) / sigma)[part].reshape(len(wanted), -1)
+        columns = (slopes.reshape(*wanted.shape, -1) / sigma[:, None])[part].reshape(*remaining.shape, -1)
+        shift, start_shifts, left = eliminated(remaining, columns, len(free), rcond=1e-6)
         values[free] *= 1.0 + shift
         step = np.zeros_like(starts)
         step[:, rods.states] = start_shifts

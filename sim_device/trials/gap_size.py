@@ -64,8 +64,8 @@ def gap_size(
             return float("inf")
         expected = _as_read(swings - HANGING, relative).reshape(wanted.shape)
         columns = _as_read(slopes, relative).reshape(*wanted.shape, -1) / noise[:, None]
-        rest = ((wanted - expected) / noise).reshape(len(pieces), -1)
-        shift, start_shifts, left = eliminated(rest, columns.reshape(len(pieces), 2 * length, -1), len(RATIOS))
+        remaining = ((wanted - expected) / noise).reshape(len(pieces), -1)
+        shift, start_shifts, left = eliminated(remaining, columns.reshape(len(pieces), 2 * length, -1), len(RATIOS))
         values, starts = values + shift, starts + start_shifts
     return float(np.sqrt(np.mean(left**2)))
 
@@ -86,20 +86,20 @@ def _as_read(columns: Array, relative: bool) -> Array:
     return read
 
 
-def eliminated(rest: Array, slope: Array, common: int, rcond: float | None = None) -> tuple[Array, Array, Array]:
+def eliminated(residual: Array, slope: Array, common: int, rcond: float | None = None) -> tuple[Array, Array, Array]:
     """Least squares with the initial states eliminated: change of parameters and of initial states, and residual.
 
     Args:
-        rest: (segments, m) residual
+        residual: (segments, m) residual
         slope: (segments, m, common + states) its derivatives with respect to parameters and initial state
         common: number of parameters
         rcond: share of the largest singular value below which a direction counts as not determined
     """
     Q, R = np.linalg.qr(slope[:, :, common:])
-    shared, free = slope[:, :, :common], np.einsum("smk,sm->sk", Q, rest)
+    shared, free = slope[:, :, :common], np.einsum("smk,sm->sk", Q, residual)
     crossed = np.einsum("smk,smj->skj", Q, shared)
     projected = shared - np.einsum("smk,skj->smj", Q, crossed)
-    within = rest - np.einsum("smk,sk->sm", Q, free)
+    within = residual - np.einsum("smk,sk->sm", Q, free)
     shift = np.zeros(common)
     if common:
         shift, *_ = np.linalg.lstsq(projected.reshape(-1, common), within.ravel(), rcond=rcond)

@@ -145,7 +145,7 @@ def best_zeros(
         minimize(of_joints, start, method="Nelder-Mead", options={"initial_simplex": start + simplex})
         for start in starts
     )
-    best = min(searches, key=lambda one: one.fun)
+    best = min(searches, key=lambda result: result.fun)
     inner, outer = np.broadcast_to(np.remainder(best.x + np.pi, 2 * np.pi) - np.pi, 2).tolist()
     return inner, outer
 

@@ -72,8 +72,8 @@ def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseS
     )
     if not solution.success:
         return 0.0
-    at = np.concatenate([[1.0], solution.x[:4]])
-    spread = sum(_range(terms[:, :4] * at[:4], settings) for terms in parts)
+    normalised = np.concatenate([[1.0], solution.x[:4]])
+    spread = sum(_range(terms[:, :4] * normalised[:4], settings) for terms in parts)
     return float(solution.fun / spread) if spread > 0 else 0.0
 
 

@@ -141,12 +141,14 @@ def _scaled(rig: Rig) -> Iterator[Misreading]:
     for factor in (0.5, 2.0, 0.25, 4.0):
         stated = [f"{count / factor:.0f}" for count in counts]
         key = "counts_per_rev in the rig file is wrong: {} (it is {}); for a table of angles, --scale and --offset"
-        both = key.format(f"{stated[1]} for joint 1 and {stated[2]} for joint 2", f"{counts[1]} and {counts[2]}")
-        yield _of_angles(f"both joints turn by {factor:g} times the reading ({both})", _times(factor, factor))
+        for_both = key.format(f"{stated[1]} for joint 1 and {stated[2]} for joint 2", f"{counts[1]} and {counts[2]}")
+        yield _of_angles(f"both joints turn by {factor:g} times the reading ({for_both})", _times(factor, factor))
         for joint in (1, 2):
-            own = key.format(f"{stated[joint]} for joint {joint}", counts[joint])
+            for_one = key.format(f"{stated[joint]} for joint {joint}", counts[joint])
             s1, s2 = (factor, 1.0) if joint == 1 else (1.0, factor)
-            yield _of_angles(f"joint {joint} turns by {factor:g} times the reading ({own})", _times(s1, s2, relative))
+            yield _of_angles(
+                f"joint {joint} turns by {factor:g} times the reading ({for_one})", _times(s1, s2, relative)
+            )
             if relative:
                 rod = f"theta{joint} is {factor:g} times the reading (--scale theta{joint}={factor:g} and --offset)"
                 yield replace(_of_angles(rod, _times(s1, s2)), read=_of_tables(_of_angles(rod, _times(s1, s2))))

@@ -87,8 +87,8 @@ class TorqueBalance:
     def _thinned(self) -> "TorqueBalance":
         every, moving = max(1, len(self.moving.t) // ENERGY.zero_rows), self.moving
         names = ("near", "t", "rods", "omega", "alpha")
-        kept = LocalMotion(*(getattr(moving, name)[::every] for name in names))
-        return replace(self, moving=kept, torques=None if self.torques is None else self.torques[::every])
+        thinned = LocalMotion(*(getattr(moving, name)[::every] for name in names))
+        return replace(self, moving=thinned, torques=None if self.torques is None else self.torques[::every])
 
     def _equations(self, rods: Array) -> tuple[Array, Array, Array, Array]:
         """Columns, target, and bounds of the coefficients relative to the values of the rig file."""

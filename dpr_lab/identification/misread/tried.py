@@ -86,7 +86,7 @@ class SecondLook:
     def sentence(self) -> str:
         """Probable mistake and the option that corrects it; empty without evidence against the description."""
         if self.tried:
-            causes = ", or ".join(dict.fromkeys(one.reading.cause for one in self.tried))
+            causes = ", or ".join(dict.fromkeys(trial.reading.cause for trial in self.tried))
             return (
                 f"With another interpretation, rods without effects explain {percent(self.tried[0].share, 1)} of"
                 f" the excess: {causes}."
@@ -158,8 +158,8 @@ def better_readings(runs: Sequence[Run], rig: Rig, chi2_per_dof: float) -> list[
             for reading, other in _otherwise(tried, runs, rig, limit)
             if other.chi2_per_dof < limit / max(reading.time_factor, 1.0) ** 4 and residual(other) < SETTINGS.suspicious
         ]
-    good = sorted(good, key=lambda one: one[1].chi2_per_dof)
-    return [one for one in good if one[1].chi2_per_dof < SETTINGS.better * good[0][1].chi2_per_dof]
+    good = sorted(good, key=lambda pair: pair[1].chi2_per_dof)
+    return [pair for pair in good if pair[1].chi2_per_dof < SETTINGS.better * good[0][1].chi2_per_dof]
 
 
 def impossible(ratios: Array, rig: Rig) -> str:
@@ -210,8 +210,8 @@ def residual(ratio_fit: RatioFit) -> float:
     measured = ratio_fit.problem.joints.to_rods(ratio_fit.problem.measured)
     spread = np.std(np.concatenate([measured[owner == i] - measured[owner == i].mean(axis=0) for i in set(owner)]), 0)
     rms = np.sqrt(np.mean((measured - ratio_fit.predicted) ** 2, axis=0))
-    both = not all(setup.alone for setup in segments.setups)
-    return float(np.max((rms / np.maximum(spread, 1e-12))[: 1 + both]))
+    both_rods = not all(setup.alone for setup in segments.setups)
+    return float(np.max((rms / np.maximum(spread, 1e-12))[: 1 + both_rods]))
 
 
 def _otherwise(
@@ -219,10 +219,10 @@ def _otherwise(
 ) -> Iterator[tuple[Misreading, RatioFit]]:
     for reading in tried:
         read = [reading.read(run) for run in runs]
-        if all(one is None for one in read):
+        if all(run_read is None for run_read in read):
             continue
         try:
-            alike, factor = [one or run for one, run in zip(read, runs, strict=True)], reading.time_factor
+            alike, factor = [run_read or run for run_read, run in zip(read, runs, strict=True)], reading.time_factor
             other = fitted(alike, rig, quick=True, worst=limit, time_factor=factor)
         except RunError:  # without motion or samples in this interpretation
             continue

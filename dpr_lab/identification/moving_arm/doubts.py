@@ -52,16 +52,16 @@ def failures(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording], rig
     """
     if misfit > DOUBTS.doubted and (mirrored := _mirrored_fit(fit, misfit, recordings, rig)):
         return [mirrored]
-    stops = [sentence for one in recordings if misfit > 1.5 and (sentence := stop_sentence(one))]
+    stops = [sentence for recording in recordings if misfit > 1.5 and (sentence := stop_sentence(recording))]
     return [*stops, *_of_input(fit, rig), *([] if fit.converged else [_unconverged(recordings)])]
 
 
 def _unconverged(recordings: Sequence[ArmRecording]) -> str:
-    for one in recordings:
-        moved = float(np.ptp(one.run.theta[:, 0]))
-        if one.run.arm_mode == "free" and moved < DOUBTS.hardly_rad:
+    for recording in recordings:
+        moved = float(np.ptp(recording.run.theta[:, 0]))
+        if recording.run.arm_mode == "free" and moved < DOUBTS.hardly_rad:
             return (
-                f"{one.run.file or one.run.name}: its arm moves by {moved:.2g} rad only, which determines"
+                f"{recording.run.file or recording.run.name}: its arm moves by {moved:.2g} rad only, which determines"
                 " neither A nor c0; it seems to be held. Import the table with --arm clamped, or record swings"
                 " that move the arm"
             )
@@ -70,7 +70,7 @@ def _unconverged(recordings: Sequence[ArmRecording]) -> str:
 
 def _mirrored_fit(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording], rig: Rig) -> str:
     """A sentence if the recordings fit much better with the opposite sign of theta0; otherwise empty."""
-    other = fit_moving_arm([_mirrored(one) for one in recordings], rig)
+    other = fit_moving_arm([_mirrored(recording) for recording in recordings], rig)
     other_misfit = other.misfit or other.chi2_per_dof
     if not DOUBTS.better * other_misfit < misfit:
         return ""

@@ -57,8 +57,8 @@ def swing_of(unknown: Array, params: Array, mounted: str, driven: bool, rig: Rig
     excess = effects.get(DRIVE_GAIN.name, {"excess": 0.0})["excess"]
     per = 1.0 if mounted == "both" else a
     scale = b * per
-    both = (a, 1.0, whole["d"], e1, whole["c1"], whole["c2"])
-    rods = both if mounted == "both" else (1.0, 1.0, 0.0, e1 / a, whole["c1"] / a, 0.0)
+    both_rods = (a, 1.0, whole["d"], e1, whole["c1"], whole["c2"])
+    rods = both_rods if mounted == "both" else (1.0, 1.0, 0.0, e1 / a, whole["c1"] / a, 0.0)
     gain = drive_gain(rig).value * (1.0 + excess) if driven else 1.0
     values = (*rods, arm["inertia_kgm2"] / scale, arm["viscous_Nms"] / scale, 0.0, 0.0, gain / scale, rig.L0)
     assert len(values) == len(SWING_PARAMETERS)

@@ -106,7 +106,7 @@ def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFi
             ranges.pop(0)
     if best.chi2_per_dof > settings.misfit:
         # A residual above the noise is treated as noise: joints are weighted by their residuals.
-        std = np.fmax(best.rms, np.max([one.std for one in recordings], axis=0))
+        std = np.fmax(best.rms, np.max([recording.std for recording in recordings], axis=0))
         weighed = fit_segments(best.problem.with_std(std), best.p, best.initial, settings)
         return replace(weighed, misfit=best.chi2_per_dof)
     return best
@@ -231,15 +231,15 @@ class _Eliminated:
             Q = Q[: len(r)]
             inward: Array = np.linalg.solve(R, np.column_stack([Q.T @ r, Q.T @ A])).astype(np.float64)
             self._parts.append((free, inward[:, 0], inward[:, 1:]))
-            rest = A - Q @ (Q.T @ A)
-            self.information += A.T @ rest
-            self.scores[s] = rest.T @ r
+            remainder = A - Q @ (Q.T @ A)
+            self.information += A.T @ remainder
+            self.scores[s] = remainder.T @ r
 
     def states(self, step: Array) -> Array:
         """(segments, 6) change of the initial states for a step (free,) of the unknowns."""
         change = np.zeros((self._segments, 6))
-        for s, (free, own, by_step) in enumerate(self._parts):
-            change[s, free] = own - by_step @ step
+        for s, (free, slopes, by_step) in enumerate(self._parts):
+            change[s, free] = slopes - by_step @ step
         return change
 
 

@@ -187,7 +187,7 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
     singular_values = np.linalg.svd(data, compute_uv=False)
     combinations = [unknowns.name(name) for name in unknowns.free]
     relative = dict(zip(combinations, spread(root).tolist(), strict=True))
-    seen = {name: std for name, std in relative.items() if np.isfinite(std)}
+    determined = {name: std for name, std in relative.items() if np.isfinite(std)}
     of_parameters = dict(zip(names, spread(known).tolist(), strict=True))
     values = dict(zip(combinations, fit.values.tolist(), strict=True)) if runs else {}
     answers = _answers(sizes, parameters, rig)
@@ -197,9 +197,9 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
         simulated=not runs,
         rank=int(np.sum(singular_values >= SEEN)),
         singular_values=tuple(singular_values.tolist()),
-        combinations=seen,
-        values={name: value for name, value in values.items() if name in seen},
-        unseen=tuple(name for name in relative if name not in seen),
+        combinations=determined,
+        values={name: value for name, value in values.items() if name in determined},
+        unseen=tuple(name for name in relative if name not in determined),
         null_space=tuple(simple_basis(free_directions(known), names)),
         fixed_by={
             name: "measured" if _std(parameters[name]) else "data" if np.isfinite(std) else "bound"
@@ -216,8 +216,8 @@ def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
 
     Missing motor constants are replaced by those of a small motor whose back-EMF is as large as the friction.
     """
-    both, motor = rig.rods.mounted == "both", rig.motor
-    of_rods = PARAMETERS if both else SINGLE_ROD
+    both_rods, motor = rig.rods.mounted == "both", rig.motor
+    of_rods = PARAMETERS if both_rods else SINGLE_ROD
     sizes = {name: float(rig.nominal[PARAMETERS.index(name)]) for name in of_rods}
     scale = rod_inertias(rig.nominal, rig)[1]
     start = dict(zip(SWING_PARAMETERS, (unknowns.start * scale).tolist(), strict=True))
@@ -269,10 +269,12 @@ def _measured_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[st
 def _bound_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, float]) -> Array:
     """Standard deviation of a uniform distribution between the bounds; without bounds that of a decade."""
     rows = [
-        sizes[name] * 12**0.5 / (one.upper - one.lower) if one and one.upper and one.lower else 1.0
-        for name, one in parameters.items()
+        sizes[name] * 12**0.5 / (parameter.upper - parameter.lower)
+        if parameter and parameter.upper and parameter.lower
+        else 1.0
+        for name, parameter in parameters.items()
     ]
-    return np.diag(rows)[[not _std(one) for one in parameters.values()]]
+    return np.diag(rows)[[not _std(parameter) for parameter in parameters.values()]]
 
 
 def _answers(
@@ -316,13 +318,13 @@ def _simulated(rig: Rig) -> ArmFit:
     p, gain = problem.unknowns.start.copy(), SWING_PARAMETERS.index("gain")
     if driven:
         p[gain] = p[gain] or 1.0  # for a motor without constants
-        recordings = [replace(one, drive=_program(t, p, mode)) for one in recordings]
+        recordings = [replace(recording, drive=_program(t, p, mode)) for recording in recordings]
         problem, initial = arm_problem(recordings, rig, 2 * RELEASES.duration_s)
     initial[:] = [[*pose.theta, 0.0, 0.0, 0.0] for pose in poses]
     states = swing_segments(p, problem.frame, problem.segments, initial * problem.moves)
     recordings = [
-        replace(one, run=replace(one.run, theta=swung[:, :3]))
-        for one, swung in zip(recordings, np.split(states, len(poses)), strict=True)
+        replace(recording, run=replace(recording.run, theta=swung[:, :3]))
+        for recording, swung in zip(recordings, np.split(states, len(poses)), strict=True)
     ]
     problem, _ = arm_problem(recordings, rig, RELEASES.segment_s)
     initial = states[problem.segments.offsets[:-1]] * problem.moves

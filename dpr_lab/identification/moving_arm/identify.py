@@ -58,20 +58,22 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
     unknowns, std = fit.problem.unknowns, np.sqrt(np.diag(covariance))
     names = [unknowns.name(parameter) for parameter in unknowns.free]
     estimates = dict(zip(names, map(_estimated, fit.values.tolist(), std.tolist()), strict=True))
-    seen = {name: one.std <= ARM_WARNINGS.hardly_seen * abs(one.value) for name, one in estimates.items()}
+    determined = {
+        name: estimate.std <= ARM_WARNINGS.hardly_seen * abs(estimate.value) for name, estimate in estimates.items()
+    }
     scale = scale_of_arm(fit, covariance, rig)
-    noise = np.sqrt(np.mean([one.std**2 for one in recordings], axis=0))
+    noise = np.sqrt(np.mean([estimate.std**2 for estimate in recordings], axis=0))
     read = [bool(np.any(fit.problem.weight[:, joint] > 0)) for joint in range(3)]
     return MovingArmModel(
         rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g),
         mounted="both" if unknowns.scale == "b" else "inner",
         input=unknowns.input if any(run.arm_mode == "driven" for run in runs) else "",
         scale="b" if unknowns.scale == "b" else "a",
-        ratios={name: one for name, one in estimates.items() if seen[name]},
-        undetermined={name: _limit(name, one) for name, one in estimates.items() if not seen[name]},
+        ratios={name: estimate for name, estimate in estimates.items() if determined[name]},
+        undetermined={name: _limit(name, estimate) for name, estimate in estimates.items() if not determined[name]},
         covariance=covariance.tolist(),
         unknowns=names,
-        absolute=absolute_values(fit, covariance, scale, [seen[name] for name in names]),
+        absolute=absolute_values(fit, covariance, scale, [determined[name] for name in names]),
         scale_sentence=scale.sentence,
         swing=fit.p.tolist(),
         fit=ArmFitSummary(
@@ -83,7 +85,9 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
             converged=fit.converged,
         ),
         runs=[_used(run, fit, k) for k, run in enumerate(runs)],
-        notes=motor_notes(fit, scale, rig, [one for one in unknowns.free if seen[unknowns.name(one)]]),
+        notes=motor_notes(
+            fit, scale, rig, [estimate for estimate in unknowns.free if determined[unknowns.name(estimate)]]
+        ),
         warnings=_warnings(fit),
         failures=failures(fit, _misfit(fit), recordings, rig),
         version=__version__,
@@ -99,8 +103,8 @@ def _estimated(value: float, std: float) -> EstimatedValue:
     return EstimatedValue(value=value, std=std, interval90=(value - reach, value + reach))
 
 
-def _limit(name: str, one: EstimatedValue) -> str:
-    low, high = one.interval90
+def _limit(name: str, estimate: EstimatedValue) -> str:
+    low, high = estimate.interval90
     if low > 0:
         return f"poorly determined: {low:.3g} to {high:.3g} (90 %)"
     if name[:2] in ("c0", "c1", "c2", "k0", "f0"):

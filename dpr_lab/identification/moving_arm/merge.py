@@ -41,9 +41,9 @@ def merged(
     """
     cuts = problem.cuts
     pairs = {
-        first: (one[0], slice(one[1].start, other[1].stop))
-        for first, (one, other) in enumerate(pairwise(cuts))
-        if one[0] == other[0]
+        first: (piece[0], slice(piece[1].start, other[1].stop))
+        for first, (piece, other) in enumerate(pairwise(cuts))
+        if piece[0] == other[0]
     }
     step = problem.max_step
     near, exact = _following(pairs, p, initial, recordings, rig, near_rad, step)

@@ -87,7 +87,7 @@ class MovingArmModel(Shown, BaseModel):
         return f"Model of rig {self.rig.name} with a moving arm from {runs}: {rms}"
 
     def _rows(self) -> list[Row]:
-        rows = [(name, f"{one.value:.5g}", f"{one.std:.2g}") for name, one in self.ratios.items()]
+        rows = [(name, f"{ratio.value:.5g}", f"{ratio.std:.2g}") for name, ratio in self.ratios.items()]
         return [("", "value", "std"), *rows]
 
     @property

@@ -165,7 +165,7 @@ def _recording(run: Run, rig: Rig) -> ArmRecording:
 
 def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> tuple[ArmProblem, Array]:
     """Recordings cut into segments of about this length (s), and (segments, 6) rough initial states."""
-    cuts = [(i, part) for i, one in enumerate(recordings) for part in partition(one.run, length)]
+    cuts = [(i, part) for i, recording in enumerate(recordings) for part in partition(recording.run, length)]
     problem = problem_of(recordings, rig, cuts)
     initial = np.array([_rough_state(recordings[i].run, part) for i, part in cuts])
     initial[:, 1:] = np.where(problem.moves[:, 1:], initial[:, 1:], 0.0)  # a clamped arm keeps its angle
@@ -176,9 +176,9 @@ def problem_of(
     recordings: Sequence[ArmRecording], rig: Rig, cuts: Sequence[Cut], max_step: float = MAX_STEP
 ) -> ArmProblem:
     """Recordings cut into the given segments, with steps of at most `max_step` seconds."""
-    both = rig.rods.mounted == "both"
+    both_rods = rig.rods.mounted == "both"
     modes = [recordings[i].mode for i, _ in cuts]
-    driven = any(one.run.arm_mode == "driven" and one.mode != DRIVEN for one in recordings)
+    driven = any(recording.run.arm_mode == "driven" and recording.mode != DRIVEN for recording in recordings)
     unknowns = unknowns_of(modes, driven, rig)
     segments = arm_segments(
         [recordings[i].run.t[part] for i, part in cuts],
@@ -186,11 +186,11 @@ def problem_of(
         [recordings[i].drive[part] for i, part in cuts],
         max_step,
     )
-    relative = both and rig.encoders.joint2 == "relative"
+    relative = both_rods and rig.encoders.joint2 == "relative"
     measured = np.concatenate([recordings[i].run.theta[part] for i, part in cuts])
     if relative:
         measured[:, 2] -= measured[:, 1]
-    axes = np.array([[mode != CLAMPED, True, both] for mode in modes])
+    axes = np.array([[mode != CLAMPED, True, both_rods] for mode in modes])
     std = np.array([recordings[i].std for i, _ in cuts])
     weight = np.repeat(np.where(axes, 1.0 / std, 0.0), np.diff(segments.offsets), axis=0)
     prior = np.zeros(len(unknowns.free))

@@ -80,20 +80,24 @@ def _relative_std(rig: Rig) -> float | None:
     return float(variance**0.5)
 
 
-def absolute_values(fit: ArmFit, covariance: Array, scale: ArmScale, seen: Sequence[bool]) -> dict[str, EstimatedValue]:
+def absolute_values(
+    fit: ArmFit, covariance: Array, scale: ArmScale, determined: Sequence[bool]
+) -> dict[str, EstimatedValue]:
     """Absolute values of the determined unknowns, and of the scale."""
     unknowns, values = fit.problem.unknowns, fit.values
     absolute = {}
     gain_index = unknowns.free.index("gain") if scale.by_gain else None
-    own = np.zeros(len(values))
+    by_gain = np.zeros(len(values))
     if gain_index is not None:
-        own[gain_index] = -1.0 / values[gain_index]
+        by_gain[gain_index] = -1.0 / values[gain_index]
     places = [
-        (parameter, k) for k, parameter in enumerate(unknowns.free) if seen[k] and parameter != "L0" and k != gain_index
+        (parameter, k)
+        for k, parameter in enumerate(unknowns.free)
+        if determined[k] and parameter != "L0" and k != gain_index
     ]
-    rows = [(unknowns.scale, 1.0, own)]
+    rows = [(unknowns.scale, 1.0, by_gain)]
     for parameter, k in places:
-        row = own.copy()
+        row = by_gain.copy()
         row[k] += 1.0 / values[k]
         rows.append((absolute_name(parameter, unknowns.input), float(values[k]), row))
     for name, ratio, row in rows:
@@ -116,14 +120,14 @@ def absolute_name(parameter: str, kind: str) -> str:
     return {"voltage": "kt gear/R", "current": "kt gear"}.get(kind, "gain")
 
 
-def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, seen: Collection[str]) -> list[str]:
+def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, determined: Collection[str]) -> list[str]:
     """Combinations that the input cannot separate, and their values with the constants of the rig file.
 
     Args:
         fit: the fit
         scale: scale of absolute values
         rig: the rig file
-        seen: unknowns that the recordings determine
+        determined: unknowns that the recordings determine
     """
     unknowns, motor = fit.problem.unknowns, rig.motor
     if motor is None or "gain" not in unknowns.free:
@@ -144,7 +148,7 @@ def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, seen: Collection[str]) -
         " recording separates kt from R, or friction from back-EMF: measure R with an ohmmeter, and ke by"
         " turning the motor.",
     ]
-    if "gain" not in seen:
+    if "gain" not in determined:
         return notes
     if motor.kt is not None and motor.R is not None:
         expected = best(motor.kt, 0.0) / best(motor.R, 1.0)
@@ -152,7 +156,7 @@ def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, seen: Collection[str]) -
             f"kt/R is {gain / motor.gear:.4g} N m/V from the recordings and {expected:.4g} N m/V from the rig file"
             f" ({100 * (gain / motor.gear / expected - 1):+.1f} %)."
         )
-    if motor.ke is not None and "c0" in seen:
+    if motor.ke is not None and "c0" in determined:
         share = best(motor.ke, 0.0) * gain * motor.gear
         total = fit.p[SWING_PARAMETERS.index("c0")] * scale.value
         notes.append(

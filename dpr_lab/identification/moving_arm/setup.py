@@ -31,7 +31,11 @@ def drive_gain(rig: Rig) -> DriveGain:
     if motor is None or value == 0.0:
         return DriveGain(float(rod_inertias(rig.nominal, rig)[1]), False)
     constants = {"current": [motor.kt], "voltage": [motor.kt, motor.R]}.get(motor.input, [])
-    measured = [(one.std or 0.0) / one.measured for one in constants if one is not None and one.measured is not None]
+    measured = [
+        (constant.std or 0.0) / constant.measured
+        for constant in constants
+        if constant is not None and constant.measured is not None
+    ]
     return DriveGain(value, len(measured) == len(constants), math.hypot(*measured))
 
 

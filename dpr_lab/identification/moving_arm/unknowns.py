@@ -83,17 +83,17 @@ def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
         driven: whether a torque, current or voltage drives one of them
         rig: initial values
     """
-    both, kind = rig.rods.mounted == "both", rig.motor.input if rig.motor else ""
+    both_rods, kind = rig.rods.mounted == "both", rig.motor.input if rig.motor else ""
     rods = rod_inertias(rig.nominal, rig)
     scale = float(rods[1])
-    masses = MASSES if both else ("m1",)
+    masses = MASSES if both_rods else ("m1",)
     carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
     total = best(rig.arm.A, 2.0 * carried)
     start = np.array([
         *rods, total, best(rig.arm.c0, total), best(rig.arm.k0, 0.0), best(rig.arm.f0, 0.0), nominal_gain(rig),
         rig.L0 * scale,
     ]) / scale  # fmt: skip
-    free = ["a", "d", "e1", "c1", "c2"] if both else ["e1", "c1"]
+    free = ["a", "d", "e1", "c1", "c2"] if both_rods else ["e1", "c1"]
     if FREE in modes:
         free += ["A", "c0"]
         free += [name for name in ("k0", "f0") if getattr(rig.arm, name) is not None]
@@ -103,7 +103,7 @@ def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
         start[SWING_PARAMETERS.index("gain")] = 1.0  # for an acceleration; unused without an input
     if rig.rig.L0_std is not None and set(modes) != {CLAMPED}:
         free.append("L0")
-    return Unknowns("b" if both else "a", tuple(free), kind, scale, start)
+    return Unknowns("b" if both_rods else "a", tuple(free), kind, scale, start)
 
 
 def nominal_gain(rig: Rig) -> float:

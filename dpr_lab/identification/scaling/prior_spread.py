@@ -144,8 +144,8 @@ def _edges(rig: Rig) -> Array:
 
 def _posterior(unknown: Array, rig: Rig, visible: Sequence[int] | None) -> tuple[Array, Array]:
     """(9,) most probable parameters and (9, 9) covariance of their logarithms, given all ratios except friction."""
-    seen = range(len(RATIOS)) if visible is None else visible
-    places = [i for i in (*range(len(RATIOS)), ON_ELBOW) if i in seen and i not in FRICTION]
+    determined = range(len(RATIOS)) if visible is None else visible
+    places = [i for i in (*range(len(RATIOS)), ON_ELBOW) if i in determined and i not in FRICTION]
     lower, upper = rig.bounds
     relative = np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS]) / rig.nominal
     P0 = np.diag(np.where(rig.searched, np.log(upper / lower) / np.sqrt(12), relative) ** 2)

@@ -60,12 +60,12 @@ class Worth:
 WORTH = Worth()
 
 
-def given(F: Array, fitted: Sequence[int], own: Sequence[int]) -> Array:
+def given(F: Array, fitted: Sequence[int], columns: Sequence[int]) -> Array:
     """Information about some unknowns when others are fitted too: the Schur complement."""
-    across = F[np.ix_(fitted, own)]
+    across = F[np.ix_(fitted, columns)]
     scale = 1 / np.sqrt(np.diag(F)[list(fitted)])
     inner = F[np.ix_(fitted, fitted)] * scale[:, None] * scale + 1e-12 * np.eye(len(scale))
-    return F[np.ix_(own, own)] - (across.T * scale) @ np.linalg.solve(inner, across * scale[:, None])
+    return F[np.ix_(columns, columns)] - (across.T * scale) @ np.linalg.solve(inner, across * scale[:, None])
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,11 +95,11 @@ class OpenPairs:
         target = known.amplitudes[list(about)]
         sizes, spreads = [], []
         for name in names:
-            own = known.places[name]
-            G = given(known.information, others, list(dict.fromkeys((*own, *about))))
-            inverse = np.linalg.pinv(G[: len(own), : len(own)], rcond=1e-12, hermitian=True)
-            imitation = inverse @ (G[: len(own), len(own) :] @ target) if name != causes.about else target
-            sizes.append(_with_hidden(name, causes.about, own, known, imitation, target))
+            places = known.places[name]
+            G = given(known.information, others, list(dict.fromkeys((*places, *about))))
+            inverse = np.linalg.pinv(G[: len(places), : len(places)], rcond=1e-12, hermitian=True)
+            imitation = inverse @ (G[: len(places), len(places) :] @ target) if name != causes.about else target
+            sizes.append(_with_hidden(name, causes.about, places, known, imitation, target))
             spreads.append(inverse)
         return cls(
             causes.about,
@@ -118,16 +118,16 @@ class OpenPairs:
 
     def distances(self, F: Array) -> Array:
         """(n, n) expected D^2 of readings under each cause (row) from the nearest ones under each other (column)."""
-        columns = list(dict.fromkeys(i for own in self.places for i in own))
+        columns = list(dict.fromkeys(i for places in self.places for i in places))
         G = given(F, self.fitted, columns)
-        rows = [[columns.index(i) for i in own] for own in self.places]
+        rows = [[columns.index(i) for i in places] for places in self.places]
         apart = np.zeros((len(rows), len(rows)))
-        for i, own in enumerate(rows):
+        for i, places in enumerate(rows):
             for j, other in enumerate(rows):
-                free = [k for k, row in enumerate(own) if row not in other]
+                free = [k for k, row in enumerate(places) if row not in other]
                 if i == j or not free:
                     continue
-                mine = [own[k] for k in free]
+                mine = [places[k] for k in free]
                 cross = G[np.ix_(other, mine)]
                 left = G[np.ix_(mine, mine)] - cross.T @ np.linalg.pinv(G[np.ix_(other, other)], 1e-12, True) @ cross
                 size = self.sizes[i][free]
@@ -148,7 +148,7 @@ class OpenPairs:
         return d2
 
 
-def _with_hidden(name: str, about: str, own: Sequence[int], known: Knowledge, sizes: Array, target: Array) -> Array:
+def _with_hidden(name: str, about: str, columns: Sequence[int], known: Knowledge, sizes: Array, target: Array) -> Array:
     """Sizes of a cause; the additional amplitude of a richer form has the largest size that could be undetected.
 
     A diagnosis keeps both forms in one class until this size would be detectable.
@@ -156,7 +156,7 @@ def _with_hidden(name: str, about: str, own: Sequence[int], known: Knowledge, si
     if about not in EFFECTS[name].nested or not len(target):
         return sizes
     shared = {known.model.columns[i].name for i in known.places[about]}
-    added = np.array([known.model.columns[i].name not in shared for i in own])
+    added = np.array([known.model.columns[i].name not in shared for i in columns])
     return np.where(added, np.maximum(np.abs(sizes), HIDDEN * np.abs(target).max()), sizes)
 
 
@@ -169,9 +169,9 @@ def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
     for other in range(len(pairs.names)):
         if other == best:
             continue
-        both = pairs.probabilities[[best, other]]
-        d2 = (both[0] * gained[best, other] + both[1] * gained[other, best]) / both.sum()
-        bits[pairs.names[best], pairs.names[other]] = expected_bits(both.tolist(), float(np.sqrt(d2)))
+        pair = pairs.probabilities[[best, other]]
+        d2 = (pair[0] * gained[best, other] + pair[1] * gained[other, best]) / pair.sum()
+        bits[pairs.names[best], pairs.names[other]] = expected_bits(pair.tolist(), float(np.sqrt(d2)))
     return bits
 
 
@@ -184,17 +184,17 @@ def _even_bits() -> tuple[Array, Array]:
 
 def library_bits(known: Knowledge, F: Array) -> float:
     """Mean bits about an amplitude of the library against another one, and against none, at even odds."""
-    own = [i for i in range(RATIO_COLUMNS, len(F)) if known.model.columns[i].effect not in known.named]
-    G = given(F, known.fitted, own)
+    columns = [i for i in range(RATIO_COLUMNS, len(F)) if known.model.columns[i].effect not in known.named]
+    G = given(F, known.fitted, columns)
     power = np.maximum(np.diag(G), 0.0)
-    typical = np.array([known.model.columns[i].size for i in own])
+    typical = np.array([known.model.columns[i].size for i in columns])
     scaled = np.where(power > 0, power, 1.0)
     apart = np.maximum(power[:, None] - G**2 / scaled, 0.0)
-    effects = np.array([known.model.columns[i].effect for i in own])
+    effects = np.array([known.model.columns[i].effect for i in columns])
     apart[effects[:, None] == effects] = np.inf
     np.fill_diagonal(apart, power)
     grid, bits = _even_bits()
-    of_same = (effects[:, None] == effects) & ~np.eye(len(own), dtype=np.bool_)
+    of_same = (effects[:, None] == effects) & ~np.eye(len(columns), dtype=np.bool_)
     total, count = 0.0, 0
     for size in WORTH.sizes:
         d = size * typical[:, None] * np.sqrt(apart / CALIBRATION.temperature)
@@ -205,16 +205,16 @@ def library_bits(known: Knowledge, F: Array) -> float:
 
 def ratio_bits(known: Knowledge, F: Array) -> float:
     """Negative log2 of the volume of the covariance of the five ratios, in bits, up to a constant."""
-    rest = [i for i in known.fitted if i >= len(RATIOS)]
-    G = given(F, rest, range(len(RATIOS)))
+    nuisance = [i for i in known.fitted if i >= len(RATIOS)]
+    G = given(F, nuisance, range(len(RATIOS)))
     scale = np.array([known.model.columns[i].size for i in range(len(RATIOS))])
     return float(0.5 * np.linalg.slogdet(G * scale[:, None] * scale)[1] / np.log(2))
 
 
 def ratio_std(known: Knowledge, F: Array) -> Array:
     """(5,) expected standard deviations of the ratios when the effects of the model are fitted too."""
-    rest = [i for i in known.fitted if i >= len(RATIOS)]
-    return np.sqrt(np.diag(np.linalg.inv(given(F, rest, range(len(RATIOS))))))
+    nuisance = [i for i in known.fitted if i >= len(RATIOS)]
+    return np.sqrt(np.diag(np.linalg.inv(given(F, nuisance, range(len(RATIOS))))))
 
 
 def detectable(
@@ -236,6 +236,6 @@ def detectable(
         prior = np.diag(known.prior)[list(places)]
         for place, power, before in zip(places, left.tolist(), prior.tolist(), strict=True):
             column = known.model.columns[place]
-            seen = power - before > max(WORTH.seen * F[place, place], before)
-            sizes.setdefault(name, {})[column.name] = float(sigmas / np.sqrt(power - before)) if seen else None
+            visible = power - before > max(WORTH.seen * F[place, place], before)
+            sizes.setdefault(name, {})[column.name] = float(sigmas / np.sqrt(power - before)) if visible else None
     return sizes

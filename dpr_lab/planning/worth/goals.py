@@ -50,7 +50,7 @@ def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:
 
 def goal_bits(known: Knowledge, F: Array, limits: Limits) -> float:
     """Sum over the limits of the negative log2 of half width / distance; a ratio below one half adds nothing more."""
-    shares = [one.reach / one.room for one in goals(known, F, limits) if one.reach is not None]
+    shares = [goal.reach / goal.room for goal in goals(known, F, limits) if goal.reach is not None]
     return float(np.sum(-np.log2(np.maximum(shares, 0.5)))) if shares else 0.0
 
 
@@ -58,12 +58,12 @@ def limit_forecasts(known: Knowledge, F: Array, limits: Limits) -> list[LimitFor
     """Each limit of a file, and whether releases with some information decide it; arguments as of `goals`."""
     return [
         LimitForecast(
-            quantity=one.quantity,
-            unit=one.unit,
-            reach=one.reach,
-            decides=one.single and one.reach is not None and one.reach < one.room,
+            quantity=goal.quantity,
+            unit=goal.unit,
+            reach=goal.reach,
+            decides=goal.single and goal.reach is not None and goal.reach < goal.room,
         )
-        for one in goals(known, F, limits)
+        for goal in goals(known, F, limits)
     ]
 
 

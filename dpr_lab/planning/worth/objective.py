@@ -30,8 +30,8 @@ class Gain:
     def weighed(self) -> float:
         """Weighted sum of the bits."""
         library = WORTH.library if self.causes else 1.0
-        rest = WORTH.ratios * self.ratios + WORTH.limits * self.limits
-        return sum(self.causes.values()) + library * self.library + rest
+        others = WORTH.ratios * self.ratios + WORTH.limits * self.limits
+        return sum(self.causes.values()) + library * self.library + others
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,20 +52,20 @@ class Objective:
     def of(cls, known: Knowledge, limits: Limits | None = None) -> "Objective":
         """Objective from the present knowledge and the limits of the rig."""
         pairs = tuple(OpenPairs.of(known, causes) for causes in known.causes)
-        pairs = tuple(one for one in pairs if len(one.names) > 1)
-        before = tuple(one.distances(known.information) for one in pairs)
+        pairs = tuple(pair for pair in pairs if len(pair.names) > 1)
+        before = tuple(pair.distances(known.information) for pair in pairs)
         return cls(known, pairs, before, ratio_bits(known, known.information), limits or Limits())
 
     def gained(self, F: Array) -> list[Array]:
         """(n, n) d^2 that further information adds, for each named effect."""
-        return [one.gained(before, F) for one, before in zip(self.pairs, self.before, strict=True)]
+        return [pair.gained(before, F) for pair, before in zip(self.pairs, self.before, strict=True)]
 
     def simulated(self, release: CandidateRelease, information: Array) -> float | None:
         """Ratio of simulated to linearised Delta D^2 of the least decided pair; None without an undecided pair."""
         if not self.pairs:
             return None
-        pairs = max(self.pairs, key=lambda one: float(np.sort(one.probabilities)[-2]))
-        before = next(b for one, b in zip(self.pairs, self.before, strict=True) if one is pairs)
+        pairs = max(self.pairs, key=lambda open_pair: float(np.sort(open_pair.probabilities)[-2]))
+        before = next(b for open_pair, b in zip(self.pairs, self.before, strict=True) if open_pair is pairs)
         first, second = np.argsort(-pairs.probabilities)[:2].tolist()
         gained = pairs.distances(self.known.information + information) - before
         truth, other = max(((first, second), (second, first)), key=lambda pair: float(gained[pair]))
@@ -82,8 +82,8 @@ class Objective:
 
     def bits_of(self, gained: list[Array]) -> dict[tuple[str, str], float]:
         """Expected bits of each undecided pair, from the added d^2 of each named effect (`gained`)."""
-        of_each = (cause_bits(one, d2) for one, d2 in zip(self.pairs, gained, strict=True))
-        return {pair: bits for one in of_each for pair, bits in one.items()}
+        of_each = (cause_bits(open_pair, d2) for open_pair, d2 in zip(self.pairs, gained, strict=True))
+        return {pair: bits for open_pair in of_each for pair, bits in open_pair.items()}
 
     def gain(self, F: Array) -> Gain:
         """Bits of each part with this information."""

@@ -53,7 +53,7 @@ def reason(before: Expected, after: Expected, needed: bool = False) -> Reason:
     causes = before.gain.causes
     added = {pair: bits - causes.get(pair, 0.0) for pair, bits in after.gain.causes.items()}
     if added and max(added.values()) >= NOTICEABLE.causes:
-        (first, second), bits = max(added.items(), key=lambda one: one[1])
+        (first, second), bits = max(added.items(), key=lambda bits_by_pair: bits_by_pair[1])
         parts.insert(0, f"separates {first} from {second} ({bits:.2f} bits)")
     if (bits := after.gain.library - before.gain.library) >= NOTICEABLE.library:
         parts.append(f"shows effects that are not named so far ({bits:.2f} bits)")
@@ -65,7 +65,7 @@ def reason(before: Expected, after: Expected, needed: bool = False) -> Reason:
 
 def only_ratios_sentence(reasons: Sequence[Reason]) -> str:
     """Sentence that lists the releases that only improve the accuracy of the ratios; empty if there are none."""
-    numbers = [str(k) for k, one in enumerate(reasons, 1) if one.only_ratios]
+    numbers = [str(k) for k, release in enumerate(reasons, 1) if release.only_ratios]
     if not numbers:
         return ""
     several = len(numbers) > 1

@@ -90,7 +90,8 @@ def evidence_blocks(section: EvidenceSection, diagnosis: Diagnosis, drawn: Mappi
         drawn: figures by name
     """
     tables = [
-        PageTable(each.columns, each.rows(diagnosis), each.note, each.style, each.title) for each in section.tables
+        PageTable(evidence.columns, evidence.rows(diagnosis), evidence.note, evidence.style, evidence.title)
+        for evidence in section.tables
     ]
     has_symbols = section.symbols and any(table.rows for table in tables)
     return [

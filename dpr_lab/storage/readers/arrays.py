@@ -105,16 +105,16 @@ def table_of(
     short = {name: name if last[name.rsplit("/", 1)[-1]] > 1 else name.rsplit("/", 1)[-1] for name in columns}
     times = [len(column) for name, column in columns.items() if is_time(short[name])]
     rows = times[0] if len(times) == 1 else Counter(map(len, columns.values())).most_common(1)[0][0]
-    kept = {name: column for name, column in columns.items() if len(column) == rows}
+    usable = {name: column for name, column in columns.items() if len(column) == rows}
     return Table(
         path,
-        tuple(printable(short[name]) for name in kept),
-        tuple(np.asarray(column, dtype=np.float64) for column in kept.values()),
-        ("",) * len(kept),
+        tuple(printable(short[name]) for name in usable),
+        tuple(np.asarray(column, dtype=np.float64) for column in usable.values()),
+        ("",) * len(usable),
         np.arange(1, rows + 1),
         tuple(notes),
         kind,
-        other_lengths={short[name]: len(column) for name, column in columns.items() if name not in kept},
+        other_lengths={short[name]: len(column) for name, column in columns.items() if name not in usable},
     )
 
 

@@ -61,22 +61,22 @@ def _parts(path: Path, content: bytes) -> Iterator[bytes]:
     One element at a time, so that the memory is that of the numbers and of the largest element.
     """
     order = "<" if content[126:HEADER] == b"IM" else ">"
-    total, at = HEADER, HEADER
+    total, position = HEADER, HEADER
     most = min(_most_bytes(), most_unpacked(path))
-    if len(content) < at + TAG:
+    if len(content) < position + TAG:
         yield content
-    while at + TAG <= len(content):
-        kind, size = struct.unpack_from(f"{order}II", content, at)
-        end = at + TAG + size
-        element = content[at:end]
+    while position + TAG <= len(content):
+        kind, size = struct.unpack_from(f"{order}II", content, position)
+        end = position + TAG + size
+        element = content[position:end]
         if kind == COMPRESSED:
-            element = zlib.decompressobj().decompress(content[at + TAG : end], most + 1 - total)
+            element = zlib.decompressobj().decompress(content[position + TAG : end], most + 1 - total)
         total += len(element)
         if total > most:
             refuse_large(path, total // 8 + 1)
             refuse_swollen(path, total)
         yield content[:HEADER] + element
-        at = end
+        position = end
 
 
 def _arrays(path: Path, within: str, held: Mapping[str, Any]) -> Iterator[tuple[str, NDArray]]:

@@ -95,20 +95,20 @@ def _groups(table: Table) -> list[str]:
 
 
 def _upwards(table: Table, columns: list[tuple[str, str]], first: int, up: float) -> Iterator[_Point]:
-    at = {}
+    column_of = {}
     for k, column in enumerate(columns):
-        if column[1] in ("x", "y", "likelihood") and at.setdefault(column, k + first) != k + first:
+        if column[1] in ("x", "y", "likelihood") and column_of.setdefault(column, k + first) != k + first:
             raise RunError(
                 f"{table.path}: two columns of {column[1]} for the point {column[0]!r}: export"
                 f" the points of one animal only"
             )
     for name in dict.fromkeys(name for name, _ in columns):
-        if (name, "x") not in at or (name, "y") not in at:
+        if (name, "x") not in column_of or (name, "y") not in column_of:
             continue
-        x, y = (table.values[at[name, axis]] for axis in "xy")
+        x, y = (table.values[column_of[name, axis]] for axis in "xy")
         point = np.column_stack([x, up * y])
-        if (name, "likelihood") in at:
-            point[~(table.values[at[name, "likelihood"]] >= SETTINGS.likelihood)] = np.nan
+        if (name, "likelihood") in column_of:
+            point[~(table.values[column_of[name, "likelihood"]] >= SETTINGS.likelihood)] = np.nan
         yield _Point(name, point)
 
 
@@ -138,12 +138,14 @@ def _upside_down(inner: NDArray[np.float64], outer: NDArray[np.float64]) -> bool
     The covariance of squared speed and height of elbow and tip is negative if y points upwards, also for rods that
     swing from near upright or turn over. Points that do not move hang.
     """
-    at = np.stack([inner, inner + outer])  # (2, n, xy)
-    speed2 = (((at[:, 2:] - at[:, :-2]) / 2) ** 2).sum(axis=2)
-    height = at[:, 1:-1, 1]
-    seen = np.isfinite(speed2) & np.isfinite(height)
-    fast = sum(float(np.cov(v[ok], y[ok])[0, 1]) for v, y, ok in zip(speed2, height, seen, strict=True) if ok.sum() > 2)
-    return fast > 0 if fast else bool(np.nanmedian(at[:, :, 1]) > 0)
+    points = np.stack([inner, inner + outer])  # (2, n, xy)
+    speed2 = (((points[:, 2:] - points[:, :-2]) / 2) ** 2).sum(axis=2)
+    height = points[:, 1:-1, 1]
+    valid = np.isfinite(speed2) & np.isfinite(height)
+    fast = sum(
+        float(np.cov(v[ok], y[ok])[0, 1]) for v, y, ok in zip(speed2, height, valid, strict=True) if ok.sum() > 2
+    )
+    return fast > 0 if fast else bool(np.nanmedian(points[:, :, 1]) > 0)
 
 
 def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Point]:
@@ -164,22 +166,22 @@ def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Po
 
 def _middle(table: Table, elbow: _Point) -> NDArray[np.float64]:
     """(n, 2) centre of the circle on which a point moves: x^2 + y^2 = 2 cx x + 2 cy y + k, by least squares."""
-    seen = elbow.at[np.isfinite(elbow.at).all(axis=1)]
-    if len(seen) < 3:
+    valid = elbow.at[np.isfinite(elbow.at).all(axis=1)]
+    if len(valid) < 3:
         raise RunError(f"{table.path}: the point {elbow.name!r} was detected in too few frames")
-    centred = seen - seen.mean(axis=0)
-    A = np.column_stack([2 * centred, np.ones(len(seen))])
+    centred = valid - valid.mean(axis=0)
+    A = np.column_stack([2 * centred, np.ones(len(valid))])
     solution, _, rank, _ = np.linalg.lstsq(A, (centred**2).sum(axis=1), rcond=1e-9)
     if rank < 3:
         raise RunError(f"{table.path}: the point {elbow.name!r} does not move on a circle: track the pivot as well")
-    return np.broadcast_to(solution[:2] + seen.mean(axis=0), elbow.at.shape)
+    return np.broadcast_to(solution[:2] + valid.mean(axis=0), elbow.at.shape)
 
 
 def _direction(rod: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n,) absolute angle of a rod, 0 = upright, pi = hanging, unwrapped, rad."""
     swung = np.arctan2(rod[:, 0], -rod[:, 1])
-    seen = np.isfinite(swung)
-    swung[seen] = np.unwrap(swung[seen])
+    valid = np.isfinite(swung)
+    swung[valid] = np.unwrap(swung[valid])
     return np.pi + swung
 
 
@@ -188,11 +190,11 @@ def _noise_note(table: Table, axis: str, rod: NDArray[np.float64]) -> str:
     from scipy.stats import median_abs_deviation
 
     lengths = np.hypot(*rod.T)
-    seen = lengths[np.isfinite(lengths)]
-    if not len(seen) or not np.median(seen) > 0:
+    valid = lengths[np.isfinite(lengths)]
+    if not len(valid) or not np.median(valid) > 0:
         raise RunError(f"{table.path}: the ends of the rod of {axis} were never detected together")
-    length = float(np.median(seen))
-    scatter = float(median_abs_deviation(seen, scale=ndtri(0.75)))
+    length = float(np.median(valid))
+    scatter = float(median_abs_deviation(valid, scale=ndtri(0.75)))
     if scatter > SETTINGS.length_scatter * length:
         raise RunError(
             f"{table.path}: the rod of {axis} changes its length by {percent(scatter / length)}: these points"

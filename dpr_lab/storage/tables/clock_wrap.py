@@ -76,11 +76,11 @@ def continues_across(row: int, columns: Iterable[NDArray[np.float64]]) -> bool:
     """
     reach = SETTINGS.reach
     around = [np.abs(np.diff(column[max(row - reach, 0) : row + reach])) for column in columns]
-    at = min(row, reach) - 1
-    others = [np.delete(steps, at) for steps in around]
+    last = min(row, reach) - 1
+    others = [np.delete(steps, last) for steps in around]
     moved = [float(np.max(other, initial=0.0)) for other in others]
     return max(moved, default=0.0) > 0 and all(
-        steps[at] <= SETTINGS.jump * most for steps, most in zip(around, moved, strict=True)
+        steps[last] <= SETTINGS.jump * most for steps, most in zip(around, moved, strict=True)
     )
 
 

@@ -148,13 +148,13 @@ def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, s
     """Columns without names by their order: time if present, then both rods, or the arm and both rods."""
     if table.settled or not all(_NO_NAME.fullmatch(name) for name in table.names if name != time):
         return {}
-    rest = [name for name in table.names if name != time]
+    others = [name for name in table.names if name != time]
     named: dict[str, str] = {}
     if time is None and not without_time and _runs(table.values[0]):
-        named["t"] = rest.pop(0)
-    if len(rest) not in (2, 3) or (time is None and not without_time and not named):
+        named["t"] = others.pop(0)
+    if len(others) not in (2, 3) or (time is None and not without_time and not named):
         return {}
-    return named | dict(zip(AXES[-len(rest) :], rest, strict=True))
+    return named | dict(zip(AXES[-len(others) :], others, strict=True))
 
 
 def _runs(column: NDArray[np.float64]) -> bool:

@@ -79,8 +79,8 @@ class Content:
             end = len(self._text) if end < 0 else end
             line, number = self._text[self._at : end], self._number
             self._at, self._number = end + 1, number + 1
-            if kept := self._kept(number, line):
-                yield kept
+            if cleaned := self._kept(number, line):
+                yield cleaned
 
     def blocks(self) -> Iterator[Line]:
         """Blocks of complete lines of `lines`, with the number of the first line.
@@ -95,9 +95,9 @@ class Content:
 
     def lines_of(self, number: int, text: str) -> Iterator[Line]:
         """Non-empty lines of a block with their numbers."""
-        for at, line in enumerate(text.split("\n"), number):
-            if kept := self._kept(at, line):
-                yield kept
+        for line_number, line in enumerate(text.split("\n"), number):
+            if cleaned := self._kept(line_number, line):
+                yield cleaned
 
     def _kept(self, number: int, line: str) -> Line | None:
         if len(line) > self._limits.line_length:

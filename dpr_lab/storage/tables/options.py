@@ -193,12 +193,12 @@ def typed_options() -> tuple[TypedOption, ...]:
 
 def _typed_options() -> Iterator[TypedOption]:
     hints = get_type_hints(ImportOptions, include_extras=True)
-    for each in fields(ImportOptions):
-        kind, typed = get_args(hints[each.name])
+    for option in fields(ImportOptions):
+        kind, typed = get_args(hints[option.name])
         if get_origin(kind) in (Union, UnionType):
             kind = next(part for part in get_args(kind) if part is not type(None))
-        default = None if typed.from_names or each.default in (MISSING, ()) else each.default
-        yield TypedOption(each.name, kind, default, typed)
+        default = None if typed.from_names or option.default in (MISSING, ()) else option.default
+        yield TypedOption(option.name, kind, default, typed)
 
 
 def parse_recorded_at(text: str) -> str:

@@ -59,7 +59,7 @@ def check_spacing(path: Path, t: NDArray[np.float64]) -> None:
     apart = float(np.median(np.diff(t)))
     if apart > PLAUSIBLE.step_s:
         unit, factor = min(
-            (("ms", 1e-3), ("us", 1e-6)), key=lambda one: abs(math.log(apart * one[1] / PLAUSIBLE.usual_step_s))
+            (("ms", 1e-3), ("us", 1e-6)), key=lambda choice: abs(math.log(apart * choice[1] / PLAUSIBLE.usual_step_s))
         )
         raise RunError(
             f"{path}: rows are {apart:g} s apart, too far to follow a swing: the times are probably in {unit}, which"
@@ -88,10 +88,10 @@ def outliers(angles: NDArray[np.float64]) -> NDArray[np.bool_]:
     if not wild.any() and not _jumps(angles):
         return wild
     for rows in range(1, PLAUSIBLE.outlier_rows + 1):
-        kept = np.flatnonzero(~wild)
-        if len(kept) < rows + 2:
+        plausible = np.flatnonzero(~wild)
+        if len(plausible) < rows + 2:
             return wild
-        wild[kept[_leaps(angles[kept], rows)]] = True
+        wild[plausible[_leaps(angles[plausible], rows)]] = True
     return wild
 
 

@@ -304,9 +304,9 @@ def _readings_in_pose(asked: Asked, settings: QuestionSettings) -> list[OtherRea
     posed = [other for other in every if other.time_factor == 1 and _in_pose(asked, other, settings)]
     residuals = [_residual(read, other) for other in posed]
     limit = min(READ.right, READ.alike * min(residuals, default=0.0))
-    kept = [other for other, residual in zip(posed, residuals, strict=True) if residual <= limit]
-    fewest = min((len(other.causes) for other in kept), default=0)
-    return [other for other in kept if len(other.causes) == fewest]
+    matching = [other for other, residual in zip(posed, residuals, strict=True) if residual <= limit]
+    fewest = min((len(other.causes) for other in matching), default=0)
+    return [other for other in matching if len(other.causes) == fewest]
 
 
 def _zeros_in_pose(asked: Asked, added: Array, settings: QuestionSettings) -> list[OtherReading]:

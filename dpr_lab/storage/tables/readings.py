@@ -209,8 +209,10 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
         if other is not None:
             tried.append((other.residual(), reading))
     limit = min(SETTINGS.sure_balance, residual / SETTINGS.better_balance)
-    limit = min(limit, SETTINGS.alike_balance * min((one for one, _ in tried), default=np.inf))
-    alike = sorted(((one, reading) for one, reading in tried if one <= limit), key=lambda pair: pair[0])
+    limit = min(limit, SETTINGS.alike_balance * min((unbalance for unbalance, _ in tried), default=np.inf))
+    alike = sorted(
+        ((unbalance, reading) for unbalance, reading in tried if unbalance <= limit), key=lambda pair: pair[0]
+    )
     named = [reading for _, reading in alike if reading is not zeros] or [reading for _, reading in alike]
     fewest = min((len(reading.causes) for reading in named), default=0)
     if named:
@@ -249,7 +251,7 @@ def with_zeros(values: Values, options: ImportOptions, added: ArrayLike, toleran
     unit = TO_RADIANS[options.unit or "rad"]
     columns = (inner, (outer - inner + np.pi) % (2 * np.pi) - np.pi if options.angles == "relative" else outer)
     digits = 1 if options.unit == "deg" else 3
-    offset = tuple(round(one / unit, digits) if abs(one) > SETTINGS.zero_rad else 0.0 for one in columns)
+    offset = tuple(round(zero / unit, digits) if abs(zero) > SETTINGS.zero_rad else 0.0 for zero in columns)
     moved = {axis: values[axis] + value for axis, value in zip(AXES[1:], offset, strict=True)}
     cause = "the zeros of the angles are elsewhere"
     return OtherReading((cause,), (), {**values, **moved}, options, offset=(offset[0], offset[1]))
@@ -259,17 +261,19 @@ def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[s
     """An option with a value for both rods, or for each."""
     if set(value) == set(AXES[1:]) and len(set(value.values())) == 1:
         return option, f"{value['theta1']:g}"
-    return option, ",".join(f"{axis}={one:g}" for axis, one in value.items() if one != neutral)
+    return option, ",".join(
+        f"{axis}={value_of_axis:g}" for axis, value_of_axis in value.items() if value_of_axis != neutral
+    )
 
 
 def other_readings(
     values: Values, options: ImportOptions, columns: Mapping[str, str], rig: Rig
 ) -> Iterator[OtherReading]:
     """Other interpretations than given by the options."""
-    counted, both = options.unit == "counts", rig.rods.mounting == "both"
+    counted, both_rods = options.unit == "counts", rig.rods.mounting == "both"
     zeros = (False,) if counted else (False, True)
-    references = (False,) if counted or not both else (False, True)
-    of_joints = (False, True) if both else (False,)
+    references = (False,) if counted or not both_rods else (False, True)
+    of_joints = (False, True) if both_rods else (False,)
     for zero, reference, sign, swap in product(zeros, references, of_joints, of_joints):
         if zero or reference or sign or swap:
             yield _changed(values, options, columns, zero, reference, sign, swap)

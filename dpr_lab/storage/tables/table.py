@@ -49,13 +49,13 @@ class Table:
         Raises:
             RunError: a field that is not a number; the message names line and column.
         """
-        at = self.names.index(name)
-        if self.strange[at]:
+        place = self.names.index(name)
+        if self.strange[place]:
             raise RunError(
-                f"{self.path}: {self.strange[at]} in column {name!r} is not a number: correct it, or leave"
+                f"{self.path}: {self.strange[place]} in column {name!r} is not a number: correct it, or leave"
                 f" the field empty if its value is missing; if another table begins there, split the file"
             )
-        return self.values[at].copy()
+        return self.values[place].copy()
 
 
 def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
@@ -94,7 +94,10 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
             columns.take(chain(first, islice(rows, LIMITS.looked_at)))
             for number, text in content.blocks():
                 if not columns.take_block(number, text, delimiter):
-                    columns.take((at, _cells(path, line, delimiter)) for at, line in content.lines_of(number, text))
+                    columns.take(
+                        (line_number, _cells(path, line, delimiter))
+                        for line_number, line in content.lines_of(number, text)
+                    )
             columns.finish()
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
@@ -134,8 +137,8 @@ class _Columns:
             if len(self._lines) == LIMITS.rows:
                 raise RunError(f"{self._path}: has more than {LIMITS.rows:,} rows: split it into recordings")
             self._lines.append(number)
-            for at, cell in enumerate(row):
-                self._values[at].append(self._number(cell.strip(), at, number))
+            for place, cell in enumerate(row):
+                self._values[place].append(self._number(cell.strip(), place, number))
 
     def take_block(self, number: int, text: str, delimiter: str | None) -> bool:
         """Append complete lines of numbers from this line number on; returns false, without appending, for others."""
@@ -165,12 +168,12 @@ class _Columns:
             + (decimal if width < length <= 2 * width else "")
         )
 
-    def _number(self, word: str, at: int, line: int) -> float:
+    def _number(self, word: str, place: int, line: int) -> float:
         try:
             return float(word.replace(",", ".") if self._comma else word)
         except ValueError:
-            if word.lower() not in NOT_A_VALUE and not self.strange[at]:
-                self.strange[at] = f"line {line}: {printable(word[:40])!r}"
+            if word.lower() not in NOT_A_VALUE and not self.strange[place]:
+                self.strange[place] = f"line {line}: {printable(word[:40])!r}"
             return np.nan
 
 

@@ -107,18 +107,18 @@ def torque_column(table: Table, name: str) -> Array:
     return table.column(name) * (_UNITS[match[4]] if match and match[4] else 1.0)
 
 
-def held_torque(t: Array, torque: Array, kept: NDArray[np.intp]) -> Array:
+def held_torque(t: Array, torque: Array, rows: NDArray[np.intp]) -> Array:
     """Torque of the kept rows. Before removed rows it is the mean over them, which conserves the impulse.
 
     Args:
         t: (rows,) s
         torque: (rows,) held until the next row, N m
-        kept: (k,) rows, ascending
+        rows: (k,) rows, ascending
     """
     known = np.flatnonzero(np.isfinite(t) & np.isfinite(torque))
-    impulse = np.concatenate([[0.0], np.cumsum(torque[known[:-1]] * np.diff(t[known]))])[np.searchsorted(known, kept)]
-    held, left_out = np.diff(t[kept]), np.diff(kept) > 1
-    mean = torque[kept].copy()
+    impulse = np.concatenate([[0.0], np.cumsum(torque[known[:-1]] * np.diff(t[known]))])[np.searchsorted(known, rows)]
+    held, left_out = np.diff(t[rows]), np.diff(rows) > 1
+    mean = torque[rows].copy()
     mean[:-1][left_out] = (np.diff(impulse) / np.where(held > 0, held, 1.0))[left_out]
     return mean
 
@@ -177,5 +177,5 @@ def better_torques(
     """
     fits = [(energy_fit(t, rods, other.torques, rig), other) for other in others]
     residuals = [(again.residual, other) for again, other in fits if again is not None]
-    residual, best = min(residuals, key=lambda one: one[0], default=(np.inf, None))
+    residual, best = min(residuals, key=lambda pair: pair[0], default=(np.inf, None))
     return best if residual < min(READ.sure, fit.residual / READ.better) else None

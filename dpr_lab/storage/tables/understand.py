@@ -114,13 +114,13 @@ def understand(
         drive, factor = find_input(recorded, rig.motor, options.columns.get("input"), path)
         driving, factors = {"": (drive, PASSIVE)}, [factor * options.scale.get("input", 1.0), 1.0]
     known = {name: torque_column(table, name) for pair in driving.values() for name in pair}
-    kept, notes = _rows_to_keep(path, t, {**readings, **known}, options)
+    rows, notes = _rows_to_keep(path, t, {**readings, **known}, options)
     if drive is not None:
-        refuse_silent(known[drive][kept], drive, path)
-    if driving and not any(column[kept].any() for column in known.values()):
+        refuse_silent(known[drive][rows], drive, path)
+    if driving and not any(column[rows].any() for column in known.values()):
         driving, unrecorded = {}, [*unrecorded, "its torques are zero throughout: a free swing"]
     torques = {
-        kind: np.stack([held_torque(t, known[name], kept) for name in pair], axis=1) * factors
+        kind: np.stack([held_torque(t, known[name], rows) for name in pair], axis=1) * factors
         for kind, pair in driving.items()
     }
     if drive is not None and rig.motor is not None:
@@ -132,10 +132,10 @@ def understand(
         unrecorded.append(f"driven by {' and '.join(torques) or 'known'} torques, each held until the next row")
         passive = {f"joint {k + 1}" for pair in driving.values() for k, name in enumerate(pair) if name == PASSIVE}
         unrecorded += [f"{joint} has no torque column: treated as passive, with a torque of zero" for joint in passive]
-    values = {axis: _scaled(column[kept], axis, options) for axis, column in readings.items()}
+    values = {axis: _scaled(column[rows], axis, options) for axis, column in readings.items()}
     notes = [*table.notes, *columns.notes, *notes, *outliers, *unrecorded]
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
-    read = _Rows(path, kept, t, values, torques, named, options, _ignored(table, names, options, kept))
+    read = _Rows(path, rows, t, values, torques, named, options, _ignored(table, names, options, rows))
     return _understood(read, notes, rig, table.kind, driving)
 
 
@@ -156,13 +156,13 @@ class _Rows:
 
 
 def _ignored(
-    table: Table, names: list[str], options: ImportOptions, kept: NDArray[np.intp]
+    table: Table, names: list[str], options: ImportOptions, rows: NDArray[np.intp]
 ) -> tuple[str, NDArray[np.float64]] | None:
     if options.torque != "none" or options.arm != "clamped":
         return None
     with suppress(RunError):
         for kind, pair in find_torques(names, None, options.columns, table.path).items():
-            torques = np.stack([torque_column(table, name)[kept] for name in pair], axis=1)
+            torques = np.stack([torque_column(table, name)[rows] for name in pair], axis=1)
             return (kind or "measured", torques) if np.isfinite(torques).all() and torques.any() else None
     return None
 
@@ -281,8 +281,8 @@ def _recorded(
     for axis in silent:
         if axis != "theta0":
             raise RunError(f"{table.path}: the column of {axis} is empty; both rods are required")
-    kept = {axis: column for axis, column in readings.items() if axis not in silent}
-    return kept, [f"{axis}: its column is empty, so this axis was not recorded" for axis in silent]
+    recorded = {axis: column for axis, column in readings.items() if axis not in silent}
+    return recorded, [f"{axis}: its column is empty, so this axis was not recorded" for axis in silent]
 
 
 def _check_forwards(
@@ -323,8 +323,8 @@ def _rows_to_keep(
     start = known[0] + options.start_s
     stop = np.inf if options.duration_s is None else start + options.duration_s
     # A row without a time belongs to the same part as the previous row.
-    at = np.maximum.accumulate(np.where(np.isfinite(t), t, known[0]))
-    inside = np.flatnonzero((at >= start) & (at < stop))
+    instants = np.maximum.accumulate(np.where(np.isfinite(t), t, known[0]))
+    inside = np.flatnonzero((instants >= start) & (instants < stop))
     whole = np.logical_and.reduce([np.isfinite(column[inside]) for column in (t, *readings.values())])
     empty = int(np.count_nonzero(~whole))
     if empty > PLAUSIBLE.nan_share * len(inside):
@@ -337,10 +337,10 @@ def _rows_to_keep(
         raise RunError(f"{path}: no rows between {start:g} s and {stop:g} s; the table ends at {known[-1]:g} s")
     doubled = np.diff(t[rows], prepend=-np.inf) == 0
     _refuse_coarse_times(path, readings, rows, doubled)
-    kept = rows[~doubled]
-    if len(kept) < 2:
-        raise RunError(f"{path}: only {len(kept)} row remains: a run needs at least two instants")
-    return kept, _counted_notes(empty, int(doubled.sum()))
+    distinct = rows[~doubled]
+    if len(distinct) < 2:
+        raise RunError(f"{path}: only {len(distinct)} row remains: a run needs at least two instants")
+    return distinct, _counted_notes(empty, int(doubled.sum()))
 
 
 def _refuse_coarse_times(

@@ -45,12 +45,12 @@ class KeptComparison:
         from dpr_lab.identification.compare import Comparison
 
         try:
-            with np.load(self.file) as kept:
-                if str(kept["subject"]) != self.subject:
+            with np.load(self.file) as arrays:
+                if str(arrays["subject"]) != self.subject:
                     return []
                 rows = [
-                    {field.name: kept[f"{number}.{field.name}"] for field in fields(Comparison)}
-                    for number in range(int(kept["count"]))
+                    {field.name: arrays[f"{number}.{field.name}"] for field in fields(Comparison)}
+                    for number in range(int(arrays["count"]))
                 ]
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return []

@@ -32,6 +32,6 @@ class StagePace:
         """Estimated remaining time, s; None if the stage takes longer than usual."""
         pace = self._took / self._expected if self._took > 0 else 1.0
         names = list(self._typical)
-        here, *coming = (pace * self._typical[name] for name in names[names.index(self._stage) :])
-        rest = here - (now - self._since)
-        return rest + sum(coming) if rest >= 0 else None
+        current, *coming = (pace * self._typical[name] for name in names[names.index(self._stage) :])
+        remaining = current - (now - self._since)
+        return remaining + sum(coming) if remaining >= 0 else None

@@ -51,8 +51,8 @@ class _GuidedCapture:
         status = self._device.status
         latched = None if status is None else status.latched
         lost = lost_since(self._lost_before, self._device)
-        seen = AttemptSeen(self._order.attempt, progress, latched, self._device.heard_at, lost)
-        if self._outbox.add_if_read(seen):
+        progress_seen = AttemptSeen(self._order.attempt, progress, latched, self._device.heard_at, lost)
+        if self._outbox.add_if_read(progress_seen):
             self._unsent.clear()
 
     def confirm(self) -> bool | None:

@@ -134,15 +134,15 @@ class _IdleWatch:
         if len(self._counts) == JOINTS and status is not None:
             self._tell(status.latched, self._device.heard_at)
 
-    def _tell(self, latched: bool, at: float) -> None:
+    def _tell(self, latched: bool, time_s: float) -> None:
         """Report changes; for resting rods only an occasional sign of life, because redrawing costs time."""
         last, still = self._last, self._still()
-        if last is not None and still and latched == last.latched and at - last.at < SETTINGS.idle_s:
+        if last is not None and still and latched == last.latched and time_s - last.at < SETTINGS.idle_s:
             return
         if not still:
             self._last_reported = dict(self._counts)
         theta0, theta1, theta2 = self._rig.theta([self._last_reported[joint] for joint in range(JOINTS)]).tolist()
-        self._last = Idle((theta0, theta1, theta2), latched, at)
+        self._last = Idle((theta0, theta1, theta2), latched, time_s)
         self._outbox.add_if_read(self._last)
 
     def _still(self) -> bool:

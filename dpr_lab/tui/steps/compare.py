@@ -110,9 +110,9 @@ workspace, as by `dpr-lab compare`.
         if self.missing():
             self.say(self.missing())
         elif not self._comparisons and self._of != self._subject():
-            if kept := self._kept.load():
+            if comparison := self._kept.load():
                 self._of, self._saved = self._subject(), True
-                self.show(kept)
+                self.show(comparison)
             else:
                 self.start_work()
 
@@ -182,8 +182,8 @@ workspace, as by `dpr-lab compare`.
         picker = self.query_one(f"#{what}", Select)
         options = {"run": range(len(self._comparisons)), "axis": range(len(AXES)), "view": VIEWS}[what]
         if len(options):
-            here = options.index(picker.value) if picker.value in options else -1
-            picker.value = options[(here + 1) % len(options)]
+            current = options.index(picker.value) if picker.value in options else -1
+            picker.value = options[(current + 1) % len(options)]
         next(chart for chart in self.query(Chart) if chart.display).focus()
 
     def action_edit(self) -> None:
@@ -256,10 +256,10 @@ workspace, as by `dpr-lab compare`.
 
     def _offer_runs(self) -> None:
         picker = self.query_one("#run", Select)
-        here = picker.value if isinstance(picker.value, int) else 0
+        current = picker.value if isinstance(picker.value, int) else 0
         picker.prompt = "choose a run"
         picker.set_options([(Content(_label(comparison)), i) for i, comparison in enumerate(self._comparisons)])
-        picker.value = min(here, len(self._comparisons) - 1)
+        picker.value = min(current, len(self._comparisons) - 1)
         self._offer_second()
 
     def _offer_second(self) -> None:

@@ -122,8 +122,10 @@ of its clock relative to this computer. This closes the latch and leaves it clos
     async def action_connect(self) -> None:
         """Connect to the selected link, or to the URL in the field if the list has no selection."""
         links = self.query_one(OptionList)
-        here = links.highlighted_option if links.has_focus else None
-        await self._connect(here.id if here is not None and here.id else self.query_one(Input).value)
+        highlighted = links.highlighted_option if links.has_focus else None
+        await self._connect(
+            highlighted.id if highlighted is not None and highlighted.id else self.query_one(Input).value
+        )
 
     async def _connect(self, url: str) -> None:
         self.services.require_free()
@@ -201,9 +203,9 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         if self.workspace.link:
             offers[self.workspace.link] = "used last"
         with suppress(ConfigError):
-            own = load_rig(self.workspace.rig).link.url
-            if not own.startswith("sim:"):  # default of a rig file without a link
-                offers.setdefault(own, "link of the rig file")
+            of_rig = load_rig(self.workspace.rig).link.url
+            if not of_rig.startswith("sim:"):  # default of a rig file without a link
+                offers.setdefault(of_rig, "link of the rig file")
         offers |= {f"serial://{port.device}?baud=921600": _described(port) for port in links.serial}
         offers |= {f"can://socketcan/{name}?bitrate=1000000": "CAN interface" for name in links.can_interfaces}
         return offers | {SIMULATED: "simulated rig, no hardware needed"}
@@ -226,15 +228,15 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         return lines
 
     def _rods(self, now: float) -> list[Content]:
-        seen, unit = self.device.seen, self.workspace.unit
-        if seen.theta is None:
+        sighting, unit = self.device.seen, self.workspace.unit
+        if sighting.theta is None:
             return []
         if not self.device.fresh(now):
-            return [old_text(seen, self.device.ordered, now, unit)]
+            return [old_text(sighting, self.device.ordered, now, unit)]
         if self.device.ordered is not None:
             return [ordered_text(self.device.ordered, now)]
-        latch = "closed, the rods are held" if seen.latched else "open, the rods are free"
-        return [_row("latch", latch), _row("angles", f"{angles_text(seen.theta, unit)}  ({unit.scale})")]
+        latch = "closed, the rods are held" if sighting.latched else "open, the rods are free"
+        return [_row("latch", latch), _row("angles", f"{angles_text(sighting.theta, unit)}  ({unit.scale})")]
 
     def _clock(self) -> list[Content]:
         if isinstance(self._exercised, str):

@@ -285,16 +285,16 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         from dpr_lab.report.words import in_words
 
         unit = self.workspace.unit
-        at, value, reach = place_map(place, unit)
+        centres, value, reach = place_map(place, unit)
         edges = [
-            Series("90 % interval" if sign < 0 else "", at, value + sign * reach, "foreground") for sign in (-1, 1)
+            Series("90 % interval" if sign < 0 else "", centres, value + sign * reach, "foreground") for sign in (-1, 1)
         ]
-        zero = Series("", at, np.zeros(len(at)), "foreground")
+        zero = Series("", centres, np.zeros(len(centres)), "foreground")
         scale, clipped = signal_scale(value, reach)
         note = " Part of the curve is outside the plot." if clipped else ""
         self.query_one("#place-text", Static).update(in_words(place.sentence) + note)
         self.query_one("#place-map", Chart).show(
-            [zero, *edges, Series("estimate", at, value)],
+            [zero, *edges, Series("estimate", centres, value)],
             x_label=coordinate(place, unit)[0],
             y_label=quantity(place, unit)[0],
             y_range=scale,

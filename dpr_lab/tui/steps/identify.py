@@ -253,8 +253,8 @@ def _history(model: "Model") -> list[GenerationDone]:
     names = ("evaluations", "best_cost", "best_fitness", "population_fitness")
     columns = [model.search.history.get(name, []) for name in names]
     return [
-        GenerationDone(number, model.search.generations, int(evaluations), *rest)
-        for number, (evaluations, *rest) in enumerate(zip(*columns, strict=False))
+        GenerationDone(number, model.search.generations, int(evaluations), *values)
+        for number, (evaluations, *values) in enumerate(zip(*columns, strict=False))
     ]
 
 

@@ -193,8 +193,8 @@ are diagnosed first.
         row = releases.cursor_row
         releases.clear(columns=True)
         releases.add_columns(*COLUMNS)
-        for one in made.releases:
-            releases.add_row(*(Text(cell) for cell in _row(one, unit)))
+        for release in made.releases:
+            releases.add_row(*(Text(cell) for cell in _row(release, unit)))
         releases.move_cursor(row=row)
         self._show_details()
 
@@ -204,11 +204,11 @@ are diagnosed first.
             self.query_one("#details", Static).update(_details(self._made.plan, self._marked))
 
 
-def _row(one: "PlannedRelease", unit: AngleUnit) -> tuple[str, ...]:
-    pose = f"{unit.text(one.theta1_rad)}  {unit.text(one.theta2_rad)}"
-    decided = "" if one.decided is None else f"{one.decided:.2f}"
-    name = one.pose or str(one.number)
-    return (name, pose, f"{one.duration_s:g} s", f"{one.minutes:.1f}", f"{one.library_bits:.2f}", decided)
+def _row(release: "PlannedRelease", unit: AngleUnit) -> tuple[str, ...]:
+    pose = f"{unit.text(release.theta1_rad)}  {unit.text(release.theta2_rad)}"
+    decided = "" if release.decided is None else f"{release.decided:.2f}"
+    name = release.pose or str(release.number)
+    return (name, pose, f"{release.duration_s:g} s", f"{release.minutes:.1f}", f"{release.library_bits:.2f}", decided)
 
 
 def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
@@ -222,7 +222,7 @@ def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
             shown += [table("Undecided causes", ("cause", "or", "expected bits"), rows), ""]
         rows = [(name, f"{std:.2g}", f"{release.ratio_std[name]:.2g}") for name, std in made.ratio_std.items()]
         shown += [table("Standard deviation of each ratio", ("ratio", "now", "after this release"), rows), ""]
-    checks = [f"{' or '.join(one.causes)}: {one.check}" for one in made.inseparable]
+    checks = [f"{' or '.join(inseparable.causes)}: {inseparable.check}" for inseparable in made.inseparable]
     shown.append(sentences("No release separates these causes", checks))
     shown.append(sentences("Assumptions", made.assumptions))
     return Group(*shown)

@@ -45,10 +45,10 @@ class RigEditor(Guarded, ModalScreen[Path | None]):
 
     def compose(self) -> ComposeResult:
         """Build the fields for path and text, and the list of errors."""
-        own = self._source.parent != BUILTIN / "rigs"
+        editable = self._source.parent != BUILTIN / "rigs"
         with Vertical() as page:
             page.border_title = "Rig file"
-            target = str(self._source if own else Path.cwd() / f"my_{self._source.name}")
+            target = str(self._source if editable else Path.cwd() / f"my_{self._source.name}")
             yield Input(target, id="target", suggester=PathSuggester(".toml"), compact=True)
             yield TextArea(self._text, show_line_numbers=True)
             yield Static(id="verdict", markup=False)

@@ -73,9 +73,9 @@ class SecondCurve(Guarded, Horizontal):
             options.append((Content(f"second curve: the model {Path(self._field.value).name}"), OTHER_MODEL))
         if options != self._offered:
             picker, self._offered = self.query_one(Select), options
-            here = picker.value
+            current = picker.value
             picker.set_options(options)
-            picker.value = here if any(here == value for _, value in options) else NOTHING
+            picker.value = current if any(current == value for _, value in options) else NOTHING
 
     @property
     def chosen(self) -> "Comparison | None":
@@ -88,8 +88,8 @@ class SecondCurve(Guarded, Horizontal):
     def cycle(self) -> None:
         """Select the next one."""
         picker, values = self.query_one(Select), [value for _, value in self._offered] or [NOTHING]
-        here = values.index(picker.value) if isinstance(picker.value, int) and picker.value in values else -1
-        picker.value = values[(here + 1) % len(values)]
+        current = values.index(picker.value) if isinstance(picker.value, int) and picker.value in values else -1
+        picker.value = values[(current + 1) % len(values)]
 
     def edit(self) -> None:
         """Focus the field."""

@@ -89,10 +89,10 @@ class TableImport(Guarded, ModalScreen[Path | None]):
     async def action_save(self) -> None:
         """Write the run of the preview, with a confirmation if there are warnings."""
         try:
-            seen = self._shown is not None and self._shown[0] == self._request()
+            previewed = self._shown is not None and self._shown[0] == self._request()
         except DprError:
-            seen = False
-        if not seen or self._shown is None:
+            previewed = False
+        if not previewed or self._shown is None:
             await self._preview()
             if self._shown is not None:
                 self.notify("This is the preview of the import: check it, then import", markup=False)

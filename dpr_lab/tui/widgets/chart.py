@@ -306,9 +306,9 @@ class Chart(Vertical, can_focus=True):
         if self._share_for_labels() == 0.0:
             return
         for series in self._content.series:
-            seen = np.flatnonzero((series.x >= x_view[0]) & (series.x <= x_view[1]) & np.isfinite(series.y))
-            if 0 < len(series.label) <= SETTINGS.end_label and len(seen):
-                x, y = float(series.x[seen[-1]]), float(series.y[seen[-1]])
+            visible = np.flatnonzero((series.x >= x_view[0]) & (series.x <= x_view[1]) & np.isfinite(series.y))
+            if 0 < len(series.label) <= SETTINGS.end_label and len(visible):
+                x, y = float(series.x[visible[-1]]), float(series.y[visible[-1]])
                 yield _EndLabel(x, y, series.label, self._colour(series.tone))
 
     def _draw_series(self, series: Series, x_view: tuple[float, float], columns: int) -> None:
@@ -362,11 +362,11 @@ class Chart(Vertical, can_focus=True):
         return low - room, high + room
 
 
-def _same(one: _Content, other: _Content) -> bool:
+def _same(old: _Content, new: _Content) -> bool:
     """Whether two contents look the same."""
-    if len(one.series) != len(other.series) or replace(one, series=()) != replace(other, series=()):
+    if len(old.series) != len(new.series) or replace(old, series=()) != replace(new, series=()):
         return False
     return all(
         (a.label, a.tone) == (b.label, b.tone) and np.array_equal(a.x, b.x) and np.array_equal(a.y, b.y, equal_nan=True)
-        for a, b in zip(one.series, other.series, strict=True)
+        for a, b in zip(old.series, new.series, strict=True)
     )

@@ -29,7 +29,7 @@ SETTINGS = ViewSettings()
 
 def range_of(values: Iterator[Array] | Sequence[Array]) -> tuple[float, float]:
     """Smallest and largest finite value, made different if equal; 0 and 1 without values."""
-    finite = [kept for array in values if len(kept := array[np.isfinite(array)])]
+    finite = [finite_values for array in values if len(finite_values := array[np.isfinite(array)])]
     if not finite:
         return 0.0, 1.0
     low, high = min(float(a.min()) for a in finite), max(float(a.max()) for a in finite)

@@ -50,13 +50,13 @@ def readings(cursors: Cursors, x_label: str, lines: Sequence[tuple[str, Array, A
         mark = "▸" if number == cursors.moving else " "
         text.append(f"{mark}{name} ", f"bold {colours[number]}").append(f"{x:.4g}  ")
     text.append(f"{_difference(*cursors.at)}   {x_label}")
-    seen = [(label, _at(cursors, x, y)) for label, x, y in lines]
-    for label, (a, b) in seen:
+    values = [(label, _at(cursors, x, y)) for label, x, y in lines]
+    for label, (a, b) in values:
         text.append(f"\n{label}: A {_number(a)}  B {_number(b)}  {_difference(a, b)}")
-    if len(seen) == 2:
-        (one, first), (other, second) = seen
+    if len(values) == 2:
+        (first_label, first), (other_label, second) = values
         a, b = (_number(after - before) for before, after in zip(first, second, strict=True))
-        text.append(f"\n{other} − {one}: A {a}  B {b}")
+        text.append(f"\n{other_label} − {first_label}: A {a}  B {b}")
     return text
 
 

@@ -141,8 +141,8 @@ class ArmAbove(PlainCanvas):
         )
 
 
-def _alike(one: Angles | None, other: Angles | None) -> bool:
+def _alike(old: Angles | None, new: Angles | None) -> bool:
     """Whether no dot of the picture would move, so that encoder noise causes no redrawing."""
-    if one is None or other is None:
-        return one is other
-    return all(abs(a - b) < 3e-3 for a, b in zip(one, other, strict=True))
+    if old is None or new is None:
+        return old is new
+    return all(abs(a - b) < 3e-3 for a, b in zip(old, new, strict=True))

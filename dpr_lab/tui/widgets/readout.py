@@ -107,14 +107,14 @@ def ordered_text(ordered: float, now: float) -> Content:
     return Content.styled(text, "bold $warning")
 
 
-def old_text(seen: Sighting, ordered: float | None, now: float, unit: AngleUnit) -> Content:
+def old_text(sighting: Sighting, ordered: float | None, now: float, unit: AngleUnit) -> Content:
     """Last readings, marked as outdated; the latch may have moved since."""
     lines = [latch_text(None) if ordered is None else ordered_text(ordered, now)]
-    if seen.latched is not None and ordered is None:
-        was = "CLOSED" if seen.latched else "OPEN"
-        lines.append(Content.styled(f"       {was} when {seen.ago(now)}", "dim"))
-    if seen.theta is not None:
-        lines.append(Content.styled(f"{angles_text(seen.theta, unit)}\n       {seen.ago(now)}", "dim"))
+    if sighting.latched is not None and ordered is None:
+        was = "CLOSED" if sighting.latched else "OPEN"
+        lines.append(Content.styled(f"       {was} when {sighting.ago(now)}", "dim"))
+    if sighting.theta is not None:
+        lines.append(Content.styled(f"{angles_text(sighting.theta, unit)}\n       {sighting.ago(now)}", "dim"))
     return Content("\n").join(lines)
 
 

@@ -144,8 +144,8 @@ The reason is shown below the list.
         elif self.query_one("#note").has_focus:
             self._keep_note(self.query_one("#note", Input).value)
         elif self._table.has_focus:
-            here = [self._here] if self._here is not None and not self._touched else []
-            self.dismiss(self._chosen or here)
+            highlighted = [self._here] if self._here is not None and not self._touched else []
+            self.dismiss(self._chosen or highlighted)
         else:
             self._to_list()
 
@@ -211,8 +211,8 @@ The reason is shown below the list.
         """Up and down in the field of the folder show recent folders."""
         field, recent = self.query_one("#folder", Input), list(map(str, self._services.workspace.recent_folders))
         if field.has_focus and event.key in ("up", "down") and recent:
-            here = recent.index(field.value.rstrip("/")) if field.value.rstrip("/") in recent else -1
-            field.value = recent[(here + (1 if event.key == "down" else -1)) % len(recent)]
+            current = recent.index(field.value.rstrip("/")) if field.value.rstrip("/") in recent else -1
+            field.value = recent[(current + (1 if event.key == "down" else -1)) % len(recent)]
             event.stop()
 
     def _ask(self, name: str, value: str) -> None:

@@ -46,7 +46,7 @@ class StatusLine(Static):
         parts = [_device(device, now), _latch(device, now)]
         if urgent:
             parts.append(Content.styled(f" {urgent} ", "bold $background on $error"))
-        lines = [Content("  ").join([*parts, *rest]) for rest in _rests(work, folder)]
+        lines = [Content("  ").join([*parts, *further]) for further in _rests(work, folder)]
         line = next((line for line in lines if line.cell_length <= self.content_size.width), lines[-1])
         if line != self.content:
             self.update(line, layout=False)
@@ -74,15 +74,15 @@ def _device(device: DeviceConnection, now: float) -> Content:
 
 
 def _latch(device: DeviceConnection, now: float) -> Content:
-    seen = device.seen
+    sighting = device.seen
     if device.connected is None and device.lost is None:
         return Content("")
     if device.ordered is not None:
-        known = "the latch opens" if device.fresh(now) else f"latch UNKNOWN, {seen.ago(now)}"
+        known = "the latch opens" if device.fresh(now) else f"latch UNKNOWN, {sighting.ago(now)}"
         return Content.styled(f" RELEASE sent: {known} ", "bold $background on $warning")
-    if not device.fresh(now) or seen.latched is None:
-        return Content.styled(f"latch UNKNOWN, {seen.ago(now)}", "bold $warning")
-    return Content.styled("latch CLOSED" if seen.latched else "latch OPEN", "bold")
+    if not device.fresh(now) or sighting.latched is None:
+        return Content.styled(f"latch UNKNOWN, {sighting.ago(now)}", "bold $warning")
+    return Content.styled("latch CLOSED" if sighting.latched else "latch OPEN", "bold")
 
 
 def _shorter(folder: Path, most: int = 24) -> str:

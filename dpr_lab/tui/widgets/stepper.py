@@ -77,13 +77,13 @@ def _row(steps: Sequence[StepStatus], shown: int, between: str = " › ") -> Tex
 
 def _words(steps: Sequence[StepStatus], next_key: str, report_key: str) -> Text:
     index = next((i for i, step in enumerate(steps) if step.here), 0)
-    here = steps[index]
-    words = here.missing or f"{here.name}: {here.outcome or ('running' if here.working else 'to be done')}"
-    if here.outcome and report_key:
+    current = steps[index]
+    words = current.missing or f"{current.name}: {current.outcome or ('running' if current.working else 'to be done')}"
+    if current.outcome and report_key:
         words += f" · {report_key}: report"
-    if here.outcome and here.stale:
-        return Text(f"{words} · {here.stale}", "bold italic", no_wrap=True, overflow="ellipsis")
-    if not here.missing and index + 1 < len(steps):
+    if current.outcome and current.stale:
+        return Text(f"{words} · {current.stale}", "bold italic", no_wrap=True, overflow="ellipsis")
+    if not current.missing and index + 1 < len(steps):
         key = f" ({next_key})" if next_key else ""  # with a dialog open, no key shows the next step
         words += f" · next{key}: {index + 2} {steps[index + 1].name}"
     return Text(words, "italic", no_wrap=True, overflow="ellipsis")

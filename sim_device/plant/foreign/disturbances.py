@@ -12,10 +12,10 @@ AIR_DRAG = 5e-3
 
 def cable_snag(body: Body, values: Values) -> EquationOfMotion:
     """The cable catches once: tau1 = -c omega1 exp(-((t - t0) / T)^2)."""
-    size, at, lasts = values["brake_Nms_per_rad"], values["at_s"], values["lasts_s"]
+    size, begin_s, lasts = values["brake_Nms_per_rad"], values["at_s"], values["lasts_s"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
-        return -size * omega1 * math.exp(-(((t - at) / lasts) ** 2)), 0.0
+        return -size * omega1 * math.exp(-(((t - begin_s) / lasts) ** 2)), 0.0
 
     return under(body, torques)
 
@@ -50,10 +50,10 @@ def air_draught(body: Body, values: Values) -> EquationOfMotion:
 
 def leaning_table(body: Body, values: Values) -> EquationOfMotion:
     """Tilt of the table for a moment, as if somebody leans on it: gravity turns by A exp(-((t - t0) / T)^2)."""
-    size, at, lasts = values["tilt_rad"], values["at_s"], values["lasts_s"]
+    size, begin_s, lasts = values["tilt_rad"], values["at_s"], values["lasts_s"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
-        tilt = size * math.exp(-(((t - at) / lasts) ** 2))
+        tilt = size * math.exp(-(((t - begin_s) / lasts) ** 2))
         return (
             body.e1 * (math.sin(theta1 + tilt) - math.sin(theta1)),
             body.e2 * (math.sin(theta2 + tilt) - math.sin(theta2)),

@@ -118,10 +118,10 @@ def warming_joint1(body: Body, values: Values) -> EquationOfMotion:
 
 def seizing_joint2(body: Body, values: Values) -> EquationOfMotion:
     """A seal that runs dry within a moment: tau2 = -C w (1 + tanh((t - t0) / T)) / 2, w = omega2 - omega1."""
-    size, at, lasts = values["damping_Nms_per_rad"], values["at_s"], values["lasts_s"]
+    size, begin_s, lasts = values["damping_Nms_per_rad"], values["at_s"], values["lasts_s"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
-        tau = -size * (omega2 - omega1) * (1 + math.tanh((t - at) / lasts)) / 2
+        tau = -size * (omega2 - omega1) * (1 + math.tanh((t - begin_s) / lasts)) / 2
         return -tau, tau
 
     return under(body, torques)

@@ -104,9 +104,9 @@ class ForeignSwing:
             last = self.first + len(self._states) - 1
             t = np.arange(last, last + self._block + 1) / self._rate_hz
             ahead = integrate(self._plant.motion, self._states[-1], t)[1:]
-            kept = self._states[min(first - self.first, len(self._states) - 1) :]
-            self.first = last + 1 - len(kept)
-            self._states = np.concatenate([kept, ahead])
+            states = self._states[min(first - self.first, len(self._states) - 1) :]
+            self.first = last + 1 - len(states)
+            self._states = np.concatenate([states, ahead])
         return self._states[first - self.first :][:count]
 
 

@@ -35,13 +35,13 @@ def curves_figure(diagnosis: Diagnosis) -> Figure:
     with style.house_style():
         if not shown:
             return empty_figure("No recording was simulated.")
-        each = [angles_of(curves) for curves in shown]
+        by_curves = [angles_of(curves) for curves in shown]
         heights = [height for curves in shown for height in ((3, 2, 1.5) if curves.input else (3, 2))]
         figure = new_figure(0.5 + 0.6 * sum(heights))
-        columns = max(len(angles) for angles in each)
+        columns = max(len(angles) for angles in by_curves)
         grid = figure.subplots(len(heights), columns, squeeze=False, height_ratios=heights, sharex="col")
         row = 0
-        for curves, angles in zip(shown, each, strict=True):
+        for curves, angles in zip(shown, by_curves, strict=True):
             rows = grid[row : row + (3 if curves.input else 2)]
             for column in range(columns):
                 _draw_run(list(rows[:, column]), curves, [*angles.items()][column] if column < len(angles) else None)
