@@ -38,10 +38,10 @@ def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float
 def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float]:
     """Torques of friction, N m, required to hold the joints of direction 0; without meaning for the others."""
     across = rods.inertia2 + rods.coupling
-    both, outer = rods.torque1 + rods.torque2, rods.torque2
+    of_both, outer = rods.torque1 + rods.torque2, rods.torque2
     rest1, rest2 = direction1 == 0.0, direction2 == 0.0
-    push1 = both - (0.0 if rest2 else across / rods.inertia2 * outer)
-    push2 = outer - (0.0 if rest1 else across / (rods.inertia1 + across + rods.coupling) * both)
+    push1 = of_both - (0.0 if rest2 else across / rods.inertia2 * outer)
+    push2 = outer - (0.0 if rest1 else across / (rods.inertia1 + across + rods.coupling) * of_both)
     return push1, push2
 
 

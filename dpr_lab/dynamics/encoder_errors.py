@@ -105,12 +105,12 @@ def held_along(
     Returns:
         (n, 3) held angles, rad
     """
-    seen = np.empty(angles.shape)
+    held = np.empty(angles.shape)
     hold1, hold2, hold0 = hold
     for k in range(len(angles)):
         angle1, angle2, angle0 = angles[k]
         hold1 = held_angle1(angle1, hold1, model.params, model.active)
         hold2 = held_angle(angle2, hold2, model.params, model.active)
         hold0 = held_angle0(angle0, hold0, drift[k], model.params, model.active)
-        seen[k, 0], seen[k, 1], seen[k, 2] = hold1, hold2, hold0
-    return seen
+        held[k, 0], held[k, 1], held[k, 2] = hold1, hold2, hold0
+    return held

@@ -66,11 +66,11 @@ class Segments:
         first = np.zeros(len(self.t), dtype=np.bool_)
         first[self.offsets[:-1]] = True
         for chain, until in pairwise(self.chains):
-            mine, setup = slice(self.offsets[chain], self.offsets[until]), self.setups[self.run[chain]]
+            samples, setup = slice(self.offsets[chain], self.offsets[until]), self.setups[self.run[chain]]
             if setup.torques is not None:
-                means[mine, :2] = setup.torques.mean_before(self.t[mine], first[mine])
+                means[samples, :2] = setup.torques.mean_before(self.t[samples], first[samples])
             if setup.arm is not None:
-                means[mine, 2:] = setup.arm.mean_before(self.t[mine], first[mine])
+                means[samples, 2:] = setup.arm.mean_before(self.t[samples], first[samples])
         return means
 
     def turning_as_one(self, initial: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -90,14 +90,14 @@ class Segments:
         """(runs + 1,) first segment of each run."""
         return np.concatenate([[0], np.flatnonzero(np.diff(self.run)) + 1, [len(self)]]).astype(np.int64)
 
-    def samples_of(self, some: NDArray[np.int64]) -> NDArray[np.int64]:
+    def samples_of(self, indices: NDArray[np.int64]) -> NDArray[np.int64]:
         """Indices of the samples of some segments, given by their indices, in sequence."""
-        return np.concatenate([np.arange(*self.offsets[s : s + 2]) for s in some])
+        return np.concatenate([np.arange(*self.offsets[s : s + 2]) for s in indices])
 
-    def chosen(self, some: NDArray[np.int64]) -> "Segments":
+    def chosen(self, indices: NDArray[np.int64]) -> "Segments":
         """A layout with only some segments, given by their indices in order."""
-        offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[some])])
-        return Segments(self.t[self.samples_of(some)], offsets, self.run[some], self.setups, self.step[some])
+        offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[indices])])
+        return Segments(self.t[self.samples_of(indices)], offsets, self.run[indices], self.setups, self.step[indices])
 
 
 def segments(

@@ -36,7 +36,7 @@ ROWS = 14 * WIDTH
 
 
 def sensitivities(
-    ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike, of: int = STATES
+    ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike, outputs: int = STATES
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """States of many segments and their derivatives, each with respect to its own initial state.
 
@@ -46,19 +46,19 @@ def sensitivities(
         g: gravity, m/s^2
         segments: instants of the samples, between which steps are equal
         initial: (S, 4) state at each segment's first sample, rad and rad/s
-        of: number of the four states whose derivatives are returned; 2: the angles
+        outputs: number of the four states whose derivatives are returned; 2: the angles
 
     Returns:
-        (samples, 4) states of all segments in sequence and (samples, `of`, 9) their derivatives
+        (samples, 4) states of all segments in sequence and (samples, `outputs`, 9) their derivatives
 
     Raises:
         ValueError: not five ratios, or not one state for each segment.
     """
-    return _followed(ratios, L1, g, segments, initial, of)
+    return _followed(ratios, L1, g, segments, initial, outputs)
 
 
 def driven(
-    values: NDArray[np.float64], rig: RigConstants, segments: Segments, initial: ArrayLike, of: int
+    values: NDArray[np.float64], rig: RigConstants, segments: Segments, initial: ArrayLike, outputs: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """States and derivatives with the torques and arm motions of the runs; further arguments as for `sensitivities`.
 
@@ -67,17 +67,17 @@ def driven(
         rig: lengths and gravity
         segments: instants of the samples
         initial: (S, 4)
-        of: number of the four states whose derivatives are returned
+        outputs: number of the four states whose derivatives are returned
 
     Returns:
-        states and derivatives as in `sensitivities`, and (samples, `of`) derivatives with respect to 1 / b
+        states and derivatives as in `sensitivities`, and (samples, `outputs`) derivatives with respect to 1 / b
     """
     step, count = sample_steps(segments.t, segments.offsets, segments.step)
     starts, pushes = initial_states(initial, segments), segments.pushes
     if any(setup.arm is not None for setup in segments.setups):
         pushes[:, 2] *= rig.L0 / rig.g  # (54)
     gravity = rig.g / rig.L1
-    return _integrated(np.ascontiguousarray(values), gravity, starts, segments, pushes, step, count, of)
+    return _integrated(np.ascontiguousarray(values), gravity, starts, segments, pushes, step, count, outputs)
 
 
 def swings(ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike) -> NDArray[np.float64]:
@@ -86,7 +86,7 @@ def swings(ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: 
 
 
 def _followed(
-    ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike, of: int
+    ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike, outputs: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     values = np.asarray(ratios, dtype=np.float64)
     if values.shape not in ((RATIOS,), (len(segments), RATIOS)):
@@ -95,7 +95,7 @@ def _followed(
     free[:, :RATIOS] = values
     step, count = sample_steps(segments.t, segments.offsets, segments.step)
     starts, still = initial_states(initial, segments), np.zeros((len(segments.t), 4))
-    return _integrated(free, g / L1, starts, segments, still, step, count, of)[:2]
+    return _integrated(free, g / L1, starts, segments, still, step, count, outputs)[:2]
 
 
 def _integrated(
@@ -106,13 +106,13 @@ def _integrated(
     pushes: NDArray[np.float64],
     step: NDArray[np.float64],
     count: NDArray[np.int64],
-    of: int,
+    outputs: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """(samples, 4) states, (samples, `of`, 9) derivatives, and (samples, `of`) those for the factor of torques."""
-    states, by_push = np.empty((len(step), STATES)), np.empty((len(step), of))
-    slopes, x, rows = np.empty((len(step), of, COLUMNS)), np.empty(STATES), np.empty(ROWS if of else 0)
+    """(samples, 4) states, (samples, `outputs`, 9) derivatives, and (samples, `outputs`) those by the torque factor."""
+    states, by_push = np.empty((len(step), STATES)), np.empty((len(step), outputs))
+    slopes, x, rows = np.empty((len(step), outputs, COLUMNS)), np.empty(STATES), np.empty(ROWS if outputs else 0)
     held, offsets = segments.held, segments.offsets
-    _integrate(ratios, gravity, starts, held, pushes, offsets, step, count, of, x, rows, states, slopes, by_push)
+    _integrate(ratios, gravity, starts, held, pushes, offsets, step, count, outputs, x, rows, states, slopes, by_push)
     return states, slopes, by_push
 
 
@@ -126,7 +126,7 @@ def _integrate(
     offsets: NDArray[np.int64],
     step: NDArray[np.float64],
     count: NDArray[np.int64],
-    of: int,
+    outputs: int,
     x: NDArray[np.float64],
     rows: NDArray[np.float64],
     states: NDArray[np.float64],
@@ -139,14 +139,14 @@ def _integrate(
             x[i] = starts[segment, i]
         for i in range(len(rows)):
             rows[i] = 0.0
-        for i in range(STATES if of else 0):
+        for i in range(STATES if outputs else 0):
             rows[S + i * WIDTH + RATIOS + i] = 1.0
         for sample in range(offsets[segment], offsets[segment + 1]):
             for _ in range(count[sample]):
                 _runge_kutta(x, rows, ratios[segment], gravity, step[sample], held[segment], pushes[sample])
             for i in range(STATES):
                 states[sample, i] = x[i]
-            for i in range(of):
+            for i in range(outputs):
                 for j in range(COLUMNS):
                     slopes[sample, i, j] = rows[S + i * WIDTH + j]
                 by_push[sample, i] = rows[S + i * WIDTH + COLUMNS]

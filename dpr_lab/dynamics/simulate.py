@@ -190,8 +190,8 @@ def _swing(
 
 
 @subroutine
-def _write(x: RigState, into: NDArray[np.float64]) -> None:
-    into[0], into[1], into[2] = x.theta0, x.theta1, x.theta2
-    into[3], into[4], into[5] = x.omega0, x.omega1, x.omega2
+def _write(x: RigState, row: NDArray[np.float64]) -> None:
+    row[0], row[1], row[2] = x.theta0, x.theta1, x.theta2
+    row[3], row[4], row[5] = x.omega0, x.omega1, x.omega2
     for k, value in enumerate(x.internal):
-        into[6 + k] = value
+        row[6 + k] = value

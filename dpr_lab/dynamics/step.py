@@ -134,7 +134,10 @@ def joint_forces(motion: Motion, alphas: Three, base: BaseParameters, constants:
 def accelerations_at(
     t: float, x: RigState, displacement1: float, displacement2: float, model: RigModel, mode: int, drive: float
 ) -> Three:
-    """(alpha0, alpha1, alpha2), rad/s^2, of a state after displacements since its internal states, rad."""
+    """(alpha0, alpha1, alpha2), rad/s^2.
+
+    The displacements of joints 1 and 2, rad, are those since the last update of the internal states.
+    """
     directions = directions_at(t, x, model, mode, drive)
     rods = _stage(t, x, (0.0, displacement1, displacement2), model, mode, drive, directions).rods
     return held(rods, directions[0], directions[1])
@@ -201,18 +204,18 @@ def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: floa
     motion, rods = stage.motion, stage.rods
     forward = dry_limits(motion, 1.0, 1.0, model.params, model.active)
     backward = dry_limits(motion, -1.0, -1.0, model.params, model.active)
-    own = directions[0], directions[1]
+    of_rods = directions[0], directions[1]
     if directions[2] == 0.0:
         limits0 = (
             dry_limit0(motion, 1.0, model.params, model.active),
             dry_limit0(motion, -1.0, model.params, model.active),
         )
-        first, one, two = slides_with_arm(
-            motion, model.base, stage.terms, model.arm, stage.torque0, own, (limits0, forward, backward)
+        direction0, direction1, direction2 = slides_with_arm(
+            motion, model.base, stage.terms, model.arm, stage.torque0, of_rods, (limits0, forward, backward)
         )
-        return one, two, first
-    one, two = slides(rods, own, forward, backward)
-    return one, two, directions[2]
+        return direction1, direction2, direction0
+    direction1, direction2 = slides(rods, of_rods, forward, backward)
+    return direction1, direction2, directions[2]
 
 
 @subroutine
@@ -224,18 +227,18 @@ def _directions(x: RigState, model: RigModel, mode: int) -> Three:
 
 
 @subroutine
-def _spare(stage: SteppedStage, model: RigModel, directions: Three) -> Three:
+def _margins(stage: SteppedStage, model: RigModel, directions: Three) -> Three:
     """Margins (limit minus torque) of the joints at rest, N m; inf for the others."""
     motion, rods = stage.motion, stage.rods
     push1, push2 = pushes(rods, directions[0], directions[1])
     limit1, limit2 = dry_limits(motion, push1, push2, model.params, model.active)
-    spare1 = limit1 - abs(push1) if directions[0] == 0.0 else math.inf
-    spare2 = limit2 - abs(push2) if directions[1] == 0.0 else math.inf
+    margin1 = limit1 - abs(push1) if directions[0] == 0.0 else math.inf
+    margin2 = limit2 - abs(push2) if directions[1] == 0.0 else math.inf
     if directions[2] != 0.0:
-        return spare1, spare2, math.inf
+        return margin1, margin2, math.inf
     _, alpha1, alpha2 = held(rods, directions[0], directions[1])
     push0 = push_on_arm(motion, model.base, model.arm, stage.torque0, (alpha1, alpha2))
-    return spare1, spare2, dry_limit0(motion, push0, model.params, model.active) - abs(push0)
+    return margin1, margin2, dry_limit0(motion, push0, model.params, model.active) - abs(push0)
 
 
 class TriedStep(NamedTuple):
@@ -254,7 +257,7 @@ def _runge_kutta(
     """One classical Runge-Kutta step of h; accelerations and margins at its end are those of the last stage."""
     resting = directions[0] == 0.0 or directions[1] == 0.0 or directions[2] == 0.0
     reached = _stage(t, x, (0.0, 0.0, 0.0), model, mode, drive, directions)
-    first = _spare(reached, model, directions) if resting else (math.inf, math.inf, math.inf)
+    first = _margins(reached, model, directions) if resting else (math.inf, math.inf, math.inf)
     k0, k1, k2 = held(reached.rods, directions[0], directions[1])
     p0, p1, p2 = x.omega0, x.omega1, x.omega2
     turn0, turn1, turn2, sum0, sum1, sum2 = p0, p1, p2, k0, k1, k2
@@ -270,7 +273,7 @@ def _runge_kutta(
         k0, k1, k2 = held(reached.rods, directions[0], directions[1])
         turn0, turn1, turn2 = turn0 + weight * p0, turn1 + weight * p1, turn2 + weight * p2
         sum0, sum1, sum2 = sum0 + weight * k0, sum1 + weight * k1, sum2 + weight * k2
-    last = _spare(reached, model, directions) if resting else (math.inf, math.inf, math.inf)
+    last = _margins(reached, model, directions) if resting else (math.inf, math.inf, math.inf)
     sixth = h / 6.0
     internal = internal_after(
         x.internal, sixth * turn0, sixth * turn1, sixth * (turn2 - turn1), model.params, model.active

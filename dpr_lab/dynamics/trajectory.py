@@ -160,19 +160,19 @@ def _put(
 @njit
 def _driven(t: Array, run: NDArray[np.int64], force: Array, friction: Array, stiffness: Array) -> Array:
     """(n, k) accelerations of oscillators of mass 1 that are at rest until t = 0, by the trapezoidal rule."""
-    many = len(stiffness)
-    accelerations, x, v = np.zeros((len(t), many)), np.empty(many), np.empty(many)
+    count = len(stiffness)
+    accelerations, x, v = np.zeros((len(t), count)), np.empty(count), np.empty(count)
     for i in range(len(t)):
         if t[i] < 0.0:
             continue
-        h, since = 0.0, i
+        h, previous = 0.0, i
         if i == 0 or run[i] != run[i - 1] or t[i - 1] < 0.0:
             x[:], v[:] = 0.0, 0.0
         else:
-            h, since = max(t[i] - t[i - 1], 0.0), i - 1
+            h, previous = max(t[i] - t[i - 1], 0.0), i - 1
         half, quarter = 0.5 * h, 0.25 * h * h
-        for k in range(many):
-            before = accelerations[since, k]
+        for k in range(count):
+            before = accelerations[previous, k]
             ahead, onward = x[k] + h * v[k] + quarter * before, v[k] + half * before
             now = (force[i] - friction[k] * onward - stiffness[k] * ahead) / (
                 1.0 + half * friction[k] + quarter * stiffness[k]
@@ -226,10 +226,10 @@ def _arm_effects(
         motion = motion_of(t[i], thetas, omegas, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
         motion = with_arm(motion, 0.0, direction_of(omega[i, 2]))
         for c in range(len(params)):
-            own = arm_torques(motion, 0.0, _AT_RELEASE, params[c], active[c])
-            own = arm_drives(motion, drive[i, 2], own, params[c], active[c])
+            torque0 = arm_torques(motion, 0.0, _AT_RELEASE, params[c], active[c])
+            torque0 = arm_drives(motion, drive[i, 2], torque0, params[c], active[c])
             torques[i, 2, c], torques[i, 0, c], torques[i, 1, c] = whole_torques(
-                motion, base, rig, own, params[c], active[c]
+                motion, base, rig, torque0, params[c], active[c]
             )
 
 

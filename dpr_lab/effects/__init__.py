@@ -176,7 +176,7 @@ def plausibility(params: NDArray[np.float64], effect: str) -> float:
     posterior probabilities.
     """
     amplitudes = EFFECTS[effect].amplitudes
-    u = max(abs(float(params[at])) / p.prior_scale for at, p in zip(_AMPLITUDES[effect], amplitudes, strict=True))
+    u = max(abs(float(params[place])) / p.prior_scale for place, p in zip(_AMPLITUDES[effect], amplitudes, strict=True))
     return 1.0 / (1.0 + min(u, 1e6) ** 4)  # positive, so that ratios stay finite
 
 

@@ -50,8 +50,8 @@ def outer(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float)
 def both(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float) -> Terms:
     """Drag on both rods, of the same width."""
     carried = outer(motion, constants, coefficient_kg_per_m2)
-    own = coefficient_kg_per_m2 * constants.L1**4 / 4.0 * motion.omega1 * abs(motion.omega1)
-    return torques(carried.torque1 - own, carried.torque2)
+    drag1 = coefficient_kg_per_m2 * constants.L1**4 / 4.0 * motion.omega1 * abs(motion.omega1)
+    return torques(carried.torque1 - drag1, carried.torque2)
 
 
 @inlined

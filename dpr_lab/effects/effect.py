@@ -280,8 +280,8 @@ class Effect:
 
     def bench_quantity(self, parameter: str) -> BenchQuantity:
         """Measured quantity that contains an amplitude."""
-        own = (quantity for quantity in self.quantities if parameter in quantity.parameters)
-        return next(own, BenchQuantity(parameter, parameter, (parameter,)))
+        containing = (quantity for quantity in self.quantities if parameter in quantity.parameters)
+        return next(containing, BenchQuantity(parameter, parameter, (parameter,)))
 
     @property
     def driven(self) -> bool:

@@ -13,8 +13,10 @@ def shifted(offset_rad: float) -> float:
 
 def remedy(params: Params, rig: RigConstants, joint: int) -> str:
     """Correction of the zero."""
-    off = f"{1e3 * params['offset_rad']:.3g} mrad"
-    return f"set the zero of encoder {joint + 1} again while the rods hang at rest, or subtract {off} from its readings"
+    offset = f"{1e3 * params['offset_rad']:.3g} mrad"
+    return (
+        f"set the zero of encoder {joint + 1} again while the rods hang at rest, or subtract {offset} from its readings"
+    )
 
 
 _PARAMETERS = (EffectParameter("offset_rad", "rad", 5e-3),)

@@ -25,8 +25,8 @@ def _reasons(effect: Effect) -> Iterator[str]:
         yield f"the stage {effect.stage!r} is reserved for one effect of dpr-lab"
     if not effect.joints or not set(effect.joints) <= {0, 1}:
         yield f"joints = {effect.joints}: joints are 0 and 1"
-    own = [*(state.name for state in effect.internal), *(parameter.name for parameter in effect.parameters)]
-    offered = [*STAGES[effect.stage].quantities, *own]
+    names = [*(state.name for state in effect.internal), *(parameter.name for parameter in effect.parameters)]
+    offered = [*STAGES[effect.stage].quantities, *names]
     if unknown := [name for name in arguments(effect.kernel) if name not in offered]:
         yield f"the kernel asks for {', '.join(unknown)}; at the stage {effect.stage!r} there are: {', '.join(offered)}"
     if not effect.amplitudes:

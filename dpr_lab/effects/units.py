@@ -59,8 +59,8 @@ def read_quantity(text: str, unit: str, example: str) -> float:
         ValueError: no number, no unit, or a unit of another quantity; the message lists the accepted units.
     """
     number, written = split_quantity(text)
-    given, own = _normal(written), _normal(unit)
-    accepted = UNITS.get(unit, {own: 1.0})
+    given, expected = _normal(written), _normal(unit)
+    accepted = UNITS.get(unit, {expected: 1.0})
     if given in accepted:
         return number * accepted[given]
     problem = f"{written!r} is not a unit of this quantity" if given else "the unit is missing"

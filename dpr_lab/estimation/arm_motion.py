@@ -43,9 +43,9 @@ def arm_motion(t: NDArray[np.float64], theta0: NDArray[np.float64], name: str, a
     spline = make_smoothing_spline(
         (t - t[0]) / spacing, theta0
     )  # time in samples, because its search for the weight is scale-dependent
-    at = (t - t[0]) / spacing
+    normalised = (t - t[0]) / spacing
     noise = float(difference_std(t, theta0[:, None])[0]) if len(t) > ORDER else 0.0
-    return ArmMotion(t, np.asarray(spline(at)), np.asarray(spline.derivative()(at)) / spacing, noise)
+    return ArmMotion(t, np.asarray(spline(normalised)), np.asarray(spline.derivative()(normalised)) / spacing, noise)
 
 
 def refuse_still_arm(theta0: NDArray[np.float64], mode: str, path: object, least_rad: float = 0.01) -> None:

@@ -46,8 +46,8 @@ class HeldSettings:
     fewest: int = 4
     """Minimum number of removed samples of rest, and of samples of a swing."""
     sure: float = 0.3
-    """Minimum duration of a rest relative to the time in which the fall becomes visible: three of its standard
-    deviations.
+    """Minimum duration of a short rest relative to the time from the release until the fall is visible. This is three
+    standard deviations of the estimated release.
     """
     onset: float = 4.0
     """Standard deviations about the rest within which a rod at rest stays."""
@@ -162,7 +162,7 @@ def refuse_held(runs: Sequence[Run], settings: HeldSettings = HELD) -> None:
 
 
 def rest_fault(motion: RodMotion, part: FreePart, settings: HeldSettings = HELD) -> str:
-    """Why the rest before the release does not show the noise of the readings; empty if it does."""
+    """Reason why the rest before the release does not determine the noise of the readings; empty if it does."""
     t, rods = motion.t[part.rest : part.start], motion.rods[part.rest : part.start]
     if len(t) < settings.fewest:
         return "too short"
@@ -183,8 +183,8 @@ def still_band(motion: RodMotion, settings: HeldSettings = HELD) -> float:
 
 def _noise(motion: RodMotion, settings: HeldSettings) -> Array:
     """(2,) standard deviation of the readings, rad."""
-    few = slice(settings.readings)
-    return difference_std(motion.t[few], motion.rods[few]) if len(motion.t) > ORDER else np.zeros(2)
+    samples = slice(settings.readings)
+    return difference_std(motion.t[samples], motion.rods[samples]) if len(motion.t) > ORDER else np.zeros(2)
 
 
 def _held_stretches(motion: RodMotion, band: float, settings: HeldSettings) -> list[tuple[int, int]]:
@@ -266,12 +266,12 @@ def _short_rest(motion: RodMotion, band: float, settings: HeldSettings) -> int:
     if n < 3 * settings.fewest or waits or band > settings.still_rad:
         return 0
     fallen = np.abs(motion.rods - motion.rods[: settings.fewest].mean(axis=0)).max(axis=1)
-    seen = [int(np.argmax(fallen > depth)) for depth in (band, 4 * band)]
-    if not 0 < seen[0] < seen[1]:
+    exceeded = [int(np.argmax(fallen > depth)) for depth in (band, 4 * band)]
+    if not 0 < exceeded[0] < exceeded[1]:
         return 0
     t1, t2 = (
         float(np.interp(depth, fallen[i - 1 : i + 1], t[i - 1 : i + 1])) - t[0]
-        for depth, i in zip((band, 4 * band), seen, strict=True)
+        for depth, i in zip((band, 4 * band), exceeded, strict=True)
     )
     t0 = 2 * t1 - t2
     if t0 < max(settings.shortest_rest_s, settings.sure * (t1 - t0)):

@@ -20,8 +20,8 @@ class MotionSettings:
     samples: int = 16
     """Minimum number of samples after the release: two segments of eight, one to fit and one to validate."""
     duration_s: float = 0.35
-    """Minimum duration after the release, s: a segment of 0.25 s, or the 0.3 s for the initial state of a free run,
-    and some more to compare.
+    """Minimum duration after the release, s. A segment takes 0.25 s, the initial state of a free run 0.3 s; the
+    remainder is compared.
     """
     turn_rad: float = 0.01
     """Minimum range of an angle of a swinging rod, rad: a hanging rod that is touched moves by some milliradians."""

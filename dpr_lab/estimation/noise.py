@@ -133,12 +133,12 @@ def difference_weights(windows: NDArray[np.float64], period: float) -> NDArray[n
         windows: (windows, 7) increasing instants, s
         period: usual time between two, s
     """
-    at = (windows - windows[:, :1]) / period
-    weights = np.ones_like(at)
+    normalised = (windows - windows[:, :1]) / period
+    weights = np.ones_like(normalised)
     for j in range(ORDER + 1):
         for i in range(ORDER + 1):
             if i != j:
-                weights[:, j] *= at[:, j] - at[:, i]
+                weights[:, j] *= normalised[:, j] - normalised[:, i]
     weights = 1 / weights
     return weights / np.linalg.norm(weights, axis=1, keepdims=True)
 
@@ -164,16 +164,16 @@ def _rest_std(t: NDArray[np.float64], joints: NDArray[np.float64]) -> NDArray[np
 
 
 def _about(line: NDArray[np.float64], values: NDArray[np.float64]) -> float:
-    kept = np.ones(len(values), dtype=bool)
-    away = _away(line, values, kept)
+    used = np.ones(len(values), dtype=bool)
+    away = _away(line, values, used)
     for _ in range(2):
-        usual = float(np.quantile(np.abs(away[kept]), 0.9)) / NORMAL_Q90
+        usual = float(np.quantile(np.abs(away[used]), 0.9)) / NORMAL_Q90
         tame = np.abs(away) <= SETTINGS.wild * usual
-        if not usual or tame[kept].all():
+        if not usual or tame[used].all():
             break
-        kept, away = tame, _away(line, values, tame)
-    return float(np.sqrt((away[kept] ** 2).sum() / (kept.sum() - 2)))
+        used, away = tame, _away(line, values, tame)
+    return float(np.sqrt((away[used] ** 2).sum() / (used.sum() - 2)))
 
 
-def _away(line: NDArray[np.float64], values: NDArray[np.float64], kept: NDArray[np.bool_]) -> NDArray[np.float64]:
-    return values - line @ np.linalg.lstsq(line[kept], values[kept], rcond=None)[0]
+def _away(line: NDArray[np.float64], values: NDArray[np.float64], used: NDArray[np.bool_]) -> NDArray[np.float64]:
+    return values - line @ np.linalg.lstsq(line[used], values[used], rcond=None)[0]

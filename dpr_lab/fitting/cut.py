@@ -53,11 +53,11 @@ def partition(run: Run, length: float) -> list[slice]:
     if len(run.t) < MIN_SAMPLES:
         raise RunError(f"{run.name}: {len(run.t)} samples after the release; at least {MIN_SAMPLES} are needed")
     count = max(1, round(run.duration / length))
-    kept = [0]
+    edges = [0]
     for edge in np.searchsorted(run.t, np.linspace(run.t[0], run.t[-1], count + 1)[1:-1]).tolist():
-        if edge - kept[-1] >= MIN_SAMPLES and len(run.t) - edge >= MIN_SAMPLES:
-            kept.append(edge)
-    return [slice(i, j) for i, j in pairwise([*kept, len(run.t)])]
+        if edge - edges[-1] >= MIN_SAMPLES and len(run.t) - edge >= MIN_SAMPLES:
+            edges.append(edge)
+    return [slice(i, j) for i, j in pairwise([*edges, len(run.t)])]
 
 
 def carried(source: Segments, states: Array, other: Segments, otherwise: Array) -> Array:
@@ -73,7 +73,7 @@ def carried(source: Segments, states: Array, other: Segments, otherwise: Array) 
         (segments, 4) for the other division
     """
     begins = {key: state for key, state in zip(_begins(source), states, strict=True)}
-    return np.array([begins.get(key, own) for key, own in zip(_begins(other), otherwise, strict=True)])
+    return np.array([begins.get(key, start) for key, start in zip(_begins(other), otherwise, strict=True)])
 
 
 def _begins(segments: Segments) -> list[tuple[int, float]]:

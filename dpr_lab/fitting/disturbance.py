@@ -66,21 +66,21 @@ def disturbance(
     arm = np.array([_of_arm(setup) for setup in setups])
     if not (spread.any() or arm.any()):
         return None
-    along = trajectory(problem, estimate, begins)
-    into = along.into @ spread[along.run]
+    reference = trajectory(problem, estimate, begins)
+    into = reference.into @ spread[reference.run]
     rate, shared = into @ into.transpose(0, 2, 1), np.zeros((len(problem.t), 2))
     if arm.any():
-        slope, bend = _answers_to_arm(along, problem)
-        rate += (arm[along.run] ** 2)[:, None, None] * bend[:, :, None] * bend[:, None, :]
-        own = arm[problem.segments.run[problem.owner]] / float(np.median(np.diff(problem.t))) ** 0.5
-        shared = np.einsum("nja,na->nj", along.out, _at(slope, along.at)) * own[:, None]
-    between = np.diff(along.t)[:, None, None] * 0.5 * (rate[1:] + rate[:-1])
-    between[along.edges[1:-1] - 1] = 0.0
+        slope, bend = _response_to_arm(reference, problem)
+        rate += (arm[reference.run] ** 2)[:, None, None] * bend[:, :, None] * bend[:, None, :]
+        shared_std = arm[problem.segments.run[problem.owner]] / float(np.median(np.diff(problem.t))) ** 0.5
+        shared = np.einsum("nja,na->nj", reference.out, _at(slope, reference.at)) * shared_std[:, None]
+    between = np.diff(reference.t)[:, None, None] * 0.5 * (rate[1:] + rate[:-1])
+    between[reference.edges[1:-1] - 1] = 0.0
     walk = np.diff(
-        _at(np.concatenate([np.zeros((1, 4, 4)), np.cumsum(between, axis=0)]), along.at), axis=0, prepend=0.0
+        _at(np.concatenate([np.zeros((1, 4, 4)), np.cumsum(between, axis=0)]), reference.at), axis=0, prepend=0.0
     )
     walk[problem.segments.offsets[:-1]] = 0.0  # earlier noise is part of the initial state
-    return Disturbance(np.ascontiguousarray(walk), along.out, shared)
+    return Disturbance(np.ascontiguousarray(walk), reference.out, shared)
 
 
 def most_noise(problem: Problem) -> Array:
@@ -103,20 +103,20 @@ def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
     upper = most_noise(problem)
     if not upper.any():
         return upper
-    at, free = model.estimate, model.free
+    estimate, free = model.estimate, model.free
     shares = np.append(2.0 ** (-0.5 * np.arange(halvings + 1)), 0.0)
-    none, *each = (disturbance(problem, at, most_Nm=upper * chosen) for chosen in ([0, 0], [1, 0], [0, 1]))
-    noisy = next(one for one in each if one is not None)
+    none, *by_noise = (disturbance(problem, estimate, most_Nm=upper * chosen) for chosen in ([0, 0], [1, 0], [0, 1]))
+    noisy = next(noise for noise in by_noise if noise is not None)
     quiet = np.zeros_like(noisy.walk) if none is None else none.walk
-    walks = [quiet if one is None else one.walk - quiet for one in each]
-    predicted, slopes = problem.predict(at), problem.slopes(at, free)
+    walks = [quiet if noise is None else noise.walk - quiet for noise in by_noise]
+    predicted, slopes = problem.predict(estimate), problem.slopes(estimate, free)
     inside = model.inside
 
     @cache
     def cost(level1: int, level2: int) -> float:
         walk = quiet + shares[level1] ** 2 * walks[0] + shares[level2] ** 2 * walks[1]
         changed = replace(problem, disturbance=replace(noisy, walk=np.ascontiguousarray(walk)))
-        linear = linearise(changed, at, free, predicted, slopes)
+        linear = linearise(changed, estimate, free, predicted, slopes)
         space = ColumnSpace.of(linear.A[:, :, inside], linear.e)
         space = space.with_prior(model.prior[:, inside], np.zeros(len(model.prior)))
         starts = 2 * float(np.log(np.abs(np.diagonal(linear.R, axis1=1, axis2=2))).sum())
@@ -126,7 +126,7 @@ def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
     levels = (0, 0)
     while True:
         near = [(max(levels[0] + i, 0), max(levels[1] + j, 0)) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-        best = min((one for one in near if max(one) < len(shares)), key=lambda one: cost(*one))
+        best = min((pair for pair in near if max(pair) < len(shares)), key=lambda pair: cost(*pair))
         if best == levels:
             return upper * shares[list(levels)]
         levels = best
@@ -139,20 +139,20 @@ def _at(values: Array, place: Array) -> Array:
     return (1 - share) * values[lower] + share * values[lower + 1]
 
 
-def _answers_to_arm(along: Trajectory, problem: Problem) -> tuple[Array, Array]:
+def _response_to_arm(reference: Trajectory, problem: Problem) -> tuple[Array, Array]:
     """(n, 4) each: first and second time derivative of the arm's input vector, in initial-state coordinates.
 
     An error e of the arm's angle acts through its second derivative. Integration by parts gives -out slope e in the
     readings at the same instant, and the integral of bend e afterwards.
     """
     rig = problem.model.constants
-    d, e1 = along.bases[along.run][:, 2], along.bases[along.run][:, 3]
-    levers = -rig.L0 / rig.g * np.stack([e1, d * rig.g / rig.L1], axis=1) * np.cos(along.theta)
-    push = (along.into @ levers[:, :, None])[:, :, 0]
+    d, e1 = reference.bases[reference.run][:, 2], reference.bases[reference.run][:, 3]
+    levers = -rig.L0 / rig.g * np.stack([e1, d * rig.g / rig.L1], axis=1) * np.cos(reference.theta)
+    push = (reference.into @ levers[:, :, None])[:, :, 0]
     slope, bend = np.empty_like(push), np.empty_like(push)
-    for first, last in pairwise(along.edges):
-        slope[first:last] = np.gradient(push[first:last], along.t[first:last], axis=0)
-        bend[first:last] = np.gradient(slope[first:last], along.t[first:last], axis=0)
+    for first, last in pairwise(reference.edges):
+        slope[first:last] = np.gradient(push[first:last], reference.t[first:last], axis=0)
+        bend[first:last] = np.gradient(slope[first:last], reference.t[first:last], axis=0)
     return slope, bend
 
 

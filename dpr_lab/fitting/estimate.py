@@ -192,19 +192,19 @@ def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tupl
     determines d/b and c2/b. Without a swing of both rods, e1/b and c1/b stand for e and c divided by the inertia of the
     swinging part, d/b for the outer rod's gravity if it does not hang in line, and a/b for a second mounting.
     """
-    every = list(setups)
-    setups = [setup for setup in every if setup.inner is None]
+    all_setups = list(setups)
+    setups = [setup for setup in all_setups if setup.inner is None]
     if not setups:
         outer = {RATIOS.index("d/b"), RATIOS.index("c2/b")}
         return tuple(sorted(outer | ({SCALE} if scale_visible else set())))
-    seen = {setup.mounting for setup in setups}
+    mountings = {setup.mounting for setup in setups}
     elbows = {setup.elbow for setup in setups if setup.mounting == "clamped"}
-    aside = "outer" in seen or len(elbows) > 1 or any(abs(math.sin(elbow)) > STRAIGHT for elbow in elbows)
-    if "both" in seen:
-        ratios = {*range(len(RATIOS)), *([ON_ELBOW] if "inner" in seen else [])}
+    aside = "outer" in mountings or len(elbows) > 1 or any(abs(math.sin(elbow)) > STRAIGHT for elbow in elbows)
+    if "both" in mountings:
+        ratios = {*range(len(RATIOS)), *([ON_ELBOW] if "inner" in mountings else [])}
     else:
-        names = {"c1/b", *(["e1/b"] if seen & {"inner", "clamped"} else []), *(["d/b"] if aside else [])}
-        several = len(seen) + max(len(elbows) - 1, 0) > 1
+        names = {"c1/b", *(["e1/b"] if mountings & {"inner", "clamped"} else []), *(["d/b"] if aside else [])}
+        several = len(mountings) + max(len(elbows) - 1, 0) > 1
         ratios = {RATIOS.index(name) for name in names | ({"a/b"} if several else set())}
     return tuple(sorted(ratios | ({SCALE} if scale_visible else set())))
 
@@ -224,9 +224,9 @@ def ratio_parameters(estimate: Estimate, visible: Iterable[int] = range(len(RATI
 
 def zero_parameters(setups: Iterable[Setup]) -> tuple[FreeParameter, ...]:
     """Zero offsets of the measured encoders, separate for each run."""
-    own = [(run, joint) for run, setup in enumerate(setups) for joint in range(1 if setup.alone else 2)]
-    names = [f"zero{joint + 1}_of_run{run + 1}_rad" for run, joint in own]
-    places = [ZEROS_BEGIN + 2 * run + joint for run, joint in own]
+    encoders = [(run, joint) for run, setup in enumerate(setups) for joint in range(1 if setup.alone else 2)]
+    names = [f"zero{joint + 1}_of_run{run + 1}_rad" for run, joint in encoders]
+    places = [ZEROS_BEGIN + 2 * run + joint for run, joint in encoders]
     return tuple(
         FreeParameter(name, "zeros", place, 1.0, size=ZERO_SIZE) for name, place in zip(names, places, strict=True)
     )

@@ -82,7 +82,7 @@ class Fit:
     prior: Array = field(default_factory=lambda: np.zeros((0, 0)))
     """(n, free) rows of the prior for the free parameters; empty without a prior."""
     absorbed: tuple[int, ...] = ()
-    """Indices of amplitudes that are indistinguishable from the unknowns before them."""
+    """Indices of amplitudes that are indistinguishable from earlier unknowns (`Prior.absorbed`)."""
 
     @property
     def converged(self) -> bool:

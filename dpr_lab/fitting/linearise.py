@@ -52,8 +52,8 @@ class Linearisation:
     """(segments, m) residual with the initial states projected out."""
     A: Array
     """(segments, m, free) derivatives with the initial states projected out."""
-    onto: Array
-    """(segments, 4, free) components along the initial states, Q^T dreadings/dp."""
+    initial_state_coefficients: Array
+    """(segments, 4, free) Q^T dreadings/dp: the part of the derivatives that initial states can reproduce."""
     Q: Array
     """(segments, m, 4) Q."""
     R: Array
@@ -78,11 +78,11 @@ class Linearisation:
 
     def projected(self, columns: Array) -> Array:
         """(segments, m, k) whitened columns with the initial states projected out."""
-        along = self.Q @ (self.Q.transpose(0, 2, 1) @ columns)
-        return np.subtract(columns, along, out=along)
+        absorbed = self.Q @ (self.Q.transpose(0, 2, 1) @ columns)
+        return np.subtract(columns, absorbed, out=absorbed)
 
     def carried(self, problem: Problem, predicted: Array) -> "Linearisation | None":
-        """The same derivatives with other readings, (samples, 2), nearby; None if a segment cannot be followed."""
+        """The same derivatives with other predicted readings, (samples, 2); None if a segment cannot be followed."""
         residual = problem.whitened(problem.measured - predicted)
         if not (np.isfinite(self.residual).all() and np.isfinite(residual).all()):
             return None
@@ -90,16 +90,18 @@ class Linearisation:
 
     def chosen(self, columns: Sequence[int]) -> "Linearisation":
         """Linearisation with only some of the free parameters."""
-        return replace(self, A=self.A[:, :, columns], onto=self.onto[:, :, columns])
+        return replace(
+            self, A=self.A[:, :, columns], initial_state_coefficients=self.initial_state_coefficients[:, :, columns]
+        )
 
     def left(self, step: Array) -> float:
-        """Predicted sum of squared residuals after a step of the free parameters."""
+        """Sum of squared residuals that the linear model predicts after a step of the free parameters."""
         return float(np.sum((self.e - self.A @ step) ** 2))
 
     def initial_steps(self, step: Array) -> Array:
         """(segments, 4) least-squares steps of the initial states for a given step of the free parameters."""
         residual = np.where(np.isfinite(self.residual), self.residual, 0.0)[:, :, None]
-        left = self.Q.transpose(0, 2, 1) @ residual - (self.onto @ step)[:, :, None]
+        left = self.Q.transpose(0, 2, 1) @ residual - (self.initial_state_coefficients @ step)[:, :, None]
         return np.asarray(np.linalg.solve(self.R, left)[:, :, 0], dtype=np.float64)
 
 
@@ -125,15 +127,15 @@ def linearise(
     lost = np.logical_not(np.isfinite(J).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
     residual[lost], J[lost] = np.inf, 0.0
     states = problem.segments.states
-    each = [np.diag(slow_starts(setup, states)) for setup in problem.segments.setups]
-    slow = np.array(each)[problem.segments.run]
+    slow_by_run = [np.diag(slow_starts(setup, states)) for setup in problem.segments.setups]
+    slow = np.array(slow_by_run)[problem.segments.run]
     Q, R = np.linalg.qr(np.concatenate([J[:, :, -states:], slow], axis=1))
     Q = np.ascontiguousarray(Q[:, :-states])
     blind = np.abs(np.diagonal(R, axis1=1, axis2=2)).min(axis=1) < BLIND
     R[lost | blind] = np.eye(states) / BLIND  # nothing determines its initial state: it is kept
     of_free = J[:, :, :-states]
-    onto = Q.transpose(0, 2, 1) @ of_free
-    along = Q @ onto
-    linear = Linearisation(residual, residual, np.subtract(of_free, along, out=along), onto, Q, R)
+    coefficients = Q.transpose(0, 2, 1) @ of_free
+    absorbed = Q @ coefficients
+    linear = Linearisation(residual, residual, np.subtract(of_free, absorbed, out=absorbed), coefficients, Q, R)
     e = linear.projected(np.where(lost[:, None], 0.0, residual)[:, :, None])[:, :, 0]
     return replace(linear, e=e)

@@ -79,12 +79,12 @@ class Prior:
     def rows(self, estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array]:
         """(n, free) A and (n,) e of the prior's cost |e - A step|^2 of a step from an estimate."""
         A, e = np.zeros((len(free), len(free))), np.zeros(len(free))
-        own = [i for i, parameter in enumerate(free) if parameter.block == "ratios"]
-        if own:
-            places = [free[i].place for i in own]
+        of_ratios = [i for i, parameter in enumerate(free) if parameter.block == "ratios"]
+        if of_ratios:
+            places = [free[i].place for i in of_ratios]
             root = np.linalg.inv(np.linalg.cholesky(self.covariance[np.ix_(places, places)]))
-            A[np.ix_(own, own)] = root
-            e[own] = root @ (self.mean[places] - estimate.ratios[places])
+            A[np.ix_(of_ratios, of_ratios)] = root
+            e[of_ratios] = root @ (self.mean[places] - estimate.ratios[places])
         for i, parameter in enumerate(free):
             if parameter.block != "ratios" and parameter.amplitude:
                 std = self.std(parameter)
@@ -112,16 +112,16 @@ class Prior:
             free: the free parameters
             rows: (n, free) A and (n,) e of the prior there, `rows` times the root of w
         """
-        own = np.array([p.block == "effects" and p.amplitude for p in free], dtype=np.bool_)
-        if not own.any():
-            return own
+        amplitudes = np.array([p.block == "effects" and p.amplitude for p in free], dtype=np.bool_)
+        if not amplitudes.any():
+            return amplitudes
         order = sorted(range(len(free)), key=lambda i: free[i].block == "effects")
         A, e = rows
-        both, least = space.with_prior(A, e), np.where(own, np.diag(A) ** 2, 0.0)
-        unseen = both.unabsorbed(order) / both.scale**2 - least < least
+        with_prior, least = space.with_prior(A, e), np.where(amplitudes, np.diag(A) ** 2, 0.0)
+        unseen = with_prior.unabsorbed(order) / with_prior.scale**2 - least < least
         new = np.array([p.read(estimate) == 0.0 for p in free], dtype=np.bool_)
         unseen |= new & (space.unabsorbed(order) <= STRENGTH.absorbed**2)
-        return own & unseen
+        return amplitudes & unseen
 
     def std(self, parameter: FreeParameter) -> float:
         """Prior standard deviation of one unknown."""

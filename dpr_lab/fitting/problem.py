@@ -123,8 +123,8 @@ class Problem:
         """Sum of the logarithms of the variances of the innovations relative to those of the readings."""
         if (noise := self.disturbance) is None:
             return 0.0
-        nothing = padded(np.zeros((len(self.t), self.axes, 1)), self.weight, self.segments.offsets)
-        return innovations(nothing, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
+        zeros = padded(np.zeros((len(self.t), self.axes, 1)), self.weight, self.segments.offsets)
+        return innovations(zeros, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
 
     def by_sample(self, whitened: Array) -> Array:
         """(samples, 2) from (segments, m)."""
@@ -141,8 +141,8 @@ class Problem:
 
     def all_free(self, free: Sequence[FreeParameter]) -> tuple[FreeParameter, ...]:
         """Unknowns in addition to the initial states, including the encoder zeros of each run if they are free."""
-        own = zero_parameters(self.segments.setups) if self.rezeroed else ()
-        return (*free, *(parameter for parameter in own if parameter not in free))
+        zeros = zero_parameters(self.segments.setups) if self.rezeroed else ()
+        return (*free, *(parameter for parameter in zeros if parameter not in free))
 
     def predict(self, estimate: Estimate) -> Array:
         """(samples, 2) predicted readings, rad."""

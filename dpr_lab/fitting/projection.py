@@ -62,24 +62,24 @@ class ColumnSpace:
         H = self.H[columns][:, columns] - across.T @ out[:, :-1]
         return ColumnSpace(self.scale[columns], H, self.gradient[columns] - across.T @ out[:, -1])
 
-    def gains_given(self, across: Array, own: Array, gradient: Array, positive: bool) -> Array:
+    def gains_given(self, across: Array, within: Array, gradient: Array, positive: bool) -> Array:
         """(sets,) reduction of |e|^2 by each of many small sets of columns, fitted together with these columns.
 
         Args:
             across: (k, sets, n) inner products of these columns with those of the sets
-            own: (sets, n, n) inner products within each set
+            within: (sets, n, n) inner products within each set
             gradient: (sets, n) inner products with the residual
             positive: whether x must not be negative for sets of one column
         """
         norm = np.sqrt(
-            np.maximum(np.diagonal(own, axis1=1, axis2=2), 0.0)
+            np.maximum(np.diagonal(within, axis1=1, axis2=2), 0.0)
         )  # a difference, which rounding may make too small
         scale = 1 / np.maximum(norm, TINY)
         across = across * self.scale[:, None, None] * scale
         flat = across.reshape(len(self), scale.size)
         out = np.linalg.solve(_ridged(self.H), np.column_stack([flat, self.gradient]))
         taken = np.einsum("ksi,ksj->sij", across, out[:, :-1].reshape(across.shape))
-        H = own * scale[:, :, None] * scale[:, None] - taken + RIDGE * np.eye(own.shape[1])
+        H = within * scale[:, :, None] * scale[:, None] - taken + RIDGE * np.eye(within.shape[1])
         left = gradient * scale - np.einsum("ksi,k->si", across, out[:, -1])
         x = np.linalg.solve(H, left[:, :, None])[:, :, 0]
         if positive:
@@ -123,11 +123,11 @@ class ColumnSpace:
         """(k, k) covariance of the solution under unit white noise."""
         return np.linalg.inv(_ridged(self.H)) * self.scale[:, None] * self.scale
 
-    def cosine(self, direction: Array, own: Indices, others: Indices) -> float:
-        """Cosine between the response along a direction (own,) of own columns and its projection on others."""
-        x = direction / self.scale[own]
-        overlap = self.H[others][:, own] @ x
-        length = float(x @ self.H[own][:, own] @ x)
+    def cosine(self, direction: Array, columns: Indices, others: Indices) -> float:
+        """Cosine between the response to a direction (columns,) of some columns and its projection on others."""
+        x = direction / self.scale[columns]
+        overlap = self.H[others][:, columns] @ x
+        length = float(x @ self.H[columns][:, columns] @ x)
         reached = float(overlap @ np.linalg.lstsq(self.H[others][:, others], overlap, rcond=1e-9)[0])
         return float(np.sqrt(min(max(reached / length, 0.0), 1.0))) if length > 0 else 0.0
 

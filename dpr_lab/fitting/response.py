@@ -69,9 +69,9 @@ class Trajectory:
     setups: tuple[Setup, ...]
     """Mounting of each run."""
     into: Array
-    """(n, states, axes) Phi^-1 [0; M^-1]: from generalised torques to the measure of the initial state."""
+    """(n, states, axes) Phi^-1 [0; M^-1]: change of the initial state equivalent to a unit impulse."""
     out: Array
-    """(samples, axes, states) from there to the encoder readings at the samples."""
+    """(samples, axes, states) change of the encoder readings per change of the initial state."""
     at: Array
     """(samples,) position of each sample on the grid, in grid points."""
     edges: NDArray[np.int64]
@@ -79,16 +79,16 @@ class Trajectory:
     first: NDArray[np.int64]
     """(segments + 1,) first sample of each segment."""
 
-    def answer(self, problem: Problem, torque: Array) -> Array:
+    def response(self, problem: Problem, torque: Array) -> Array:
         """(segments, m, k) whitened change of the encoder readings due to generalised torques, (n, 2, k), N m."""
-        torque, many = np.ascontiguousarray(torque), torque.shape[2]
-        changes = np.empty((len(self.first) - 1, int(np.diff(self.first).max()), problem.axes, many))
+        torque, count = np.ascontiguousarray(torque), torque.shape[2]
+        changes = np.empty((len(self.first) - 1, int(np.diff(self.first).max()), problem.axes, count))
         grid, rows = (
             (self.t, self.into, self.out, self.at, self.edges, self.first),
-            changes.reshape(len(changes), -1, many),
+            changes.reshape(len(changes), -1, count),
         )
-        follow_torques = _answer_with_arm if problem.segments.arm_moves else _answer
-        follow_torques(*grid, problem.weight, torque, np.empty((2, self.into.shape[1], many)), rows)
+        follow_torques = _response_with_arm if problem.segments.arm_moves else _response
+        follow_torques(*grid, problem.weight, torque, np.empty((2, self.into.shape[1], count)), rows)
         return problem.decorrelated(changes)
 
     def torques(self, stage: StageName, constants: RigConstants, params: Array) -> Array:
@@ -97,28 +97,28 @@ class Trajectory:
         if len(kinds) == 1:
             return self._torques(stage, constants, params, self.setups[0], slice(None))
         torques = np.empty((len(self.t), self.theta.shape[1], len(params)))
-        for setup, mine in kinds.items():
-            torques[mine] = self._torques(stage, constants, params, setup, mine)
+        for setup, mask in kinds.items():
+            torques[mask] = self._torques(stage, constants, params, setup, mask)
         return torques
 
     def of_setup(self, setup: Setup) -> NDArray[np.bool_]:
         """(n,) mask of the grid points of a setup."""
-        return np.array([one == setup for one in self.setups])[self.run]
+        return np.array([other == setup for other in self.setups])[self.run]
 
     def _torques(
-        self, stage: StageName, constants: RigConstants, params: Array, setup: Setup, mine: NDArray[np.bool_] | slice
+        self, stage: StageName, constants: RigConstants, params: Array, setup: Setup, mask: NDArray[np.bool_] | slice
     ) -> Array:
         if stage in OF_ARM and self.theta.shape[1] == 2:
-            return np.zeros((*self.theta[mine].shape, len(params)))  # a clamped arm
+            return np.zeros((*self.theta[mask].shape, len(params)))  # a clamped arm
         axes = self.theta.shape[1] if stage in OF_ARM else 2
         theta, omega, alpha, drive = (
-            values[mine][:, :axes] for values in (self.theta, self.omega, self.alpha, self.drive)
+            values[mask][:, :axes] for values in (self.theta, self.omega, self.alpha, self.drive)
         )
-        swing = self.t[mine], self.run[mine], theta, omega, alpha, drive
+        swing = self.t[mask], self.run[mask], theta, omega, alpha, drive
         base, hanging = self.bases[self.setups.index(setup)], constants_of_run(constants, setup)
-        own = TRAJECTORY_TORQUES[stage](*swing, base, hanging, effects_of_run(params, setup))
-        missing = self.theta.shape[1] - own.shape[1]
-        return np.pad(own, ((0, 0), (0, missing), (0, 0))) if missing else own
+        torques = TRAJECTORY_TORQUES[stage](*swing, base, hanging, effects_of_run(params, setup))
+        missing = self.theta.shape[1] - torques.shape[1]
+        return np.pad(torques, ((0, 0), (0, missing), (0, 0))) if missing else torques
 
     @property
     def joint_angle(self) -> Array:
@@ -189,15 +189,17 @@ def trajectory(
 
 def _followed(bases: Array, rig: RigConstants, grid: Segments, estimate: Estimate) -> FollowedSwing:
     """The swings of two rods on an arm that is clamped or has a prescribed motion."""
-    states, slopes = follow(estimate.ratios, grid, estimate.initial, rig, of=4)
+    states, slopes = follow(estimate.ratios, grid, estimate.initial, rig, outputs=4)
     phi = slopes[:, :, len(RATIOS) :]
     lost = ~(np.isfinite(phi).all(axis=(1, 2)) & (np.abs(states) < FOLLOW.wildest).all(axis=1))
     phi[lost], states[lost] = np.eye(4), 0.0
     lost |= np.abs(np.linalg.det(phi)) < FOLLOW.singular
     owner = np.repeat(np.arange(len(grid)), np.diff(grid.offsets))
-    own, pushes = bases[grid.run][owner], grid.pushes
-    drive = pushes[:, :2] + (_prescribed_torques(own, rig, states, pushes[:, 2:]) if pushes[:, 2:].any() else 0.0)
-    inverse, alpha = _accelerations(own, grid.held[owner], rig.L1, rig.g, states, drive)
+    bases_of_run, pushes = bases[grid.run][owner], grid.pushes
+    drive = pushes[:, :2] + (
+        _prescribed_torques(bases_of_run, rig, states, pushes[:, 2:]) if pushes[:, 2:].any() else 0.0
+    )
+    inverse, alpha = _accelerations(bases_of_run, grid.held[owner], rig.L1, rig.g, states, drive)
     phi[lost], inverse[lost] = np.eye(4), 0.0  # a swing that cannot be simulated has no response
     return FollowedSwing(states, phi, inverse, alpha, pushes[:, :2], [0, 1], [2, 3])
 
@@ -228,35 +230,35 @@ def _accelerations(
 
 
 @njit(allocates=False)
-def _answer(
+def _response(
     t: Array,
     into: Array,
     out: Array,
-    at: Array,
+    positions: Array,
     edges: NDArray[np.int64],
     first: NDArray[np.int64],
     weight: Array,
     torque: Array,
     sums: Array,
-    answer: Array,
+    response: Array,
 ) -> None:
     """Trapezoidal integral from the start of each segment, weighted at the samples; inner loop over torques.
 
-    The result is written to `answer`, (segments, m, k), where short segments end in zeros; `sums` (2, 4, k) is a work
+    The result is written to `response`, (segments, m, k), where short segments end in zeros; `sums` (2, 4, k) is a work
     array.
     """
-    many, before, total = torque.shape[2], sums[0], sums[1]
+    count, before, total = torque.shape[2], sums[0], sums[1]
     for s in range(len(first) - 1):
         n = first[s]
         for j in range(4):
-            for k in range(many):
+            for k in range(count):
                 total[j, k] = 0.0
         for i in range(edges[s] + 1, edges[s + 1]):
             half = 0.5 * (t[i] - t[i - 1])
             for j in range(4):
                 a1, a2 = half * into[i - 1, j, 0], half * into[i - 1, j, 1]
                 b1, b2 = half * into[i, j, 0], half * into[i, j, 1]
-                for k in range(many):
+                for k in range(count):
                     x = total[j, k]
                     before[j, k] = x
                     total[j, k] = (
@@ -264,62 +266,62 @@ def _answer(
                         + (a1 * torque[i - 1, 0, k] + a2 * torque[i - 1, 1, k])
                         + (b1 * torque[i, 0, k] + b2 * torque[i, 1, k])
                     )
-            while n < first[s + 1] and (at[n] < i or i == edges[s + 1] - 1):
-                share = at[n] - (i - 1)
+            while n < first[s + 1] and (positions[n] < i or i == edges[s + 1] - 1):
+                share = positions[n] - (i - 1)
                 for axis in range(2):
                     u, v = weight[n, axis] * (1.0 - share), weight[n, axis] * share
                     o0, o1, o2, o3 = out[n, axis, 0], out[n, axis, 1], out[n, axis, 2], out[n, axis, 3]
                     u0, u1, u2, u3 = u * o0, u * o1, u * o2, u * o3
                     v0, v1, v2, v3 = v * o0, v * o1, v * o2, v * o3
                     row = 2 * (n - first[s]) + axis
-                    for k in range(many):
-                        answer[s, row, k] = (
+                    for k in range(count):
+                        response[s, row, k] = (
                             u0 * before[0, k] + u1 * before[1, k] + u2 * before[2, k] + u3 * before[3, k]
                         ) + (v0 * total[0, k] + v1 * total[1, k] + v2 * total[2, k] + v3 * total[3, k])
                 n += 1
-        for row in range(2 * (first[s + 1] - first[s]), answer.shape[1]):
-            for k in range(many):
-                answer[s, row, k] = 0.0
+        for row in range(2 * (first[s + 1] - first[s]), response.shape[1]):
+            for k in range(count):
+                response[s, row, k] = 0.0
 
 
 @njit(allocates=False)
-def _answer_with_arm(
+def _response_with_arm(
     t: Array,
     into: Array,
     out: Array,
-    at: Array,
+    positions: Array,
     edges: NDArray[np.int64],
     first: NDArray[np.int64],
     weight: Array,
     torque: Array,
     sums: Array,
-    answer: Array,
+    response: Array,
 ) -> None:
     """The same with any number of states and axes; `sums` is (2, states, k)."""
-    states, axes, many, before, total = into.shape[1], into.shape[2], torque.shape[2], sums[0], sums[1]
+    states, axes, count, before, total = into.shape[1], into.shape[2], torque.shape[2], sums[0], sums[1]
     for s in range(len(first) - 1):
         n = first[s]
         total[:] = 0.0
         for i in range(edges[s] + 1, edges[s + 1]):
             half = 0.5 * (t[i] - t[i - 1])
             for j in range(states):
-                for k in range(many):
+                for k in range(count):
                     before[j, k] = total[j, k]
                 for axis in range(axes):
                     a, b = half * into[i - 1, j, axis], half * into[i, j, axis]
-                    for k in range(many):
+                    for k in range(count):
                         total[j, k] += a * torque[i - 1, axis, k] + b * torque[i, axis, k]
-            while n < first[s + 1] and (at[n] < i or i == edges[s + 1] - 1):
-                share = at[n] - (i - 1)
+            while n < first[s + 1] and (positions[n] < i or i == edges[s + 1] - 1):
+                share = positions[n] - (i - 1)
                 for axis in range(axes):
                     u, v = weight[n, axis] * (1.0 - share), weight[n, axis] * share
                     row = axes * (n - first[s]) + axis
-                    for k in range(many):
-                        answer[s, row, k] = 0.0
+                    for k in range(count):
+                        response[s, row, k] = 0.0
                     for j in range(states):
-                        for k in range(many):
-                            answer[s, row, k] += out[n, axis, j] * (u * before[j, k] + v * total[j, k])
+                        for k in range(count):
+                            response[s, row, k] += out[n, axis, j] * (u * before[j, k] + v * total[j, k])
                 n += 1
-        for row in range(axes * (first[s + 1] - first[s]), answer.shape[1]):
-            for k in range(many):
-                answer[s, row, k] = 0.0
+        for row in range(axes * (first[s + 1] - first[s]), response.shape[1]):
+            for k in range(count):
+                response[s, row, k] = 0.0

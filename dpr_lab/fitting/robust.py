@@ -31,7 +31,7 @@ def without_outstanding(problem: Problem, first_fit: Fit, *, iterations: int = 1
     eased = problem.weighted(lighter[problem.owner, None])
     relocated = descend(eased, first_fit.estimate, first_fit.free, iterations=iterations)
     refit = fit(problem, relocated.estimate, first_fit.free, iterations=iterations, predicted=relocated.predicted)
-    return min(first_fit, refit, key=lambda one: one.chi2)
+    return min(first_fit, refit, key=lambda candidate: candidate.chi2)
 
 
 def relative_chi2(fitted: Fit) -> Array:
@@ -63,7 +63,7 @@ def refit_lost(problem: Problem, first_fit: Fit, initial: Array, *, iterations: 
         return first_fit
     states = np.where(better[:, None], relocated.estimate.initial, first_fit.estimate.initial)
     refit = fit(problem, first_fit.estimate.changed(initial=states), first_fit.free, iterations=iterations)
-    return min(first_fit, refit, key=lambda one: one.chi2)
+    return min(first_fit, refit, key=lambda candidate: candidate.chi2)
 
 
 def student_weights(problem: Problem, first_fit: Fit, freedom: float = 4.0) -> Array:
@@ -72,6 +72,6 @@ def student_weights(problem: Problem, first_fit: Fit, freedom: float = 4.0) -> A
     Source: Lange, Little & Taylor (1989), Robust statistical modeling using the t distribution, JASA 84, 881-896.
     """
     residual = problem.by_sample(first_fit.linear.residual)
-    read = [np.abs(residual[mine, axis]) for axis, mine in enumerate(problem.read.T)]
+    read = [np.abs(residual[used, axis]) for axis, used in enumerate(problem.read.T)]
     spread = NORMAL_MAD * np.array([np.median(errors) if len(errors) else 1.0 for errors in read])
     return (freedom + 1) / (freedom + (residual / spread) ** 2)

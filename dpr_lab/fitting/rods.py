@@ -46,16 +46,16 @@ class RodsAlone:
         """(samples, 2, free + 4) derivatives; the free parameters are ratios, b and p/b."""
         values, chains = self._ratios(segments, estimate)
         begins = segments.turning_as_one(estimate.initial)
-        _, seen, by_push = driven(values, self.constants, segments, begins, 2)
-        seen[:, 1] -= self.constants.relative2 * seen[:, 0]
+        _, by_unknown, by_push = driven(values, self.constants, segments, begins, 2)
+        by_unknown[:, 1] -= self.constants.relative2 * by_unknown[:, 0]
         by_push[:, 1] -= self.constants.relative2 * by_push[:, 0]
         columns = [parameter.place for parameter in free]
         if columns == list(range(len(RATIOS))) and all(setup == BOTH for setup in segments.setups):
-            return seen
-        slopes = np.empty((len(seen), 2, len(free) + 4))
-        slopes[:, :, len(free) :] = seen[:, :, len(RATIOS) :]
+            return by_unknown
+        slopes = np.empty((len(by_unknown), 2, len(free) + 4))
+        slopes[:, :, len(free) :] = by_unknown[:, :, len(RATIOS) :]
         for s, (first, last) in enumerate(pairwise(segments.offsets)):
-            by_ratio = seen[first:last, :, : len(RATIOS)].reshape(-1, len(RATIOS))
+            by_ratio = by_unknown[first:last, :, : len(RATIOS)].reshape(-1, len(RATIOS))
             by_ratio = np.concatenate([by_ratio, by_push[first:last].reshape(-1, 1)], axis=1)
             slopes[first:last, :, : len(free)] = (by_ratio @ chains[s][:, columns]).reshape(last - first, 2, len(free))
             slopes[first:last, :, -4:] = by_start(slopes[first:last, :, -4:], segments.setups[segments.run[s]])
@@ -105,8 +105,10 @@ def pushed_by(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array,
     return np.append(values, push), np.vstack([slopes, by_unknown])
 
 
-def followed(ratios: Array, laid_out: Segments, initial: Array, rig: RigConstants, of: int = 0) -> tuple[Array, Array]:
-    """(N, 4) states of segments for (7,) unknown ratios, and (N, `of`, 9) their derivatives, as in `sensitivities`."""
+def followed(
+    ratios: Array, laid_out: Segments, initial: Array, rig: RigConstants, outputs: int = 0
+) -> tuple[Array, Array]:
+    """(N, 4) states of segments for (7,) unknown ratios; their derivatives (N, `outputs`, 9) as in `sensitivities`."""
     values = np.array([pushed_by(ratios, setup, rig.L1, rig.g)[0] for setup in laid_out.setups])[laid_out.run]
-    states, slopes, _ = driven(values, rig, laid_out, laid_out.turning_as_one(initial), of)
+    states, slopes, _ = driven(values, rig, laid_out, laid_out.turning_as_one(initial), outputs)
     return states, slopes

@@ -59,9 +59,9 @@ def innovations(
         the sum of all log S
     """
     volume = 0.0
-    many = columns.shape[3]
+    count = columns.shape[3]
     # four components of the random walk; the fifth is the common error of both readings, new for each sample
-    C, PC, P, z = np.empty(5), np.empty(5), np.empty((5, 5)), np.empty((5, many))
+    C, PC, P, z = np.empty(5), np.empty(5), np.empty((5, 5)), np.empty((5, count))
     for s in range(len(offsets) - 1):
         P[:], z[:] = 0.0, 0.0
         for n in range(offsets[s], offsets[s + 1]):
@@ -81,13 +81,13 @@ def innovations(
                 S = max(S, 1.0)
                 volume += np.log(S)
                 row = columns[s, n - offsets[s], j]
-                for k in range(many):
+                for k in range(count):
                     row[k] -= C[0] * z[0, k] + C[1] * z[1, k] + C[2] * z[2, k] + C[3] * z[3, k] + C[4] * z[4, k]
                 for a in range(5):
-                    for k in range(many):
+                    for k in range(count):
                         z[a, k] += PC[a] / S * row[k]
                     for b in range(5):
                         P[a, b] -= PC[a] * PC[b] / S
-                for k in range(many):
+                for k in range(count):
                     row[k] /= np.sqrt(S)
     return volume

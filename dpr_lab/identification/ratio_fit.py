@@ -269,7 +269,7 @@ def predictable_until(ratio_fit: RatioFit, index: int, t: Array, error_rad: floa
     rig, layout, estimate = ratio_fit.problem.model.constants, ratio_fit.problem.segments, ratio_fit.fit.estimate
     setup = layout.setups[layout.run[index]]
     free_run = segments([t], setups=[setup], step=MAX_STEP)
-    _, slopes = followed(estimate.ratios, free_run, estimate.initial[index : index + 1], rig, of=2)
+    _, slopes = followed(estimate.ratios, free_run, estimate.initial[index : index + 1], rig, outputs=2)
     growth = by_start(slopes[:, :2, len(RATIOS) :], setup)
     variance = np.einsum("nij,jk,nik->ni", growth, ratio_fit.initial_covariances[index], growth)
     lost = np.flatnonzero(~(variance.max(axis=1) * max(1.0, ratio_fit.chi2_per_dof) < error_rad**2))

@@ -111,7 +111,7 @@ def test_states_alone_and_angles_alone_are_those_with_all_derivatives():
     starts = np.array([START, -START])
     states, slopes = sensitivities(RATIOS, L1, G, cut, starts)
     np.testing.assert_array_equal(swings(RATIOS, L1, G, cut, starts), states)
-    np.testing.assert_array_equal(sensitivities(RATIOS, L1, G, cut, starts, of=2)[1], slopes[:, :2])
+    np.testing.assert_array_equal(sensitivities(RATIOS, L1, G, cut, starts, outputs=2)[1], slopes[:, :2])
 
 
 def test_each_segment_may_swing_by_ratios_of_its_own():

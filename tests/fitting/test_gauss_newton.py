@@ -117,7 +117,9 @@ def test_eliminating_initial_states_changes_no_step(clean):
     initial = np.zeros((*linear.residual.shape, 4 * count))
     for s in range(count):
         initial[s, :, 4 * s : 4 * s + 4] = linear.Q[s]
-    whole = np.concatenate([linear.A + linear.Q @ linear.onto, initial], axis=2).reshape(-1, len(free) + 4 * count)
+    whole = np.concatenate([linear.A + linear.Q @ linear.initial_state_coefficients, initial], axis=2).reshape(
+        -1, len(free) + 4 * count
+    )
     scale = np.linalg.norm(whole, axis=0)
     reference = np.linalg.lstsq(whole / scale, linear.residual.ravel(), rcond=None)[0] / scale
     A, e = linear.flat

@@ -28,7 +28,7 @@ def test_a_compliant_arm_answers_as_the_whole_rig_does(recorded, screened, paper
     )
     whole = problem.predict(loose) - problem.predict(held)
     along = trajectory(problem, held)
-    linear = along.answer(problem, along.torques("arm", problem.model.constants, loose.params[None]))[:, :, 0]
+    linear = along.response(problem, along.torques("arm", problem.model.constants, loose.params[None]))[:, :, 0]
     seen = problem.whitened(whole)
     assert len(problem.segments) == 3
     assert np.abs(linear - seen).max() < 0.05 * np.abs(seen).max()

@@ -90,7 +90,7 @@ def _next_step(w: LaneWorkspace, k: int) -> tuple[float, float]:
 
 @subroutine
 def set_torques(w: LaneWorkspace, drive: Drive, run: NDArray[np.int64], knot: NDArray[np.int64]) -> None:
-    """Mean known torques over the next step of each lane; `knot` (2, LANES) are the last used intervals."""
+    """Mean known torques over the next step of each lane; `knot` (2, LANES) contains the intervals used last."""
     rods, arm = drive.rods, drive.arm
     for k in range(LANES):
         start, stop = _next_step(w, k)

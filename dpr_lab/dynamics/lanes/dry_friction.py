@@ -11,8 +11,8 @@ so a trial step with an event is taken back instead of being repeated at once:
 
 1. Encoders are read within the step just taken. A step that was taken back has length 0, so that nothing is read in it.
 2. `cut` is 1 where a joint starts to slide at te, 2, 3 or 4 where joint 1, joint 2 or the arm stops.
-3. `begin_dry` takes directions from the speeds: 0 is a joint at rest. `find_spare` compares its push with its limit at
-   the first stage; `let_go` gives it a direction where the limit is exceeded.
+3. `begin_dry` takes directions from the speeds: 0 is a joint at rest. `find_margins` compares the torque on it with its
+   limit at the first stage; `let_go` gives it a direction where the limit is exceeded.
 
 The other lanes continue meanwhile. The loops that look for events are vector instructions; an event itself is rare and
 is handled in scalar code.
@@ -88,7 +88,7 @@ def _mode(w: LaneWorkspace, k: int, arm: bool) -> int:
 
 
 @subroutine
-def find_spare0(w: LaneWorkspace, active: NDArray[np.bool_], spare0: Row) -> bool:
+def find_margin0(w: LaneWorkspace, active: NDArray[np.bool_], margin0: Row) -> bool:
     """Fill a row with the margins (limit minus torque) of arms at rest, N m; return whether one is negative."""
     for k in range(LANES):
         w.limit0[k] = 0.0
@@ -97,13 +97,13 @@ def find_spare0(w: LaneWorkspace, active: NDArray[np.bool_], spare0: Row) -> boo
     for k in range(LANES):
         rest = w.direction0[k] == 0.0
         left = max(w.limit0[k], 0.0) - abs(w.push0[k]) if rest else math.inf
-        spare0[k] = left
+        margin0[k] = left
         count += left < 0.0
     return count > 0
 
 
 @subroutine
-def find_spare(w: LaneWorkspace, active: NDArray[np.bool_], spare1: Row, spare2: Row) -> bool:
+def find_margins(w: LaneWorkspace, active: NDArray[np.bool_], margin1: Row, margin2: Row) -> bool:
     """Fill two rows with the margins (limit minus torque) of joints at rest, N m; return whether one is negative."""
     for k in range(LANES):
         w.limit1[k], w.limit2[k] = 0.0, 0.0
@@ -113,7 +113,7 @@ def find_spare(w: LaneWorkspace, active: NDArray[np.bool_], spare1: Row, spare2:
         rest1, rest2 = w.direction1[k] == 0.0, w.direction2[k] == 0.0
         left1 = max(w.limit1[k], 0.0) - abs(w.push1[k]) if rest1 else math.inf
         left2 = max(w.limit2[k], 0.0) - abs(w.push2[k]) if rest2 else math.inf
-        spare1[k], spare2[k] = left1, left2
+        margin1[k], margin2[k] = left1, left2
         count += (left1 < 0.0) | (left2 < 0.0)
     return count > 0
 

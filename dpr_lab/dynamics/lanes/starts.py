@@ -82,9 +82,9 @@ def begin_segment(k: int, piece: Piece, block: LaneBlock, buffers: Buffers) -> N
     """
     w, samples, (c, s) = buffers.w, buffers.samples, piece
     until = _set_samples(k, piece, block, samples)
-    own, previous, internal = block.candidates.internal[c, s], buffers.after[k], buffers.initial_internal[c, s]
+    given, previous, internal = block.candidates.internal[c, s], buffers.after[k], buffers.initial_internal[c, s]
     for n in range(len(internal)):
-        internal[n] = previous[n] if np.isnan(own[n]) else own[n]
+        internal[n] = previous[n] if np.isnan(given[n]) else given[n]
     last = samples.size[k] - 1
     last1, last2 = samples.t1[k, last], samples.t2[k, last] if block.required.timing else samples.t1[k, last]
     start, t, i = segment_start(samples.t1[k, 0]), block.segments.t, block.segments.offsets[s]
@@ -143,9 +143,9 @@ def _set_state(
         initial[2],
         initial[3],
     )
-    apart = not np.isnan(initial[4])
-    w.theta0[k] = initial[4] if apart else internal[ARM]
-    w.omega0[k] = initial[5] if apart else internal[ARM + 1]
+    own_arm = not np.isnan(initial[4])
+    w.theta0[k] = initial[4] if own_arm else internal[ARM]
+    w.omega0[k] = initial[5] if own_arm else internal[ARM + 1]
     w.old_theta0[k], w.old_omega0[k] = w.theta0[k], w.omega0[k]
     for row in (w.stage_omega0, w.stage_omega1, w.stage_omega2, w.alpha0, w.alpha1, w.alpha2):
         row[k] = 0.0

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.arm import CLAMPED, FREE, arm_accelerations
 from dpr_lab.dynamics.lanes.driving import add_prescribed
-from dpr_lab.dynamics.lanes.dry_friction import accelerate_held, begin_dry, find_spare, find_spare0, let_go, settle
+from dpr_lab.dynamics.lanes.dry_friction import accelerate_held, begin_dry, find_margin0, find_margins, let_go, settle
 from dpr_lab.dynamics.lanes.effects import (
     add_arm_drives,
     add_arm_torques,
@@ -87,19 +87,19 @@ def _advance(
             _place_arm(w, ahead)
         _accelerate(w, rig, active, required, held, resting)
         if resting and stage == 0:
-            exceeded = find_spare(w, active, w.first1, w.first2)
+            exceeded = find_margins(w, active, w.first1, w.first2)
             if required.dry0:
-                exceeded |= find_spare0(w, active, w.first0)
+                exceeded |= find_margin0(w, active, w.first0)
             if exceeded:
                 let_go(w, rig, active, required)
                 _accelerate(w, rig, active, required, held, resting)
-                find_spare(w, active, w.first1, w.first2)
+                find_margins(w, active, w.first1, w.first2)
                 if required.dry0:
-                    find_spare0(w, active, w.first0)
+                    find_margin0(w, active, w.first0)
         if resting and stage == 3:
-            find_spare(w, active, w.last1, w.last2)
+            find_margins(w, active, w.last1, w.last2)
             if required.dry0:
-                find_spare0(w, active, w.last0)
+                find_margin0(w, active, w.last0)
         _accumulate(w, weight, stage > 0)
         if required.arm:
             _accumulate_arm(w, weight, stage > 0)

@@ -58,8 +58,8 @@ def tracks_of(
     rows = [row.tobytes() for row in active.reshape(n * runs, -1)]
     kinds = {row: i for i, row in enumerate(dict.fromkeys(rows))}
     kind = np.array([kinds[row] for row in rows]).reshape(n, runs)
-    each = np.arange(len(run))
-    parts = [] if chained.all() else [_parts(~chained, kind, run, each, each + 1)]
+    segments = np.arange(len(run))
+    parts = [] if chained.all() else [_parts(~chained, kind, run, segments, segments + 1)]
     parts += [_parts(chained, kind, run, chains[:-1], chains[1:])] if chained.any() else []
     group, candidate, first, last = np.concatenate(parts, axis=1)
     order = np.argsort(group, kind="stable")

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class FollowedSwing:
-    """Segments on a grid, as `dpr_lab.fitting.response` needs them."""
+    """Simulated segments on a time grid, with the quantities that `dpr_lab.fitting.response` requires."""
 
     states: Array
     """(n, states) theta1, theta2, omega1, omega2, and theta0, omega0 with an arm that moves, rad and rad/s."""
@@ -34,7 +34,7 @@ class FollowedSwing:
     angles: list[int]
     """Columns of the angles among the states, in the order of the axes."""
     speeds: list[int]
-    """Those of the speeds."""
+    """Columns of the speeds among the states, in the order of the axes."""
 
 
 _INERTIA, _VISCOUS = (param_index(FREE_ARM.name, parameter.name) for parameter in FREE_ARM.amplitudes)
@@ -47,7 +47,7 @@ class FollowSettings:
     step: float = 1e-5
     """Forward step of an initial state, rad and rad/s."""
     wildest: float = 1e6
-    """Limit that no swing reaches, rad and rad/s."""
+    """Angle, rad, and speed, rad/s, beyond which a simulated swing counts as failed."""
     singular: float = 1e-9
     """Determinant of a sensitivity below which torques and initial states are indistinguishable."""
     order: tuple[int, ...] = (4, 0, 1, 5, 2, 3)

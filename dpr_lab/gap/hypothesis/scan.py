@@ -50,7 +50,7 @@ On a shorter arc, two harmonics are a free polynomial in the angle, which fits a
 """
 
 
-def shapes(effect: Effect, problem: Problem, fit: Fit, along: Trajectory, recorded: Recorded) -> list[Shape]:
+def shapes(effect: Effect, problem: Problem, fit: Fit, reference: Trajectory, recorded: Recorded) -> list[Shape]:
     """The shapes of an effect for the score test."""
     proposed = proposed_shapes(effect, recorded)
     if proposed is not None:
@@ -58,11 +58,11 @@ def shapes(effect: Effect, problem: Problem, fit: Fit, along: Trajectory, record
     grid = [[(param_index(effect.name, p.name), value) for value in p.scan] for p in effect.shapes if p.scan]
     every = [tuple(choice) for choice in product(*grid)]
     if any(p.name == ORDER for p in effect.shapes):
-        covered = arc(along.joint_angle[:, effect.joints[0]])
+        covered = arc(reference.joint_angle[:, effect.joints[0]])
         every = [chosen for chosen in every if chosen[0][1] * covered >= 2 * np.pi]
     if len(every) <= SCAN.many or effect.stage not in TRAJECTORY_TORQUES:
         return every
-    return _between(effect, _apart(every, _gains(effect, every, problem, fit, along)), problem, fit, along)
+    return _between(effect, _apart(every, _gains(effect, every, problem, fit, reference)), problem, fit, reference)
 
 
 def arc(angle: Array) -> float:
@@ -83,7 +83,7 @@ def _apart(every: list[Shape], gains: Array) -> list[Shape]:
     return separate
 
 
-def _between(effect: Effect, separate: list[Shape], problem: Problem, fit: Fit, along: Trajectory) -> list[Shape]:
+def _between(effect: Effect, separate: list[Shape], problem: Problem, fit: Fit, reference: Trajectory) -> list[Shape]:
     """The best shapes between those of the grid, if the shape varies continuously.
 
     The width of a frequency peak is the inverse of the record length, which is too narrow for a nonlinear fit to find
@@ -94,11 +94,11 @@ def _between(effect: Effect, separate: list[Shape], problem: Problem, fit: Fit, 
         return separate
     ratio, shares = shape.scan[1] / shape.scan[0], np.linspace(-SCAN.reach, SCAN.reach, SCAN.finer).tolist()
     finer = [((index, value * ratio**share),) for ((index, value),) in separate for share in shares]
-    gains = _gains(effect, finer, problem, fit, along)
+    gains = _gains(effect, finer, problem, fit, reference)
     return [finer[i] for i in np.argsort(-gains)[: SCAN.kept]]
 
 
-def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along: Trajectory) -> Array:
+def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, reference: Trajectory) -> Array:
     """(shapes,) predicted reduction of chi2 by the leading amplitudes, with the fitted model already projected out."""
     amplitudes, linear = effect.amplitudes[: SCAN.amplitudes], fit.linear
     fitted, many = ColumnSpace.of(*linear.flat), len(amplitudes)
@@ -109,7 +109,7 @@ def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along
     for first in range(0, len(every), SCAN.block // many):
         chosen = every[first : first + SCAN.block // many]
         params = np.array([_unit(effect, p.name, shape) for shape in chosen for p in amplitudes])
-        columns = along.answer(problem, along.torques(effect.stage, problem.model.constants, params))
+        columns = reference.response(problem, reference.torques(effect.stage, problem.model.constants, params))
         products = rows @ columns
         states = problem.segments.states
         initial = products[:, -states:].copy()

@@ -94,11 +94,11 @@ def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorde
         library: the effects to test
         recorded: properties of the recordings from which shapes are proposed
     """
-    along = trajectory(problem, fitted.estimate, spacing=TRAJECTORY.coarse_s)
+    reference = trajectory(problem, fitted.estimate, spacing=TRAJECTORY.coarse_s)
     candidates = [
         (effect, shape, effect_parameters(effect, overrides=shape, limits=problem.limits))
         for effect in library
-        for shape in shapes(effect, problem, fitted, along, recorded)
+        for shape in shapes(effect, problem, fitted, reference, recorded)
     ]
     free = (*fitted.free, *(parameter for _, _, parameters in candidates for parameter in parameters))
     linear = linearise(problem, fitted.estimate, free)

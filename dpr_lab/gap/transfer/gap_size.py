@@ -48,7 +48,7 @@ def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
     noise alone would cause is subtracted.
     """
     along, linear = trajectory(problem, model.fit.estimate, spacing=TRAJECTORY.coarse_s), model.fit.linear
-    columns = linear.projected(along.answer(problem, _hats(along.edges, problem.axes)))
+    columns = linear.projected(along.response(problem, _hats(along.edges, problem.axes)))
     spaces = [ColumnSpace.of(A, e) for A, e in zip(columns, linear.e, strict=True)]
     values = np.array([space.solution() for space in spaces])
     variance = np.array([np.diag(space.covariance()) for space in spaces]) * model.residuals.level

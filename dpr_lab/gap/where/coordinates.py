@@ -54,15 +54,15 @@ def load_hats(force: Array) -> tuple[Array, Array]:
     return hats(force, knots), knots
 
 
-def joint_force(problem: Problem, along: Trajectory, joint: int) -> Array:
+def joint_force(problem: Problem, reference: Trajectory, joint: int) -> Array:
     """(n,) force that a joint carries, N, from masses times accelerations of equation (1)."""
-    theta, omega, alpha = along.theta[:, :2], along.omega[:, :2], along.alpha[:, :2]
+    theta, omega, alpha = reference.theta[:, :2], reference.omega[:, :2], reference.alpha[:, :2]
     sin, cos = np.sin(theta), np.cos(theta)
     across = cos * alpha - sin * omega**2
     up = -sin * alpha - cos * omega**2
-    force = np.empty(len(along.t))
-    for setup, base in zip(along.setups, along.bases, strict=True):
-        mine, rig = along.of_setup(setup), constants_of_run(problem.model.constants, setup)
+    force = np.empty(len(reference.t))
+    for setup, base in zip(reference.setups, reference.bases, strict=True):
+        mine, rig = reference.of_setup(setup), constants_of_run(problem.model.constants, setup)
         inner, outer = base[3] / rig.g, base[2] / problem.model.constants.L1
         if joint == 0:
             weight = (rig.m1 + rig.m2 + rig.mb) * rig.g
@@ -80,14 +80,14 @@ def encoder_angle(problem: Problem, joint: int) -> Array:
     return problem.measured[:, joint] - (0.0 if turned else math.pi)
 
 
-def encoder_speed(along: Trajectory, joint: int) -> Array:
+def encoder_speed(reference: Trajectory, joint: int) -> Array:
     """(samples,) speed of a joint at the samples, rad/s."""
-    return np.interp(along.at, np.arange(len(along.t)), along.joint_speed[:, joint])
+    return np.interp(reference.at, np.arange(len(reference.t)), reference.joint_speed[:, joint])
 
 
-def under_torque(problem: Problem, along: Trajectory, joint: int, torque: Array) -> Array:
+def under_torque(problem: Problem, reference: Trajectory, joint: int, torque: Array) -> Array:
     """(segments, m, k) whitened change of the readings under torques (n, k) of a joint, N m."""
     nothing = np.zeros_like(torque)
     on = {0: [torque, nothing], 1: [-torque, torque]}.get(joint, [nothing, nothing])
     torques = [*on, torque if joint in (2, ARM) else nothing][: problem.axes]
-    return along.answer(problem, np.stack(torques, axis=1))
+    return reference.response(problem, np.stack(torques, axis=1))

@@ -86,26 +86,26 @@ class _Hats:
     """(segments, m, k) whitened change of the readings by these functions."""
 
 
-def _hats(problem: Problem, fit: Fit, along: Trajectory) -> Iterator[_Hats]:
+def _hats(problem: Problem, fit: Fit, reference: Trajectory) -> Iterator[_Hats]:
     for joint in np.flatnonzero(problem.read.any(axis=0)).tolist():
-        speed = along.joint_speed[:, joint]
+        speed = reference.joint_speed[:, joint]
         torques = (
-            angle_hats(along.joint_angle[:, joint])[0],
+            angle_hats(reference.joint_angle[:, joint])[0],
             speed_hats(speed)[0],
-            -time_hats(along.t)[0] * speed[:, None],
+            -time_hats(reference.t)[0] * speed[:, None],
         )
         for torque in torques:
-            yield _Hats(joint, True, torque, under_torque(problem, along, joint, torque))
+            yield _Hats(joint, True, torque, under_torque(problem, reference, joint, torque))
         errors = angle_hats(encoder_angle(problem, joint))[0]
         readings = np.zeros((len(errors), problem.axes, errors.shape[1]))
         readings[:, joint] = errors
         yield _Hats(joint, False, errors, problem.whitened(readings))
 
 
-def _scaled(problem: Problem, fit: Fit, along: Trajectory) -> list[_Hats]:
+def _scaled(problem: Problem, fit: Fit, reference: Trajectory) -> list[_Hats]:
     """Hat functions whose columns have a mean squared norm of one in each group."""
     groups = []
-    for hats in _hats(problem, fit, along):
+    for hats in _hats(problem, fit, reference):
         columns = fit.linear.projected(np.nan_to_num(hats.columns))
         size = float(np.sqrt(np.sum(columns**2) / columns.shape[2]))
         if size > 0:
@@ -124,8 +124,8 @@ def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
     linear = model.fit.linear
     if at_noise_floor(model) or not np.isfinite(linear.residual).all():
         return None
-    along = trajectory(problem, model.fit.estimate, spacing=TRAJECTORY.coarse_s)
-    groups = _scaled(problem, model.fit, along)
+    reference = trajectory(problem, model.fit.estimate, spacing=TRAJECTORY.coarse_s)
+    groups = _scaled(problem, model.fit, reference)
     if not groups:
         return None
     M = np.concatenate([hats.columns for hats in groups], axis=2)
@@ -148,10 +148,10 @@ def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
         return None
     m = vectors @ ((vectors.T @ gradient) / (eigen + ridge))
     variance = (whole - float(np.sum(along_each / (eigen + ridge)))) / model.residuals.dof
-    return _discrepancy(groups, M * np.sqrt(max(variance, 1.0) / ridge), m, along, problem.axes)
+    return _discrepancy(groups, M * np.sqrt(max(variance, 1.0) / ridge), m, reference, problem.axes)
 
 
-def _discrepancy(groups: list[_Hats], columns: Array, m: Array, along: Trajectory, axes: int) -> Discrepancy:
+def _discrepancy(groups: list[_Hats], columns: Array, m: Array, reference: Trajectory, axes: int) -> Discrepancy:
     torque, reading, slow, first = [0.0] * axes, [0.0] * axes, [1.0] * axes, 0
     sums: dict[tuple[int, bool], Array] = {}
     for hats in groups:
@@ -162,7 +162,7 @@ def _discrepancy(groups: list[_Hats], columns: Array, m: Array, along: Trajector
     for (joint, of_torque), values in sums.items():
         rms = float(np.sqrt(np.mean(values**2)))
         if of_torque:
-            speed = np.abs(along.joint_speed[:, joint])
+            speed = np.abs(reference.joint_speed[:, joint])
             slower = speed < np.median(speed)
             torque[joint] = rms
             if slower.any() and not slower.all():

@@ -62,8 +62,8 @@ def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
     """All residual maps, the one with the largest share first; empty without a gap."""
     if base.residuals.z < WORTH_SAYING:
         return ()
-    along = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
-    places = [_place(problem, base, along, joint, name, make) for joint, name, make in _maps(problem)]
+    reference = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
+    places = [_place(problem, base, reference, joint, name, make) for joint, name, make in _maps(problem)]
     return tuple(sorted(places, key=lambda place: -place.share))
 
 
@@ -100,35 +100,37 @@ class _Columns:
     unit: str
 
 
-def _torque_by_angle(problem: Problem, along: Trajectory, joint: int) -> _Columns:
-    hats, knots = angle_hats(along.joint_angle[:, joint])
-    return _Columns(under_torque(problem, along, joint, hats), knots, "N m")
+def _torque_by_angle(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
+    hats, knots = angle_hats(reference.joint_angle[:, joint])
+    return _Columns(under_torque(problem, reference, joint, hats), knots, "N m")
 
 
-def _torque_by_speed(problem: Problem, along: Trajectory, joint: int) -> _Columns:
-    hats, knots = speed_hats(along.joint_speed[:, joint])
-    return _Columns(under_torque(problem, along, joint, hats), knots, "N m")
+def _torque_by_speed(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
+    hats, knots = speed_hats(reference.joint_speed[:, joint])
+    return _Columns(under_torque(problem, reference, joint, hats), knots, "N m")
 
 
-def _friction_by_time(problem: Problem, along: Trajectory, joint: int) -> _Columns:
-    hats, knots = time_hats(along.t)
-    return _Columns(under_torque(problem, along, joint, -hats * along.joint_speed[:, joint, None]), knots, "N m s/rad")
+def _friction_by_time(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
+    hats, knots = time_hats(reference.t)
+    return _Columns(
+        under_torque(problem, reference, joint, -hats * reference.joint_speed[:, joint, None]), knots, "N m s/rad"
+    )
 
 
-def _friction_by_load(problem: Problem, along: Trajectory, joint: int) -> _Columns:
-    force = joint_force(problem, along, joint)
+def _friction_by_load(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
+    force = joint_force(problem, reference, joint)
     hats, knots = load_hats(force)
-    slides = np.tanh(along.joint_speed[:, joint] / SMOOTHING)
-    return _Columns(under_torque(problem, along, joint, -hats * (force * slides)[:, None]), knots, "m")
+    slides = np.tanh(reference.joint_speed[:, joint] / SMOOTHING)
+    return _Columns(under_torque(problem, reference, joint, -hats * (force * slides)[:, None]), knots, "m")
 
 
-def _error_by_angle(problem: Problem, along: Trajectory, joint: int) -> _Columns:
+def _error_by_angle(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
     hats, knots = angle_hats(encoder_angle(problem, joint))
     return _Columns(_read(problem, hats, joint), knots, "rad")
 
 
-def _error_by_speed(problem: Problem, along: Trajectory, joint: int) -> _Columns:
-    hats, knots = speed_hats(encoder_speed(along, joint))
+def _error_by_speed(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
+    hats, knots = speed_hats(encoder_speed(reference, joint))
     return _Columns(_read(problem, hats, joint), knots, "rad")
 
 
@@ -153,8 +155,8 @@ MAPS: Mapping[str, Map] = {
 _OF_TORQUES = (_torque_by_angle, _torque_by_speed, _friction_by_time, _friction_by_load)
 
 
-def _place(problem: Problem, base: Hypothesis, along: Trajectory, joint: int, name: str, make: Map) -> Place:
-    columns, linear, held = make(problem, along, joint), base.fit.linear, len(base.fit.free)
+def _place(problem: Problem, base: Hypothesis, reference: Trajectory, joint: int, name: str, make: Map) -> Place:
+    columns, linear, held = make(problem, reference, joint), base.fit.linear, len(base.fit.free)
     projected = linear.projected(columns.readings)
     space = ColumnSpace.of(np.concatenate([linear.A, projected], axis=2), linear.e)
     space = space.given(slice(0, held), slice(held, None))

@@ -41,9 +41,9 @@ def own_share(problem: Problem, less: Hypothesis, test: ScoreTest, score: Score)
         test: the score test on that set
         score: score of the effect from that test
     """
-    along, linear = trajectory(problem, less.fit.estimate), test.linear
+    reference, linear = trajectory(problem, less.fit.estimate), test.linear
     forms = linear.projected(
-        np.concatenate([_other_forms(problem, along, less, name) for name in less.effects], axis=2)
+        np.concatenate([_other_forms(problem, reference, less, name) for name in less.effects], axis=2)
     )
     held, new = linear.A[:, :, list(test.held)], linear.A[:, :, list(score.columns)]
     space = ColumnSpace.of(np.concatenate([held, new, forms], axis=2), linear.e)
@@ -55,26 +55,28 @@ def own_share(problem: Problem, less: Hypothesis, test: ScoreTest, score: Score)
     return float(np.clip((with_both - others) / (alone - before), 0.0, 1.0)) if alone > before else 0.0
 
 
-def _other_forms(problem: Problem, along: Trajectory, model: Hypothesis, name: str) -> Array:
+def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, name: str) -> Array:
     """(segments, m, k) whitened readings under the effects of a set in other functional forms."""
     effect, estimate = EFFECTS[name], model.fit.estimate
     if effect.stage == "load":
         (joint,) = effect.joints
-        force = joint_force(problem, along, joint)
-        slides = np.sign(along.joint_speed[:, joint])
-        return under_torque(problem, along, joint, load_hats(force)[0] * (force * slides)[:, None])
+        force = joint_force(problem, reference, joint)
+        slides = np.sign(reference.joint_speed[:, joint])
+        return under_torque(problem, reference, joint, load_hats(force)[0] * (force * slides)[:, None])
     if effect.stage not in TRAJECTORY_TORQUES:
         without = estimate.changed(params=without_effect(estimate.params, name))
         error = np.nan_to_num(problem.predict(estimate) - problem.predict(without))
-        free = [_free(effect, encoder_angle(problem, j), encoder_speed(along, j), problem.t) for j in effect.joints]
+        free = [_free(effect, encoder_angle(problem, j), encoder_speed(reference, j), problem.t) for j in effect.joints]
         return problem.whitened(error[:, :, None] * np.concatenate(free, axis=1)[:, None, :])
     alone = np.zeros_like(estimate.params)
     alone[SLICES[name]] = estimate.params[SLICES[name]]
-    torque = along.torques(effect.stage, problem.model.constants, alone[None])
-    free = [_free(effect, along.joint_angle[:, j], along.joint_speed[:, j], along.t) for j in effect.joints]
-    columns = [along.answer(problem, torque * np.concatenate(free, axis=1)[:, None, :])]
+    torque = reference.torques(effect.stage, problem.model.constants, alone[None])
+    free = [_free(effect, reference.joint_angle[:, j], reference.joint_speed[:, j], reference.t) for j in effect.joints]
+    columns = [reference.response(problem, torque * np.concatenate(free, axis=1)[:, None, :])]
     if effect.potential:
-        columns += [under_torque(problem, along, j, angle_hats(along.joint_angle[:, j])[0]) for j in effect.joints]
+        columns += [
+            under_torque(problem, reference, j, angle_hats(reference.joint_angle[:, j])[0]) for j in effect.joints
+        ]
     return np.concatenate(columns, axis=2)
 
 
