@@ -125,9 +125,14 @@ def _ensemble(
         note = f"Standard deviations multiplied by {done.factor:g}, so that the bands cover these runs."
         table("Predictive bands", columns, rows, note=note)
     if not (done.from_diagnosis or done.bands):
+        lacks = (
+            "other causes"
+            if done.scatter
+            else "the scatter between its recordings, which were not found, and other causes"
+        )
         line(
-            "The model has no diagnosis next to it: the ensemble lacks the scatter between recordings and other causes,"
-            " so its bands may be too narrow. Give the folder of a diagnosis, or --check RUN to widen the bands."
+            f"The model has no diagnosis next to it: the ensemble lacks {lacks}, so its bands may be too narrow. Give"
+            " the folder of a diagnosis, or --check RUN to widen the bands."
         )
     say(f"ensemble: {done.file}")
     if done.folders:

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
     from dpr_lab.exports.bodies import AnyModel
     from dpr_lab.exports.ensemble.bands import PredictiveBand
+    from dpr_lab.identification.model import Model
     from dpr_lab.rig import Rig
+    from dpr_lab.run import Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,9 +65,9 @@ class EnsembleResult:
     """By which the standard deviations were multiplied."""
     bands: tuple[BandCoverage, ...]
     from_diagnosis: bool
-    """Whether the posterior is that of a diagnosis; else only the covariance of the ratios, without the scatter between
-    recordings.
-    """
+    """Whether the posterior is that of a diagnosis, with its causes; else it is that of the ratios alone."""
+    scatter: bool
+    """Whether it contains the scatter between recordings: for a model without a diagnosis, from its recordings."""
 
     def to_json(self) -> dict[str, Any]:
         """Output of `dpr-lab export --ensemble --json`."""
@@ -87,6 +89,7 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     from dpr_lab.exports.ensemble.bands import PredictiveBand, predictive_band
     from dpr_lab.exports.ensemble.calibrate import calibrated, widened
     from dpr_lab.exports.ensemble.sampled import diagnosed_posterior, posterior_of, sampled_models
+    from dpr_lab.exports.ensemble.scatter import scatter_of_ratios
     from dpr_lab.exports.moving_arm.ensemble import sampled_arm_models
     from dpr_lab.gap.result.diagnosis import load_diagnosis
     from dpr_lab.identification.moving_arm.model import MovingArmModel
@@ -102,14 +105,16 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     model, record = model_to_export(file, rig), file.with_name(RECORD)
     diagnosis = load_diagnosis(record) if record.is_file() else None
     models: Sequence[AnyModel]
-    bands, factor = list[PredictiveBand](), 1.0
+    bands, factor, scatter = list[PredictiveBand](), 1.0, None
     if isinstance(model, MovingArmModel):
         if request.check:
             raise RunError(f"{file}: its arm moves: --check calibrates ensembles of a clamped arm only, remove --check")
         of_diagnosis = diagnosed_posterior(diagnosis) if diagnosis is not None else []
         models = sampled_arm_models(model, of_diagnosis, rig, request.size, request.seed)
     else:
-        posterior = posterior_of(model, diagnosis)
+        if diagnosis is None and (own := _fitted_runs(model, rig)):
+            scatter = scatter_of_ratios(model, own, rig)
+        posterior = posterior_of(model, diagnosis, scatter)
         runs = read_runs(request.check, rig, on_event)
         factor = calibrated(model, posterior, runs, rig, request.seed).factor if runs else 1.0
         models = sampled_models(model, widened(posterior, factor), request.size, request.seed)
@@ -123,8 +128,26 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     sets = _write(models, rig, request, factor)
     covered = tuple(map(_coverage, bands))
     return EnsembleResult(
-        request.out / "ensemble.json", tuple(folders), sets, factor, covered, from_diagnosis=diagnosis is not None
+        request.out / "ensemble.json",
+        tuple(folders),
+        sets,
+        factor,
+        covered,
+        from_diagnosis=diagnosis is not None,
+        scatter=diagnosis is not None or scatter is not None,
     )
+
+
+def _fitted_runs(model: "Model", rig: "Rig") -> "list[Run]":
+    """The recordings of an identification; none if one of them is no longer at its place, or another file."""
+    files = [Path(used.file) for used in model.runs]
+    if model.effects or not files or not all(file.is_file() for file in files):
+        return []
+    try:
+        runs = read_runs(files, rig, ignore, torque=model.runs[0].torque_kind or None)
+    except RunError:
+        return []
+    return runs if [run.sha256 for run in runs] == [used.sha256 for used in model.runs] else []
 
 
 def _coverage(band: "PredictiveBand") -> BandCoverage:

@@ -9,6 +9,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.exports.ensemble.bands import predictive_band
 from dpr_lab.exports.ensemble.calibrate import calibrated, pooled, widened
 from dpr_lab.exports.ensemble.sampled import posterior_of, sampled_models
+from dpr_lab.exports.ensemble.scatter import scatter_of_ratios
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.identification.model import Model
@@ -67,6 +68,26 @@ def test_values_of_another_recording_scatter_between_recordings_too(model: Model
     assert values(sampled_models(model, [other], 4000, 1))[:, 0].std() == pytest.approx(2 * STD[0], rel=0.05)
     wide = widened([other], 2.0)
     assert values(sampled_models(model, wide, 4000, 1))[:, 0].std() == pytest.approx(4 * STD[0], rel=0.05)
+
+
+@pytest.mark.slow
+def test_ratios_of_an_identification_scatter_if_its_recordings_differ(model: Model) -> None:
+    """Recordings of one plant do not; if one of them is of a rig with more friction, the ensemble is wider."""
+    plant, rig = weighed(load_plant("paper", 6), load_rig("paper"))
+    truth = unknown_ratios(base_parameters(plant.Z, rig.L1, rig.g))
+    identified = whole_model(rig, Estimate.of(truth, effect_params({}), np.zeros((1, 4))))
+    identified = identified.model_copy(update={"effects": {}})
+    oiled = plant.model_copy(update={"parameters": plant.parameters | {"c1": 1.5 * plant.parameters["c1"]}})
+    same, other = (list(record(each, rig, duration=2.0)) for each in (plant, oiled))
+    names, none = scatter_of_ratios(identified, same, rig)
+    assert names == RATIOS
+    assert not none.any()
+    scatter = scatter_of_ratios(identified, [*same[:2], other[2]], rig)
+    assert scatter[1][3, 3] ** 0.5 > 0.05 * identified.ratios["c1/b"].value
+    (wider,) = posterior_of(identified, None, scatter)
+    (own,) = posterior_of(identified, None)
+    assert np.array(wider.between)[3, 3] == scatter[1][3, 3]
+    assert wider.predictive[3, 3] == pytest.approx(own.predictive[3, 3] + scatter[1][3, 3])
 
 
 def test_causes_are_drawn_by_their_probability(model: Model) -> None:

@@ -41,8 +41,15 @@ def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: in
     return [_drawn(model, components[index], rng) for index in chosen.tolist()]
 
 
-def posterior_of(model: Model, diagnosis: Diagnosis | None) -> list[PosteriorComponent]:
+def posterior_of(
+    model: Model, diagnosis: Diagnosis | None, scatter: tuple[Sequence[str], Array] | None = None
+) -> list[PosteriorComponent]:
     """The posterior of a diagnosis; for a model without one, the covariance of its ratios.
+
+    Args:
+        model: the model
+        diagnosis: its diagnosis, if there is one
+        scatter: names and covariance of ratios between recordings, for a model without a diagnosis
 
     Raises:
         RunError: a diagnosis of an older version, without a posterior.
@@ -53,8 +60,20 @@ def posterior_of(model: Model, diagnosis: Diagnosis | None) -> list[PosteriorCom
     places = [model.covariance.order.index(name) for name in free]
     spread = np.array(model.covariance.matrix)[np.ix_(places, places)]
     ratios = {name: estimate.value for name, estimate in model.all_ratios.items()}
+    between = np.zeros_like(spread)
+    if scatter is not None:
+        common = [name for name in free if name in scatter[0]]
+        here, there = ([names.index(name) for name in common] for names in (free, list(scatter[0])))
+        between[np.ix_(here, here)] = scatter[1][np.ix_(there, there)]
     return [
-        PosteriorComponent(probability=1.0, ratios=ratios, effects=model.effects, free=free, covariance=spread.tolist())
+        PosteriorComponent(
+            probability=1.0,
+            ratios=ratios,
+            effects=model.effects,
+            free=free,
+            covariance=spread.tolist(),
+            between=between.tolist(),
+        )
     ]
 
 
