@@ -75,7 +75,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--baud", type=_whole, help="bit/s of the line (default: 921600 for serial, 1000000 for CAN)")
     add("--uid", type=_uid, default=0x51D0_0000_0001, help="the device's number, hexadecimal")
     add("--drift-ppm", type=float, default=0.0, help="error of the device's crystal (default: %(default)s)")
-    add("--torques", metavar="FILE", help="table (t_s, tau1_Nm, tau2_Nm) that joint drives replay from the release on")
+    add(
+        "--torques",
+        metavar="FILE",
+        help="table that drives replay from the release on: t_s, tau1_Nm, tau2_Nm, or t_s and the arm's input (tau0_Nm,"
+        " current_A or voltage_V)",
+    )
     add("--hand-error", type=float, default=0.0, help="error of the operator at every pose, rad (default: %(default)s)")
     add("--fault", action="append", default=[], metavar="NAME=VALUE", help="fault to simulate, see below")
     add("--firmware", default="python", choices=("python", "c"), help="c: the reference firmware (default: python)")

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from dpr_lab.errors import ConfigError
 from dpr_lab.rig import load_rig
 from firmware_protocol.identity import DeviceInfo
 from sim_device.faults import Faults, parse_faults
@@ -15,7 +14,7 @@ from sim_device.links.byte_link import Framing, SerialCodec
 from sim_device.links.link import DeviceLink
 from sim_device.links.open_link import open_link
 from sim_device.options import SEALED_FILE, SEALED_PLANT, SEALED_TORQUES, Options
-from sim_device.plant.arm_drive import ArmDrive, arm_drive_of
+from sim_device.plant.arm_drive import ArmDrive, arm_drive_of, replaying
 from sim_device.plant.config import PlantConfig, load_plant
 from sim_device.plant.drives import JointDrives, load_drives
 from sim_device.plant.hidden import HiddenPlant, plant_of
@@ -80,11 +79,9 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
 
 
 def _drives(options: Options, plant: PlantConfig) -> JointDrives | ArmDrive | None:
-    """Drives that replay the given, sealed or drawn table, or the drive of the arm; None for free swings."""
-    if plant.arm_drive is not None:
-        if options.torques is not None:
-            raise ConfigError(f"--torques: plant {plant.name} has a driven arm, so its joints 1 and 2 cannot be driven")
-        return arm_drive_of(plant)
+    """Drives that replay the given, sealed or drawn table, or that of the arm; None for free swings."""
+    if (arm := arm_drive_of(plant)) is not None:
+        return arm if options.torques is None else replaying(arm, options.torques)
     sealed = Path(options.rig).parent / SEALED_TORQUES
     table = options.torques or (sealed if options.plant == SEALED_PLANT and sealed.is_file() else None)
     if table is not None:

@@ -28,7 +28,9 @@ class Options:
     drift_ppm: float = 0.0
     """Error of the device's crystal."""
     torques: str | Path | None = None
-    """A table of torques that the joint drives replay from the release on; None for a rig without drives."""
+    """A table that the drives replay from the release on: torques of the joints, or the input of a driven arm. None: no
+    joint drives, and the program of the plant file for the arm.
+    """
     hand_error: float = 0.0
     """Error of the operator at every pose, rad."""
     fault: tuple[str, ...] = ()

@@ -4,7 +4,8 @@ It is a part of the rig: no message starts, stops or changes it.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,10 @@ from dpr_lab.dynamics.simulate import as_state
 from dpr_lab.dynamics.step import RigState
 from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.errors import ConfigError
+from dpr_lab.whole_file import regular
 from firmware_protocol.messages import ArmQuantity, TorqueKind
 from sim_device.plant.config import ArmDriveConfig, PlantConfig
+from sim_device.plant.drives import SLACK_S, read_table
 from sim_device.plant.encoders import standard_noise
 from sim_device.random_streams import RandomStream
 
@@ -22,6 +25,26 @@ Array = NDArray[np.float64]
 
 Move = Callable[[RigState, Array, Array], Array]
 """(state at t[0], t (n,), torques (n - 1, 1) of the arm, N m) -> (n, 6 + internal) states."""
+
+
+COLUMN = {"torque": "tau0_Nm", "current": "current_A", "voltage": "voltage_V"}
+"""Input of a motor -> column of its table, after the time, as `dpr-lab plan` writes it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InputTable:
+    """A program of the device: each input holds until the next row; it is zero before the first and after the last."""
+
+    t: Array
+    """(m,) increasing, s since the release."""
+    values: Array
+    """(m,) inputs in units of the drive."""
+
+    def at(self, t: Array) -> Array:
+        """Inputs at times since the release, s."""
+        row = np.searchsorted(self.t, t + SLACK_S, side="right")
+        last = self.t[-1] + (self.t[-1] - self.t[-2] if len(self.t) > 1 else 0.0)
+        return np.where(t + SLACK_S < last, np.append(0.0, self.values)[row], 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +58,8 @@ class ArmDrive:
     seed: int
     delay_s: float = 0.0
     """Delay between the input and its effect, which the board does not report."""
+    table: InputTable | None = None
+    """Program in place of that of the plant file."""
 
     @property
     def kinds(self) -> tuple[TorqueKind, ...]:
@@ -68,7 +93,7 @@ class ArmDrive:
             (n, 6 + internal) states, and `asked` with the inputs of these ticks
         """
         first, looks = len(asked), (len(t) - 1) // ticks
-        if self.config.program != "pd":
+        if self.config.program != "pd" or self.table is not None:
             asked = np.append(asked, self._program(np.arange(first, first + ticks) / rate_hz))
             return move(state, t, np.repeat(self._acting(asked, ticks, rate_hz), looks)[:, None]), asked
         states = [np.array([[*state[:6], *state.internal]])]
@@ -112,6 +137,8 @@ class ArmDrive:
     def _program(self, t: Array | float) -> Array:
         """Input, or angle of the arm, that the program requests at times since the release, s."""
         t = np.asarray(t, dtype=np.float64)
+        if self.table is not None:
+            return self.table.at(t)
         low, high = self.config.rates_hz
         if self.config.program == "chirp":
             swept = low * t + (high - low) * t**2 / (2 * self.config.sweep_s)
@@ -138,6 +165,16 @@ def arm_drive_of(plant: PlantConfig) -> ArmDrive | None:
             f"plant {plant.name}: effects: {INPUT_DELAY.name}.delay_s = {delay:g}: a delay cannot be negative"
         )
     return ArmDrive(plant.arm_drive, plant.seed, delay)
+
+
+def replaying(drive: ArmDrive, file: str | Path) -> ArmDrive:
+    """The drive with a table (CSV) as its program: time since the release in s, and its input.
+
+    Raises:
+        ConfigError: no such table, or of another input.
+    """
+    t, values = read_table(regular(Path(file), ConfigError), ("t_s", COLUMN[drive.config.input]))
+    return replace(drive, table=InputTable(t, values[:, 0]))
 
 
 def pseudo_random_bits(order: int) -> Array:

@@ -4,6 +4,7 @@ They are a part of the rig, as the arm is: no message starts, stops or changes t
 """
 
 import csv
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -84,21 +85,7 @@ def load_drives(file: str | Path, config: DriveConfig, seed: int) -> JointDrives
         ConfigError: no such table, a pipe, or a torque that cannot be sent in the plant's unit.
     """
     path = regular(Path(file), ConfigError)
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as text:
-            names, *rows = csv.reader(text)
-        named = {name.strip(): column for name, column in zip(names, zip(*rows, strict=True), strict=True)}
-        t, *joints = (np.array(named[name], dtype=np.float64) for name in COLUMNS)
-    except OSError as error:
-        raise ConfigError(f"torques: {path}: cannot be read: {error.strerror}") from error
-    except (KeyError, ValueError) as error:
-        raise ConfigError(
-            f"torques: {path}: needs a line with the names {', '.join(COLUMNS)}, then one number for each name in every"
-            " line"
-        ) from error
-    joints = np.stack(joints, axis=1)
-    if not np.isfinite(joints).all() or not np.isfinite(t).all() or (np.diff(t) <= 0).any():
-        raise ConfigError(f"torques: {path}: needs finite numbers and increasing times")
+    t, joints = read_table(path, COLUMNS)
     most = FULL_SCALE * config.unit_uNm * 1e-6
     if (np.abs(joints) > most).any():
         raise ConfigError(
@@ -106,3 +93,27 @@ def load_drives(file: str | Path, config: DriveConfig, seed: int) -> JointDrives
             f" {config.unit_uNm} uN m ({most:g} N m): give the plant's drives a larger unit_uNm"
         )
     return JointDrives(t, joints, config, seed)
+
+
+def read_table(path: Path, names: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(m,) increasing times, and (m, n) values of the other columns of a table (CSV).
+
+    Raises:
+        ConfigError: no such table, other columns, or numbers that are not finite.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as text:
+            header, *rows = csv.reader(text)
+        named = {name.strip(): column for name, column in zip(header, zip(*rows, strict=True), strict=True)}
+        t, *values = (np.array(named[name], dtype=np.float64) for name in names)
+    except OSError as error:
+        raise ConfigError(f"torques: {path}: cannot be read: {error.strerror}") from error
+    except (KeyError, ValueError) as error:
+        raise ConfigError(
+            f"torques: {path}: needs a line with the names {', '.join(names)}, then one number for each name in every"
+            " line"
+        ) from error
+    columns = np.stack(values, axis=1)
+    if not np.isfinite(columns).all() or not np.isfinite(t).all() or (np.diff(t) <= 0).any():
+        raise ConfigError(f"torques: {path}: needs finite numbers and increasing times")
+    return t, columns

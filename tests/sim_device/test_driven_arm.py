@@ -1,12 +1,17 @@
 """A simulated arm with hidden effects at joint 0 and of its motor, and the programs of its device."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from dpr_lab.effects import OF_ARM
 from dpr_lab.errors import ConfigError
+from dpr_lab.identification.moving_arm.setup import drive_gain
+from dpr_lab.planning.signals import write_signal
 from dpr_lab.rig import Rig, load_rig
-from sim_device.plant.arm_drive import arm_drive_of
+from dpr_lab.setup import Torques
+from sim_device.plant.arm_drive import arm_drive_of, replaying
 from sim_device.plant.config import ArmConfig, PlantConfig, load_plant
 from sim_device.plant.plant import Plant
 from sim_device.plant.rods import SimulatedRods
@@ -113,3 +118,39 @@ def test_a_clamped_arm_has_no_effects_and_a_free_one_no_drive(rig: Rig) -> None:
         changed = {"arm": ArmConfig(mode=mode), "arm_drive": None, "effects": {name: SIZES[name]}}
         with pytest.raises(ConfigError, match=lacking):
             Plant(plant.model_copy(update=changed), rig)
+
+
+def test_a_device_replays_the_input_that_a_plan_writes(rig: Rig, tmp_path: Path) -> None:
+    t = np.arange(100) / 200.0
+    volts = np.round(2.0 * np.sin(2 * np.pi * 3.0 * t), 3)
+    gain = drive_gain(rig)
+    write_signal(Torques(t, np.zeros((100, 2)), "commanded", gain.value * volts), tmp_path / "input.csv", rig)
+    plant = plant_with({}, noise=0.0, program="pd")
+    drive = arm_drive_of(plant)
+    assert drive is not None
+    rods = SimulatedRods(Plant(plant, rig), rig, drives=replaying(drive, tmp_path / "input.csv"))
+    rods.place(1, 0.0)
+    rods.let_go(0.0, RATE)
+    theta = rig.theta(rods.swing_counts(0, TICKS))
+    reported = rods.torques(0, TICKS)[:, 0] * drive.unit
+    ticks = np.arange(TICKS) / RATE
+    expected = np.append(volts, 0.0)[np.minimum((ticks * 200.0 + 1e-6).astype(int), 100)]
+    np.testing.assert_allclose(reported, expected, atol=drive.unit)
+    assert np.abs(theta[:, 0]).max() > 0.02
+    assert not reported[ticks >= 0.5].any()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t_s,tau0_Nm\n0,1\n", "needs a line with the names t_s, voltage_V"),
+        ("t_s,voltage_V\n0,1\n0,2\n", "increasing times"),
+        ("t_s,voltage_V\n0,inf\n", "finite numbers"),
+    ],
+)
+def test_a_table_of_another_input_is_refused(rig: Rig, tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "input.csv").write_text(text, encoding="utf-8")
+    drive = arm_drive_of(plant_with({}))
+    assert drive is not None
+    with pytest.raises(ConfigError, match=message):
+        replaying(drive, tmp_path / "input.csv")
