@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,14 +14,17 @@ from dpr_lab.gap.conclusion.verdict import listed_causes
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.plain import as_json
-from dpr_lab.rig import Rig
+from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
+from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.workflows.diagnose import failures
 from sim_device.trials.driven import driven_runs
 
 SOME = {
     name: EFFECTS[name] for name in ("coulomb_joint1", "torque_scale_joint2", "spring_joint2", "rotor_inertia_joint2")
 }
+SAMPLES = Path(__file__).parents[2] / "configs" / "tables"
 TWINS = {name: EFFECTS[name] for name in ("wrong_length_L1", "clock_rate")}
 
 
@@ -52,6 +56,19 @@ def test_torques_that_were_left_out_are_a_hint_and_no_cause_is_named(without_tor
     assert without_torques.probabilities["unexplained"] > 0.9
     assert any("--torque none" in sentence for sentence in failures(without_torques, []))
     as_json(without_torques.to_json())
+
+
+@pytest.mark.slow
+def test_halved_angles_of_a_small_swing_are_a_hint_and_no_cause_is_named(tmp_path: Path) -> None:
+    """A swing of 20 degrees hardly depends on its amplitude: friction and cogging explain most of the difference."""
+    rig, file = load_rig(SAMPLES / "bench.toml"), tmp_path / "low.csv"
+    rows = np.loadtxt(SAMPLES / "low.csv", delimiter=",", skiprows=1) * [1.0, 0.5, 0.5]
+    np.savetxt(file, rows, "%.10g", ",", header="time_s,angle1_deg,angle2_deg", comments="")
+    run = import_csv(file, rig, ImportOptions(unit="deg", zero="hanging", angles="relative"))
+    halved = diagnose([run], rig, library={name: EFFECTS[name] for name in ("coulomb_joint2", "detent_joint2")})
+    assert (halved.verdict, halved.effects) == ("unexplained", [])
+    assert "both joints turn by 2 times the reading" in halved.sentence
+    assert "--scale 2" in halved.sentence
 
 
 @pytest.mark.slow

@@ -87,7 +87,7 @@ def test_an_error_of_the_torque_constant_is_no_saturation_at_a_tiny_torque(fault
 
 
 @pytest.mark.slow
-def test_signs_and_units_of_the_input_and_an_arm_that_stands_still_are_named():
+def test_signs_scales_and_units_of_arm_and_input_and_an_arm_that_stands_still_are_named():
     _, rig, runs = case("", "driven", seconds=2.0)
     with pytest.raises(IdentificationError, match="fitted gain is negative"):
         diagnose(scaled(runs, -1.0), rig)
@@ -100,6 +100,8 @@ def test_signs_and_units_of_the_input_and_an_arm_that_stands_still_are_named():
         diagnose(milli, Rig.model_validate(voltage))
     with pytest.raises(IdentificationError, match="the sign of theta0 is reversed"):
         diagnose([replace(run, theta=run.theta * [-1.0, 1.0, 1.0]) for run in runs], rig)
+    with pytest.raises(IdentificationError, match="theta0 is 0.5 times the true angle: .* --scale theta0=2,"):
+        diagnose([replace(run, theta=run.theta * [0.5, 1.0, 1.0]) for run in runs], rig)
     with pytest.raises(RunError, match="stands still"):
         diagnose([replace(run, theta=run.theta * [0.0, 1.0, 1.0]) for run in runs], rig)
 

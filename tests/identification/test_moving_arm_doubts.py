@@ -42,6 +42,23 @@ def test_rods_that_turn_the_other_way_are_named():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("read", "option"),
+    [
+        ((0.5, 1.0), "--scale theta0=2,"),
+        pytest.param((1.0, 2.0), "--scale theta1=0.5,theta2=0.5,", marks=pytest.mark.long),
+    ],
+)
+def test_halved_or_doubled_angles_of_arm_or_rods_are_named(read, option):
+    rng, rig = np.random.default_rng(3), rig_with("driven", "torque")
+    Z, arm, start = drawn(rng, rig)
+    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
+    run.theta[:, 0] *= read[0]
+    run.theta[:, 1:] = np.pi + (run.theta[:, 1:] - np.pi) * read[1]
+    assert any(option in failure for failure in identify_moving_arm([run], rig).failures)
+
+
+@pytest.mark.slow
 def test_a_current_without_kt_shows_no_absolute_sizes():
     rng, rig = np.random.default_rng(1), rig_with("driven", "current")
     Z, arm, start = drawn(rng, rig)

@@ -1,4 +1,4 @@
-"""Sign and unit of the input of a driven arm, and sign of its angle: alternatives are tested and named."""
+"""Sign and unit of the input of a driven arm, sign and scale of its angle: alternatives are tested and named."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -13,6 +13,7 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.identification.misread.arm_scale import ARM_SCALES, ArmScale
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 
 Array = NDArray[np.float64]
@@ -28,6 +29,8 @@ class InputRules:
     """Reduced chi-square from which the other sign of the arm's angle is tested."""
     better: float = 4.0
     """Factor by which the other sign must reduce chi-square."""
+    better_scale: float = 10.0
+    """Factor by which half or twice the angles must reduce chi-square."""
     off: float = 0.5
     """Maximum distance of the logarithm (base 10) of the gain from that of a unit's factor."""
 
@@ -66,6 +69,7 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
                 "the sign of theta0 is reversed: with the opposite sign, the model fits the recordings. Import"
                 " the table with --scale theta0=-1, or reverse the direction of encoder 0 in [encoders]"
             )
+        _refuse_scale(recordings, start, as_read.chi2)
     motor = recordings.rig.motor
     if motor is None or not recordings.driven_arm:
         return
@@ -79,6 +83,18 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
             f"the {motor.input} acts {gain:.3g} times as strongly as the rig file says: its column seems to be in"
             f" {unit}. Import the table with --scale input={10.0**exponent:g}, or correct the constants of [motor]"
         )
+
+
+def _refuse_scale(recordings: Recordings, start: Array, chi2: float) -> None:
+    """Refuse half or twice the angles of the arm or of the rods.
+
+    Raises:
+        IdentificationError: another scale explains the recordings; it is named.
+    """
+    tried = [(_fitted(_scaled(recordings, scale), start).chi2, scale) for scale in ARM_SCALES]
+    best, scale = min(tried, key=lambda pair: pair[0])
+    if RULES.better_scale * best < chi2:
+        raise IdentificationError(scale.cause(recordings.rig.rods.mounted))
 
 
 def _units(gain: float, kind: str) -> Iterator[tuple[float, str]]:
@@ -122,3 +138,16 @@ def _mirrored(recordings: Recordings) -> Recordings:
         for recording in recordings.records
     ]
     return recordings.only(mirrored)
+
+
+def _scaled(recordings: Recordings, scale: ArmScale) -> Recordings:
+    hanging, factors = recordings.rig.encoders.joint_angles.hanging, np.array([scale.rods, scale.rods, scale.arm])
+    scaled = [
+        replace(
+            recording,
+            joints=scale.of_joints(recording.joints, hanging),
+            sigma=recording.sigma * factors[: recording.sigma.shape[1]],
+        )
+        for recording in recordings.records
+    ]
+    return recordings.only(scaled)

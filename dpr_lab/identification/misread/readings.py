@@ -140,9 +140,11 @@ def _scaled(rig: Rig) -> Iterator[Misreading]:
     counts, relative = rig.encoders.counts_per_rev, rig.encoders.joint2 == "relative"
     for factor in (0.5, 2.0, 0.25, 4.0):
         stated = [f"{count / factor:.0f}" for count in counts]
-        key = "counts_per_rev in the rig file is wrong: {} (it is {}); for a table of angles, --scale and --offset"
+        key = "counts_per_rev in the rig file is wrong: {} (it is {})"
+        tables = f"import a table of angles with --scale {factor:g}, and with --offset unless they are zero for hanging"
         for_both = key.format(f"{stated[1]} for joint 1 and {stated[2]} for joint 2", f"{counts[1]} and {counts[2]}")
-        yield _of_angles(f"both joints turn by {factor:g} times the reading ({for_both})", _times(factor, factor))
+        cause = f"both joints turn by {factor:g} times the reading ({for_both}; {tables})"
+        yield _of_angles(cause, _times(factor, factor))
         for joint in (1, 2):
             for_one = key.format(f"{stated[joint]} for joint {joint}", counts[joint])
             s1, s2 = (factor, 1.0) if joint == 1 else (1.0, factor)

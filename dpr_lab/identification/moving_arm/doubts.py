@@ -1,13 +1,16 @@
 """Tests of recordings of a moving arm for faults and for mistakes in their description."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
-from dpr_lab.identification.moving_arm.fit import ArmFit, fit_moving_arm
+from dpr_lab.errors import DprError
+from dpr_lab.identification.misread.arm_scale import ARM_SCALES, ArmScale
+from dpr_lab.identification.moving_arm.fit import ARM_FIT, ArmFit, fit_moving_arm
 from dpr_lab.identification.moving_arm.problem import ArmRecording
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.rig import Rig
@@ -24,6 +27,10 @@ class DoubtSettings:
     """Reduced chi-square above which the other sign of the arm's angle is tried."""
     better: float = 4.0
     """Factor by which the other sign must fit better."""
+    better_scale: float = 10.0
+    """Factor by which half or twice the angles must fit better; it is 100 or more where they are right."""
+    tried_s: float = 2.5
+    """Examined duration of each recording for these, s."""
     unit: float = 30.0
     """Ratio of the fitted gain to that of the rig file from which another unit of the input is the likely cause."""
     hardly_rad: float = 0.05
@@ -53,6 +60,8 @@ def failures(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording], rig
     if misfit > DOUBTS.doubted and (mirrored := _mirrored_fit(fit, misfit, recordings, rig)):
         return [mirrored]
     stops = [sentence for recording in recordings if misfit > 1.5 and (sentence := stop_sentence(recording))]
+    if misfit > DOUBTS.doubted and not stops and (scaled := _scaled_fit(recordings, rig)):
+        return [scaled]
     return [*stops, *_of_input(fit, rig), *([] if fit.converged else [_unconverged(recordings)])]
 
 
@@ -88,6 +97,38 @@ def _mirrored_fit(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording]
         f" {other_misfit:.3g}: import the table with {remedy}, or, for a device, reverse direction in"
         " [encoders]"
     )
+
+
+def _scaled_fit(recordings: Sequence[ArmRecording], rig: Rig) -> str:
+    """A sentence if the recordings fit much better with half or twice the angles of the arm or the rods; else empty."""
+    given = dict(_misfits(recordings, (ArmScale(1.0, 1.0),), rig))
+    tried = sorted(_misfits(recordings, ARM_SCALES, rig), key=lambda pair: pair[1])
+    if not given or not tried:
+        return ""
+    (scale, misfit), before = tried[0], min(given.values())
+    if not DOUBTS.better_scale * misfit < before:
+        return ""
+    fall = f"in this interpretation the reduced chi-square falls from {before:.3g} to {misfit:.3g}"
+    return f"{scale.cause(rig.rods.mounted)}; {fall}"
+
+
+def _misfits(
+    recordings: Sequence[ArmRecording], scales: Sequence[ArmScale], rig: Rig
+) -> Iterator[tuple[ArmScale, float]]:
+    """Reduced chi-square of short segments of the beginning in each interpretation that can be fitted."""
+    short = replace(ARM_FIT, ranges_rad=())
+    for scale in scales:
+        with suppress(DprError, np.linalg.LinAlgError):
+            fit = fit_moving_arm([_scaled(recording, scale) for recording in recordings], rig, short)
+            yield scale, fit.misfit or fit.chi2_per_dof
+
+
+def _scaled(recording: ArmRecording, scale: ArmScale) -> ArmRecording:
+    run = recording.run.between(-np.inf, DOUBTS.tried_s)
+    rods, hanging = run.theta[:, [1, 2, 0]], np.full(2, np.pi)
+    theta = scale.of_joints(rods, hanging)[:, [2, 0, 1]]
+    std = recording.std * [scale.arm, scale.rods, scale.rods]
+    return replace(recording, run=replace(run, theta=theta), std=std, drive=recording.drive[: len(run.t)])
 
 
 def _mirrored(recording: ArmRecording) -> ArmRecording:

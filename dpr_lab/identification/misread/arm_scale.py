@@ -1,0 +1,49 @@
+"""Interpretations of recordings with a moving arm in which its angles, or those of the rods, are halved or doubled."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ArmScale:
+    """True angles as a multiple of the readings: of the arm, and of the rods from hanging."""
+
+    arm: float
+    """Factor of the angle of the arm."""
+    rods: float
+    """Factor of the angles of the rods."""
+
+    def of_joints(self, joints: Array, hanging: Array) -> Array:
+        """(n, k) true angles of the joints.
+
+        Args:
+            joints: (n, k) readings of joints 1, 2 and, if the arm was read, 0, rad
+            hanging: (2,) angles of joints 1 and 2 at the hanging rest, rad
+        """
+        zero = np.append(hanging, 0.0)[: joints.shape[1]]
+        factors = np.array([self.rods, self.rods, self.arm])[: joints.shape[1]]
+        return zero + (joints - zero) * factors
+
+    def cause(self, mounted: str) -> str:
+        """Description of the mistake, and the option or key of the rig file that corrects it.
+
+        Args:
+            mounted: the mounted rods, as in the rig file
+        """
+        rods = ("theta1", "theta2") if mounted == "both" else ("theta1",)
+        axes = (*(("theta0",) if self.arm != 1.0 else ()), *(rods if self.rods != 1.0 else ()))
+        factor = self.arm if self.arm != 1.0 else self.rods
+        option = ",".join(f"{axis}={factor:g}" for axis in axes)
+        verb = "are" if len(axes) > 1 else "is"
+        return (
+            f"{' and '.join(axes)} {verb} {1 / factor:g} times the true angle: import the table with --scale {option},"
+            f" or, for a device, multiply counts_per_rev in [encoders] by {1 / factor:g}"
+        )
+
+
+ARM_SCALES = tuple(ArmScale(*factors) for f in (2.0, 0.5) for factors in ((1.0, f), (f, 1.0), (f, f)))
+"""Interpretations to try: the readings are half or twice the true angles."""
