@@ -89,7 +89,7 @@ _ABSOLUTE = (
     'the angles of the outer rod are relative to the vertical (import with --angles absolute, or joint2 = "absolute")'
 )
 _DEGREES = "the angles are in degrees (import with --unit deg)"
-_EXCHANGED = "inner and outer rod are swapped (order of the columns, or of the encoders)"
+_EXCHANGED = "inner and outer rod are swapped (exchange the encoders, or import with --columns theta1=NAME,theta2=NAME)"
 
 _ANGLES = (
     _of_angles(
@@ -101,9 +101,14 @@ _ANGLES = (
         " zero_counts)",
         lambda inner, outer: (inner, outer + np.pi),
     ),
-    _of_angles("one rod's sign is reversed (direction of one encoder)", lambda inner, outer: (-inner, outer)),
     _of_angles(
-        "the sign of joint 2 is reversed (direction of its encoder)", lambda inner, outer: (inner, 2 * inner - outer)
+        "one rod's sign is reversed (import absolute angles with --scale theta2=-1, or correct direction in [encoders])",
+        lambda inner, outer: (-inner, outer),
+    ),
+    _of_angles(
+        "the sign of joint 2 is reversed (import relative angles with --scale theta2=-1, or correct direction in"
+        " [encoders])",
+        lambda inner, outer: (inner, 2 * inner - outer),
     ),
     _of_angles(_RELATIVE, lambda inner, outer: (inner, inner + outer - np.pi)),
     _of_angles(_RELATIVE, lambda inner, outer: (inner, inner + outer)),  # for a table with zero upright
@@ -148,9 +153,11 @@ def _scaled(rig: Rig) -> Iterator[Misreading]:
         for joint in (1, 2):
             for_one = key.format(f"{stated[joint]} for joint {joint}", counts[joint])
             s1, s2 = (factor, 1.0) if joint == 1 else (1.0, factor)
-            yield _of_angles(
-                f"joint {joint} turns by {factor:g} times the reading ({for_one})", _times(s1, s2, relative)
-            )
+            for_one = key.format(f"{stated[joint]} for joint {joint}", counts[joint])
+            option = f"import a table of joint angles with --scale theta{joint}={factor:g}"
+            s1, s2 = (factor, 1.0) if joint == 1 else (1.0, factor)
+            cause = f"joint {joint} turns by {factor:g} times the reading ({for_one}; {option})"
+            yield _of_angles(cause, _times(s1, s2, relative))
             if relative:
                 rod = f"theta{joint} is {factor:g} times the reading (--scale theta{joint}={factor:g} and --offset)"
                 yield replace(_of_angles(rod, _times(s1, s2)), read=_of_tables(_of_angles(rod, _times(s1, s2))))
