@@ -102,7 +102,8 @@ _ANGLES = (
         lambda inner, outer: (inner, outer + np.pi),
     ),
     _of_angles(
-        "one rod's sign is reversed (import absolute angles with --scale theta2=-1, or correct direction in [encoders])",
+        "one rod's sign is reversed (import absolute angles with --scale theta2=-1, or correct direction in"
+        " [encoders])",
         lambda inner, outer: (-inner, outer),
     ),
     _of_angles(
@@ -151,8 +152,6 @@ def _scaled(rig: Rig) -> Iterator[Misreading]:
         cause = f"both joints turn by {factor:g} times the reading ({for_both}; {tables})"
         yield _of_angles(cause, _times(factor, factor))
         for joint in (1, 2):
-            for_one = key.format(f"{stated[joint]} for joint {joint}", counts[joint])
-            s1, s2 = (factor, 1.0) if joint == 1 else (1.0, factor)
             for_one = key.format(f"{stated[joint]} for joint {joint}", counts[joint])
             option = f"import a table of joint angles with --scale theta{joint}={factor:g}"
             s1, s2 = (factor, 1.0) if joint == 1 else (1.0, factor)
