@@ -13,7 +13,7 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
-from dpr_lab.identification.misread.arm_scale import ARM_SCALES, ArmScale
+from dpr_lab.identification.misread.scaled_readings import SCALED_READINGS, ScaledReadings
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 
 Array = NDArray[np.float64]
@@ -91,7 +91,7 @@ def _refuse_scale(recordings: Recordings, start: Array, chi2: float) -> None:
     Raises:
         IdentificationError: another scale explains the recordings; it is named.
     """
-    tried = [(_fitted(_scaled(recordings, scale), start).chi2, scale) for scale in ARM_SCALES]
+    tried = [(_fitted(_scaled(recordings, scale), start).chi2, scale) for scale in SCALED_READINGS]
     best, scale = min(tried, key=lambda pair: pair[0])
     if RULES.better_scale * best < chi2:
         raise IdentificationError(scale.cause(recordings.rig.rods.mounted))
@@ -140,7 +140,7 @@ def _mirrored(recordings: Recordings) -> Recordings:
     return recordings.only(mirrored)
 
 
-def _scaled(recordings: Recordings, scale: ArmScale) -> Recordings:
+def _scaled(recordings: Recordings, scale: ScaledReadings) -> Recordings:
     hanging, factors = recordings.rig.encoders.joint_angles.hanging, np.array([scale.rods, scale.rods, scale.arm])
     scaled = [
         replace(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.errors import DprError
-from dpr_lab.identification.misread.arm_scale import ARM_SCALES, ArmScale
+from dpr_lab.identification.misread.scaled_readings import SCALED_READINGS, ScaledReadings
 from dpr_lab.identification.moving_arm.fit import ARM_FIT, ArmFit, fit_moving_arm
 from dpr_lab.identification.moving_arm.problem import ArmRecording
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
@@ -101,8 +101,8 @@ def _mirrored_fit(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording]
 
 def _scaled_fit(recordings: Sequence[ArmRecording], rig: Rig) -> str:
     """A sentence if the recordings fit much better with half or twice the angles of the arm or the rods; else empty."""
-    given = dict(_misfits(recordings, (ArmScale(1.0, 1.0),), rig))
-    tried = sorted(_misfits(recordings, ARM_SCALES, rig), key=lambda pair: pair[1])
+    given = dict(_misfits(recordings, (ScaledReadings(1.0, 1.0),), rig))
+    tried = sorted(_misfits(recordings, SCALED_READINGS, rig), key=lambda pair: pair[1])
     if not given or not tried:
         return ""
     (scale, misfit), before = tried[0], min(given.values())
@@ -113,8 +113,8 @@ def _scaled_fit(recordings: Sequence[ArmRecording], rig: Rig) -> str:
 
 
 def _misfits(
-    recordings: Sequence[ArmRecording], scales: Sequence[ArmScale], rig: Rig
-) -> Iterator[tuple[ArmScale, float]]:
+    recordings: Sequence[ArmRecording], scales: Sequence[ScaledReadings], rig: Rig
+) -> Iterator[tuple[ScaledReadings, float]]:
     """Reduced chi-square of short segments of the beginning in each interpretation that can be fitted."""
     short = replace(ARM_FIT, ranges_rad=())
     for scale in scales:
@@ -123,7 +123,7 @@ def _misfits(
             yield scale, fit.misfit or fit.chi2_per_dof
 
 
-def _scaled(recording: ArmRecording, scale: ArmScale) -> ArmRecording:
+def _scaled(recording: ArmRecording, scale: ScaledReadings) -> ArmRecording:
     run = recording.run.between(-np.inf, DOUBTS.tried_s)
     rods, hanging = run.theta[:, [1, 2, 0]], np.full(2, np.pi)
     theta = scale.of_joints(rods, hanging)[:, [2, 0, 1]]

@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class ArmScale:
+class ScaledReadings:
     """True angles as a multiple of the readings: of the arm, and of the rods from hanging."""
 
     arm: float
@@ -45,5 +45,5 @@ class ArmScale:
         )
 
 
-ARM_SCALES = tuple(ArmScale(*factors) for f in (2.0, 0.5) for factors in ((1.0, f), (f, 1.0), (f, f)))
+SCALED_READINGS = tuple(ScaledReadings(*factors) for f in (2.0, 0.5) for factors in ((1.0, f), (f, 1.0), (f, f)))
 """Interpretations to try: the readings are half or twice the true angles."""
