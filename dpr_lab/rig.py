@@ -267,6 +267,11 @@ class Rig(Shown, RigTable):
         rods = np.pi + self.encoders.joint_angles.to_rods(turned[..., 1:])
         return np.concatenate([turned[..., :1], rods], axis=-1)
 
+    def mounted_theta(self, counts: ArrayLike) -> NDArray[np.float64]:
+        """Like `theta`, but theta2 of a single rod equals theta1, whatever the encoder of joint 2 reads."""
+        theta = self.theta(counts)
+        return theta if self.rods.number == 2 else theta[..., [0, 1, 1]]
+
     def positions(self, theta: ArrayLike) -> NDArray[np.float64]:
         """Readings of ideal encoders at given absolute angles; the inverse of `theta`, not rounded.
 

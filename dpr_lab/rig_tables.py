@@ -133,7 +133,8 @@ Mounting = Literal["both", "inner", "outer", "clamped"]
 class Rods(RigTable):
     """Rods that are mounted during recordings. A single rod is mounted on joint 1 and measured by encoder 1.
 
-    The encoder of joint 2 is mounted on the inner rod and is removed with it.
+    The encoder of joint 2 is mounted on the inner rod and is removed with it; its reading is ignored. With a clamped
+    elbow, a capture compares theta1 with the pose; the angle of the clamp may differ from that of the pose by 0.2 rad.
     """
 
     mounted: Literal["both", "inner", "outer"] = "both"
@@ -156,6 +157,16 @@ class Rods(RigTable):
     def number(self) -> int:
         """Number of mounted rods, 1 or 2."""
         return 2 if self.mounted == "both" else 1
+
+    @property
+    def placed(self) -> int:
+        """Number of angles that an operator sets at a pose: a single rod or a clamped elbow leaves theta1."""
+        return 2 if self.mounting == "both" else 1
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Names of the rods at theta1 and theta2; of a single rod both."""
+        return ("inner rod", "outer rod") if self.number == 2 else (f"{self.mounted} rod", f"{self.mounted} rod")
 
 
 InnerMode = Literal["free", "prescribed"]

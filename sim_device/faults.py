@@ -41,6 +41,9 @@ FAULTS: dict[str, FaultKind] = {
     "stuck_encoder": FaultKind(
         "encoder", "joint (0, 1, 2) whose counter stays constant after the release", JOINTS - 1, whole=True
     ),
+    "constant_encoder2": FaultKind(
+        "encoder", "reading of encoder 2 in counts, constant, as of one without a rod", 32767, whole=True
+    ),
     MISSED_COUNTS.name: FaultKind(
         "encoder", "counts that encoder 2 misses, a quarter of a second after the release", 32767, whole=True
     ),
@@ -153,6 +156,11 @@ class Faults:
         bits = np.uint8(1) << self._rng.integers(0, 8, len(octets), dtype=np.uint8)
         struck = np.where(self._rng.random(len(octets)) < flip, octets ^ bits, octets)
         return struck.tobytes()
+
+    def connected(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(n, 3) counts of encoders of which that of joint 2 may measure no rod."""
+        constant = self._values.get("constant_encoder2")
+        return counts if constant is None else np.column_stack([counts[:, :2], np.full(len(counts), int(constant))])
 
     def counts(
         self, counts: NDArray[np.int64], released_at: NDArray[np.int64], since: NDArray[np.float64]

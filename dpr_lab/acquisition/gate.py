@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.acquisition.rest import RODS, pose_error, rest_motion
+from dpr_lab.acquisition.rest import pose_error, rest_motion
 from dpr_lab.acquisition.settings import QUALITY_LIMITS, QualityLimits
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.rig import Rig
@@ -139,7 +139,7 @@ def _hanging_before(judged: JudgedRun) -> Check | None:
         return None
     limit = judged.limits.hang_error
     error = np.abs(judged.hanging)
-    rod, worst = RODS[int(error.argmax())], float(error.max())
+    rod, worst = judged.rig.rods.names[int(error.argmax())], float(error.max())
     sentence = (
         f"before the rods were raised, the {rod} deviated by {worst:.3f} rad from the vertical (limit {limit}):"
         " lost counts, or a wrong zero in the rig file"
@@ -171,8 +171,8 @@ def _pose(judged: JudgedRun) -> Check | None:
     rest = _rest(judged)
     if rest is None or judged.pose is None:
         return None
-    error = np.abs(pose_error(rest[1], judged.pose)).mean(axis=0)
-    rod, worst, limit = RODS[int(error.argmax())], float(error.max()), judged.pose.tolerance
+    error = np.abs(pose_error(rest[1], judged.pose)).mean(axis=0)[: judged.rig.rods.placed]
+    rod, worst, limit = judged.rig.rods.names[int(error.argmax())], float(error.max()), judged.pose.tolerance
     sentence = f"the {rod} was {worst:.3f} rad away from the pose (limit {limit}): place it closer"
     return Check("pose", worst <= limit, worst, limit, "rad", sentence)
 
@@ -290,7 +290,7 @@ def _jumps(judged: JudgedRun) -> Check | None:
     turned = np.abs(np.diff(run.theta[:, 1:], axis=0)) - limits.sigmas * np.sqrt(2) * judged.rig.reading_std[1:]
     speed = np.maximum(turned, 0.0) / np.diff(run.t)[:, np.newaxis]
     share = (speed / (limits.speed_margin * fastest_possible(judged.rig))).max(axis=0)
-    rod, worst = RODS[int(share.argmax())], float(share.max())
+    rod, worst = judged.rig.rods.names[int(share.argmax())], float(share.max())
     sentence = f"the {rod} jumps at {worst:.1f} times the fastest speed possible: check encoder and its wiring"
     return Check("jumps", worst <= 1.0, worst, 1.0, "1", sentence)
 
@@ -301,7 +301,8 @@ def _moved(judged: JudgedRun) -> Check | None:
     swing = judged.run.swing
     if len(swing.t) < judged.limits.fewest_samples:
         return None
-    if (turned := elbow_turn(swing.theta, swing.mounting)) > MOUNTED.still:
+    readings = swing.theta if swing.counts is None else judged.rig.theta(swing.counts)
+    if (turned := elbow_turn(readings, swing.mounting)) > MOUNTED.still:
         sentence = f"joint 2 turned by {turned:.2f} rad, but --rods or --elbow declare it as fixed"
         return Check("moved", False, turned, MOUNTED.still, "rad", sentence)
     counts = judged.rig.positions(swing.theta) if swing.counts is None else swing.counts
@@ -321,7 +322,7 @@ def _hanging_after(judged: JudgedRun) -> Check | None:
     if run.duration <= rest.window_s or rest_motion(run.t[last], run.theta[last])[1] > rest.spread(judged.rig):
         return None
     error = np.abs((run.theta[last, 1:].mean(axis=0)) % (2 * np.pi) - np.pi)
-    rod, worst = RODS[int(error.argmax())], float(error.max())
+    rod, worst = judged.rig.rods.names[int(error.argmax())], float(error.max())
     sentence = f"the {rod} came to rest {worst:.3f} rad away from hanging (limit {limit}): lost counts, or a wrong zero"
     return Check("hanging_after", worst <= limit, worst, limit, "rad", sentence)
 

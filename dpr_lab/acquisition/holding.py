@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.acquisition.batch import Batch, arrays
 from dpr_lab.acquisition.device import Device
-from dpr_lab.acquisition.rest import RODS, arm_restless, pose_error, rest_motion
+from dpr_lab.acquisition.rest import arm_restless, elbow_error, pose_error, rest_motion
 from dpr_lab.acquisition.settings import CaptureSettings
 from dpr_lab.errors import DeviceFault, LinkError, SafetyStop
 from dpr_lab.rig import JOINTS, Rig
@@ -97,7 +97,7 @@ class RestWindow:
         ticks, counts = arrays([row for batch in self.batches for row in batch.rows])
         if len(ticks) < 2 or ticks[-1] - ticks[0] < 0.9 * self._ticks:
             return None
-        return ticks / self._rate_hz, rig.theta(counts)
+        return ticks / self._rate_hz, rig.mounted_theta(counts)
 
 
 def _last_tick(batch: Batch) -> int:
@@ -134,7 +134,12 @@ def _raise_if_open(url: str, batches: Iterable[Batch]) -> None:
 def look_at_hanging(
     device: Device, rig: Rig, on_reading: OnReading, settings: CaptureSettings
 ) -> tuple[float, float] | None:
-    """Deviation of the hanging rods from the vertical, rad; None unless they are at rest with the latch open."""
+    """Deviation of the hanging rods from the vertical, rad.
+
+    None unless they are at rest with the latch open, or if a clamped elbow tilts them.
+    """
+    if rig.rods.mounting == "clamped":
+        return None
     readings: list[NDArray[np.float64]] = []
     deadline = time.monotonic() + settings.hang_timeout_s
     spread = np.sqrt(12) * settings.limits.rest.spread(rig)
@@ -161,26 +166,44 @@ def _positions(device: Device, rig: Rig, deadline: float, poll_s: float) -> Iter
         for position in (m for batch in batches for m in batch.messages if isinstance(m, Position)):
             counts[position.joint] = position.position
             if len(counts) == JOINTS and position.joint == JOINTS - 1:
-                yield rig.theta([counts[joint] for joint in range(JOINTS)])
+                yield rig.mounted_theta([counts[joint] for joint in range(JOINTS)])
 
 
 def guide(
     device: Device, rig: Rig, pose: Pose, timeout: float, on_reading: OnReading, settings: CaptureSettings
 ) -> None:
-    """Report the error of the pose until it is within the tolerance several times in a row."""
+    """Report the error of the pose until it is within the tolerance several times in a row.
+
+    Raises:
+        SafetyStop: the pose was not reached in time, or an elbow is clamped at another angle.
+    """
     reading, steady = None, 0
     for theta in _positions(device, rig, time.monotonic() + timeout, settings.poll_s):
-        reading = _pose_reading(theta, pose)
+        _check_elbow(theta, pose, rig, settings)
+        reading = _pose_reading(theta, pose, rig)
         steady = steady + 1 if reading.ok else 0
         on_reading(reading)
         if steady == settings.steady_readings:
             return
-    raise SafetyStop(_not_placed(pose, reading, timeout))
+    raise SafetyStop(_not_placed(pose, reading, timeout, rig))
 
 
-def _pose_reading(theta: NDArray[np.float64], pose: Pose) -> PoseReading:
+def _check_elbow(theta: NDArray[np.float64], pose: Pose, rig: Rig, settings: CaptureSettings) -> None:
+    """Compare a clamped elbow with the pose, because no rod can be moved to another angle of it."""
+    if rig.rods.mounting != "clamped" or abs(error := elbow_error(theta, pose)) <= settings.elbow_error:
+        return
+    wanted = pose.theta2 - pose.theta1
+    raise SafetyStop(
+        f"the elbow is clamped at theta2 - theta1 = {wanted + error:.2f} rad, but the pose needs {wanted:.2f} rad"
+        f" (within {settings.elbow_error:g} rad): clamp it there, or choose another pose; nothing was released, the"
+        " rods stay held"
+    )
+
+
+def _pose_reading(theta: NDArray[np.float64], pose: Pose, rig: Rig) -> PoseReading:
     angles, error = _placed(theta, pose)
-    return PoseReading(angles, error, pose.tolerance, max(map(abs, error)) <= pose.tolerance)
+    worst = max(map(abs, error[: rig.rods.placed]))
+    return PoseReading(angles, error, pose.tolerance, worst <= pose.tolerance)
 
 
 def _placed(theta: NDArray[np.float64], pose: Pose) -> tuple[tuple[float, float, float], tuple[float, float]]:
@@ -189,10 +212,11 @@ def _placed(theta: NDArray[np.float64], pose: Pose) -> tuple[tuple[float, float,
     return (theta0, theta1, theta2), (error1, error2)
 
 
-def _not_placed(pose: Pose, reading: PoseReading | None, timeout: float) -> str:
+def _not_placed(pose: Pose, reading: PoseReading | None, timeout: float, rig: Rig) -> str:
     if reading is None:
         return f"the device sent no positions within {timeout:g} s; nothing was released, the rods stay held"
-    rod, worst = max(zip(RODS, reading.error, strict=True), key=lambda pair: abs(pair[1]))
+    errors = zip(rig.rods.names, reading.error[: rig.rods.placed], strict=False)
+    rod, worst = max(errors, key=lambda pair: abs(pair[1]))
     return (
         f"the rods did not reach the pose within {timeout:g} s: the {rod} is {worst:+.3f} rad away, tolerance"
         f" {pose.tolerance} rad; nothing was released, the rods stay held"
@@ -256,7 +280,8 @@ class HeldPose:
         rest = self._settings.limits.rest
         limit = rest.spread(self._rig)
         still = speed <= rest.speed and spread <= limit
-        worst = float(np.abs(pose_error(theta, self._pose)).mean(axis=0).max())
+        errors = np.abs(pose_error(theta, self._pose)).mean(axis=0)
+        worst = float(errors[: self._rig.rods.placed].max())
         restless = ""
         arm = arm_restless(t, theta, self._rig, rest)
         if not still:

@@ -131,7 +131,7 @@ class Recording:
         """Time (n,), s, and angles (n, 3), rad, of the newest samples."""
         rate_hz = self._writer.metadata.rate_hz
         ticks, counts = self.samples.newest(round(seconds * rate_hz))
-        return ticks / rate_hz, self.rig.theta(counts)
+        return ticks / rate_hz, self.rig.mounted_theta(counts)
 
     @property
     def clock_due(self) -> bool:
@@ -174,7 +174,7 @@ class Recording:
     def since(self, first: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Time from the release (n,), s, and angles (n, 3), rad, of all samples from index `first` on."""
         ticks, counts = self.samples.newest(len(self.samples) - first)
-        return (ticks - (self.release_tick or 0)) / self._writer.metadata.rate_hz, self.rig.theta(counts)
+        return (ticks - (self.release_tick or 0)) / self._writer.metadata.rate_hz, self.rig.mounted_theta(counts)
 
     def new_inputs(self) -> NDArray[np.float64] | None:
         """(n,) input of the arm's drive at the samples since the last call, N m, A or V; None without a drive."""
@@ -203,7 +203,7 @@ class Recording:
         if pose is None or self.release_tick is None:
             return None
         ticks, counts = self.samples.oldest(max(0, self.release_tick - self.samples.first_tick))
-        rest = self.rig.theta(counts[ticks < self.release_tick])
+        rest = self.rig.mounted_theta(counts[ticks < self.release_tick])
         if not len(rest):
             return None
         theta1, theta2 = pose.theta[1:] + pose_error(rest, pose).mean(axis=0)
@@ -217,7 +217,7 @@ class Recording:
         return Run(
             name=self._writer.path.stem,
             t=(ticks - start) / metadata.rate_hz,
-            theta=metadata.rig.theta(counts),
+            theta=metadata.rig.mounted_theta(counts),
             counts=counts,
             pose=metadata.pose,
             rig_name=metadata.rig.name,

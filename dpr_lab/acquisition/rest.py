@@ -7,8 +7,6 @@ from dpr_lab.acquisition.settings import RestLimits
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Pose
 
-RODS = ("inner rod", "outer rod")
-
 
 def rest_motion(t: NDArray[np.float64], theta: NDArray[np.float64]) -> tuple[float, float]:
     """Motion of the rods while held.
@@ -58,3 +56,9 @@ def pose_error(theta: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
         (..., 2) signed error of inner and outer rod in [-pi, pi), rad
     """
     return (theta[..., 1:] - pose.theta[1:] + np.pi) % (2 * np.pi) - np.pi
+
+
+def elbow_error(theta: NDArray[np.float64], pose: Pose) -> float:
+    """Deviation of theta2 - theta1 from a pose, in [-pi, pi), rad; `theta`: (3,) absolute angles, rad."""
+    inner, outer = pose_error(theta, pose)
+    return float((outer - inner + np.pi) % (2 * np.pi) - np.pi)

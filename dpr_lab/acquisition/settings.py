@@ -105,6 +105,10 @@ class CaptureSettings:
     hang_readings: int = 3
     hang_near: float = 0.35
     """Maximum deviation of hanging rods, rad; a rod farther away is held by hand."""
+    elbow_error: float = 0.2
+    """Maximum difference between a clamped elbow and the elbow of a pose, rad: the angle of a clamp is coarse, and the
+    measured one is used.
+    """
     release_timeout_s: float = 2.0
     """Maximum waiting time for the message with the instant of the release, s."""
     last_status_s: float = 0.5

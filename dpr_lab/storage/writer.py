@@ -122,7 +122,7 @@ class RunWriter:
         """
         self._check_time_source("ticks")
         tick, count = np.asarray(ticks, dtype=np.int64), np.asarray(counts, dtype=np.int64)
-        theta = np.round(self.metadata.rig.theta(count.reshape(-1, JOINTS)), SETTINGS.theta_digits)
+        theta = np.round(self.metadata.rig.mounted_theta(count.reshape(-1, JOINTS)), SETTINGS.theta_digits)
         self._append(tick, np.round(tick / self.metadata.rate_hz, 9), theta, count, _by_kind(torques))
 
     def table(

@@ -78,6 +78,8 @@ class OperatorConfig(_Table):
 
     placement_std: NotNegative = 0.01
     release_speed_std: NotNegative = 0.002
+    elbow: Finite | None = None
+    """Angle theta2 - theta1 at which a clamp holds joint 2 at every pose, rad; None: that of the pose."""
 
 
 class DriveConfig(_Table):

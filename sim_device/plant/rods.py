@@ -144,7 +144,7 @@ class SimulatedRods:
         theta = target
         for _ in range(HABITS.looks):
             counts = self._read(theta[None], RandomStream.IDLE, self._release + 1, 0)[0]
-            off = np.where([False, True, True], self._rig.theta(counts) - target, 0.0)
+            off = np.where([False, True, True], self._rig.mounted_theta(counts) - target, 0.0)
             if np.abs(off).max() <= near:
                 return theta
             theta = theta - off
@@ -167,7 +167,7 @@ class SimulatedRods:
     ) -> Counts:
         """(n, 3) counts of the angles at the encoders at the device times `since` the release."""
         misread = self._plant.misread(theta, np.full(len(theta), since), release - 1)
-        return self._plant.counted(self._encoders.read(misread, stream, release, first))
+        return self._faults.connected(self._plant.counted(self._encoders.read(misread, stream, release, first)))
 
     def _theta(self, now: float) -> NDArray[np.float64]:
         if self._swing is None:
