@@ -9,7 +9,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import replace
 from types import TracebackType
 
 from dpr_lab.acquisition.batch import AnyRow, Batch, Counter
@@ -171,7 +170,7 @@ class Device:
             DeviceFault: more than the device can sample.
         """
         for capacity in self._transport.capacities:
-            replace(capacity, bits_per_sample=capacity.bits_per_sample * self.info.frames).check(rate_hz)
+            capacity.with_frames(self.info.frames).check(rate_hz)
         if rate_hz > self.info.rate_max_hz:
             raise DeviceFault(f"{rate_hz} Hz is too fast for the device: choose at most {self.info.rate_max_hz} Hz")
 

@@ -23,7 +23,11 @@ def tui(
         str | None, typer.Option(help="Link to the device; default: the last one, or that of the rig file.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of runs, model, report and diagnosis; default: the last one.")
+        Path | None,
+        typer.Option(
+            help="Folder of runs, model, report and diagnosis; default: the last one. Another folder begins without"
+            " selected runs and results."
+        ),
     ] = None,
     allow_release: Annotated[
         bool,
@@ -83,7 +87,7 @@ def tui(
     keymap = load_keymap(keys_file(), DprApp, KEYED)
     workspace, notices = load(state_folder())
     workspace.rig, workspace.link = rig or workspace.rig, link or workspace.link
-    workspace.out = (out or workspace.out).expanduser().resolve()
+    workspace.move_to((out or workspace.out).expanduser().resolve())
     read_only = served and not allow_release
     app = DprApp(workspace, state_folder(), keymap, notices, allow_release=allow_release, read_only=read_only)
     if read_only:

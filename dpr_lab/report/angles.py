@@ -20,7 +20,7 @@ class AngleUnit:
 
     def text(self, angle: float) -> str:
         """Format an angle with sign and unit."""
-        return f"{angle * self.per_rad:+.{self.digits}f}{self.symbol}"
+        return f"{_rounded(angle * self.per_rad, self.digits):+.{self.digits}f}{self.symbol}"
 
     def size(self, angle: float) -> str:
         """Format a small angle without sign, with three digits."""
@@ -33,7 +33,8 @@ class AngleUnit:
     def speeds(self, omega: Sequence[float]) -> str:
         """Format the angular velocities of both rods in one line."""
         return "  ".join(
-            f"ω{rod} {speed * self.per_rad:+.{self.digits}f}{self.symbol}/s" for rod, speed in enumerate(omega, 1)
+            f"ω{rod} {_rounded(speed * self.per_rad, self.digits):+.{self.digits}f}{self.symbol}/s"
+            for rod, speed in enumerate(omega, 1)
         )
 
     def all_of(self, theta: Sequence[float]) -> str:
@@ -48,6 +49,11 @@ class AngleUnit:
     def scale(self) -> str:
         """The angles of the upright and of the hanging position."""
         return f"0 upright, {math.pi * self.per_rad:.4g} hanging"
+
+
+def _rounded(value: float, digits: int) -> float:
+    """The rounded value; without the sign of a value that rounds to zero, which would be displayed as -0.0."""
+    return round(value, digits) + 0.0
 
 
 DEGREES = AngleUnit("degrees", "°", math.degrees(1.0), 1, "°", math.degrees(1.0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 from dpr_lab.errors import LinkError
@@ -28,6 +28,10 @@ class Capacity:
     def max_rate_hz(self) -> int:
         """Maximum sample rate within this share, Hz."""
         return int(self.usable_share * self.bits_per_s / self.bits_per_sample)
+
+    def with_frames(self, frames: int) -> Capacity:
+        """Capacity for a device that sends several frames with each sample, such as its torques."""
+        return replace(self, bits_per_sample=frames * self.bits_per_sample)
 
     def load(self, rate_hz: int) -> str:
         """Load of a sample rate on the link, with the calculation."""

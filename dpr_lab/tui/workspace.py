@@ -93,6 +93,14 @@ class Workspace:
             "the torques": self.driven_by or "",
         }
 
+    def move_to(self, out: Path) -> None:
+        """Use a folder; another one than before begins without the runs and results of that one."""
+        if out == self.out.expanduser().resolve():
+            return
+        self.runs, self.held_out, self.undecided, self.model, self.diagnosis = [], [], None, None, None
+        self.made_from, self.next_pose, self.step = {}, "", ""
+        self.out = out
+
     def used(self, rig: str) -> None:
         """Remember a rig file."""
         self.recent_rigs = [rig, *(other for other in self.recent_rigs if other != rig)][:RECENT]

@@ -53,6 +53,15 @@ def test_what_is_gone_is_dropped_with_a_notice(tmp_path: Path) -> None:
     assert [Path(notice.split(":")[0]).name for notice in notices] == ["lost.mcap", "m.json", "d"]
 
 
+def test_another_folder_begins_without_the_runs_and_results_of_the_last_one(tmp_path: Path) -> None:
+    run, model = tmp_path / "a.mcap", tmp_path / "model.json"
+    before = Workspace("furuta", "sim://", tmp_path, [run], held_out=[run], undecided=run, model=model, step="Identify")
+    before.move_to(tmp_path)
+    assert (before.runs, before.model, before.step) == ([run], model, "Identify")
+    before.move_to(tmp_path / "other")
+    assert before == Workspace("furuta", "sim://", tmp_path / "other")
+
+
 def test_the_state_folder_can_be_chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DPR_LAB_STATE", str(tmp_path))
     assert state_folder() == tmp_path

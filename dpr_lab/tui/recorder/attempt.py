@@ -16,7 +16,7 @@ from dpr_lab.tui.recorder.messages import AttemptFinished, AttemptSeen, GoAheadA
 class Phase(Enum):
     """Phase of an attempt; the value describes the next action of the operator."""
 
-    PLACING = "bring both rods to the pose and hold them there"
+    PLACING = "bring every rod to the pose and hold it there"
     SETTLING = "at the pose: let the rods come to rest"
     READY = "at the pose and at rest"
     RECORDING = "released, recording"

@@ -27,8 +27,8 @@ def carry_out(
 
 
 def lost_since(before: Mapping[str, int], device: Device) -> dict[str, int]:
-    """Samples lost since the given loss counts, by cause."""
-    return {cause: count - before[cause] for cause, count in device.losses.items()}
+    """Samples lost since the given loss counts, by cause; a device counts torques once it streams."""
+    return {cause: count - before.get(cause, 0) for cause, count in device.losses.items()}
 
 
 class _GuidedCapture:
@@ -74,12 +74,14 @@ class _GuidedCapture:
 
 
 def _thinned(recorded: SwingReading) -> SwingReading:
-    t, theta = recorded.fresh
+    (t, theta), inputs = recorded.fresh, recorded.inputs
     step = max(1, round(1 / (SETTINGS.trace_hz * float(np.median(np.diff(t)))))) if len(t) > 1 else 1
-    return replace(recorded, fresh=(t[::step], theta[::step]))
+    return replace(recorded, fresh=(t[::step], theta[::step]), inputs=None if inputs is None else inputs[::step])
 
 
 def _joined(readings: Sequence[SwingReading]) -> SwingReading:
     """Newest reading, with the points of earlier ones that could not be sent."""
     t, theta = zip(*(reading.fresh for reading in readings), strict=True)
-    return replace(readings[-1], fresh=(np.concatenate(t), np.concatenate(theta)))
+    inputs = [reading.inputs for reading in readings if reading.inputs is not None]
+    fresh = np.concatenate(t), np.concatenate(theta)
+    return replace(readings[-1], fresh=fresh, inputs=np.concatenate(inputs) if inputs else None)

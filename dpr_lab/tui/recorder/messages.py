@@ -59,6 +59,8 @@ class Connected:
     """Load of the link at this rate, a sentence for each limit."""
     problem: str
     """Reason why the rate or the rig does not match this device; empty if they match."""
+    rods: int = 2
+    """Number of mounted rods."""
 
     @property
     def simulated(self) -> bool:

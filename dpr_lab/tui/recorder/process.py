@@ -8,6 +8,7 @@ import contextlib
 import os
 import signal
 import sys
+import threading
 import time
 import traceback
 from multiprocessing.connection import Connection
@@ -16,6 +17,7 @@ from pathlib import Path
 from dpr_lab.acquisition.capture import check_encoders
 from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.holding import raise_faults
+from dpr_lab.acquisition.live_speed import LiveSpeed
 from dpr_lab.errors import DeviceLost, DprError
 from dpr_lab.rig import JOINTS, Rig, load_rig
 from dpr_lab.transports import open_transport
@@ -49,6 +51,8 @@ def serve(connection: Connection, url: str, rig_name: str, runs: Path, log: Path
     inbox, outbox = Inbox(connection), Outbox(connection)
     try:
         rig = load_rig(rig_name)
+        # Its imports take seconds on a slow computer; during the first capture the device would seem to be silent.
+        threading.Thread(target=LiveSpeed, args=(rig, rig.link.rate_hz), daemon=True).start()
         with contextlib.closing(open_transport(url or rig.link.url, rig_file=rig.path)) as transport:
             with Device(transport) as device:
                 device.connect()
@@ -96,8 +100,8 @@ def _connected(device: Device, transport: Transport, rig: Rig) -> Connected:
         check_encoders(device, rig)
     except DprError as error:
         problem = str(error)
-    loads = tuple(capacity.load(rate_hz) for capacity in transport.capacities)
-    return Connected(device.url, device.info, rate_hz, loads, problem)
+    loads = tuple(capacity.with_frames(device.info.frames).load(rate_hz) for capacity in transport.capacities)
+    return Connected(device.url, device.info, rate_hz, loads, problem, rig.rods.number)
 
 
 def _exercise(device: Device, order: Exercise) -> Exercised:
@@ -141,7 +145,9 @@ class _IdleWatch:
             return
         if not still:
             self._last_reported = dict(self._counts)
-        theta0, theta1, theta2 = self._rig.theta([self._last_reported[joint] for joint in range(JOINTS)]).tolist()
+        theta0, theta1, theta2 = self._rig.mounted_theta(
+            [self._last_reported[joint] for joint in range(JOINTS)]
+        ).tolist()
         self._last = Idle((theta0, theta1, theta2), latched, time_s)
         self._outbox.add_if_read(self._last)
 

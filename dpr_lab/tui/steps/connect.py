@@ -221,22 +221,22 @@ of its clock relative to this computer. This closes the latch and leaves it clos
             compiles = self.workspace.link.startswith("sim:") and not simulator_compiled()
             return [Content(self.worded(COMPILING if compiles else CONNECTING))]
         if device.connected is not None:
-            return [*_identity(device.connected), *self._rods(now), *self._clock()]
+            return [*_identity(device.connected), *self._rods(now, device.connected.rods), *self._clock()]
         lines = [Content.styled(f"{BAD} {device.message}", "$error") if device.message else Content("not connected")]
         if device.lost is not None:
-            lines.append(old_text(device.seen, device.ordered, now, self.workspace.unit))
+            lines.append(old_text(device.seen, device.ordered, now, self.workspace.unit, device.lost.rods))
         return lines
 
-    def _rods(self, now: float) -> list[Content]:
+    def _rods(self, now: float, number: int) -> list[Content]:
         sighting, unit = self.device.seen, self.workspace.unit
         if sighting.theta is None:
             return []
         if not self.device.fresh(now):
-            return [old_text(sighting, self.device.ordered, now, unit)]
+            return [old_text(sighting, self.device.ordered, now, unit, number)]
         if self.device.ordered is not None:
             return [ordered_text(self.device.ordered, now)]
         latch = "closed, the rods are held" if sighting.latched else "open, the rods are free"
-        return [_row("latch", latch), _row("angles", f"{angles_text(sighting.theta, unit)}  ({unit.scale})")]
+        return [_row("latch", latch), _row("angles", f"{angles_text(sighting.theta, unit, number)}  ({unit.scale})")]
 
     def _clock(self) -> list[Content]:
         if isinstance(self._exercised, str):

@@ -18,7 +18,7 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.report.tables import PARAMETER_UNITS
 from dpr_lab.rig import PARAMETERS, Rig, load_rig
-from dpr_lab.rig_tables import Parameter
+from dpr_lab.rig_tables import INPUT_UNITS, Parameter
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.rig_editor import RigEditor
@@ -26,6 +26,16 @@ from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.widgets.readout import BAD
 
 UNNAMED = "No rig is selected: choose one from the list, or enter the path of a rig file ({rig.edit})"
+_ARM = {
+    "A": ("kg m²", "inertia about the arm's axis"),
+    "c0": ("N m s/rad", "viscous friction of the arm"),
+    "k0": ("N m/rad", "stiffness of the arm's cable"),
+    "f0": ("N m", "Coulomb friction of the arm"),
+    "kt": ("N m/A", "torque constant of the motor"),
+    "ke": ("V s/rad", "back-EMF constant of the motor"),
+    "R": ("ohm", "resistance of the motor"),
+}
+"""Unit and meaning of the parameters of an arm and its motor."""
 CORRECT = "correct it, then press {rig.read}"
 
 
@@ -172,18 +182,50 @@ def _description(rig: Rig, unit: AngleUnit) -> Iterator[Content]:
     lengths = f"L0 {rig.L0:g} m, L1 {rig.L1:g} m" + (f", L2 {rig.L2:g} m" if rig.L2 is not None else "")
     yield Content.styled(f"{rig.name}: {lengths}, g {rig.g:g} m/s²", "bold")
     yield Content.styled(f"{'':<4}{'value':>10} {'searched or measured':<20} {'unit':<10}what it is", "dim")
-    for name in PARAMETERS:
-        yield _parameter(name, rig.parameters[name])
+    for name in _mounted(rig):
+        yield _parameter(name, rig.parameters[name], *PARAMETER_UNITS[name])
+    yield from _setup(rig)
+    yield from _arm(rig, unit)
     yield Content.styled(f"\nposes ({unit.scale})", "dim")
     for name, pose in rig.poses.items():
-        yield Content(f"{name:<6} {unit.all_of(pose.theta.tolist())}  within {unit.size(pose.tolerance)}")
+        angles = unit.all_of(pose.theta[: 1 + rig.rods.number].tolist())
+        yield Content(f"{name:<6} {angles}  within {unit.size(pose.tolerance)}")
     if not rig.poses:
         yield Content.styled(f"{BAD} none: add a table such as [poses.X1] with theta1 and theta2", "$warning")
     yield from _encoders(rig)
 
 
-def _parameter(name: str, parameter: Parameter) -> Content:
-    unit, meaning = PARAMETER_UNITS[name]
+def _mounted(rig: Rig) -> tuple[str, ...]:
+    """Names of the parameters of the mounted rods."""
+    own = {"both": "12", "inner": "1", "outer": "2"}[rig.rods.mounted]
+    return tuple(name for name in PARAMETERS if name[-1] in own or (name == "mb" and own == "12"))
+
+
+def _setup(rig: Rig) -> Iterator[Content]:
+    """Mounted rods and joints that differ from two rods that swing freely."""
+    if rig.rods.mounting != "both":
+        yield Content("the elbow is clamped" if rig.rods.number == 2 else f"{rig.rods.names[0]} alone, on joint 1")
+    if rig.joints.inner == "prescribed":
+        yield Content("inner rod prescribed: it moves as its encoder says")
+    if rig.joints.geared:
+        yield Content(f"geared motor at joint {' and '.join(map(str, rig.joints.geared))}")
+
+
+def _arm(rig: Rig, unit: AngleUnit) -> Iterator[Content]:
+    """An arm that moves: its mode, its parameters, and the constants of its motor."""
+    arm, motor = rig.arm, rig.motor
+    if arm.mode == "clamped":
+        return
+    drive = f" by a {motor.input} ({INPUT_UNITS[motor.input]}), gear {motor.gear:g}" if motor is not None else ""
+    limits = f", from {unit.text(arm.limits[0])} to {unit.text(arm.limits[1])}" if arm.limits is not None else ""
+    yield Content.styled(f"\narm {arm.mode}{drive if arm.mode == 'driven' else ''}{limits}", "dim")
+    for name, row in _ARM.items():
+        parameter = getattr(motor if name in ("kt", "ke", "R") else arm, name, None)
+        if parameter is not None:
+            yield _parameter(name, parameter, *row)
+
+
+def _parameter(name: str, parameter: Parameter, unit: str, meaning: str) -> Content:
     if parameter.measured is not None:
         value, fixed = parameter.measured, f"measured ± {parameter.std:g}"
     else:

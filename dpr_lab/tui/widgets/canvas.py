@@ -2,12 +2,17 @@
 
 from rich.segment import Segment
 from rich.style import Style
+from textual.geometry import Size
 from textual.strip import Strip
 from textual_hires_canvas import Canvas
 
 
 class PlainCanvas(Canvas):
     """Canvas whose every segment has a style, as required by Textual's filter for NO_COLOR."""
+
+    def clear(self) -> None:
+        """Remove all dots, and take the size of the widget: a layout that follows another sends no resize event."""
+        self.reset(Size(max(1, self.size.width), max(1, self.size.height)), refresh=False)
 
     def render_line(self, y: int) -> Strip:
         """Render one line; without a layout only its style."""

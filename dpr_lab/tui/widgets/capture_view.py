@@ -21,7 +21,7 @@ from dpr_lab.tui.line_breaks import Hanging
 from dpr_lab.tui.recorder.attempt import Attempt, Phase
 from dpr_lab.tui.recorder.sighting import Sighting
 from dpr_lab.tui.widgets import readout
-from dpr_lab.tui.widgets.chart import Chart, Series
+from dpr_lab.tui.widgets.chart import Chart, Series, Tone
 from dpr_lab.tui.widgets.checklist import checklist_text
 from dpr_lab.tui.widgets.pendulum import ArmAbove, Lengths, Pendulum
 from dpr_lab.tui.widgets.readout import BAD, GOOD, Placement
@@ -118,7 +118,7 @@ class CaptureView(Vertical):
         rig, attempt = state.rig, state.attempt
         swinging = attempt is not None and attempt.phase in (Phase.RECORDING, Phase.JUDGED)
         wanted = rig.poses.get(state.pose) if not swinging and state.live and not state.all_done else None
-        lengths = Lengths(rig.L0, rig.L1, rig.L2 or rig.L1)
+        lengths = _lengths(rig)
         pose = None if wanted is None else wanted.theta.tolist()
         self.query_one(Pendulum).show(state.seen.theta, pose, lengths, old=not state.live)
         self.set_class(rig.arm.mode != "clamped", "-arm-moves")
@@ -140,15 +140,25 @@ class CaptureView(Vertical):
         t, theta = attempt.trace if attempt is not None else (np.empty(0), np.empty((0, 3)))
         turns = np.round((theta[0] - attempt.pose.theta) / (2 * np.pi)) if attempt is not None and len(t) else 0
         shown = (theta - 2 * np.pi * turns) * unit.per_rad
-        lines = [Series("θ1 inner", t, shown[:, 1]), Series("θ2 outer", t, shown[:, 2], tone="secondary")]
+        names = ("θ1 inner", "θ2 outer") if rig.rods.number == 2 else ("θ1 rod",)
+        tones: tuple[Tone, Tone] = ("primary", "secondary")
+        rods = zip(names, shown[:, 1:].T, tones, strict=False)
+        lines = [Series(name, t, angle, tone=tone) for name, angle, tone in rods]
         if rig.arm.mode != "clamped":
-            arm = Series("θ0 arm", t, shown[:, 0], tone="accent")
-            lines = [lines[0], arm] if rig.rods.mounted == "inner" else [*lines, arm]
+            lines.append(Series("θ0 arm", t, shown[:, 0], tone="accent"))
         self.query_one("#swing", Chart).show(
             lines,
             x_label="time from release (s)",
             y_label=f"{which if len(t) else ''}angle ({unit.symbol.strip()}, 0 = upright)",
         )
+
+
+def _lengths(rig: Rig) -> Lengths:
+    """Drawn lengths; a single rod has the place of the inner one."""
+    outer = rig.L2 or rig.L1
+    if rig.rods.number == 2:
+        return Lengths(rig.L0, rig.L1, outer)
+    return Lengths(rig.L0, outer if rig.rods.mounted == "outer" else rig.L1, 0.0)
 
 
 def headline(state: CaptureState) -> Content:
@@ -203,7 +213,7 @@ def _readout(state: CaptureState) -> Iterator[Content]:
         yield Content(f"run    {run_name(attempt.captured.run_file)}")
         return
     if not state.live:
-        yield readout.old_text(state.seen, state.ordered, state.now, state.unit)
+        yield readout.old_text(state.seen, state.ordered, state.now, state.unit, state.rig.rods.number)
     else:
         yield from _live(state)
     if attempt is not None:
@@ -215,7 +225,7 @@ def _live(state: CaptureState) -> Iterator[Content]:
     if placement is not None:
         yield readout.placement_text(placement, state.unit)
     elif state.seen.theta is not None:
-        yield Content.styled(readout.angles_text(state.seen.theta, state.unit), "bold")
+        yield Content.styled(readout.angles_text(state.seen.theta, state.unit, state.rig.rods.number), "bold")
     if attempt is not None and attempt.phase is Phase.RECORDING and attempt.recorded is not None:
         yield Content(state.unit.speeds(attempt.recorded.omega[: state.rig.rods.number]))
     if attempt is not None and attempt.phase is not Phase.RECORDING:
@@ -246,8 +256,8 @@ def _placement(state: CaptureState) -> Placement | None:
         error = _error(theta, pose) if pose is not None and theta is not None else None
     if pose is None or error is None:
         return None
-    rods = state.rig.rods.number
-    return Placement((pose.theta1, pose.theta2)[:rods], error[:rods], pose.tolerance)
+    placed = state.rig.rods.placed
+    return Placement((pose.theta1, pose.theta2)[:placed], error[:placed], pose.tolerance)
 
 
 def _error(theta: tuple[float, float, float], pose: Pose) -> tuple[float, float]:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from textual import on
-from textual.geometry import Size
 
 from dpr_lab.tui.widgets.canvas import PlainCanvas
 
@@ -46,13 +45,12 @@ class Pendulum(PlainCanvas):
     @on(PlainCanvas.Resize)
     def _fit(self, event: PlainCanvas.Resize) -> None:
         event.stop()
-        self.reset(Size(max(1, event.size.width), max(1, event.size.height)), refresh=False)
         self._draw()
 
     def _draw(self) -> None:
         colours = self.app.theme_variables
         with self.batch_refresh():
-            self.reset()
+            self.clear()
             if self._wanted is not None:
                 self._dots(self._wanted, colours["secondary"])
             if self._theta is not None:
@@ -114,14 +112,13 @@ class ArmAbove(PlainCanvas):
     @on(PlainCanvas.Resize)
     def _fit(self, event: PlainCanvas.Resize) -> None:
         event.stop()
-        self.reset(Size(max(1, event.size.width), max(1, event.size.height)), refresh=False)
         self._draw()
 
     def _draw(self) -> None:
         colours = self.app.theme_variables
         grey = f"dim {colours['foreground']}" if self._old else ""
         with self.batch_refresh():
-            self.reset()
+            self.clear()
             begin, end = self._limits or (-math.pi, math.pi)
             count = max(8, 4 * self.size.width)
             circle = [self._point(begin + (end - begin) * k / count) for k in range(count + 1)]

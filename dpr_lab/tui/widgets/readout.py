@@ -20,14 +20,14 @@ class Placement:
     """The rods and their target pose."""
 
     wanted: tuple[float, ...]
-    """Angles of the mounted rods, inner rod first, rad."""
+    """Angles that the operator sets, inner rod first, rad."""
     error: tuple[float, ...]
     """Errors relative to the target without whole turns, rad."""
     tolerance: float
 
 
 def placement_text(placement: Placement, unit: AngleUnit) -> Content:
-    """Two lines for each mounted rod: the angle, and the angle and direction to turn it."""
+    """Two lines for each angle to set: the angle, and the angle and direction to turn it."""
     names = ("inner θ1", "outer θ2") if len(placement.wanted) > 1 else ("rod θ1",)
     lines = [
         line
@@ -88,12 +88,14 @@ def latch_text(latched: bool | None) -> Content:
     return Content("latch  ■ CLOSED, the rods are held" if latched else "latch  □ OPEN, the rods are free")
 
 
-def angles_text(theta: Sequence[float], unit: AngleUnit) -> str:
-    """Absolute angles without whole turns: the arm within half a turn of 0, the rods between -90 and 270 degrees.
+def angles_text(theta: Sequence[float], unit: AngleUnit, number: int = 2) -> str:
+    """Absolute angles of the arm and of the mounted rods without whole turns.
+
+    The arm is within half a turn of 0, the rods are between -90 and 270 degrees.
 
     The rods rest near 180 degrees (hanging) or near 0 (upright), far from the ends of this range.
     """
-    arm, *rods = np.asarray(theta)
+    arm, *rods = np.asarray(theta)[: 1 + number]
     return unit.all_of([_wrapped(arm, 0.0), *(_wrapped(rod, np.pi / 2) for rod in rods)])
 
 
@@ -107,14 +109,14 @@ def ordered_text(ordered: float, now: float) -> Content:
     return Content.styled(text, "bold $warning")
 
 
-def old_text(sighting: Sighting, ordered: float | None, now: float, unit: AngleUnit) -> Content:
+def old_text(sighting: Sighting, ordered: float | None, now: float, unit: AngleUnit, number: int = 2) -> Content:
     """Last readings, marked as outdated; the latch may have moved since."""
     lines = [latch_text(None) if ordered is None else ordered_text(ordered, now)]
     if sighting.latched is not None and ordered is None:
         was = "CLOSED" if sighting.latched else "OPEN"
         lines.append(Content.styled(f"       {was} when {sighting.ago(now)}", "dim"))
     if sighting.theta is not None:
-        lines.append(Content.styled(f"{angles_text(sighting.theta, unit)}\n       {sighting.ago(now)}", "dim"))
+        lines.append(Content.styled(f"{angles_text(sighting.theta, unit, number)}\n       {sighting.ago(now)}", "dim"))
     return Content("\n").join(lines)
 
 

@@ -41,11 +41,11 @@ Kind = TypeVar("Kind")
 
 
 @pytest.fixture
-def recorder(tmp_path: Path) -> Iterator[Callable[[str], Recorder]]:
+def recorder(tmp_path: Path) -> Iterator[Callable[..., Recorder]]:
     made: list[Recorder] = []
 
-    def make(url: str) -> Recorder:
-        made.append(Recorder(url, "paper", tmp_path / "runs", tmp_path / "recorder.log"))
+    def make(url: str, rig: str = "paper") -> Recorder:
+        made.append(Recorder(url, rig, tmp_path / "runs", tmp_path / "recorder.log"))
         return made[-1]
 
     yield make
@@ -101,7 +101,7 @@ def test_points_of_a_swing_that_found_no_room_are_sent_with_the_next(monkeypatch
     room, sent = [True, False, False, True], []
 
     def add(report: AttemptSeen) -> bool:
-        sent.append(report.progress.fresh)
+        sent.append(report.progress)
         return room[len(sent) - 1]
 
     device = SimpleNamespace(losses={}, status=None, heard_at=0.0)
@@ -110,11 +110,29 @@ def test_points_of_a_swing_that_found_no_room_are_sent_with_the_next(monkeypatch
     guided = _GuidedCapture(order, device, inbox, SimpleNamespace(add_if_read=add))  # pyright: ignore[reportArgumentType]
     t = np.delete(np.arange(400) / 1000, [101])  # the second sample of a report was lost
     for piece in np.split(t, [100, 199, 299]):
-        guided.on_progress(SwingReading(piece[-1], (0, 0, 0), (0, 0), 0, (piece, np.zeros((len(piece), 3)))))
-    assert [len(each) for each, _ in sent] == [10, 10, 20, 30]
-    last = sent[-1][0]
+        fresh = piece, np.zeros((len(piece), 3))
+        guided.on_progress(SwingReading(piece[-1], (0, 0, 0), (0, 0), 0, fresh, inputs=2 * piece))
+    assert [len(each.fresh[0]) for each in sent] == [10, 10, 20, 30]
+    last = sent[-1].fresh[0]
+    assert np.array_equal(sent[-1].inputs, 2 * last)
     assert last[0] == 0.1
     assert np.diff(last).max() < 0.012
+
+
+def test_a_driven_arm_is_recorded_with_its_input(recorder, simulated) -> None:
+    device = simulated(rig="furuta", plant="furuta", clock="realtime")
+    process = recorder(device.url, "furuta")
+    connected = await_report(process, Connected)
+    assert (connected.rods, connected.problem) == (1, "")
+    assert "70,000" not in connected.loads[0]  # a sample and both inputs: three frames
+    process.tell(CaptureAttempt(1, "X1", CaptureOptions(duration=1.0)))
+    await_report(process, GoAheadAsked)
+    process.tell(GoAhead(1, "X1", time.monotonic()))
+    swing = await_report(process, AttemptSeen, lambda report: isinstance(report.progress, SwingReading)).progress
+    assert isinstance(swing, SwingReading)
+    assert swing.inputs is not None
+    assert len(swing.inputs) == len(swing.fresh[0])
+    assert await_report(process, AttemptFinished).captured.quality.ok
 
 
 def test_rods_that_rest_are_told_of_twice_a_second_and_their_noise_is_not(paper) -> None:

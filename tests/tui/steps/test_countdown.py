@@ -36,7 +36,7 @@ async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, sai
         await until(pilot, lambda: step.attempt is not None and step.attempt.error is not None)
         await until(pilot, lambda: "turn -1" in str(app.query_one("#readout", Static).render()))
         await pilot.press("r")
-        await until(pilot, lambda: "Not released: bring both rods to the pose" in said(app))
+        await until(pilot, lambda: "Not released: bring every rod to the pose" in said(app))
         assert not isinstance(app.screen, Countdown)
         assert step.attempt.latched
         await pilot.press("x")

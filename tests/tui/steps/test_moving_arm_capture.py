@@ -10,14 +10,14 @@ from dpr_lab.acquisition.capture import Released
 from dpr_lab.transports.discover import Links
 from dpr_lab.tui.app import DprApp
 from dpr_lab.tui.recorder.attempt import Attempt
-from dpr_lab.tui.recorder.messages import AttemptSeen
+from dpr_lab.tui.recorder.messages import AttemptSeen, Idle
 from dpr_lab.tui.recorder.sighting import Sighting
 from dpr_lab.tui.steps import connect
 from dpr_lab.tui.steps.capture import CaptureStep
 from dpr_lab.tui.steps.connect import ConnectStep
 from dpr_lab.tui.steps.rig import RigStep
 from dpr_lab.tui.widgets.chart import Chart
-from dpr_lab.tui.widgets.pendulum import ArmAbove
+from dpr_lab.tui.widgets.pendulum import ArmAbove, Pendulum
 from tests.tui.steps.test_looks import CONNECTED, NONE_LOST, NOW, READY, recorded
 
 
@@ -68,6 +68,21 @@ async def test_a_driven_swing_shows_the_arm_and_its_input(driven, until, snapsho
         assert driven.query_one(ArmAbove).display
         assert driven.query_one("#input", Chart).display
         await snapshot(pilot, "capture-driven-arm")
+
+
+async def test_the_rod_is_drawn_at_once_next_to_its_arm(driven, until):
+    async with driven.run_test(size=(80, 24)) as pilot:
+        driven.device.connected = CONNECTED
+        driven.device.note(Idle((0.0, 3.1, 3.1), False, NOW))
+        await pilot.press("2")
+        await pilot.pause()
+        await pilot.press("pagedown")
+        await pilot.pause()
+        await pilot.press("3")
+        pendulum = driven.query_one(Pendulum)
+        await until(pilot, lambda: pendulum.size.width > 1)
+        await pilot.pause(0.5)
+        assert pendulum._canvas_size == pendulum.size
 
 
 async def test_a_clamped_arm_is_not_drawn_from_above(app, until, monkeypatch):
