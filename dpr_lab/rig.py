@@ -268,7 +268,7 @@ class Rig(Shown, RigTable):
         return np.concatenate([turned[..., :1], rods], axis=-1)
 
     def mounted_theta(self, counts: ArrayLike) -> NDArray[np.float64]:
-        """Like `theta`, but theta2 of a single rod equals theta1, whatever the encoder of joint 2 reads."""
+        """Like `theta`, but theta2 of a single rod equals theta1: the reading of encoder 2 is ignored."""
         theta = self.theta(counts)
         return theta if self.rods.number == 2 else theta[..., [0, 1, 1]]
 
