@@ -87,6 +87,7 @@ class _Hats:
 
 
 def _hats(problem: Problem, fit: Fit, reference: Trajectory) -> Iterator[_Hats]:
+    prescribed = all(setup.inner is not None for setup in problem.segments.setups)
     for joint in np.flatnonzero(problem.read.any(axis=0)).tolist():
         speed = reference.joint_speed[:, joint]
         torques = (
@@ -94,7 +95,7 @@ def _hats(problem: Problem, fit: Fit, reference: Trajectory) -> Iterator[_Hats]:
             speed_hats(speed)[0],
             -time_hats(reference.t)[0] * speed[:, None],
         )
-        for torque in torques:
+        for torque in () if joint == 0 and prescribed else torques:
             yield _Hats(joint, True, torque, under_torque(problem, reference, joint, torque))
         errors = angle_hats(encoder_angle(problem, joint))[0]
         readings = np.zeros((len(errors), problem.axes, errors.shape[1]))

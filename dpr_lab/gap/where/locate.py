@@ -68,9 +68,14 @@ def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
 
 
 def _maps(problem: Problem) -> Iterator[tuple[int, str, "Map"]]:
-    """Every map of every joint; the load of an arm's joint is not known, and joint 2 needs an outer rod that turns."""
+    """Every map of every joint.
+
+    The load of an arm's joint is not known, joint 2 needs an outer rod that turns, and no torque moves a prescribed
+    joint 1.
+    """
     setups = problem.segments.setups
     unknown = {
+        0: _OF_TORQUES if all(setup.inner is not None for setup in setups) else (),
         1: _OF_TORQUES if all(setup.held for setup in setups) else (),
         2: (_friction_by_load,),
     }

@@ -129,7 +129,8 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
             BetterReading(reading, float(1 - max(fit.chi2_per_dof - 1, 0.0) / before)) for reading, fit in explained
         ]
         return SecondLook(tuple(tried), 0.0)
-    return SecondLook((), energy_rise(_preprocessed(runs, rig), rig) if np.isfinite(first) else 0.0)
+    passive = np.isfinite(first) and all(run.inner is None for run in runs)
+    return SecondLook((), energy_rise(_preprocessed(runs, rig), rig) if passive else 0.0)
 
 
 def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:

@@ -48,7 +48,9 @@ class DoubtSettings:
 DOUBTS = DoubtSettings()
 
 
-def failures(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording], rig: Rig) -> list[str]:
+def failures(
+    fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording], rig: Rig, *, gain_seen: bool = True
+) -> list[str]:
     """Sentences on probable faults, the cause first; empty if the fit is reliable.
 
     Args:
@@ -56,13 +58,16 @@ def failures(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording], rig
         misfit: its reduced chi-square at the noise of the readings
         recordings: the fitted recordings
         rig: the recorded rig
+        gain_seen: whether the recordings determine the gain of the drive; sign and unit of the input are doubted only
+            then
     """
     if misfit > DOUBTS.doubted and (mirrored := _mirrored_fit(fit, misfit, recordings, rig)):
         return [mirrored]
     stops = [sentence for recording in recordings if misfit > 1.5 and (sentence := stop_sentence(recording))]
     if misfit > DOUBTS.doubted and not stops and (scaled := _scaled_fit(recordings, rig)):
         return [scaled]
-    return [*stops, *_of_input(fit, rig), *([] if fit.converged else [_unconverged(recordings)])]
+    of_input = _of_input(fit, rig) if gain_seen else []
+    return [*stops, *of_input, *([] if fit.converged else [_unconverged(recordings)])]
 
 
 def _unconverged(recordings: Sequence[ArmRecording]) -> str:

@@ -86,11 +86,27 @@ def gain_note(motor: MotorTable) -> list[str]:
     ]
 
 
-def refuse_silent(values: NDArray[np.float64], name: str, path: object) -> None:
-    """Check that the input is not zero throughout.
+def refuse_silent(values: NDArray[np.float64], name: str, path: object, least: float = 1e-9) -> None:
+    """Check that the input is not zero throughout, and exceeds `least` N m, A, V or rad/s^2 somewhere.
 
     Raises:
         RunError: it is.
     """
     if not np.any(values):
         raise RunError(f"{path}: the input {name!r} is zero throughout: the arm was not driven; use --arm free")
+    largest = float(np.nanmax(np.abs(values)))
+    if largest < least:
+        raise RunError(
+            f"{path}: the input {name!r} is {largest:.2g} at most, too small for a drive: name its column"
+            " (--columns input=NAME) or its factor to SI units (--scale input=FACTOR), or use --arm free"
+        )
+
+
+def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
+    """A note if a table has an input of the arm's drive although its arm is free."""
+    if mode != "free":
+        return []
+    words = "|".join(_NAMES[kind].split("|")[0] for kind in ("torque", "current", "voltage"))
+    pattern = re.compile(rf"{_KIND}(?:{words})0?{_KIND}")
+    unused = [name for name in names if pattern.fullmatch(re.sub(r"[\W_]+", "", name.lower()))]
+    return [f"column {name} is not used, because the arm is free; of a driven arm: --arm driven" for name in unused]

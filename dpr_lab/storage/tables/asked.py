@@ -96,7 +96,7 @@ class Asked:
     @property
     def free(self) -> bool:
         """Whether only gravity and friction act."""
-        return self.torques is None and not self.arm_moves
+        return self.torques is None and not self.prescribed
 
     @property
     def prescribed(self) -> bool:

@@ -123,7 +123,7 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
         others = better_readings(fit, read)
         if not others and (doubt := _torque_question(asked, fit, looked_at)):
             return [doubt], []
-    if fit is not None and not others:
+    if fit is not None and not others and asked.options.inner != "prescribed":
         _refuse_unit_of_time(asked, fit.kinetic_scale, settings)
     for other in others:
         if "--time-unit" in other.mend:
@@ -171,7 +171,7 @@ def _balance_questions(asked: Asked, settings: QuestionSettings) -> list[TableQu
 
 def _rig_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuestion]:
     """Doubt about the rig file from inertias that its bounds exclude; motors add an inertia of their own."""
-    if not asked.free or asked.ignored or asked.prescribed or asked.rig.joints.geared:
+    if not asked.free or asked.ignored or asked.rig.joints.geared:
         return []
     read = asked.read(settings)
     balance = torque_balance(read.t, read.rods(read.values, read.options), None, read.rig)

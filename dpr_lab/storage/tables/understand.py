@@ -19,7 +19,7 @@ from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
 from dpr_lab.run import as_mounted
 from dpr_lab.storage.readers import read_any
-from dpr_lab.storage.tables.arm_input import find_input, gain_note, refuse_silent, stated_arm
+from dpr_lab.storage.tables.arm_input import find_input, gain_note, refuse_silent, stated_arm, unused_input
 from dpr_lab.storage.tables.asked import Asked, TableQuestion
 from dpr_lab.storage.tables.clock_wrap import continues_across, unwrapped_times, wrap_behind
 from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, with_still_joint2
@@ -116,7 +116,8 @@ def understand(
     known = {name: torque_column(table, name) for pair in driving.values() for name in pair}
     rows, notes = _rows_to_keep(path, t, {**readings, **known}, options)
     if drive is not None:
-        refuse_silent(known[drive][rows], drive, path)
+        refuse_silent(known[drive][rows] * factors[0], drive, path)
+    unrecorded += unused_input(recorded, options.arm)
     if driving and not any(column[rows].any() for column in known.values()):
         driving, unrecorded = {}, [*unrecorded, "its torques are zero throughout: a free swing"]
     torques = {
