@@ -7,8 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dpr_lab.errors import RunError
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.readers.points import read_text
-from tests.storage.swing_files import THETA1, THETA2, N, T, is_the_swing, read, text
+from tests.storage.swing_files import GUESSED, RIG, THETA1, THETA2, N, T, is_the_swing, read, text
 
 PIVOT, L1, L2 = np.array([310.0, 240.0]), 180.0, 120.0
 RNG = np.random.default_rng(7)
@@ -28,7 +29,7 @@ def test_points_of_tracker(tmp_path: Path) -> None:
     file = text(tmp_path / "a.txt", rows, "\t", head)
     run = read(file)
     assert is_the_swing(run, atol=1e-6)
-    assert any("pivot (centre of the elbow's circle), elbow mass A, tip mass B" in note for note in run.notes)
+    assert any("pivot (centre of the circle of mass A), elbow mass A, tip mass B" in note for note in run.notes)
     with pytest.raises(RunError, match="angles from points are absolute"):
         read(file, zero="hanging")
 
@@ -72,3 +73,31 @@ def test_the_direction_of_y_is_found_for_rods_that_are_upright_most_of_the_time(
     file.write_text(file.read_text().replace(";", ","))
     table = read_text(file, ())
     np.testing.assert_allclose(table.column("theta1"), theta, atol=1e-6)
+
+
+SWING = np.pi + 0.7 * np.cos(6 * T)
+BOB = np.column_stack([-np.sin(SWING), np.cos(SWING)])
+
+
+@pytest.mark.parametrize(
+    ("points", "head", "pivot"),
+    [
+        (0.3 * BOB, "t,x,y\n", "the origin"),
+        (0.3 * BOB * (1, -1), "t,x,y\n", "the origin"),
+        (0.3 * BOB + (0.1, 0.25), "t (s),x (m),y (m)\n", "centre of the circle of point"),
+        (PIVOT + 180.0 * BOB * (1, -1), "time_s,bob_x_px,bob_y_px\n", "centre of the circle of bob"),
+        (
+            np.column_stack([np.broadcast_to(PIVOT, BOB.shape), PIVOT + 180.0 * BOB * (1, -1)]),
+            "t,x0,y0,x1,y1\n",
+            "pivot 0, tip 1",
+        ),
+    ],
+)
+def test_one_moving_point_is_a_single_rod(tmp_path: Path, points: np.ndarray, head: str, pivot: str) -> None:
+    noisy = points + np.random.default_rng(3).normal(0, 1e-5 * np.ptp(points), points.shape)
+    file = text(tmp_path / "bob.csv", np.column_stack([T, noisy]), head=head)
+    run = import_csv(file, RIG.with_rods("inner"), ImportOptions(**GUESSED))
+    np.testing.assert_allclose(run.theta[:, 1], SWING, atol=2e-3)
+    assert any(pivot in note for note in run.notes)
+    with pytest.raises(RunError, match="no single column found for theta2"):
+        read(file)

@@ -4,6 +4,8 @@ The inner rod is the line from pivot to elbow, the outer rod the line from elbow
 
     theta1 = pi + atan2(x1, -y1),  (x1, y1) = elbow - pivot, y upwards;  theta2 likewise from tip - elbow
 
+A table with one moving point contains a single rod, from the pivot to this point.
+
 The length of a rod is constant, so the scatter of the distance of its ends is the noise of a point in the picture.
 Divided by the length it is the noise of the angle.
 """
@@ -11,6 +13,7 @@ Divided by the length it is the noise of the angle.
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -31,13 +34,22 @@ class PointSettings:
     """Minimum likelihood of a point; DeepLabCut draws no others (its pcutoff)."""
     length_scatter: float = 0.1
     """Maximum relative scatter of a rod's length; above it the points are not its ends."""
+    at_rest: float = 0.05
+    """Motion of a point relative to that of another one, below which it is a pivot at rest."""
+    at_origin: float = 1.5
+    """Scatter of the distance to the origin relative to that to the fitted centre of the circle, up to which the origin
+    is the pivot: users of Tracker place the axes there.
+    """
 
 
 SETTINGS = PointSettings()
 PLAIN = "table of points"
-WANTED = "the pivot, the elbow and the tip, or the elbow and the tip of a pivot at rest"
+PARTS = {1: ("pivot", "tip"), 2: ("pivot", "elbow", "tip")}
+WANTED = "the pivot, the elbow and the tip, or the elbow and the tip of a pivot at rest; of a single rod its tip"
 _COORDINATE = r"(?:(?P<c1>[xy])[\W_]*(?P<n1>\w+)|(?P<n2>\w+?)[\W_]*(?P<c2>[xy]))"
-_BY_NAME = re.compile(rf"{_COORDINATE}(\W*(px|pixels?|mm|cm|m)\W*)?", re.I)
+_UNIT = r"([\W_]*(px|pixels?|mm|cm|m)\W*)?"
+_BY_NAME = re.compile(rf"{_COORDINATE}{_UNIT}", re.I)
+_ALONE = re.compile(rf"([xy]){_UNIT}", re.I)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,10 +84,14 @@ def _points(table: Table) -> tuple[str, list[_Point]]:
     if names.count("x") > 1 and names.count("x") == names.count("y"):
         columns = list(zip(_groups(table), names, strict=True))
         return "table of points by Tracker", list(_upwards(table, columns, 0, 1.0))
+    angles = any(re.search(r"th|phi|angle|^q\d|joint", name.lower()) for name in table.names)
+    alone = [("point", match[1].lower()) if (match := _ALONE.fullmatch(name)) else ("", "") for name in table.names]
+    if sorted(axis for _, axis in alone if axis) == ["x", "y"] and not angles:
+        return PLAIN, list(_upwards(table, alone, 0, -1.0))
     fitted = [_BY_NAME.fullmatch(name) for name in table.names]
     columns = [((m["n1"] or m["n2"]).lower(), (m["c1"] or m["c2"]).lower()) if m else ("", "") for m in fitted]
     pairs = {name for name, _ in columns if {(name, "x"), (name, "y")} <= set(columns)}
-    if len(pairs) < 2 or any(re.search(r"th|phi|angle|^q\d|joint", name.lower()) for name in table.names):
+    if not pairs or angles:
         return "", []
     return PLAIN, list(_upwards(table, [c if c[0] in pairs else ("", "") for c in columns], 0, -1.0))
 
@@ -113,18 +129,19 @@ def _upwards(table: Table, columns: list[tuple[str, str]], first: int, up: float
 
 
 def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
-    pivot, elbow, tip = _chosen(table, points, take)
-    inner, outer = elbow.at - pivot.at, tip.at - elbow.at
-    if table.kind == PLAIN and _upside_down(inner, outer):
-        inner, outer = inner * (1, -1), outer * (1, -1)
-    notes = [f"points used: pivot {pivot.name}, elbow {elbow.name}, tip {tip.name}; --take names others"]
-    notes += [_noise_note(table, axis, rod) for axis, rod in (("theta1", inner), ("theta2", outer))]
-    theta = [_direction(rod) for rod in (inner, outer)]
+    pivot, *ends = _chosen(table, points, take)
+    rods = [end.at - start.at for start, end in pairwise([pivot, *ends])]
+    if table.kind == PLAIN and _upside_down(rods):
+        rods = [rod * (1, -1) for rod in rods]
+    used = ", ".join(f"{part} {point.name}" for part, point in zip(PARTS[len(ends)], [pivot, *ends], strict=True))
+    axes = ("theta1", "theta2")[: len(rods)]
+    notes = [f"points used: {used}; --take names others"]
+    notes += [_noise_note(table, axis, rod) for axis, rod in zip(axes, rods, strict=True)]
     time = [k for k, name in enumerate(table.names) if is_time(name)]
-    columns = [table.values[k] for k in time[:1]] + theta
+    columns = [table.values[k] for k in time[:1]] + [_direction(rod) for rod in rods]
     return replace(
         table,
-        names=(("t",) if time else ()) + ("theta1", "theta2"),
+        names=(("t",) if time else ()) + axes,
         values=tuple(columns),
         strange=("",) * len(columns),
         notes=(*table.notes, *notes),
@@ -132,13 +149,13 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     )
 
 
-def _upside_down(inner: NDArray[np.float64], outer: NDArray[np.float64]) -> bool:
+def _upside_down(rods: list[NDArray[np.float64]]) -> bool:
     """Whether y points downwards instead of upwards, because points that swing are fastest where they are lowest.
 
-    The covariance of squared speed and height of elbow and tip is negative if y points upwards, also for rods that
-    swing from near upright or turn over. Points that do not move hang.
+    The covariance of squared speed and height of the ends of the rods is negative if y points upwards, also for rods
+    that swing from near upright or turn over. Points that do not move hang.
     """
-    points = np.stack([inner, inner + outer])  # (2, n, xy)
+    points = np.cumsum(rods, axis=0)  # (rods, n, xy)
     speed2 = (((points[:, 2:] - points[:, :-2]) / 2) ** 2).sum(axis=2)
     height = points[:, 1:-1, 1]
     valid = np.isfinite(speed2) & np.isfinite(height)
@@ -149,32 +166,45 @@ def _upside_down(inner: NDArray[np.float64], outer: NDArray[np.float64]) -> bool
 
 
 def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Point]:
-    """Pivot, elbow and tip: the named points, or all in the order of the table; an untracked pivot is estimated."""
+    """Pivot and ends of the rods: the named points, or all in the order of the table; a missing pivot is estimated."""
     by_name = {point.name.lower(): point for point in points}
     there = ", ".join(point.name for point in points)
     unknown = [name for name in take if name.lower() not in by_name]
     if unknown:
         raise RunError(f"{table.path}: has no point {unknown[0]!r}; its points: {there}")
     chosen = [by_name[name.lower()] for name in take] or points
-    if len(chosen) not in (2, 3):
+    if len(chosen) > 3:
         raise RunError(f"{table.path}: contains the points {there}: select with --take {WANTED}")
-    if len(chosen) == 2:
-        return [_Point("(centre of the elbow's circle)", _middle(table, chosen[0])), *chosen]
+    if len(chosen) == 1 or (len(chosen) == 2 and _moved(chosen[0]) > SETTINGS.at_rest * _moved(chosen[1])):
+        return [_pivot_of(table, chosen[0]), *chosen]
     pivot = np.nanmedian(chosen[0].at, axis=0)  # the pivot rests, so its noise is not that of the rods
     return [_Point(chosen[0].name, np.broadcast_to(pivot, chosen[0].at.shape)), *chosen[1:]]
 
 
-def _middle(table: Table, elbow: _Point) -> NDArray[np.float64]:
-    """(n, 2) centre of the circle on which a point moves: x^2 + y^2 = 2 cx x + 2 cy y + k, by least squares."""
-    valid = elbow.at[np.isfinite(elbow.at).all(axis=1)]
+def _moved(point: _Point) -> float:
+    """Extent of the motion of a point, without the tails of its noise."""
+    valid = point.at[np.isfinite(point.at).all(axis=1)]
+    return float(np.hypot(*np.ptp(np.quantile(valid, [0.05, 0.95], axis=0), axis=0))) if len(valid) else 0.0
+
+
+def _pivot_of(table: Table, end: _Point) -> _Point:
+    """The origin, or the centre of the circle on which a point moves:
+
+    x^2 + y^2 = 2 cx x + 2 cy y + k, by least squares.
+    """
+    valid = end.at[np.isfinite(end.at).all(axis=1)]
     if len(valid) < 3:
-        raise RunError(f"{table.path}: the point {elbow.name!r} was detected in too few frames")
+        raise RunError(f"{table.path}: the point {end.name!r} was detected in too few frames")
     centred = valid - valid.mean(axis=0)
     A = np.column_stack([2 * centred, np.ones(len(valid))])
     solution, _, rank, _ = np.linalg.lstsq(A, (centred**2).sum(axis=1), rcond=1e-9)
     if rank < 3:
-        raise RunError(f"{table.path}: the point {elbow.name!r} does not move on a circle: track the pivot as well")
-    return np.broadcast_to(solution[:2] + valid.mean(axis=0), elbow.at.shape)
+        raise RunError(f"{table.path}: the point {end.name!r} does not move on a circle: track the pivot as well")
+    centre = solution[:2] + valid.mean(axis=0)
+    scatter, about_origin = (float(np.std(np.hypot(*(valid - at).T))) for at in (centre, np.zeros(2)))
+    if about_origin <= SETTINGS.at_origin * scatter:
+        return _Point("(the origin)", np.zeros(end.at.shape))
+    return _Point(f"(centre of the circle of {end.name})", np.broadcast_to(centre, end.at.shape))
 
 
 def _direction(rod: NDArray[np.float64]) -> NDArray[np.float64]:
