@@ -188,7 +188,7 @@ def _moved(point: _Point) -> float:
 
 
 def _pivot_of(table: Table, end: _Point) -> _Point:
-    """The origin, or the centre of the circle on which a point moves:
+    """The origin, or the centre of the circle on which a point moves.
 
     x^2 + y^2 = 2 cx x + 2 cy y + k, by least squares.
     """

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import refuse_still_arm
 from dpr_lab.estimation.held_rods import FreePart, RodMotion, free_part, rest_fault
+from dpr_lab.estimation.repeated_readings import new_readings
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
 from dpr_lab.run import as_mounted
@@ -341,7 +342,8 @@ def _rows_to_keep(
     distinct = rows[~doubled]
     if len(distinct) < 2:
         raise RunError(f"{path}: only {len(distinct)} row remains: a run needs at least two instants")
-    return distinct, _counted_notes(empty, int(doubled.sum()))
+    new, note = new_readings(t[distinct], [column[distinct] for column in readings.values()])
+    return distinct[new], _counted_notes(empty, int(doubled.sum())) + ([note] if note else [])
 
 
 def _refuse_coarse_times(

@@ -1,0 +1,101 @@
+"""Rows of a table that contain no new reading, because the logger writes faster than it reads.
+
+Two kinds of loggers write most readings several times:
+
+    held     rows at an even rate, each with the last reading, which a camera or a bus renews every few rows
+    bursts   several rows within a moment, then none until the next burst
+
+In both cases a reading counts once. A fine encoder that moves slowly repeats its readings as well; the changes before
+and after such rows are then of the order of a count.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.shown import percent
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class RepeatSettings:
+    """Limits from which rows are repeated readings."""
+
+    counts: float = 6.0
+    """Changes before and after equal rows, together, in units of the smallest change, from which the reading was held:
+    the readings of an encoder that turns by less than a count per row change by at most three counts.
+    """
+    share: float = 0.2
+    """Share of such rows from which all equal rows are repeated readings; fewer are found by the diagnosis."""
+    apart: float = 10.0
+    """Ratio of the time between bursts to that between the rows of a burst."""
+    even: float = 0.2
+    """Maximum relative deviation of the times between bursts from their median, at both quartiles."""
+    rows: float = 2.0
+    """Minimum mean number of rows of a burst."""
+    bursts: int = 5
+    """Minimum number of bursts."""
+
+
+SETTINGS = RepeatSettings()
+
+
+def new_readings(
+    t: Array, columns: Sequence[Array], settings: RepeatSettings = SETTINGS
+) -> tuple[NDArray[np.intp], str]:
+    """Indices of the rows with a new reading, and a note if there are others.
+
+    Args:
+        t: (n,) increasing times, s
+        columns: (n,) readings of each axis
+        settings: limits
+    """
+    middle, bursts = _bursts(t, settings)
+    if bursts:
+        note = f"the rows come in {len(middle)} bursts of about {len(t) / len(middle):.0f}: one row of each is used"
+        return middle, note
+    again = np.append(False, np.logical_and.reduce([np.diff(column) == 0 for column in columns]))
+    if not _held(again, columns, settings):
+        return np.arange(len(t)), ""
+    note = (
+        f"{percent(float(again.mean()))} of the rows repeat the reading before them while the rods move, because the"
+        " logger writes faster than it reads: these rows are removed"
+    )
+    return np.flatnonzero(~again), note
+
+
+def _bursts(t: Array, settings: RepeatSettings) -> tuple[NDArray[np.intp], bool]:
+    """Middle row of each burst, and whether the rows come in bursts."""
+    steps = np.diff(t)
+    if len(steps) < settings.bursts * settings.rows:
+        return np.arange(len(t)), False
+    last = np.flatnonzero(steps > settings.apart * np.median(steps))
+    if len(last) < settings.bursts or len(t) < settings.rows * (len(last) + 1):
+        return np.arange(len(t)), False
+    edges = np.array([0, *(last + 1), len(t)])
+    middle = (edges[:-1] + edges[1:] - 1) // 2
+    apart = np.diff(t[middle])
+    low, usual, high = np.quantile(apart, [0.25, 0.5, 0.75])
+    even = high - usual <= settings.even * usual and usual - low <= settings.even * usual
+    return middle, bool(even)
+
+
+def _held(again: NDArray[np.bool_], columns: Sequence[Array], settings: RepeatSettings) -> bool:
+    """Whether most equal rows are held readings: the next reading is far away, in the direction of the motion."""
+    starts = np.flatnonzero(np.diff(again.astype(int), prepend=0) == 1) - 1
+    ends = np.flatnonzero(np.diff(again.astype(int), append=0) == -1)
+    inside = (starts > 0) & (ends < len(again) - 1)
+    starts, ends = starts[inside], ends[inside]
+    if settings.share * len(again) > again.sum() or not len(starts):
+        return False
+    held = np.zeros(len(starts), dtype=bool)
+    for column in columns:
+        changes = np.abs(np.diff(column))
+        if changes.any():
+            before, after = column[starts] - column[starts - 1], column[ends + 1] - column[ends]
+            least = float(changes[changes > 0].min())
+            held |= (before * after > 0) & (np.abs(before + after) > settings.counts * least)
+    return float((ends - starts)[held].sum()) > settings.share * len(again)
