@@ -24,6 +24,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import folds, predictive_loss
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics, residual_statistics
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
+from dpr_lab.gap.hypothesis.swing_lines import on_swing_line
 
 Array = NDArray[np.float64]
 
@@ -58,6 +59,8 @@ class Hypothesis:
     """(folds,) prediction error of each run from the others, in units of chi2."""
     curves: Mapping[str, float]
     """Effects of `Penalty.curve` amplitudes or more -> their size s, rms of the amplitudes over their limits."""
+    on_line: frozenset[str] = frozenset()
+    """Vibrations at a multiple of the frequency of the swing."""
 
     @property
     def cost(self) -> float:
@@ -94,7 +97,8 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
     curves = [name for name in names if len(EFFECTS[name].amplitudes) >= PENALTY.curve]
     params, limits = fitted.estimate.params, problem.limits
     sizes = {} if limits is None else {name: relative_size(params, limits, name) for name in curves}
-    return Hypothesis(names, fitted, left, loss, sizes)
+    on_line = frozenset(name for name in names if on_swing_line(problem, name, fitted.estimate))
+    return Hypothesis(names, fitted, left, loss, sizes, on_line)
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:

@@ -52,6 +52,10 @@ class Thresholds:
     """Fraction of the explained chi2 that a richer form of an effect must add while a residual remains."""
     nearly_all: float = 0.9
     """Fraction of what a curve explains that simple effects must explain to replace it, if only little remains."""
+    most_of_it: float = 0.5
+    """Fraction of what a vibration at a multiple of the swing's frequency explains that other effects must explain to
+    replace it.
+    """
     own_share: float = 0.15
     """Fraction of an effect's reduction that no other form of the others explains, while a residual remains."""
     still_open: float = 0.5
@@ -105,6 +109,8 @@ def follows_remainder(base: Hypothesis, with_curve: Hypothesis, simple: Hypothes
     The simpler set explains nearly all that the curve explains, the remainder is below the noise, and with the
     remainder as noise the curve is not significant.
     """
+    if follows_swing(base, with_curve, simple):
+        return True
     curves = set(with_curve.curves) - simple.key
     if not curves or not simple.effects or simple.residuals.noise_ratio > 1.0:
         return False
@@ -113,6 +119,17 @@ def follows_remainder(base: Hypothesis, with_curve: Hypothesis, simple: Hypothes
         return False
     inflation = simple.residuals.inflation
     return simple.cost - with_curve.cost_at(inflation) < THRESHOLDS.chance * inflation
+
+
+def follows_swing(base: Hypothesis, vibrating: Hypothesis, other: Hypothesis) -> bool:
+    """Whether a set has a vibration at a multiple of the swing's frequency, and another explains most of its share.
+
+    Any law of angle or speed leaves a residual at these frequencies.
+    """
+    if not vibrating.on_line - other.key or not other.effects:
+        return False
+    explained = excess(base) - excess(vibrating)
+    return excess(base) - excess(other) > THRESHOLDS.most_of_it * explained
 
 
 def indifference(

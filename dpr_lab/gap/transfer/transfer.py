@@ -7,7 +7,8 @@ The selected set and the set without one effect are fitted to the same runs and 
 for each segment s, with neighbouring segments grouped, an effect carries over to held-out data under three conditions:
 d is significantly positive (by its sum or by its signed ranks); d is significantly negative in no run; and the effect
 closes at least half of the share of the gap that it closes in the fitted recordings. Effects that worsen the free run
-of held-out runs are not confirmed. An effect that does not carry over explains the fitted recordings only.
+of held-out runs are not confirmed. An effect that does not carry over explains the fitted recordings only. If there is
+a single release, its quarters are held out in turn, and an effect that fails is not withdrawn, but not sure either.
 
 The sum alone has little power if the reduction is largest in a few segments, because its scatter is then as large as
 the sum. The signed ranks detect a reduction in all segments.
@@ -83,6 +84,8 @@ class Transfer:
     """Effect -> run -> share of the gap without the effect that the effect closes."""
     withdrawn: tuple[str, ...]
     """Effects that do not carry over."""
+    unproven: tuple[str, ...]
+    """The same across the quarters of one release. They stay in the model, because its quarters differ in amplitude."""
     oversized: tuple[str, ...]
     """Effects whose size is impossible on any rig."""
     worse_free_run: tuple[float, float] | None
@@ -92,7 +95,7 @@ class Transfer:
 
     def judged(self, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
         """Probabilities of the effects; not above one half for effects that fail the test."""
-        doubtful = {*self.withdrawn, *self.oversized}
+        doubtful = {*self.withdrawn, *self.unproven, *self.oversized}
         if self.worse_free_run:
             doubtful |= {posterior.name for posterior in posteriors}
         return tuple(
@@ -134,11 +137,11 @@ def transfer(
     left = shares[""] if not unseen else _fitted(recordings, problem, selection, rng)
     closed = reduction(above[""], rng, apart.block)
     least_kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.estimate >= TRANSFER.kept else 1.0)
-    withdrawn = [
+    failed = tuple(
         name
         for name, less in selection.lacking.items()
         if not (_helps(apart, chi2[name] - chosen) and _keeps(above[name], noise, less, selection.chosen, least_kept))
-    ]
+    )
     return Transfer(
         basis=basis,
         closed=closed,
@@ -147,7 +150,8 @@ def transfer(
         left_out=left,
         held_out=shares[""] if unseen else {},
         effects={name: shares[name] for name in selection.lacking},
-        withdrawn=() if basis == "one release" else tuple(withdrawn),
+        withdrawn=() if basis == "one release" else failed,
+        unproven=failed if basis == "one release" else (),
         oversized=at_limit(selection.chosen.fit.estimate.params, recordings.prior.limits),
         worse_free_run=worse_free_run(freely["before"].errors_rad, freely["after"].errors_rad, unseen.names)
         if unseen

@@ -15,6 +15,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
     excess,
     far_from_noise,
     follows_remainder,
+    follows_swing,
     significance,
 )
 from dpr_lab.gap.which.fitted_sets import FittedSets
@@ -92,10 +93,18 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 
 
 def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:
-    """Sets by the criterion; last those with an effect of an impossible size, or a curve that adds too little."""
+    """Sets by the criterion; last those with an effect of an impossible size, or one that adds too little.
+
+    It is a curve that follows the remainder, or a vibration at a multiple of the swing's frequency instead of another
+    effect.
+    """
+    models = list(models)
 
     def rank(model: Hypothesis) -> tuple[bool, bool, float]:
-        return not sets.possible(model), follows_remainder(sets.bare, model, best), model.cost
+        little = follows_remainder(sets.bare, model, best) or any(
+            follows_swing(sets.bare, model, other) for other in models
+        )
+        return not sets.possible(model), little, model.cost
 
     return sorted(models, key=rank)
 

@@ -1,0 +1,72 @@
+"""Frequencies at which the swing of a rod alone repeats, and vibrations that are indistinguishable from its harmonics.
+
+Any law of angle or speed that the model lacks leaves a residual at multiples of the frequency of the swing, which falls
+slowly with the amplitude. A vibration of the base at such a multiple follows this residual along one release. Its true
+source does not know the frequency of the swing, so that this is no evidence of a vibration.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from dpr_lab.effects import EFFECTS, param_index
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.problem import Problem
+
+FREQUENCY = "frequency_hz"
+"""Shape parameter of a force at a fixed frequency, or of a resonance."""
+
+
+@dataclass(frozen=True, slots=True)
+class LineSettings:
+    """Limits of the harmonics of a swing."""
+
+    harmonics: int = 5
+    """Highest multiple of the frequency of the swing; friction, drag and errors of the readings cause few others."""
+    resolution: float = 0.5
+    """Half width of a line, in units of the inverse duration of the recording."""
+    swings: int = 2
+    """Minimum number of half swings from which a frequency is determined."""
+
+
+SETTINGS = LineSettings()
+
+
+def on_swing_line(problem: Problem, effect: str, estimate: Estimate, settings: LineSettings = SETTINGS) -> bool:
+    """Whether an effect is a force of fixed frequency at a multiple of the frequency of the swing.
+
+    Args:
+        problem: segments of free swings of a rod alone; other swings have no such frequency
+        effect: name of the effect
+        estimate: with its frequency
+        settings: limits
+    """
+    spec = EFFECTS[effect]
+    if not any(p.name == FREQUENCY for p in spec.shapes) or len(spec.shapes) > 1:
+        return False
+    if not all(setup.alone and setup.free for setup in problem.segments.setups):
+        return False
+    frequency = float(estimate.params[param_index(effect, FREQUENCY)])
+    lines = [line for run in np.unique(problem.segments.run) if (line := _line(problem, int(run), settings))]
+    if not lines:
+        return False
+    low, high = min(line[0] for line in lines), max(line[1] for line in lines)
+    width = settings.resolution / max(line[2] for line in lines)
+    return any(n * low - width <= frequency <= n * high + width for n in range(1, settings.harmonics + 1))
+
+
+def _line(problem: Problem, run: int, settings: LineSettings) -> tuple[float, float, float] | None:
+    """Lowest and highest frequency of the swing of one run about hanging, Hz, and its duration, s."""
+    offsets = problem.segments.offsets
+    mine = [slice(a, b) for (a, b), r in zip(pairwise(offsets.tolist()), problem.segments.run, strict=True) if r == run]
+    t = np.concatenate([problem.t[one] for one in mine])
+    away = np.concatenate([problem.measured[one, 0] for one in mine]) - np.pi
+    below = np.flatnonzero(away[:-1] * away[1:] < 0)
+    crossings = t[below] - away[below] * (t[below + 1] - t[below]) / (away[below + 1] - away[below])
+    if len(crossings) <= settings.swings:
+        return None
+    halves = crossings[2:] - crossings[:-2]  # whole periods, which a zero error does not change
+    usual = float(np.median(halves))
+    whole = halves[np.abs(halves - usual) < 0.5 * usual]  # without gaps
+    return float(1 / whole.max()), float(1 / whole.min()), float(t[-1] - t[0])
