@@ -206,7 +206,7 @@ class Service:
         with self._changed:
             if not job.cancelled and (self._process is None or not self._process.alive):
                 self._process = ChildFunction(work)
-            process = self._process
+            process = None if job.cancelled else self._process  # one of a cancelled job is not used, even if it is warm
         message = self._last_message(job, process)
         if not job.answered:
             return

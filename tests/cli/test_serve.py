@@ -148,6 +148,17 @@ def test_jobs_are_cancelled_running_and_waiting(client: Client, runs: list[Path]
     assert client.end() == 0
 
 
+def test_a_job_cancelled_while_it_waits_does_not_run(client: Client, runs: list[Path], tmp_path: Path) -> None:
+    files = [str(run) for run in runs]
+    client.request("first", "identify", runs=files, rig="paper", out="first.json")
+    client.request("second", "identify", runs=files, rig="paper", out="second.json")
+    client.request("cancel", "cancel", id="second")
+    assert client.response("second")["error"]["code"] == -32800
+    assert (tmp_path / "first.json").is_file()
+    assert not (tmp_path / "second.json").exists()
+    assert client.end() == 0
+
+
 def test_a_job_whose_process_was_killed_is_answered_and_the_next_one_runs(client: Client, runs: list[Path]) -> None:
     client.request("long", "diagnose", runs=[str(run) for run in runs], rig="paper")
     client.until("fit")
