@@ -185,8 +185,8 @@ def show_replays(name: str, replays: "Sequence[FileReplay]") -> None:
             for replay in replays
         ]
         note = (
-            "Errors of free runs. The file cannot contain all effects; the error after the change minus the error"
-            " of dpr-lab is due to the missing ones."
+            "Errors of free runs. An effect that the file cannot contain appears as the difference between the error after"
+            " the change and that of dpr-lab."
         )
         table(f"Replayed with the numbers of {name}", columns, rows, note=note)
 
