@@ -185,8 +185,8 @@ def show_replays(name: str, replays: "Sequence[FileReplay]") -> None:
             for replay in replays
         ]
         note = (
-            "Errors of free runs. An effect that the file cannot contain appears as the difference between the error after"
-            " the change and that of dpr-lab."
+            "Errors of free runs. An effect that the file cannot contain appears as the difference between the error"
+            " after the change and that of dpr-lab."
         )
         table(f"Replayed with the numbers of {name}", columns, rows, note=note)
 

@@ -161,6 +161,8 @@ def test_a_longer_rod_moves_the_elbow(file: Path, name: str) -> None:
     chain = double_pendulum(read_model(file, patched.text), (), rig.g)
     assert chain.rods[0].length == pytest.approx(0.31)
     assert chain.rods[1].centroid == pytest.approx(rig.parameters["l2"].nominal * 0.3 / 0.31)  # the moment stays
+    moved = {change.element for change in patched.changes if change.attribute in ("xyz", "pose")}
+    assert {"urdf": "joint elbow", "sdf": "link lower"}[name] in moved | {each.partition(",")[0] for each in moved}
 
 
 @each_format

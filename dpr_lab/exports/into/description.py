@@ -169,7 +169,8 @@ def _lengthened(file: _File, edit: XmlEdit, longer: float) -> XmlEdit:
         assert joint_in_file is not None
         return joint_in_file.anchor
 
-    return _moved(file, edit, owner, f"joint {joint}", anchor, longer * rod.along)
+    element = edit.tags[owner]
+    return _moved(file, edit, owner, f"{element.tag} {element.attributes['name']}", anchor, longer * rod.along)
 
 
 def _with_body(file: _File, edit: XmlEdit, number: int, target: RodTarget) -> XmlEdit:
