@@ -89,7 +89,7 @@ class Listener:
             case events.CaptureDone():
                 self._close()
                 say(f"{event.name}: {event.captured.run_file.name}: {event.captured.quality.sentence}")
-            case events.RunCompared() | events.RunLeftOut():
+            case events.RunCompared() | events.ArmRunCompared() | events.RunLeftOut():
                 pass
 
     def _at(self, title: str, done: float, total: float | None, text: str = "") -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import interval, plus_minus
 
 if TYPE_CHECKING:
@@ -16,10 +17,11 @@ UNITS = dict.fromkeys("abdA", "kg m²") | dict.fromkeys(("c0", "c1", "c2"), "N m
 UNITS |= {"e1": "N m", "k0": "N m/rad", "f0": "N m", "kt gear/R": "N m/V", "kt gear": "N m/A"}
 
 
-def summary(model: "MovingArmModel") -> str:
+def summary(model: "MovingArmModel", angles: AngleUnit = RADIANS) -> str:
     """Residuals and segments in one sentence."""
+    scale = angles.small_per_rad
     rms = ", ".join(
-        f"{name} {1e3 * value:.3g} mrad (noise {1e3 * model.fit.noise_rad[name]:.2g})"
+        f"{name} {scale * value:.3g} {angles.small} (noise {scale * model.fit.noise_rad[name]:.2g})"
         for name, value in model.fit.rms_rad.items()
     )
     return (

@@ -39,13 +39,14 @@ NOTICES = NoticeTimes()
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> RenderableType:
-    """A table as wide as its cells need: text aligned left, numbers right and on one line."""
+    """A table as wide as its cells need: text aligned left, numbers right and on one line; long headers wrap."""
     made = Table(
         title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0)
     )
     for index, column in enumerate(columns):
         numbers = index > 0 and all(set(row[index].replace(" to ", "")) <= NUMERIC for row in rows)
-        made.add_column(column, justify="right" if numbers else "left", no_wrap=numbers, overflow="fold")
+        least = max((len(row[index]) for row in rows), default=0) if numbers else None
+        made.add_column(column, justify="right" if numbers else "left", min_width=least, overflow="fold")
     for row in rows:
         made.add_row(*(Text(cell) for cell in row))
     return made

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.workflows.checks import refuse_file
-from dpr_lab.workflows.events import OnEvent, ignore
+from dpr_lab.workflows.events import ArmRunCompared, OnEvent, ignore
 
 if TYPE_CHECKING:
     from dpr_lab.identification.moving_arm.identify import ArmComparison
@@ -19,7 +19,7 @@ def compare_moving_arm(
     """Residuals of runs relative to a model by segment; None if the model has no moving arm.
 
     Writes `report.html` with its figures, and measured and simulated angles as `comparison.csv`, in a folder. Reports
-    `RunRead`.
+    `RunRead`, `ArmRunCompared`.
 
     Raises:
         ConfigError: a file with the name of the folder exists.
@@ -47,7 +47,10 @@ def compare_moving_arm(
     ]
     refuse_repeated(recorded)
     compare_run = compare_with_effects if loaded.effects else compare_bare
-    compared = [compare_run(run, rig, loaded) for run, rig in zip(recorded, rigs, strict=True)]
+    compared: list[ArmComparison] = []
+    for run, rig in zip(recorded, rigs, strict=True):
+        compared.append(compare_run(run, rig, loaded))
+        on_event(ArmRunCompared(compared[-1]))
     rows = [
         ",".join([comparison.run, *(f"{value:.9g}" for value in (t, *measured, *simulated))])
         for comparison in compared

@@ -12,12 +12,14 @@ if TYPE_CHECKING:
     from dpr_lab.acquisition.capture import Progress
     from dpr_lab.acquisition.swing import Captured
     from dpr_lab.identification.compare import Comparison
+    from dpr_lab.identification.moving_arm.identify import ArmComparison
     from dpr_lab.rig_tables import Pose
     from dpr_lab.trials.campaign import Failure
     from dpr_lab.trials.score import TrialOutcome
     from firmware_protocol.identity import DeviceInfo
 
 __all__ = [
+    "ArmRunCompared",
     "CaptureBegan",
     "CaptureDone",
     "CaptureProgress",
@@ -77,6 +79,13 @@ class RunCompared:
     """A run was compared with the model."""
 
     comparison: "Comparison"
+
+
+@dataclass(frozen=True, slots=True)
+class ArmRunCompared:
+    """A run was compared with the model of a rig whose arm moves."""
+
+    comparison: "ArmComparison"
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,6 +183,7 @@ Event: TypeAlias = (
     | ImportProgress
     | RunRead
     | RunCompared
+    | ArmRunCompared
     | RunLeftOut
     | DeviceGreeted
     | CaptureBegan

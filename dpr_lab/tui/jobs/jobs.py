@@ -14,10 +14,10 @@ from dpr_lab.tui.jobs.job_control import JobControl
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
 from dpr_lab.workflows.compare import CompareRequest
 from dpr_lab.workflows.compare import compare as compare_runs
+from dpr_lab.workflows.compare_moving_arm import compare_moving_arm
 from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult
 from dpr_lab.workflows.diagnose import diagnose as diagnose_runs
-from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult
-from dpr_lab.workflows.identify import identify as identify_runs
+from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult, MovingArmResult, identify_any_arm
 from dpr_lab.workflows.plan import PlanRequest, PlanResult
 from dpr_lab.workflows.plan import plan as plan_recordings
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from dpr_lab.storage.inspect import RunInfo
 
 
-def identify(control: JobControl, *, request: IdentifyRequest) -> IdentifyResult:
-    """Identify; can be paused, and stopped with the best result so far."""
-    return identify_runs(request, control.report, control.proceed)
+def identify(control: JobControl, *, request: IdentifyRequest) -> IdentifyResult | MovingArmResult:
+    """Identify; a search can be paused, and stopped with the best result so far."""
+    return identify_any_arm(request, control.report, control.proceed)
 
 
 def diagnose(control: JobControl, *, request: DiagnoseRequest) -> DiagnoseResult:
@@ -65,7 +65,14 @@ class FreeRunFrom:
 
 
 def compare(control: JobControl, *, request: CompareRequest, keep: KeptComparison | None = None) -> None:
-    """Compare and save the result; then answer each `FreeRunStart` with a free run until cancelled."""
+    """Compare and save the result; then answer each `FreeRunStart` with a free run until cancelled.
+
+    A model with a moving arm is compared by segment only.
+    """
+    folder = request.out
+    if folder and compare_moving_arm(request.runs, request.model, folder, request.any_clock, control.report):
+        control.report(ComparisonSaved(()))
+        return
     result = compare_runs(request, control.report)
     if keep is not None and not result.left_out:
         with suppress(DprError):  # for convenience only: comparisons that are not stored are simulated again

@@ -17,6 +17,7 @@ from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.jobs.jobs import ComparisonSaved, FreeRunFrom, FreeRunStart
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
 from dpr_lab.tui.services import Services
+from dpr_lab.tui.steps import arm_results
 from dpr_lab.tui.steps.compare_charts import AXES, SETTINGS, VIEWS, ComparedRun
 from dpr_lab.tui.steps.job_step import JobStep, torque_key
 from dpr_lab.tui.steps.second_curve import SecondCurve
@@ -24,10 +25,11 @@ from dpr_lab.tui.texts import counted_runs
 from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.tui.widgets.slider import Slider
 from dpr_lab.workflows.compare import CompareRequest
-from dpr_lab.workflows.events import RunCompared, RunLeftOut
+from dpr_lab.workflows.events import ArmRunCompared, RunCompared, RunLeftOut
 
 if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison, FreeRun
+    from dpr_lab.identification.moving_arm.identify import ArmComparison
 
 
 class CompareStep(JobStep):
@@ -41,7 +43,7 @@ class CompareStep(JobStep):
 Simulates every selected run with the model. A **free run** starts from the state fitted at one instant and is not
 corrected afterwards; the slider moves that instant. The free run is predictable up to the horizon (bar on the slider,
 line in the chart). Beyond it, the uncertainty of the initial state alone changes the simulation visibly, so the
-difference does not test the model.
+difference does not test the model. A rig whose arm moves is compared by segment only.
 
 The **segment residual** is the residual of half-second segments with free initial states; inside the band
 (±{SETTINGS.noise_sigmas}σ of the noise floor) and without a pattern it is noise.
@@ -77,6 +79,8 @@ workspace, as by `dpr-lab compare`.
         super().__init__(services, id=id)
         self._of: tuple[Path, float, tuple[Path, ...], str | None] | None = None
         self._comparisons: list[Comparison] = []
+        self._of_arm: list[ArmComparison] = []
+        self._joints, self._views = [0, 1], VIEWS
         self._free_runs: dict[FreeRunStart, FreeRun] = {}
         self._left_out = 0
         self._saved = False
@@ -102,14 +106,19 @@ workspace, as by `dpr-lab compare`.
 
     def outcome(self) -> str:
         """Number of compared runs, in words."""
-        return counted_runs(len(self._comparisons)) if self._comparisons and self._of is not None else ""
+        return counted_runs(self._compared) if self._compared and self._of is not None else ""
+
+    @property
+    def _compared(self) -> int:
+        """Number of compared runs."""
+        return len(self._comparisons) + len(self._of_arm)
 
     def enter(self) -> None:
         """Show the last comparison, or compare if there is none. A stale comparison is kept and marked."""
         self._draw()
         if self.missing():
             self.say(self.missing())
-        elif not self._comparisons and self._of != self._subject():
+        elif not self._compared and self._of != self._subject():
             if comparison := self._kept.load():
                 self._of, self._saved = self._subject(), True
                 self.show(comparison)
@@ -127,17 +136,19 @@ workspace, as by `dpr-lab compare`.
 
     def pace(self, now: float) -> str:
         """Remaining time from the number of runs."""
-        done, net = len(self._comparisons), now - self._started - self._compiled_s
+        done, net = self._compared, now - self._started - self._compiled_s
         return f"about {net * (self._runs - done) / done:.0f} s left" if 0 < done < self._runs else ""
 
     def stale(self) -> str:
         """Whether model or runs differ from those of the last comparison."""
-        if not self._comparisons or not self._saved or self.missing() or self._of == self._subject():
+        if not self._compared or not self._saved or self.missing() or self._of == self._subject():
             return ""
         return self.worded("STALE, model, runs or torques changed; {compare.start}: run again")
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Always true: the job stays only to answer, so it can be restarted."""
+        """The job stays only to answer, so it can be restarted; a moving arm has no second curve."""
+        if action == "beside" and self._of_arm:
+            return False
         return action != "torque" or super().check_action(action, parameters)
 
     def start_work(self) -> None:
@@ -146,7 +157,7 @@ workspace, as by `dpr-lab compare`.
         if model is None:
             return
         self._of = self._subject()
-        self._comparisons, self._free_runs, self._left_out, self._saved = [], {}, 0, False
+        self._comparisons, self._of_arm, self._free_runs, self._left_out, self._saved = [], [], {}, 0, False
         self.say("simulating")
         out = self.workspace.out / "report"
         runs, record = tuple(self.workspace.runs), out / "comparison.json"
@@ -158,6 +169,9 @@ workspace, as by `dpr-lab compare`.
         match value:
             case RunCompared(comparison):
                 self._comparisons.append(comparison)
+                self._offer_runs()
+            case ArmRunCompared(comparison):
+                self._of_arm.append(comparison)
                 self._offer_runs()
             case RunLeftOut(why=why):
                 self._left_out += 1
@@ -175,12 +189,12 @@ workspace, as by `dpr-lab compare`.
     def ended(self, why: str) -> None:
         """The job cannot answer any more; the comparison stays."""
         self._of = None
-        self.say(self.worded(f"{why} ({{app.browse}})") if self._left_out and not self._comparisons else why)
+        self.say(self.worded(f"{why} ({{app.browse}})") if self._left_out and not self._compared else why)
 
     def action_cycle(self, what: str) -> None:
         """Show the next run, axis or view."""
         picker = self.query_one(f"#{what}", Select)
-        options = {"run": range(len(self._comparisons)), "axis": range(len(AXES)), "view": VIEWS}[what]
+        options = {"run": range(self._compared), "axis": self._joints, "view": self._views}[what]
         if len(options):
             current = options.index(picker.value) if picker.value in options else -1
             picker.value = options[(current + 1) % len(options)]
@@ -254,17 +268,39 @@ workspace, as by `dpr-lab compare`.
         """Folder of the stored comparisons of this model and these runs."""
         return KeptComparison(self.workspace.out / "report" / "compared.npz", repr(self._subject()))
 
+    @property
+    def _names(self) -> list[str]:
+        """Names of the compared runs."""
+        of_arm = [f"{run_name(Path(each.run))} {_role(each.held_out)}" for each in self._of_arm]
+        return of_arm or [f"{compared_name(each)} {_role(each.held_out)}" for each in self._comparisons]
+
     def _offer_runs(self) -> None:
         picker = self.query_one("#run", Select)
         current = picker.value if isinstance(picker.value, int) else 0
         picker.prompt = "choose a run"
-        picker.set_options([(Content(_label(comparison)), i) for i, comparison in enumerate(self._comparisons)])
-        picker.value = min(current, len(self._comparisons) - 1)
+        names = self._names
+        picker.set_options([(Content(name), i) for i, name in enumerate(names)])
+        picker.value = min(current, len(names) - 1)
+        self._offer_joints()
         self._offer_second()
+
+    def _offer_joints(self) -> None:
+        """Offer the joints and views of a moving arm, which has no free runs, or those of the rods."""
+        self.query_one(SecondCurve).display = self.query_one(Slider).display = not self._of_arm
+        names, joints, views = AXES, [0, 1], VIEWS
+        if self._of_arm:
+            names, joints, views = arm_results.JOINT_NAMES, arm_results.joints_of(self._of_arm[0]), arm_results.VIEWS
+        if (joints, views) == (self._joints, self._views):
+            return
+        self._joints, self._views = joints, views
+        axis, view = self.query_one("#axis", Select), self.query_one("#view", Select)
+        axis.set_options([(names[joint], joint) for joint in joints])
+        view.set_options([(name, name) for name in views])
+        axis.value, view.value = joints[-1], views[0]
 
     def _offer_second(self) -> None:
         number = self.query_one("#run", Select).value
-        names = [_label(comparison) for comparison in self._comparisons]
+        names = self._names[: len(self._comparisons)]
         self.query_one(SecondCurve).offer(self._comparisons, names, number if isinstance(number, int) else 0)
 
     def _arrange(self) -> None:
@@ -275,6 +311,9 @@ workspace, as by `dpr-lab compare`.
 
     def _draw(self, news: str = "") -> None:
         self._arrange()
+        if self._of_arm:
+            self._draw_arm(news)
+            return
         shown = self._shown
         if shown is None:
             return
@@ -284,6 +323,16 @@ workspace, as by `dpr-lab compare`.
         self.query_one(Slider).mark = free_run.horizon_s
         compared.draw_angle(self.query_one("#angle", Chart))
         compared.draw_error(self.query_one("#error", Chart), self.query_one("#view", Select).value == VIEWS[1])
+        self.say(compared.figures(news))
+
+    def _draw_arm(self, news: str) -> None:
+        """Draw a run of a rig whose arm moves."""
+        run, joint = (self.query_one(name, Select).value for name in ("#run", "#axis"))
+        if not isinstance(run, int) or not isinstance(joint, int) or run >= len(self._of_arm):
+            return
+        compared = arm_results.ComparedArmRun(self._of_arm[run], joint, self.workspace.unit)
+        compared.draw_angle(self.query_one("#angle", Chart))
+        compared.draw_error(self.query_one("#error", Chart))
         self.say(compared.figures(news))
 
     def _free_run(self, shown: "Comparison") -> "FreeRun":
@@ -299,6 +348,5 @@ workspace, as by `dpr-lab compare`.
         self.query_one("#figures", Static).update(text)
 
 
-def _label(comparison: "Comparison") -> str:
-    role = "held out" if comparison.held_out else "used"
-    return f"{compared_name(comparison)} ({role})"
+def _role(held_out: bool) -> str:
+    return "(held out)" if held_out else "(used)"

@@ -23,6 +23,7 @@ from dpr_lab.shown import percent
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.jobs.stage_pace import StagePace
 from dpr_lab.tui.services import Services
+from dpr_lab.tui.steps.arm_results import start_of_diagnosis
 from dpr_lab.tui.steps.job_step import READING, JobStep, job_keys
 from dpr_lab.tui.texts import Bars, named_runs, sentences, table
 from dpr_lab.tui.widgets.chart import Chart, Series
@@ -153,7 +154,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
             runs=tuple(runs),
             rig=self.workspace.rig,
             held_out=tuple(self.workspace.held_out),
-            model=self.workspace.model,
+            model=start_of_diagnosis(self.workspace.model),
             max_effects=self.whole_number("max-effects", 1, 8),
             seed=self.whole_number("seed"),
             torque=self.workspace.driven_by,

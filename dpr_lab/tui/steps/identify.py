@@ -27,6 +27,7 @@ from dpr_lab.workflows.identify import IdentifyRequest
 
 if TYPE_CHECKING:
     from dpr_lab.identification.model import Model
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
 
 TABS = ("convergence", "ratios", "nine", "seen")
 
@@ -50,7 +51,8 @@ local fit down to the noise floor.
 - A search that is stopped early continues with the local fit from its best individual; a cancelled one has no result.
 
 A free swing determines five ratios. Which of the nine parameters are determined, and by what, is shown under *Nine
-parameters*; the measurements that determine the others are shown under *Identifiability*. The model is written to
+parameters*; the measurements that determine the others are shown under *Identifiability*. With a free or driven arm,
+the ratios of rods, arm and drive are estimated by a local fit from the values of the rig file. The model is written to
 `model.json` in the folder of the workspace.
 """
     BINDINGS: ClassVar[list[BindingType]] = [*job_keys("identify"), Binding("v", "view", "View", id="identify.view")]
@@ -68,7 +70,7 @@ parameters*; the measurements that determine the others are shown under *Identif
 
     def __init__(self, services: Services, *, id: str | None = None) -> None:
         super().__init__(services, id=id)
-        self.model: Model | None = None
+        self.model: Model | MovingArmModel | None = None
         self._shown: Path | None = None
         self._unit: AngleUnit | None = None
         self._history: list[GenerationDone] = []
@@ -111,9 +113,10 @@ parameters*; the measurements that determine the others are shown under *Identif
             self.show_model(self.model)
         if self.workspace.model is not None and self.workspace.model != self._shown and self.job is None:
             from dpr_lab.identification.model import load_model
+            from dpr_lab.identification.moving_arm.model import load_moving_arm_model
 
             self._shown = self.workspace.model
-            self.show_model(load_model(self.workspace.model))
+            self.show_model(load_moving_arm_model(self._shown) or load_model(self._shown))
         self.invite()
 
     def start_work(self) -> None:
@@ -184,13 +187,32 @@ parameters*; the measurements that determine the others are shown under *Identif
         super().action_stop()
         self.say("stopping after this generation; the local fit starts from its best individual")
 
-    def show_model(self, model: "Model", news: str = "") -> None:
+    def show_model(self, model: "Model | MovingArmModel", news: str = "") -> None:
         """Draw a model: messages, summary, convergence, and each value with its source."""
-        from dpr_lab.report import tables
+        from dpr_lab.identification.model import Model
 
         self.model = model
         self._unit = self.workspace.unit
-        self.say(news + tables.summary(model, angles=self._unit) + self._doubt(model))
+        title = "Nine parameters" if isinstance(model, Model) else "Absolute values"
+        self.query_one(TabbedContent).get_tab("nine").label = title
+        self._show_rods(model, news) if isinstance(model, Model) else self._show_arm(model, news)
+
+    def _show_arm(self, model: "MovingArmModel", news: str) -> None:
+        """Draw the model of a rig whose arm moves; its fit usually needs no search."""
+        from dpr_lab.report import moving_arm
+        from dpr_lab.tui.steps import arm_results
+
+        self.say(f"{news}{moving_arm.summary(model, self.workspace.unit)}.{self._doubt(model)}")
+        self._draw_convergence()
+        self.query_one("#ratios-text", Static).update(arm_results.ratios(model))
+        self.query_one("#nine-text", Static).update(arm_results.absolute(model))
+        self.query_one("#seen-text", Static).update(arm_results.identifiability(model))
+
+    def _show_rods(self, model: "Model", news: str) -> None:
+        """Draw the model of rods on a clamped or prescribed arm."""
+        from dpr_lab.report import tables
+
+        self.say(news + tables.summary(model, angles=self.workspace.unit) + self._doubt(model))
         self._history = _history(model)
         self._draw_convergence()
         warnings = sentences("Warnings", [*model.failures, *model.warnings], mark="!")
@@ -206,7 +228,7 @@ parameters*; the measurements that determine the others are shown under *Identif
         self.query_one("#nine-text", Static).update(Group(nine, Text(tables.parameter_note(model), "dim")))
         self.query_one("#seen-text", Static).update(_seen(model))
 
-    def _doubt(self, model: "Model") -> str:
+    def _doubt(self, model: "Model | MovingArmModel") -> str:
         """Note that the model belongs to other runs than the selected ones."""
         used, selected = {Path(run.file).name for run in model.runs}, {run.name for run in self.workspace.runs}
         return "" if used == selected or not selected else " This model is of other runs than those selected now."

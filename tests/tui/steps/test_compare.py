@@ -111,7 +111,7 @@ async def test_a_run_that_cannot_be_read_is_named_and_the_others_are_compared(
     broken.write_bytes(recorded[0].read_bytes()[:3000])
     async with lab(CompareStep, runs=[recorded[0], broken, recorded[1]], model=modelled) as pilot:
         await until(pilot, lambda: "saved in" in figures(pilot.app))
-        assert figures(pilot.app).endswith("left out: broken")
+        assert figures(pilot.app).endswith("skipped: broken")
         assert str(broken) in said(pilot.app)
         saved = json.loads((pilot.app.workspace.out / "report" / "comparison.json").read_text())
         assert [run["run"] for run in saved["runs"]] == [run.stem for run in recorded[:2]]
@@ -128,7 +128,7 @@ async def test_a_run_that_cannot_be_read_is_named_and_the_others_are_compared(
 async def test_with_no_run_left_nothing_is_compared(lab, until, said, fixed_model: Path) -> None:
     async with lab(CompareStep, runs=[Path("gone.mcap")], model=fixed_model) as pilot:
         await until(pilot, lambda: step(pilot.app).job is None)
-        assert figures(pilot.app) == "no run can be compared (left out: gone): choose others (b)"
+        assert figures(pilot.app) == "no run can be compared (skipped: gone): choose others (b)"
         assert "gone.mcap: cannot be read" in said(pilot.app)
 
 

@@ -1,0 +1,104 @@
+"""Results of a rig whose arm moves: tables of the step Identify, charts of the step Compare."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Group
+from rich.text import Text
+
+from dpr_lab.identification.moving_arm.model import load_moving_arm_model
+from dpr_lab.report import moving_arm
+from dpr_lab.report.angles import AngleUnit
+from dpr_lab.report.digits import pair, scaled_unit
+from dpr_lab.tui.steps.compare_charts import SETTINGS
+from dpr_lab.tui.texts import sentences, table
+from dpr_lab.tui.widgets.chart import Band, Chart, Series
+
+if TYPE_CHECKING:
+    from dpr_lab.identification.moving_arm.identify import ArmComparison
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
+
+JOINT_NAMES = ("arm θ0", "rod θ1", "rod θ2")
+KEYS = ("joint 0", "joint 1", "joint 2")
+"""Names of these joints in a comparison."""
+VIEWS = ("angle", "segment residual")
+
+
+def start_of_diagnosis(model: Path | None) -> Path | None:
+    """The model from which a diagnosis starts; None for one whose arm moves: it starts from the rig file."""
+    return None if model is None or load_moving_arm_model(model) is not None else model
+
+
+def ratios(model: "MovingArmModel") -> Group:
+    """Ratios that the recordings determine, and warnings."""
+    inertia = "the inertia a of the inner rod" if model.scale == "a" else "the inertia b of the outer rod"
+    rows = table(f"Ratios to {inertia}", moving_arm.RATIO_COLUMNS, moving_arm.ratio_rows(model))
+    return Group(rows, sentences("Warnings", [*model.failures, *model.warnings], mark="!"))
+
+
+def absolute(model: "MovingArmModel") -> Group:
+    """Absolute values, and the source of their scale."""
+    rows = table("Absolute values", moving_arm.ABSOLUTE_COLUMNS, moving_arm.absolute_rows(model))
+    note = f"{model.scale_sentence} A is the total inertia about the arm's axis."
+    return Group(rows, Text(note, "dim"))
+
+
+def identifiability(model: "MovingArmModel") -> Group:
+    """What the recordings do not determine, and combinations that they cannot separate."""
+    undetermined = [f"{name}: {reason}" for name, reason in model.undetermined.items()]
+    notes = [scaled_unit(note) for note in model.notes]
+    known = "" if undetermined or model.notes else "The recordings determine all values of this rig."
+    return Group(
+        sentences("Not determined by the recordings:", undetermined),
+        sentences("Notes:", notes),
+        known,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedArmRun:
+    """What the charts show: one joint of a run and of the model, by segment."""
+
+    comparison: "ArmComparison"
+    joint: int
+    unit: AngleUnit
+
+    def draw_angle(self, chart: Chart) -> None:
+        """Draw the measured and the simulated angle."""
+        shown, scale = self.comparison, self.unit.per_rad
+        lines = [
+            Series("measured", shown.t, scale * shown.measured[:, self.joint], on_top=True),
+            Series("simulated", shown.t, scale * shown.simulated[:, self.joint], "secondary"),
+        ]
+        chart.show(lines, x_label="time (s)", y_label=f"{JOINT_NAMES[self.joint]} ({self.unit.symbol.strip()})")
+
+    def draw_error(self, chart: Chart) -> None:
+        """Draw the residual of the segments, with the noise."""
+        shown, scale = self.comparison, self.unit.small_per_rad
+        residual = scale * (shown.measured - shown.simulated)[:, self.joint]
+        noise = SETTINGS.noise_sigmas * scale * shown.noise_rad[KEYS[self.joint]]
+        chart.show(
+            [Series("residual", shown.t, residual)],
+            x_label="time (s)",
+            y_label=f"{JOINT_NAMES[self.joint]} ({self.unit.small})",
+            band=Band(-noise, noise, f"noise ±{SETTINGS.noise_sigmas}σ"),
+        )
+
+    def figures(self, news: str) -> str:
+        """Residuals of all joints in one line."""
+        shown, scale = self.comparison, self.unit.small_per_rad
+        sizes = [
+            f"{JOINT_NAMES[joint][-2:]} {pair(scale * np.array([shown.rms_rad[name], shown.noise_rad[name]]))}"
+            for joint, name in enumerate(KEYS)
+            if name in shown.rms_rad
+        ]
+        role = "held out" if shown.held_out else "fitted"
+        text = f"{role}, segments of {shown.segment_s:g} s, rms residual, noise ({self.unit.small}): {'; '.join(sizes)}"
+        return f"{text}  {news}" if news else text
+
+
+def joints_of(comparison: "ArmComparison") -> list[int]:
+    """Joints of a comparison that were read."""
+    return [joint for joint, name in enumerate(KEYS) if name in comparison.rms_rad]
