@@ -229,7 +229,7 @@ def _transferred(before: Classified) -> Transferred:
         posteriors=carried.judged(before.posteriors),
         free_runs=freely,
         transfer=carried,
-        description=description(request.runs, request.rig, selection, carried),
+        description=description(request.runs, request.rig, problem, selection, carried),
         remainder=remainder,
         gap=gap(recordings, problem, selection, carried, freely, budget, remainder),
     )

@@ -20,6 +20,7 @@ from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.workflows.diagnose import failures
 from sim_device.trials.driven import driven_runs
+from tests import one_rod
 
 SOME = {
     name: EFFECTS[name] for name in ("coulomb_joint1", "torque_scale_joint2", "spring_joint2", "rotor_inertia_joint2")
@@ -69,6 +70,19 @@ def test_halved_angles_of_a_small_swing_are_a_hint_and_no_cause_is_named(tmp_pat
     assert (halved.verdict, halved.effects) == ("unexplained", [])
     assert "both joints turn by 2 times the reading" in halved.sentence
     assert "--scale 2" in halved.sentence
+
+
+@pytest.mark.slow
+def test_a_single_rod_at_half_its_scale_is_asked_for_the_scale_and_given_no_spring(tmp_path: Path) -> None:
+    """Gravity at half the angle is gravity and cogging of order two; friction does not change that."""
+    rig, runs = one_rod.recorded(one_rod.Rod(offset=0.0, noise=1e-3), 1, tmp_path)
+    some = {name: EFFECTS[name] for name in ("coulomb_joint1", "spring_joint1", "detent_joint1")}
+    right = diagnose(runs, rig, library=some)
+    assert [effect.name for effect in right.effects] == ["coulomb_joint1"]
+    halved = [replace(run, theta=np.pi + (run.theta - np.pi) / 2) for run in runs]
+    asked = diagnose(halved, rig, library=some)
+    assert (asked.verdict, asked.effects) == ("unexplained", [])
+    assert "--scale 2" in asked.sentence
 
 
 @pytest.mark.slow

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dpr_lab.effects import EFFECTS, named_params
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.conclusion.other_scale import other_scale
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.which.selected import Selection
@@ -33,16 +35,19 @@ class DescriptionRules:
 RULES = DescriptionRules()
 
 
-def description(runs: Sequence[Run], rig: Rig, selection: Selection, carried: Transfer) -> Description:
+def description(
+    runs: Sequence[Run], rig: Rig, problem: Problem, selection: Selection, carried: Transfer
+) -> Description:
     """Test other descriptions if a gap above the noise remains, or is closed by effects of an impossible size.
 
     Args:
         runs: the fitted runs
         rig: the rig of the runs according to its file
+        problem: their segments
         selection: the selected set of effects
         carried: its performance on held-out recordings
     """
-    if hint := _wrong_gravity(rig, selection):
+    if hint := _wrong_gravity(rig, selection) or other_scale(problem, selection, rig):
         return Description(hint, True)
     if moves(runs):
         return Description()  # other interpretations of a moving arm were tested before (`gap.screen.input`)

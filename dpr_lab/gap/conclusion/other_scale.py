@@ -1,0 +1,69 @@
+"""Test whether the readings of a single rod need fewer effects at another scale.
+
+If a rod turns by theta = f phi for readings phi, gravity acts on phi like e1 sin(f phi) / f. This equals e1 sin(phi)
+and a torque that depends on the angle, such as that of a cable or of cogging. The accelerations of two coupled rods
+show their scale; those of a single rod do not.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects import without_effect
+from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
+from dpr_lab.gap.which.selected import Selection
+from dpr_lab.rig import Rig
+
+Array = NDArray[np.float64]
+
+SCALES = (2.0, 0.5)
+"""True angle over the reading, as for a wrong number of counts per turn."""
+
+
+def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
+    """A sentence if, at another scale, the readings of a single rod are explained with fewer effects; else empty.
+
+    Args:
+        problem: the segments
+        selection: the selected set of effects
+        rig: the rig according to its file
+    """
+    chosen = selection.chosen
+    if not chosen.effects or not all(setup.alone and setup.arm is None for setup in problem.segments.setups):
+        return ""
+    smaller = (chosen.key - {name} for name in chosen.effects)
+    bare = selection.base.fit.estimate.ratios  # an effect of the angle has changed the gravity of the selected set
+    tried = [(factor, _scaled_fit(problem, chosen, bare, factor, names)) for names in smaller for factor in SCALES]
+    factor, best = min(tried, key=lambda pair: pair[1].cost)
+    if best.cost > chosen.cost + THRESHOLDS.chance * chosen.residuals.inflation:
+        return ""
+    joint = 2 if rig.rods.mounted == "outer" else 1
+    counts = rig.encoders.counts_per_rev[joint]
+    return (
+        f"If the rod turns by {factor:g} times the reading, one effect fewer explains the recordings as well, and those"
+        f" of a single rod cannot show the difference. Check counts_per_rev of joint {joint} ({counts} in the rig file;"
+        f" it would be {counts / factor:.0f}), or the unit of the table (--scale {factor:g})."
+    )
+
+
+def _scaled_fit(
+    problem: Problem, chosen: Hypothesis, ratios: Array, factor: float, effects: frozenset[str]
+) -> Hypothesis:
+    """Fit of some effects to the readings times a factor, from hanging; starts with (7,) ratios."""
+    hanging = problem.joints.hanging
+    scaled = replace(
+        problem,
+        measured=hanging + factor * (problem.measured - hanging),
+        weight=problem.weight / factor,
+    )
+    estimate, params = chosen.fit.estimate, chosen.fit.estimate.params
+    for name in chosen.key - effects:
+        params = without_effect(params, name)
+    at_rest = np.array([np.pi, np.pi, 0.0, 0.0])
+    start = estimate.changed(ratios=ratios, params=params, initial=at_rest + factor * (estimate.initial - at_rest))
+    names = tuple(name for name in chosen.effects if name in effects)
+    return hypothesis(scaled, names, fit(scaled, start, free_parameters(start, names, scaled)))
