@@ -86,6 +86,15 @@ def test_a_single_rod_at_half_its_scale_is_asked_for_the_scale_and_given_no_spri
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3, 4, 5))])
+def test_a_single_rod_that_is_read_correctly_is_not_asked_for_its_scale(seed: int, tmp_path: Path) -> None:
+    rig, runs = one_rod.recorded(one_rod.drawn(seed), seed, tmp_path)
+    result = diagnose(runs, rig)
+    assert result.verdict != "unexplained"
+    assert "--scale" not in result.sentence
+
+
+@pytest.mark.slow
 def test_torques_that_contradict_the_rig_file_s_inertia_are_unexplained_with_a_hint_at_the_sign(
     driven: list[Run], paper: Rig
 ) -> None:
