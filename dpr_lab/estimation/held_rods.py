@@ -65,6 +65,9 @@ class HeldSettings:
     """Ratio of the standard deviation of a rest to that of its white noise above which the rods tremble."""
     readings: int = 20_000
     """Maximum number of readings for the noise estimate."""
+    bent: float = 5.0
+    """Standard deviations of the curvature of the readings from which rods in a band as wide as their noise turn
+    round."""
 
 
 HELD = HeldSettings()
@@ -193,6 +196,7 @@ def _held_stretches(motion: RodMotion, band: float, settings: HeldSettings) -> l
         (first, stop)
         for first, stop in _still_stretches(motion, band, settings)
         if not (_known_input(motion, first, stop, band, settings))
+        and not (band > settings.still_rad and _turns(motion, first, stop, settings))
         and (
             not _hangs(motion.rods[first:stop], settings) or (_free(motion) and _restarts(motion, stop, band, settings))
         )
@@ -219,6 +223,21 @@ def _still_stretches(motion: RodMotion, band: float, settings: HeldSettings) -> 
     inside = _highest(still, width)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
     return [(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]
+
+
+def _turns(motion: RodMotion, first: int, stop: int, settings: HeldSettings) -> bool:
+    """Whether the readings of an interval show the turning point of a swing: a significant parabola towards hanging.
+
+    In noisy readings of a slow rod, for example of a film, a turning point lies within the band for a long time.
+    """
+    t, rods = motion.t[first:stop], motion.rods[first:stop]
+    if not _free(motion) or len(t) < settings.fewest:
+        return False
+    powers = np.vander(t - t.mean(), 3)
+    (curvature, _, middle), precision = np.linalg.lstsq(powers, rods, rcond=None)[0], np.linalg.inv(powers.T @ powers)
+    towards_hanging = curvature * np.sin(middle) > 0  # 0 is upright, so that sin falls through hanging
+    significant = np.abs(curvature) > settings.bent * np.sqrt(precision[0, 0]) * _noise(motion, settings)
+    return bool((towards_hanging & significant).any())
 
 
 def _restarts(motion: RodMotion, stop: int, band: float, settings: HeldSettings) -> bool:

@@ -114,3 +114,21 @@ def test_only_tables_are_asked_whether_their_rods_are_held(swings: list[Run]) ->
     refuse_held([run, replace(run, keep_rest=True)])
     with pytest.raises(RunError, match="held between 2 motions"):
         refuse_held([replace(run, keep_rest=False)])
+
+
+@pytest.mark.parametrize(("amplitude", "decay_s", "noise", "zero"), [(1.2, 8, 9e-3, 0.0), (1.3, 7, 2e-2, 0.15)])
+def test_a_rod_that_decays_in_a_noisy_film_is_free(amplitude: float, decay_s: float, noise: float, zero: float) -> None:
+    """Its turning points lie within a band of ten standard deviations for longer than a held interval."""
+    t = np.arange(0.0, 30.0, 1 / 30)
+    swing = np.pi + zero + amplitude * np.exp(-t / decay_s) * np.cos(4.1 * t)
+    film = swing + np.random.default_rng(0).normal(0.0, noise, len(t))
+    part = free_part(RodMotion(t, np.column_stack([film, film])), "film")
+    assert (part.start, part.stop) == (0, len(t))
+
+
+def test_a_rod_that_is_held_in_a_noisy_film_is_found() -> None:
+    t = np.arange(0.0, 20.0, 1 / 30)
+    swing = np.where((t > 8.0) & (t < 10.0), np.pi + 1.0, np.pi + 1.0 * np.cos(4.1 * t))
+    film = swing + np.random.default_rng(0).normal(0.0, 9e-3, len(t))
+    with pytest.raises(RunError, match="held between 2 motions"):
+        free_part(RodMotion(t, np.column_stack([film, film])), "film")
