@@ -123,7 +123,7 @@ def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> 
     for name, (lower, upper) in ranges.items():
         value = values[name]
         if not value > 0:
-            value = 1e-6 if name == "mb" else lower
+            value = {"mb": 1e-6, "J1": 1e-4 * lower, "J2": 1e-4 * lower}.get(name, lower)  # J: of a point mass
             if value != values[name]:
                 notes.append(
                     f"{name} is {values[name]:.6g} in the model, but a rig file needs a positive value, {value:.3g}"

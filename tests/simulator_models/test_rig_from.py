@@ -155,6 +155,20 @@ def test_what_the_file_switches_off_is_zero_and_listed(tmp_path: Path) -> None:
     assert not any("stops" in note for note in read.notes)
 
 
+def test_point_masses_keep_their_mass_matrix(tmp_path: Path) -> None:
+    link = '<inertial><origin xyz="0 0 -1"/><mass value="1"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>'
+    links = "".join(f'<link name="{name}">{link}</inertial></link>' for name in ("a", "b"))
+    joints = "".join(
+        f'<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="0 0 {z}"/><axis xyz="0 1 0"/></joint>'
+        for name, parent, child, z in (("s", "world", "a", 0), ("e", "a", "b", -1))
+    )
+    read, rig = written(tmp_path, f'<robot name="points">{links}{joints}</robot>', "points.urdf")
+    assert any("J1 is 0 in the model" in note for note in read.notes)
+    z = {name: p.nominal for name, p in rig.parameters.items()}
+    assert base(z, rig.L1, rig.g)[:5] == pytest.approx([2.0, 1.0, 1.0, 2 * 9.81, 9.81], rel=1e-5)
+
+
 def test_the_radius_of_the_arm_does_not_depend_on_the_angles_of_the_rods(tmp_path: Path) -> None:
     raised = two_hinges(arm='axis="0 0 1"').replace(
         '<body name="a" pos="0 -.2 0"', '<body name="a" pos="0 -.2 0" euler="0 70 0"'
