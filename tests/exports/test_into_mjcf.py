@@ -151,3 +151,13 @@ def test_masses_that_cannot_be_kept_are_named(start: tuple[Path, Rig]) -> None:
     path, rig = start
     with pytest.raises(ConfigError, match=r"body 'upper' would need the inertia -.* kg m\^2: correct the masses"):
         into_mjcf(model_of(identified(rig, {"l2": 1.8, "J2": 0.1, "m2": 1.8}), {}, rig.name), rig, path)
+
+
+def test_a_flag_that_switches_off_what_would_change_is_refused(tmp_path: Path) -> None:
+    flag = '<option><flag frictionloss="disable"/></option>'
+    (tmp_path / "robot.xml").write_text(ROBOT.replace("<default>", f"{flag}<default>"), encoding="utf-8")
+    rig_from_model(tmp_path / "robot.xml", tmp_path / "rig.toml")
+    rig = load_rig(tmp_path / "rig.toml")
+    with pytest.raises(ConfigError, match="a <flag> switches off what would change"):
+        into_mjcf(model_of(rig, {"coulomb_joint2": EFFECTS["coulomb_joint2"]}, rig.name), rig, tmp_path / "robot.xml")
+    assert into_mjcf(model_of(rig, {}, rig.name), rig, tmp_path / "robot.xml").changes == ()

@@ -105,8 +105,9 @@ def into_mjcf(model: Model, rig: Rig, path: Path, joints: Sequence[str] = ()) ->
         _set_gear(edits[-1], file, number, target)
     text = edits[-1].text()
     reason = (
-        f"{path}: its defaults or compiler options (inertiafromgeom, settotalmass) override the changed numbers:"
-        " save the compiled model with mj_saveLastXML, and change that"
+        f"{path}: a <flag> switches off what would change, or its defaults or compiler options (inertiafromgeom,"
+        " settotalmass) override the changed numbers: remove the flag, or save the compiled model with mj_saveLastXML,"
+        " and change that"
     )
     refuse_overridden(_read(path, file.joints, text).chain, targets, made.rods[0].length, WORDS, reason)
     changes = tuple(change for edit in edits for change in edit.changes)
