@@ -110,8 +110,8 @@ _FROM = {
 def __getattr__(name: str) -> Any:
     if name not in _FROM:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, there = _FROM[name]
-    return import_module(f"{__name__}.shown").explain(getattr(import_module(module), there), name)
+    module, attribute = _FROM[name]
+    return import_module(f"{__name__}.shown").explain(getattr(import_module(module), attribute), name)
 
 
 def __dir__() -> list[str]:

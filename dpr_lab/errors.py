@@ -58,7 +58,7 @@ def unknown_name(
         nearest: number of names listed otherwise
     """
     names = list(known)
-    shown = [worded(each) for each in names]
+    shown = [worded(identifier) for identifier in names]
     if not names:
         return f"{problem}; there are none"
     between = "; " if any("," in words for words in shown) else ", "

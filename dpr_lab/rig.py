@@ -127,8 +127,8 @@ class Rig(Shown, RigTable):
         columns = ("nominal", "lower", "upper", "measured", "std")
         values = {name: parameter.model_dump() for name, parameter in self.parameters.items()}
         cells = (
-            [name, *(f"{v:g}" if (v := of[column]) is not None else "" for column in columns)]
-            for name, of in values.items()
+            [name, *(f"{v:g}" if (v := quantity[column]) is not None else "" for column in columns)]
+            for name, quantity in values.items()
         )
         return [("parameter", *columns), *cells]
 

@@ -275,8 +275,8 @@ def elbow_turn(theta: NDArray[np.float64], mounting: Mounting, settings: Mountin
     if mounting == "both" or not len(theta):
         return 0.0
     tails = [settings.tail, 1 - settings.tail]
-    apart, outer = (float(np.diff(np.quantile(x, tails))[0]) for x in (theta[:, 2] - theta[:, 1], theta[:, 2]))
-    return apart if mounting == "clamped" else min(apart, outer)  # an absolute encoder without a rod reads a constant
+    joint2, outer = (float(np.diff(np.quantile(x, tails))[0]) for x in (theta[:, 2] - theta[:, 1], theta[:, 2]))
+    return joint2 if mounting == "clamped" else min(joint2, outer)  # an absolute encoder without a rod reads a constant
 
 
 def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tuple[float, float]]:

@@ -119,12 +119,14 @@ def mismatch(protocol_page: Mapping[str, int]) -> VersionMismatch | None:
     sides use the common ones.
     """
     major, minor = protocol_page["major"], protocol_page["minor"]
-    ours = f"{PROTOCOL_VERSION[0]}.{PROTOCOL_VERSION[1]}"
+    version = f"{PROTOCOL_VERSION[0]}.{PROTOCOL_VERSION[1]}"
     if not same_major(major):
-        return VersionMismatch(f"the device uses protocol {major}.{minor} and this dpr-lab {ours}: {_upgrade(major)}")
+        return VersionMismatch(
+            f"the device uses protocol {major}.{minor} and this dpr-lab {version}: {_upgrade(major)}"
+        )
     if not same_schema(minor, protocol_page["schema_hash"]):
         return VersionMismatch(
-            f"the device and this dpr-lab both use protocol {ours}, but from different dpr.dbc files"
+            f"the device and this dpr-lab both use protocol {version}, but from different dpr.dbc files"
             f" ({protocol_page['schema_hash']:08x} and {SCHEMA_HASH:08x}): flash the firmware built from the same"
             " dpr.dbc, or install the dpr-lab release that matches"
         )

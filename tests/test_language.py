@@ -17,6 +17,24 @@ WORDS = re.compile(
 VAGUE = {"found", "item", "told", "said", "it", "begun", "beside"}
 """Names of values that do not say what they hold."""
 
+VAGUE_LOCALS = {
+    "own",
+    "one",
+    "each",
+    "both",
+    "at",
+    "seen",
+    "kept",
+    "here",
+    "there",
+    "way",
+    "mine",
+    "some",
+    "many",
+    "how",
+}
+"""Names of variables and arguments that do not say what they hold; a field or a method may have them."""
+
 
 def test_texts_and_docstrings_are_in_plain_words() -> None:
     used = [
@@ -32,6 +50,11 @@ def test_values_have_names_that_say_what_they_hold() -> None:
     vague = [
         f"{path.relative_to(ROOT)}: {name}" for path in SOURCES for name in _defined(path) if name.strip("_") in VAGUE
     ]
+    assert vague == []
+
+
+def test_local_variables_say_what_they_hold() -> None:
+    vague = [f"{path.relative_to(ROOT)}: {name}" for path in SOURCES for name in _locals(path) if name in VAGUE_LOCALS]
     assert vague == []
 
 
@@ -62,3 +85,14 @@ def _defined(path: Path) -> Iterator[str]:
             yield node.name
         elif isinstance(node, ast.arg):
             yield node.arg
+
+
+def _locals(path: Path) -> Iterator[str]:
+    """Names that functions bind: arguments, and variables of loops and comprehensions too."""
+    for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
+            for node in ast.walk(function):
+                if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                    yield node.id
+                elif isinstance(node, ast.arg):
+                    yield node.arg

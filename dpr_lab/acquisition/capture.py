@@ -165,11 +165,11 @@ def check_encoders(device: Device, rig: Rig) -> None:
     Raises:
         ConfigError: the counts per turn differ.
     """
-    ours, theirs = rig.encoders.counts_per_rev, device.info.counts_per_rev
-    if ours != theirs:
+    of_rig, of_device = rig.encoders.counts_per_rev, device.info.counts_per_rev
+    if of_rig != of_device:
         raise ConfigError(
-            f"{rig.path or rig.name}: encoders.counts_per_rev = {list(ours)}, but the device at {device.url} has"
-            f" {list(theirs)}: correct the rig file, or choose the device that belongs to it"
+            f"{rig.path or rig.name}: encoders.counts_per_rev = {list(of_rig)}, but the device at {device.url} has"
+            f" {list(of_device)}: correct the rig file, or choose the device that belongs to it"
         )
 
 

@@ -269,9 +269,11 @@ def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) ->
         )
     if not simulated_time:
         rate = sum(steps) / (arrived[-1][0] - arrived[0][0])
-        off = abs(rate / settings.rate_hz - 1)
+        relative_error = abs(rate / settings.rate_hz - 1)
         yield Conformity(
-            "the sample rate is correct", off < settings.rate_off, f"{rate:.1f} Hz, requested {settings.rate_hz} Hz"
+            "the sample rate is correct",
+            relative_error < settings.rate_off,
+            f"{rate:.1f} Hz, requested {settings.rate_hz} Hz",
         )
         low, high = settings.reports_hz
         hz = reports / settings.timing_s

@@ -225,8 +225,8 @@ def _jitter(judged: JudgedRun) -> Check | None:
     periods = judged.run.t * judged.run.rate_hz
     if not len(periods):
         return None
-    off = periods - periods[0]
-    jitter = float(np.sqrt(np.mean((off - np.round(off)) ** 2)))
+    differences = periods - periods[0]
+    jitter = float(np.sqrt(np.mean((differences - np.round(differences)) ** 2)))
     sentence = f"the samples deviate from their grid by {jitter:.3f} periods rms (limit {limit}): irregular clock"
     return Check("jitter", jitter <= limit, jitter, limit, "periods", sentence)
 
@@ -252,20 +252,20 @@ def _clock_fit(judged: JudgedRun) -> Check | None:
     rates = clock_rates(judged.run.clock)
     std = judged.run.clock.get("rate_ppm_std", np.inf)
     if "pong" not in rates:
-        why = (
+        reason = (
             word.no_clock_fit
             or "its samples arrive at the rate of real time, although it declares its time as simulated"
         )
-        sentence = f"the device's clock could not be checked by PING and PONG ({why}): check PONG in its firmware"
+        sentence = f"the device's clock could not be checked by PING and PONG ({reason}): check PONG in its firmware"
         return Check("clock_fit", False, std, limits.clock_std_ppm, "ppm", sentence)
     (pong, _), (arrival, margin) = rates["pong"], rates.get("arrival", (0.0, np.inf))
-    apart, allowed = abs(pong - arrival), margin + 5 * std + limits.clock_ppm
-    if apart > allowed:
+    difference, allowed = abs(pong - arrival), margin + 5 * std + limits.clock_ppm
+    if difference > allowed:
         sentence = (
             f"by PONG the device's clock runs at {pong / 1e4:+.2f} %, by its samples at {arrival / 1e4:+.2f} %:"
             " check which timer PONG reads in its firmware"
         )
-        return Check("clock_fit", False, apart, allowed, "ppm", sentence)
+        return Check("clock_fit", False, difference, allowed, "ppm", sentence)
     sentence = f"PONG answers contradict each other: the clock rate has an uncertainty of {std / 1e4:.2g} %: check PONG"
     return Check("clock_fit", std <= limits.clock_std_ppm, std, limits.clock_std_ppm, "ppm", sentence)
 

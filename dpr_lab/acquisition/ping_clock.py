@@ -52,5 +52,5 @@ class PingClock:
             return fit_clock(exchanges, rate_hz), ""
         except (ValueError, ZeroDivisionError):
             frozen = f"all {len(exchanges)} PONG answers gave tick {min(ticks):.0f}"
-            few = f"{len(exchanges)} PONG answers gave only {len(ticks)} different ticks"
-            return None, frozen if len(ticks) == 1 else few
+            too_few = f"{len(exchanges)} PONG answers gave only {len(ticks)} different ticks"
+            return None, frozen if len(ticks) == 1 else too_few

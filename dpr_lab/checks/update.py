@@ -74,9 +74,9 @@ def hypotheses(diagnosis: Diagnosis, about: str) -> dict[str, float]:
     if (done := _done(diagnosis, about)) and NONE_OF_THEM in done[-1].after:
         return dict(done[-1].after)
     probabilities = candidates(diagnosis, about)
-    none = max(1.0 - sum(probabilities.values()), SETTINGS.outside)
-    whole = sum(probabilities.values()) + none
-    return {name: p / whole for name, p in (*probabilities.items(), (NONE_OF_THEM, none))}
+    outside = max(1.0 - sum(probabilities.values()), SETTINGS.outside)
+    whole = sum(probabilities.values()) + outside
+    return {name: p / whole for name, p in (*probabilities.items(), (NONE_OF_THEM, outside))}
 
 
 def _done(diagnosis: Diagnosis, about: str) -> list[CheckDone]:

@@ -73,8 +73,8 @@ def show_arm(analysis: "ArmIdentifiability") -> None:
         "Parameters and what determines them",
         ("parameter", "relative std", "determined by"),
         [
-            (name, f"{analysis.spread[name]:.1e}" if name in analysis.spread else "", FIXED_BY[how])
-            for name, how in analysis.fixed_by.items()
+            (name, f"{analysis.spread[name]:.1e}" if name in analysis.spread else "", FIXED_BY[source])
+            for name, source in analysis.fixed_by.items()
         ],
     )
     if analysis.null_space:

@@ -81,8 +81,8 @@ def show_moving_arm(model: "MovingArmModel") -> None:
     from dpr_lab.report import moving_arm
 
     line(moving_arm.summary(model))
-    what = "the inertia a of the inner rod" if model.scale == "a" else "the inertia b of the outer rod"
-    table(f"Ratios to {what}", moving_arm.RATIO_COLUMNS, moving_arm.ratio_rows(model))
+    reference = "the inertia a of the inner rod" if model.scale == "a" else "the inertia b of the outer rod"
+    table(f"Ratios to {reference}", moving_arm.RATIO_COLUMNS, moving_arm.ratio_rows(model))
     note = f"{model.scale_sentence} A is the total inertia about the arm's axis."
     table("Absolute values", moving_arm.ABSOLUTE_COLUMNS, moving_arm.absolute_rows(model), note=note)
     for name, sentence in model.undetermined.items():

@@ -135,9 +135,9 @@ class Listener:
 
         match reading:
             case HangReading(ok=False):
-                off = _degrees(reading.error[: self._rods])
+                errors = _degrees(reading.error[: self._rods])
                 say(
-                    f"the hanging rods deviate by {off} from the vertical: counts were lost, or the zero in"
+                    f"the hanging rods deviate by {errors} from the vertical: counts were lost, or the zero in"
                     f" the rig file is wrong"
                 )
             case PoseReading():

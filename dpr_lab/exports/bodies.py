@@ -69,8 +69,8 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     a, b, d, e1 = (model.base[name].value for name in ("a", "b", "d", "e1"))
     scale = b / (z["J2"] + z["m2"] * z["l2"] ** 2)
     m1, m2, mb = scale * z["m1"], scale * z["m2"], scale * z["mb"]
-    every = list(expressed.values())
-    length = model.rig.L1 + sum(words.get("added_length", 0.0) for words in every)
+    values = list(expressed.values())
+    length = model.rig.L1 + sum(words.get("added_length", 0.0) for words in values)
     moment2 = d / length
     moment1 = e1 / model.rig.g - (m2 + mb) * length
     constants = rig_constants(rig)
@@ -84,8 +84,8 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
         )
         for j in range(2)
     )  # fmt: skip
-    tilt = sum(words.get("tilt", 0.0) for words in every)
-    arm = arm_of(model, rig) if any("arm" in words for words in every) else None
+    tilt = sum(words.get("tilt", 0.0) for words in values)
+    arm = arm_of(model, rig) if any("arm" in words for words in values) else None
     return Bodies(rods, mb, model.rig.g, tilt, arm)
 
 

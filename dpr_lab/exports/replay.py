@@ -27,17 +27,17 @@ def release(run: Run, rig: Rig, model: Model, until: float | None = None, settin
     first = float(followed.preprocessed.run.t[0])
     freely = free_run_from(followed, first)
     end = min(freely.horizon_s, first + settings.length_s) if until is None else until
-    apart = max(1, round(followed.preprocessed.run.rate_hz / settings.rate_hz))
-    some = np.flatnonzero(freely.t <= end)[::apart]
+    stride = max(1, round(followed.preprocessed.run.rate_hz / settings.rate_hz))
+    samples = np.flatnonzero(freely.t <= end)[::stride]
     start = segment_start(first) if model.effects else first
     steps = start + settings.step_s * np.arange(np.ceil((end - start) / settings.step_s) + 2)
     drives = followed.preprocessed.run.setup.torques
     pushed = np.zeros((len(steps), 2)) if drives is None else drives.mean_before(steps)
     return Replay(
         run.name,
-        freely.t[some],
-        followed.preprocessed.run.theta[some, 1:],
-        freely.theta[some],
+        freely.t[samples],
+        followed.preprocessed.run.theta[samples, 1:],
+        freely.theta[samples],
         start,
         followed.estimate.initial[0],
         np.sqrt(np.diag(followed.preprocessed.noise.covariance)),

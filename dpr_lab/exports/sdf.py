@@ -72,17 +72,24 @@ def _inertial(link: Element, rod: Rod, tip_mass: float) -> None:
     """A rod, and the parts fixed to its end."""
     mass = rod.mass + tip_mass
     offset, centroid = rod.mass * rod.offset / mass, (rod.mass * rod.centroid + tip_mass * rod.length) / mass
-    apart = [(rod.mass, rod.offset, rod.centroid), (tip_mass, 0.0, rod.length)]
-    inertia = rod.inertia + sum(m * ((x - offset) ** 2 + (z - centroid) ** 2) for m, x, z in apart)
+    masses = [(rod.mass, rod.offset, rod.centroid), (tip_mass, 0.0, rod.length)]
+    inertia = rod.inertia + sum(m * ((x - offset) ** 2 + (z - centroid) ** 2) for m, x, z in masses)
     _mass(link, f"{offset!r} 0 {centroid!r}", mass, inertia, THIN)
 
 
-def _mass(link: Element, position: str, mass: float, inertia: float, along: float) -> None:
+def _mass(link: Element, position: str, mass: float, inertia: float, distance: float) -> None:
     inertial = element(link, "inertial")
     _text(inertial, "pose", f"{position} 0 0 0")
     _text(inertial, "mass", repr(mass))
     tensor = element(inertial, "inertia")
-    for name, value in (("ixx", inertia), ("iyy", inertia), ("izz", along), ("ixy", 0.0), ("ixz", 0.0), ("iyz", 0.0)):
+    for name, value in (
+        ("ixx", inertia),
+        ("iyy", inertia),
+        ("izz", distance),
+        ("ixy", 0.0),
+        ("ixz", 0.0),
+        ("iyz", 0.0),
+    ):
         _text(tensor, name, repr(value))
 
 

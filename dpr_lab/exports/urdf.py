@@ -71,9 +71,9 @@ def _link(root: Element, name: str, rod: Rod) -> None:
     element(element(visual, "geometry"), "cylinder", radius="0.006", length=repr(rod.length))
 
 
-def _inertial(link: Element, position: str, mass: float, inertia: float, along: float = THIN) -> None:
+def _inertial(link: Element, position: str, mass: float, inertia: float, distance: float = THIN) -> None:
     inertial = element(link, "inertial")
     element(inertial, "origin", xyz=position, rpy="0 0 0")
     element(inertial, "mass", value=repr(mass))
-    none = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
-    element(inertial, "inertia", ixx=repr(inertia), iyy=repr(inertia), izz=repr(along), **none)
+    products = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
+    element(inertial, "inertia", ixx=repr(inertia), iyy=repr(inertia), izz=repr(distance), **products)

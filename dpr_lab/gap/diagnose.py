@@ -127,7 +127,7 @@ def _screened(request: Request) -> ScreenedRuns:
     runs, held_out, cut = in_pieces(request.runs, request.held_out)
     request = replace(request, runs=runs, held_out=held_out)
     recordings, unseen = (
-        Recordings(tuple(record(run, request.rig) for run in some), request.rig) for some in (runs, held_out)
+        Recordings(tuple(record(run, request.rig) for run in group), request.rig) for group in (runs, held_out)
     )
     refuse_wrong_input(recordings, request.start)
     return ScreenedRuns(request=request, recordings=recordings, unseen=unseen, cut=cut)
@@ -164,8 +164,8 @@ def _selected(located: Located) -> Selected:
     located, draft = _settled(located, _drafted(located))
     selected = Selected.after(located, selection=refined(draft))
     if other := with_other_noise(selected.recordings, selected.problem, selected.selection.chosen):
-        again = _located(_fitted(replace(located, recordings=other)))
-        selected = Selected.after(again, selection=refined(_drafted(again)))
+        refitted = _located(_fitted(replace(located, recordings=other)))
+        selected = Selected.after(refitted, selection=refined(_drafted(refitted)))
     refuse_negative_scale(selected.selection.chosen.fit.estimate.ratios, selected.request.runs, selected.request.rig)
     return selected
 
@@ -179,10 +179,10 @@ def _settled(located: Located, draft: Draft, most_changes: int = 2) -> tuple[Loc
         located = _located(_fitted(replace(located, recordings=other)))
         draft = _drafted(located)
     if acts_between_rows(located.recordings, draft.model):
-        again = _located(_fitted(_sampled(located)))
-        sampled = _drafted(again)
+        refitted = _located(_fitted(_sampled(located)))
+        sampled = _drafted(refitted)
         if no_worse(draft.model, sampled.model):
-            return again, sampled
+            return refitted, sampled
     return located, draft
 
 
@@ -247,8 +247,10 @@ def _advised(before: Transferred) -> Advised:
 
 def _supported(before: Advised) -> Supported:
     _begin(before.request, "evidence")
-    of = evidence(before.recordings, before.unseen, before.problem, before.selection, before.transfer, before.free_runs)
-    return Supported.after(before, evidence=of)
+    parts = evidence(
+        before.recordings, before.unseen, before.problem, before.selection, before.transfer, before.free_runs
+    )
+    return Supported.after(before, evidence=parts)
 
 
 def applicable(library: Mapping[str, Effect], problem: Problem) -> dict[str, Effect]:

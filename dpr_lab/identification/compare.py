@@ -168,8 +168,8 @@ def _with_effects(bare: RatioFit, measured: NDArray[np.float64], rig: Rig, model
     worse = first.linear.chi2_by_segment > bare.fit.linear.chi2_by_segment
     if not worse.any():
         return RatioFit(problem, first)
-    again = start.changed(initial=np.where(worse[:, None], starts[1], first.estimate.initial))
-    second = fit(problem, again, (), iterations=15, settings=TO_THE_MINIMUM)
+    restarted = start.changed(initial=np.where(worse[:, None], starts[1], first.estimate.initial))
+    second = fit(problem, restarted, (), iterations=15, settings=TO_THE_MINIMUM)
     better = second.linear.chi2_by_segment < first.linear.chi2_by_segment
     best = np.where(better[:, None], second.estimate.initial, first.estimate.initial)
     return RatioFit(problem, fit(problem, start.changed(initial=best), (), iterations=1, settings=TO_THE_MINIMUM))

@@ -187,17 +187,17 @@ def _misread(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> list[str]:
 
 
 def _used(index: int, prepared: PreprocessedRun, ratio_fit: RatioFit) -> RunUsed:
-    run, mine = prepared.run, np.flatnonzero(ratio_fit.problem.segments.run == index)
+    run, segments = prepared.run, np.flatnonzero(ratio_fit.problem.segments.run == index)
     return RunUsed(
         file=str(run.file or run.name),
         sha256=run.sha256,
         pose=run.pose,
         samples=len(run.t),
         duration_s=run.duration,
-        chi2_per_dof=float(ratio_fit.fit.linear.chi2_by_segment[mine].sum())
-        / ((1 if run.setup.alone else 2) * len(run.t) - run.setup.starts * len(mine)),
-        segments=len(mine),
-        horizon_s=predictable_until(ratio_fit, int(mine[0]), run.t),
+        chi2_per_dof=float(ratio_fit.fit.linear.chi2_by_segment[segments].sum())
+        / ((1 if run.setup.alone else 2) * len(run.t) - run.setup.starts * len(segments)),
+        segments=len(segments),
+        horizon_s=predictable_until(ratio_fit, int(segments[0]), run.t),
         torque_kind=run.torque_kind,
         zeros_rad=ratio_fit.fit.estimate.zeros[index].tolist() if ratio_fit.problem.rezeroed else [],
     )

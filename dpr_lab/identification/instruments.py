@@ -131,22 +131,24 @@ def _weigh(name: str, part: str) -> Instrument:
 
 
 def _balance(name: str, part: str) -> Instrument:
-    how = f"balance {part} on an edge and measure from pivot to edge to 0.5 mm"
+    instruction = f"balance {part} on an edge and measure from pivot to edge to 0.5 mm"
     quantity = BenchReading(f"distance from pivot to centroid of {part}", "m", name)
-    return Instrument(f"balance {name}", (name,), (BENCH.rule_m,), how, quantity, _one_parameter)
+    return Instrument(f"balance {name}", (name,), (BENCH.rule_m,), instruction, quantity, _one_parameter)
 
 
 def _swing(rod: int, part: str) -> Instrument:
-    how = f"hang {part} alone from its pivot and time twenty small swings to 0.02 s"
+    instruction = f"hang {part} alone from its pivot and time twenty small swings to 0.02 s"
     parameters, equal = (f"l{rod}", f"m{rod}", f"J{rod}"), f"J{rod} / (m{rod} l{rod}) + l{rod} = g (T / 2 pi)^2"
     quantity = BenchReading(f"length of the simple pendulum with the period T of {part}, {equal}", "m", f"h{rod}")
-    return Instrument(f"swing rod {rod} alone", parameters, (BENCH.swings_m,), how, quantity, _rod_alone)
+    return Instrument(f"swing rod {rod} alone", parameters, (BENCH.swings_m,), instruction, quantity, _rod_alone)
 
 
 def _add_mass(rod: int, place: str, answer: Answer) -> Instrument:
-    how = f"repeat the first pose's release with a weighed mass, about half of m2, fixed to {place}"
+    instruction = f"repeat the first pose's release with a weighed mass, about half of m2, fixed to {place}"
     quantity = BenchReading(f"added mass, fixed to {place}", "kg", "added mass")
-    return Instrument(f"add mass to rod {rod}", PARAMETERS, (BENCH.scale_kg, BENCH.rule_m), how, quantity, answer)
+    return Instrument(
+        f"add mass to rod {rod}", PARAMETERS, (BENCH.scale_kg, BENCH.rule_m), instruction, quantity, answer
+    )
 
 
 INSTRUMENTS = (

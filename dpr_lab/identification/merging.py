@@ -147,10 +147,10 @@ def _followed(ratio_fit: RatioFit, index: int, tolerance: float) -> int:
     t = np.concatenate([ratio_fit.problem.t[begin:passed], ratio_fit.problem.t[border:end]])
     angles = _states(ratio_fit, index, t, float(layout.step[index]))[passed - begin :, :2]
     zeros = ratio_fit.fit.estimate.zeros[layout.run[index]] if ratio_fit.problem.rezeroed else 0.0
-    off = np.abs(angles - ratio_fit.problem.joints.to_rods(ratio_fit.problem.measured[border:end] - zeros))
-    off = off[:, : 1 + int(ratio_fit.problem.read[border:end, 1].any())].max(axis=1)
-    departed = np.flatnonzero(~(off < tolerance))
-    return int(departed[0]) if len(departed) else len(off)
+    errors = np.abs(angles - ratio_fit.problem.joints.to_rods(ratio_fit.problem.measured[border:end] - zeros))
+    errors = errors[:, : 1 + int(ratio_fit.problem.read[border:end, 1].any())].max(axis=1)
+    departed = np.flatnonzero(~(errors < tolerance))
+    return int(departed[0]) if len(departed) else len(errors)
 
 
 def _states(ratio_fit: RatioFit, index: int, t: Array, step: float) -> Array:

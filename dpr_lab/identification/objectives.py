@@ -150,8 +150,8 @@ def _as_one(
     """
     a, b, d, e1, c1, _ = bases.T
     pull = e1 + d * g / L1 * np.exp(1j * elbow)
-    inertia, nothing = a + b + 2 * d * np.cos(elbow), np.zeros_like(a)
-    return np.stack([inertia, inertia, nothing, np.abs(pull), c1, nothing], axis=1), np.angle(pull)
+    inertia, zeros = a + b + 2 * d * np.cos(elbow), np.zeros_like(a)
+    return np.stack([inertia, inertia, zeros, np.abs(pull), c1, zeros], axis=1), np.angle(pull)
 
 
 def _seen_as_one(prepared: "PreprocessedRun", rig: Rig) -> "PreprocessedRun":

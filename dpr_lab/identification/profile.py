@@ -67,9 +67,9 @@ def _end(ratio_fit: RatioFit, sure: RatioUncertainty, index: int, unit: float) -
 def _chi2_at(ratio_fit: RatioFit, sure: RatioUncertainty, index: int, value: float) -> float:
     """Minimum chi-square with one unknown fixed, starting from the solution of the linear problem."""
     free = sure.values > 0
-    along = np.zeros(len(free))
-    along[free] = np.linalg.inv(sure.information[np.ix_(free, free)])[:, np.count_nonzero(free[:index])]
-    step = along / along[index] * (value - sure.values[index])
+    direction = np.zeros(len(free))
+    direction[free] = np.linalg.inv(sure.information[np.ix_(free, free)])[:, np.count_nonzero(free[:index])]
+    step = direction / direction[index] * (value - sure.values[index])
     estimate = ratio_fit.fit.estimate
     ratios = estimate.ratios.copy()
     ratios[list(ratio_fit.visible)] = np.maximum(sure.values + step, 0.0)

@@ -125,8 +125,8 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     blocks = len(free_scores) / max(len(free_scores) - len(free), 1) * bread @ free_scores.T @ free_scores @ bread
     variance = np.maximum(np.diag(white), np.diag(blocks))
     if ratio_fit.chi2_per_dof > SETTINGS.misfit:
-        apart = SETTINGS.halves * _halves_apart(ratio_fit.problem, H, np.einsum("smi,sm->si", A, e))[free]
-        variance = np.maximum(variance, (apart / 2 / ndtri(0.95)) ** 2)
+        difference = SETTINGS.halves * _halves_apart(ratio_fit.problem, H, np.einsum("smi,sm->si", A, e))[free]
+        variance = np.maximum(variance, (difference / 2 / ndtri(0.95)) ** 2)
     before = np.diag(np.linalg.inv(prior))[free] if prior.any() else np.inf
     variance = np.maximum(np.minimum(variance, before), np.diag(white))
     widen = np.sqrt(variance / np.diag(white))
@@ -145,8 +145,8 @@ def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: NDArray[np.boo
     """
     problem, estimate = ratio_fit.problem, ratio_fit.fit.estimate
     alone = any(setup.alone for setup in problem.segments.setups)
-    every = (*range(len(RATIOS)), *([ON_ELBOW] if alone else []))
-    unseen = [place for place in every if place not in ratio_fit.visible]
+    ratios_and_b = (*range(len(RATIOS)), *([ON_ELBOW] if alone else []))
+    unseen = [place for place in ratios_and_b if place not in ratio_fit.visible]
     if problem.prior is None or not unseen:
         return np.zeros_like(bread)
     slopes = linearise(problem, estimate, ratio_parameters(estimate, unseen)).A

@@ -71,8 +71,8 @@ def near(
 
 def placements(release: CandidateRelease, std: float, count: int, rng: np.random.Generator) -> list[CandidateRelease]:
     """Copies of the release with random placement errors of the start pose."""
-    off = std * rng.standard_normal((count, 2))
-    return [replace(release, theta1=release.theta1 + a, theta2=release.theta2 + b) for a, b in off.tolist()]
+    errors = std * rng.standard_normal((count, 2))
+    return [replace(release, theta1=release.theta1 + a, theta2=release.theta2 + b) for a, b in errors.tolist()]
 
 
 def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> float:

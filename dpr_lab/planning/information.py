@@ -139,10 +139,10 @@ def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Pr
     A segment starts `PAD`, one sample, before its first sample; the first one starts at the release.
     """
     path, rate = simulated_states(batch, model), SWING.rate_hz
-    length, apart = round(LENGTHS.working * rate), SWING.path_hz // rate
-    count = (path.shape[1] - 1) // apart // length
+    length, stride = round(LENGTHS.working * rate), SWING.path_hz // rate
+    count = (path.shape[1] - 1) // stride // length
     instants = [(k * length + np.arange(1, length + 1)) / rate for k in range(count)]
-    states = path[:, np.arange(count) * length * apart].reshape(-1, path.shape[2])
+    states = path[:, np.arange(count) * length * stride].reshape(-1, path.shape[2])
     run = np.repeat(np.arange(len(batch)), count)
     cut = segments(instants * len(batch), run, [release.setup for release in batch], SWING.step_s)
     weight = _weight(batch, model, count * length)

@@ -105,8 +105,8 @@ class Planner:
         parts = list(mountings(self.objective.known.rig, self.limits))
         releases = list[CandidateRelease]()
         for k, mounting in enumerate(parts):
-            apart = 1 if k == 0 else min(len(parts), SEARCH.best)
-            releases += [_swing(a, b, duration, mounting) for a, b in poses[k % apart :: apart]]
+            stride = 1 if k == 0 else min(len(parts), SEARCH.best)
+            releases += [_swing(a, b, duration, mounting) for a, b in poses[k % stride :: stride]]
         return self._informed([*releases, *self.signals])
 
     def _informed(self, releases: Sequence[CandidateRelease], durations: Sequence[float] = ()) -> list[Informed]:

@@ -62,11 +62,11 @@ def simulated_distance(
         if not np.isfinite(linear.residual).all():
             return None
         A, e = linear.flat
-        off = np.array([c.read(expected) - c.read(estimate) for c in columns])
-        step = np.asarray(np.linalg.solve(A.T @ A + F, A.T @ e + F @ off), dtype=np.float64)
+        deviation = np.array([c.read(expected) - c.read(estimate) for c in columns])
+        step = np.asarray(np.linalg.solve(A.T @ A + F, A.T @ e + F @ deviation), dtype=np.float64)
         estimate = moved(estimate, columns, step, linear.initial_steps(step))
-    off = np.array([c.read(estimate) - c.read(expected) for c in columns])
-    distance = problem.chi2(estimate) + off @ F @ off
+    deviation = np.array([c.read(estimate) - c.read(expected) for c in columns])
+    distance = problem.chi2(estimate) + deviation @ F @ deviation
     return float(distance / known.inflation) if np.isfinite(distance) else None
 
 

@@ -39,8 +39,8 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     after = np.cumsum([known.information, *(step.information for step in steps)], axis=0)
     reasons = _reasons(objective, after)
     releases = [
-        _planned(k, step, after[k], objective, why.text)
-        for k, (step, why) in enumerate(zip(steps, reasons, strict=True), 1)
+        _planned(k, step, after[k], objective, reason.text)
+        for k, (step, reason) in enumerate(zip(steps, reasons, strict=True), 1)
     ]
     stuck = _inseparable(objective, steps)
     state = _state(known, stuck)
@@ -69,14 +69,14 @@ def _reasons(objective: Objective, after: Array) -> list[Reason]:
     ]
 
 
-def _planned(number: int, step: SequenceStep, F: Array, objective: Objective, why: str) -> PlannedRelease:
+def _planned(number: int, step: SequenceStep, F: Array, objective: Objective, reason: str) -> PlannedRelease:
     release, known = step.release, objective.known
     share = 1.0 if step.simulated is None else min(step.simulated, 1.0)
     gained = [share * d2 for d2 in objective.gained(F)]
     planned = PlannedRelease(
         number=number,
         text=release.words + ", arm clamped" * (release.arm == "held" and known.rig.arm.mode != "clamped"),
-        reason=why,
+        reason=reason,
         theta1_rad=release.theta1,
         theta2_rad=float(release.start[1]),
         duration_s=release.duration_s,

@@ -27,8 +27,8 @@ def trace(
     points_kept = _extremes(y, points)
     breaks = _gaps(t, gap_steps)
     middle = (t[breaks] + t[breaks + 1]) / 2
-    where = np.searchsorted(points_kept, breaks, side="right")
-    return np.insert(t[points_kept], where, middle), np.insert(y[points_kept], where, np.nan)
+    positions = np.searchsorted(points_kept, breaks, side="right")
+    return np.insert(t[points_kept], positions, middle), np.insert(y[points_kept], positions, np.nan)
 
 
 def _extremes(y: NDArray[np.float64], points: int) -> NDArray[np.intp]:

@@ -273,8 +273,8 @@ def _others(model: SimulatorModel, indices: Sequence[int], notes: list[str]) -> 
     for index, part in enumerate(model.parts):
         if part.joint is not None and index not in indices:
             below = _carrier(model, index, set(indices)) >= 0
-            where = f"; {part.mass:.6g} kg turn with the rods" if below and part.mass else ""
-            notes.append(f"joint {part.joint.name!r} ({part.joint.kind}) is treated as fixed at zero{where}")
+            location = f"; {part.mass:.6g} kg turn with the rods" if below and part.mass else ""
+            notes.append(f"joint {part.joint.name!r} ({part.joint.kind}) is treated as fixed at zero{location}")
 
 
 def _fixed_to(model: SimulatorModel, index: int, chain: set[int]) -> list[Part]:
@@ -314,34 +314,36 @@ def _inner(
 ) -> tuple[ChainRod, float]:
     """The inner rod, and its angle at zero of its joint."""
     joint, next_joint = joints
-    to = plane @ (next_joint.anchor - joint.anchor)
-    length = float(np.linalg.norm(to))
+    towards = plane @ (next_joint.anchor - joint.anchor)
+    length = float(np.linalg.norm(towards))
     mass, centroid, inertia = _sum_of(parts)
     place = plane @ (centroid - joint.anchor)
-    along, offset = float(place @ to) / length, float(to[0] * place[1] - to[1] * place[0]) / length
-    if not along > 0:
+    distance, offset = float(place @ towards) / length, float(towards[0] * place[1] - towards[1] * place[0]) / length
+    if not distance > 0:
         raise ConfigError(
-            f"the centroid of the inner rod is {-along:.3g} m behind {joint.name!r}: l1 must be above zero"
+            f"the centroid of the inner rod is {-distance:.3g} m behind {joint.name!r}: l1 must be above zero"
         )
-    about = float(e @ (inertia + sum((part.inertia for part in at_elbow), np.zeros((3, 3)))) @ e)
-    angle, side = math.atan2(to[1], to[0]), 1 if joint.axis @ e > 0 else -1
+    inertia_about_joint = float(e @ (inertia + sum((part.inertia for part in at_elbow), np.zeros((3, 3)))) @ e)
+    angle, side = math.atan2(towards[1], towards[0]), 1 if joint.axis @ e > 0 else -1
     hanging = _wrapped(side * (math.pi - angle))
-    return ChainRod(joint, mass, along, about, length, hanging, side, plane.T @ to / length, offset), angle
+    return ChainRod(
+        joint, mass, distance, inertia_about_joint, length, hanging, side, plane.T @ towards / length, offset
+    ), angle
 
 
 def _outer(parts: Sequence[Part], joint: ModelJoint, plane: Vector, e: Vector, inner: float) -> ChainRod:
     """The outer rod, whose direction is that of its centroid; `inner` is the angle of the inner rod, rad."""
     mass, centroid, inertia = _sum_of(parts)
-    to = plane @ (centroid - joint.anchor)
-    distance = float(np.linalg.norm(to))
+    towards = plane @ (centroid - joint.anchor)
+    distance = float(np.linalg.norm(towards))
     if not distance > 1e-6:
         raise ConfigError(f"the centroid of the outer rod is on the axis of {joint.name!r}: it does not swing")
-    reach = [float(plane @ (end - joint.anchor) @ to) / distance for part in parts for end in part.ends]
+    reach = [float(plane @ (end - joint.anchor) @ towards) / distance for part in parts for end in part.ends]
     length, side = max(reach, default=0.0), 1 if joint.axis @ e > 0 else -1
-    hanging = _wrapped(side * (inner - math.atan2(to[1], to[0])))
-    about = float(e @ inertia @ e)
+    hanging = _wrapped(side * (inner - math.atan2(towards[1], towards[0])))
+    inertia_about_joint = float(e @ inertia @ e)
     tip = length if length > distance else None
-    return ChainRod(joint, mass, distance, about, tip, hanging, side, plane.T @ to / distance)
+    return ChainRod(joint, mass, distance, inertia_about_joint, tip, hanging, side, plane.T @ towards / distance)
 
 
 def _wrapped(angle: float) -> float:
@@ -388,7 +390,7 @@ def _arm(
     _refuse_tilted(joint, up, "the vertical", notes)
     mass, centre, inertia = _sum_of(groups[2])
     r = centre - joint.anchor
-    about = float(up @ inertia @ up + mass * (r @ r - (r @ up) ** 2))
+    inertia_about_axis = float(up @ inertia @ up + mass * (r @ r - (r @ up) ** 2))
     length = float(abs((_sum_of([*groups[0], *groups[1]])[1] - joint.anchor) @ e))
     if not length > 1e-6:
         raise ConfigError(f"the rods are on the axis of the arm {joint.name!r}: L0 would be zero")
@@ -398,4 +400,4 @@ def _arm(
     apart = float(abs((_sum_of(groups[0])[1] - _sum_of(groups[1])[1]) @ e))
     if apart > 1e-3 * length:
         notes.append(f"the rods are {1e3 * apart:.3g} mm apart along the arm: L0 is the distance of their centroid")
-    return ChainArm(joint, length, about, 1 if joint.axis @ up > 0 else -1)
+    return ChainArm(joint, length, inertia_about_axis, 1 if joint.axis @ up > 0 else -1)

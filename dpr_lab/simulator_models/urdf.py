@@ -175,8 +175,8 @@ def _ends(link: Element) -> tuple[Vector, ...]:
     for shape in (*link.findall("visual"), *link.findall("collision")):
         try:
             origin = shape.find("origin")
-            where = {} if origin is None else origin.attrib
-            position, axes = _numbers(where.get("xyz"), "0 0 0"), frame(*_numbers(where.get("rpy"), "0 0 0"))
+            attributes = {} if origin is None else origin.attrib
+            position, axes = _numbers(attributes.get("xyz"), "0 0 0"), frame(*_numbers(attributes.get("rpy"), "0 0 0"))
             for solid in shape.iterfind("geometry/cylinder"):
                 points += [position + sign * axes[:, 2] * float(solid.get("length", "nan")) / 2 for sign in (1, -1)]
             for solid in shape.iterfind("geometry/box"):

@@ -214,8 +214,8 @@ def full_turns(rig: Rig, pose: str | None, t: NDArray[np.float64], theta: NDArra
     """(3,) whole turns to subtract, rad, so that each rod lies within pi of the pose at t = 0; zero without a pose."""
     turns = np.zeros(3)
     if pose is not None:
-        off = theta[np.argmin(np.abs(t))] - rig.poses[pose].theta
-        turns[1:] = 2 * np.pi * np.round(off[1:] / (2 * np.pi))
+        difference = theta[np.argmin(np.abs(t))] - rig.poses[pose].theta
+        turns[1:] = 2 * np.pi * np.round(difference[1:] / (2 * np.pi))
     return turns
 
 

@@ -51,8 +51,8 @@ def message_texts(records: bytes) -> tuple[int, Bytes] | None:
     if first["kind"][0] != Opcode.MESSAGE or width < _HEAD.itemsize or len(records) % width:
         return None
     rows = np.frombuffer(records, dtype=np.uint8).reshape(-1, width)
-    same = slice(0, 11)  # kind, length and channel
-    if not (rows[:, same] == rows[0, same]).all():
+    constant = slice(0, 11)  # kind, length and channel
+    if not (rows[:, constant] == rows[0, constant]).all():
         return None
     return int(first["channel"][0]), rows[:, _HEAD.itemsize :]
 
@@ -123,8 +123,8 @@ def _fixed(scaled: NDArray[np.int64], decimals: int) -> Bytes:
 _NUMBER = rb" *(-?\d+(?:\.\d+)?)"
 
 
-def _vector(key: str, of: int) -> bytes:
-    return rb',"%s":\[' % key.encode() + rb",".join([_NUMBER] * of) + rb"\]"
+def _vector(key: str, size: int) -> bytes:
+    return rb',"%s":\[' % key.encode() + rb",".join([_NUMBER] * size) + rb"\]"
 
 
 _SAMPLE = re.compile(
@@ -147,9 +147,9 @@ def sample_columns(texts: Bytes) -> list[NDArray[np.float64] | NDArray[np.int64]
         numbers[max(start, 0) : max(stop, 0)] = True
     if not (texts[:, ~numbers] == texts[0, ~numbers]).all():
         return None
-    there = [start >= 0 for start, _ in spans]
-    columns = [_numbers(texts[:, slice(*span)]) if known else None for span, known in zip(spans, there, strict=True)]
-    return columns if [column is not None for column in columns] == there else None
+    present = [start >= 0 for start, _ in spans]
+    columns = [_numbers(texts[:, slice(*span)]) if known else None for span, known in zip(spans, present, strict=True)]
+    return columns if [column is not None for column in columns] == present else None
 
 
 def _with_blanks(row: Bytes, start: int, stop: int) -> tuple[int, int]:

@@ -141,8 +141,8 @@ class Gathered:
 
 def _stacked(columns: Sequence[NDArray[Any] | None]) -> NDArray[Any] | None:
     """(n, k) values of k columns; None if they are missing."""
-    there = [column for column in columns if column is not None]
-    return np.column_stack(there) if there else None
+    present = [column for column in columns if column is not None]
+    return np.column_stack(present) if present else None
 
 
 def _whole(values: list[Any], shape: tuple[int, ...]) -> NDArray[np.int64]:

@@ -200,14 +200,14 @@ def over_limit(sizes: Mapping[str, float], least: Mapping[str, float | None]) ->
 
 def _faults(truth: Truth) -> list[str]:
     """Expected sensor findings for the encoders of the plant."""
-    there = {
+    hidden_faults = {
         "undithered_quantisation": truth.encoders["step_counts"] > 1,
         "jitter": truth.encoders["jitter_ms"] > 0,
         "repeated_sample": truth.encoders["repeated_share"] > 0 or truth.encoders.get("stale_every", 0) > 0,
         "periodic_delay": truth.encoders.get("late_every", 0) > 0,
         "gap": truth.encoders["missing_share"] > 0 or truth.encoders.get("lost_for_s", 0) > 0,
     }
-    return [name for name, is_there in there.items() if is_there]
+    return [name for name, is_there in hidden_faults.items() if is_there]
 
 
 def cause_named(effect: Json, truth: Truth) -> int | None:

@@ -117,8 +117,8 @@ def _recorded(plant: HeldPlant, rig: Rig, release: CandidateRelease) -> Run:
         wanted["added_mass"] = release.added.model_dump()
     recording = plant.record(wanted)
     pose = Pose(theta1=release.theta1, theta2=release.theta2)
-    there = rig.model_copy(update={"poses": {recording["pose"]: pose}, "added_mass": release.added})
-    return replace(run_of(recording, there), rig_sha256=rig.sha256)
+    rig_there = rig.model_copy(update={"poses": {recording["pose"]: pose}, "added_mass": release.added})
+    return replace(run_of(recording, rig_there), rig_sha256=rig.sha256)
 
 
 def _judged(looks: Sequence[SequentialLook], truth: Truth, rig: Rig) -> dict[str, Any]:

@@ -66,10 +66,11 @@ def summary(outcomes: Sequence[TrialOutcome]) -> dict[str, Any]:
     shares = {name: (_among(outcomes, whom), holds) for name, (whom, holds) in SHARES.items()}
     return {
         "trials": len(outcomes),
-        **{name: share(some, holds) for name, (some, holds) in shares.items()},
-        "of": {name: len(some) for name, (some, _) in shares.items()},
+        **{name: share(group, holds) for name, (group, holds) in shares.items()},
+        "of": {name: len(group) for name, (group, _) in shares.items()},
         "interval90": {
-            name: wilson90(sum(map(holds, some)), len(some)) if some else None for name, (some, holds) in shares.items()
+            name: wilson90(sum(map(holds, group)), len(group)) if group else None
+            for name, (group, holds) in shares.items()
         },
         "explained_share": _median([o.explained_share for o in outcomes if o.truth]),
         **size_errors(sizes),
@@ -128,9 +129,9 @@ def by_kind(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
     for o in outcomes:
         groups.setdefault((o.kind, o.level), []).append(o)
     return [
-        {"kind": kind, "level": level, "trials": len(some)}
-        | {name: share(_among(some, whom), holds) for name, (whom, holds) in SHARES.items()}
-        for (kind, level), some in sorted(groups.items())
+        {"kind": kind, "level": level, "trials": len(group)}
+        | {name: share(_among(group, whom), holds) for name, (whom, holds) in SHARES.items()}
+        for (kind, level), group in sorted(groups.items())
     ]
 
 
@@ -138,16 +139,16 @@ def by_effect(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
     """One row for each hidden effect: how often it was named, and scores of the trials in which it is the largest."""
     rows: list[dict[str, Any]] = []
     for name in sorted({cause.name for o in outcomes for cause in o.causes}):
-        there = [o for o in outcomes if name in o.truth]
-        leads = [o for o in there if o.truth[0] == name]
+        with_effect = [o for o in outcomes if name in o.truth]
+        leads = [o for o in with_effect if o.truth[0] == name]
         rows.append(
             {
                 "effect": name,
-                "trials": len(there),
-                "named": float(np.mean([cause.named for o in there for cause in o.causes if cause.name == name])),
+                "trials": len(with_effect),
+                "named": float(np.mean([cause.named for o in with_effect for cause in o.causes if cause.name == name])),
                 "first": share(leads, lambda o: o.first),
                 "exact": share(leads, lambda o: o.exact),
-                **size_errors([size for o in there for size in o.sizes if size.effect == name]),
+                **size_errors([size for o in with_effect for size in o.sizes if size.effect == name]),
             }
         )
     return rows

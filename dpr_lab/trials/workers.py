@@ -56,8 +56,8 @@ def on_this_machine(run: CaseFunction, cases: Sequence[Case], processes: int) ->
     compiling_simulator()
     try:
         with worker_pool(processes) as pool:
-            for some in (cases[:1], cases[1:]):
-                pending = {pool.submit(run, case): case for case in some}
+            for batch in (cases[:1], cases[1:]):
+                pending = {pool.submit(run, case): case for case in batch}
                 for future in as_completed(pending):
                     yield pending[future], _result(future)
     except BrokenProcessPool as error:

@@ -19,9 +19,9 @@ class PathSuggester(Suggester):
     async def get_suggestion(self, value: str) -> str | None:
         """The completed input."""
         folder, _, prefix = value.rpartition("/")
-        where = Path(f"{folder}/" if "/" in value else ".").expanduser()
+        base = Path(f"{folder}/" if "/" in value else ".").expanduser()
         try:
-            names = sorted(path for path in where.iterdir() if path.name.startswith(prefix))
+            names = sorted(path for path in base.iterdir() if path.name.startswith(prefix))
         except OSError:
             return None
         fit = (path for path in names if path.is_dir() or self._suffix in ("*", path.suffix or None))

@@ -35,9 +35,9 @@ def refuse_folder(out: Path) -> None:
 
 def _refuse_unwritable(folder: Path, least_bytes: int = 1 << 16) -> None:
     """Try to write in the folder, or in the nearest existing parent."""
-    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     try:
-        with TemporaryFile(dir=there) as probe:
+        with TemporaryFile(dir=existing) as probe:
             probe.write(bytes(least_bytes))
     except OSError as error:
         raise ConfigError(f"{folder}: cannot be written: {error.strerror}: choose another folder with --out") from error

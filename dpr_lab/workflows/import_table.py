@@ -67,9 +67,9 @@ def import_table(request: ImportRequest, on_event: OnEvent = ignore) -> ImportRe
     from dpr_lab.storage.csv_import import table_name, write_run
     from dpr_lab.storage.tables.understand import understand
 
-    to = request.out
-    named = to.suffix == ".mcap" and not to.is_dir()
-    file = to if named else _unused(to, table_name(request.table))
+    target = request.out
+    named = target.suffix == ".mcap" and not target.is_dir()
+    file = target if named else _unused(target, table_name(request.table))
     rig = with_rods(load_rig(request.rig), request.rods, request.elbow)
     swing = understand(request.table, rig, request.options, on_event)
     write_run(request.table, rig, swing, file, on_event)

@@ -185,10 +185,10 @@ def _zeros(chain: "ModelChain", counts: int, notes: list[str]) -> list[int]:
     for rod in chain.rods:
         exact = rod.hanging * counts / (2 * math.pi)
         zeros.append(round(exact))
-        if abs(off := exact - round(exact)) > 1e-6:
+        if abs(excess := exact - round(exact)) > 1e-6:
             notes.append(
                 f"joint {rod.joint.name!r} hangs at {rod.hanging:.6g} rad: the rounding of zero_counts is"
-                f" {1e3 * off * 2 * math.pi / counts:.2g} mrad"
+                f" {1e3 * excess * 2 * math.pi / counts:.2g} mrad"
             )
     return zeros
 

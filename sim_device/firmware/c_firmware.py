@@ -164,9 +164,9 @@ class Firmware:
         rows = self._rows(readings, torques, inputs)
         frames: list[Frame] = []
         for first in range(0, max(len(rows), 1), READINGS):
-            some = rows[first : first + READINGS]
-            pointer = some.ctypes.data_as(POINTER(c_int32))
-            self._library.dpr_host_poll(self._host, millis & 0xFFFFFFFF, pointer, len(some))
+            batch = rows[first : first + READINGS]
+            pointer = batch.ctypes.data_as(POINTER(c_int32))
+            self._library.dpr_host_poll(self._host, millis & 0xFFFFFFFF, pointer, len(batch))
             frames += self._taken()
         return frames
 

@@ -152,8 +152,8 @@ def _linearised(
 ) -> tuple[Array, Array]:
     """(N, 3) readings and (N, 3, k) their derivatives by ln of some parameters and by some states of each segment."""
     parameters, states = moving
-    many = 1 + len(parameters) + len(states)
-    candidates, initial = np.tile(values, (many, 1)), np.tile(starts, (many, 1, 1))
+    count = 1 + len(parameters) + len(states)
+    candidates, initial = np.tile(values, (count, 1)), np.tile(starts, (count, 1, 1))
     for row, place in enumerate(parameters, 1):
         candidates[row, place] *= 1.0 + STEP
     for row, place in enumerate(states, 1 + len(parameters)):

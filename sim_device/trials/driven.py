@@ -109,17 +109,20 @@ def drawn_fault(seed: int, wanted: EffectRequest = ANY_FAULT) -> DriveFault | No
     return None if name is None else DriveFault(name, FAULTS[name](size, rng))
 
 
-def driven(plant: PlantConfig, fault: DriveFault | None, how: Driving = DRIVING) -> PlantConfig:
+def driven(plant: PlantConfig, fault: DriveFault | None, settings: Driving = DRIVING) -> PlantConfig:
     """The plant with drives that have a fault, or none."""
-    drives = DriveConfig(noise_Nm=how.noise_Nm, **(fault.drives if fault else {}))
+    drives = DriveConfig(noise_Nm=settings.noise_Nm, **(fault.drives if fault else {}))
     return plant.model_copy(update={"drives": drives})
 
 
-def drawn_drives(plant: PlantConfig, how: Driving = DRIVING) -> JointDrives:
+def drawn_drives(plant: PlantConfig, settings: Driving = DRIVING) -> JointDrives:
     """The plant's drives with a table of torques that is drawn from its seed."""
-    rng, t = generator(plant.seed, RandomStream.DRIVES), np.arange(0.0, how.length_s, how.row_s)
-    size, phase = rng.uniform(0, how.largest_Nm, (how.tones, 2)), rng.uniform(0, 2 * np.pi, (how.tones, 2))
-    turn = 2 * np.pi * rng.uniform(0.2, how.highest_hz, (how.tones, 2))
+    rng, t = generator(plant.seed, RandomStream.DRIVES), np.arange(0.0, settings.length_s, settings.row_s)
+    size, phase = (
+        rng.uniform(0, settings.largest_Nm, (settings.tones, 2)),
+        rng.uniform(0, 2 * np.pi, (settings.tones, 2)),
+    )
+    turn = 2 * np.pi * rng.uniform(0.2, settings.highest_hz, (settings.tones, 2))
     joints = np.sum(size * np.sin(turn * t[:, None, None] + phase), axis=1)
     return JointDrives(t, joints, plant.drives, plant.seed)
 

@@ -85,8 +85,8 @@ def predictive_band(
     swing = run.swing
     first = float(swing.t[0])
     end = min(free_run_from(follow(run, rig, model), first).horizon_s, first + settings.length_s)
-    apart = max(1, round((len(swing.t) - 1) / max(float(swing.t[-1]) - first, 1e-9) / settings.rate_hz))
-    t = swing.t[(swing.t > first + settings.start_s) & (swing.t <= end)][::apart]
+    stride = max(1, round((len(swing.t) - 1) / max(float(swing.t[-1]) - first, 1e-9) / settings.rate_hz))
+    t = swing.t[(swing.t > first + settings.start_s) & (swing.t <= end)][::stride]
     head = run.only(run.t < first + settings.start_s + 1e-9)
     drawn = np.array([_swing(follow(head, rig, member), first, t, rng) for member in members])
     tail = (1 - settings.level) / 2

@@ -113,7 +113,7 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     file = {name: {key: 0.0 for key in values} | _in_file(chain, name) for name, values in effects.items()}
     for name in list(effects):
         without = {**effects, name: file[name]}
-        models = (_with(model, chain, base, some) for some in (effects, without))
+        models = (_with(model, chain, base, of_effects) for of_effects in (effects, without))
         error, more = (_error(candidate, runs, rig) for candidate in models)
         if more < (1 + CHANGE.felt) * error:
             effects = {other: values for other, values in without.items() if any(values.values())}
@@ -209,11 +209,14 @@ def _with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: fl
             for in_file, other in zip(file, estimated, strict=True)
         )
         mass = chain.rods[number].mass
-        about = inertia + mass * centroid**2
+        inertia_about_joint = inertia + mass * centroid**2
         if number:
-            changed[places] = about, mass * length * centroid
+            changed[places] = inertia_about_joint, mass * length * centroid
         else:
-            changed[places] = about + carried * length**2, (mass * centroid + carried * length) * chain.gravity
+            changed[places] = (
+                inertia_about_joint + carried * length**2,
+                (mass * centroid + carried * length) * chain.gravity,
+            )
     return changed
 
 
@@ -343,8 +346,8 @@ def _bodies(chain: ModelChain, base: Array, longer: float) -> tuple[tuple[float,
     a, b, d, e1 = base[:4]
     length, carried = (inner.length or 0.0) + longer, outer.mass + chain.elbow_mass
     first, second = (e1 / chain.gravity - carried * length) / inner.mass, d / (outer.mass * length)
-    about = a - carried * length**2 - inner.mass * first**2, b - outer.mass * second**2
-    return (first, about[0]), (second, about[1])
+    inertias = a - carried * length**2 - inner.mass * first**2, b - outer.mass * second**2
+    return (first, inertias[0]), (second, inertias[1])
 
 
 def _shares(

@@ -116,9 +116,9 @@ def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> t
     targets = []
     for rod_in_file, rod, moved, held in zip(chain.rods, rods, tips, friction, strict=True):
         moment = rod.mass * rod.centroid + moved * length
-        about = rod.inertia + rod.mass * (rod.centroid**2 + rod.offset**2) + moved * length**2
+        inertia_about_joint = rod.inertia + rod.mass * (rod.centroid**2 + rod.offset**2) + moved * length**2
         centroid, offset = moment / rod_in_file.mass, rod.mass * rod.offset / rod_in_file.mass
-        inertia = about - rod_in_file.mass * (centroid**2 + offset**2)
+        inertia = inertia_about_joint - rod_in_file.mass * (centroid**2 + offset**2)
         gear = None if rod_in_file.gear is None else rod_in_file.gear * rod.words.get("gear", 1.0)
         words = {**rod.words, "friction": rod.words.get("friction", 0.0) + held} if held else rod.words
         targets.append(RodTarget(centroid, offset, inertia, rod.damping, words, gear))

@@ -88,7 +88,7 @@ class CheckKind:
     """
 
 
-def expected_bits(probabilities: Sequence[float], apart: float) -> float:
+def expected_bits(probabilities: Sequence[float], separation: float) -> float:
     """Expected reduction of the entropy between two causes by a check, times the probability of either.
 
     The log likelihood ratio is normal with mean +-d^2/2 and variance d^2, where d is the distance between the
@@ -96,19 +96,22 @@ def expected_bits(probabilities: Sequence[float], apart: float) -> float:
 
     Args:
         probabilities: (2,) of the causes; their sum may differ from one
-        apart: d
+        separation: d
     """
     either = sum(probabilities)
     if either <= 0 or min(probabilities) <= 0:
         return 0.0
     p = probabilities[0] / either
     before = _entropy(np.array([p]))[0]
-    if not np.isfinite(apart):
+    if not np.isfinite(separation):
         return float(either * before)
     z = np.linspace(-6, 6, 241)
     weight = np.exp(-(z**2) / 2) / np.exp(-(z**2) / 2).sum()
     odds = np.log(p / (1 - p))
-    left = [_entropy(1 / (1 + np.exp(-np.clip(odds + sign * apart**2 / 2 + apart * z, -500, 500)))) for sign in (1, -1)]
+    left = [
+        _entropy(1 / (1 + np.exp(-np.clip(odds + sign * separation**2 / 2 + separation * z, -500, 500))))
+        for sign in (1, -1)
+    ]
     return float(either * max(before - weight @ (p * left[0] + (1 - p) * left[1]), 0.0))
 
 

@@ -39,13 +39,13 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
     for other in (name for name in question.causes if name != about):
         # of two forms in a class, the wider one may have a size that the narrower one cannot have
         pairs = ((about, other), (other, about)) if question.one_class else ((about, other),)
-        apart = [max(expected.apart(*pair) for pair in pairs) for expected in question.expected]
-        best = int(np.argmax(apart))
-        if apart[best] < DISTINGUISHED:
+        separations = [max(expected.apart(*pair) for pair in pairs) for expected in question.expected]
+        best = int(np.argmax(separations))
+        if separations[best] < DISTINGUISHED:
             continue
         release = question.expected[best].release
         spread = np.sqrt(question.chosen.residuals.inflation * CALIBRATION.temperature)
-        bits = expected_bits([probability[about], probability[other]], apart[best] / spread)
+        bits = expected_bits([probability[about], probability[other]], separations[best] / spread)
         check = question.check("recording", release.text, (about, other), bits)
         theta1, theta2 = release.theta
         advised = AdvisedRelease(
@@ -53,7 +53,7 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
         )
         text = (
             f"To distinguish {about} from {other}, record {release.text}: their predictions differ by"
-            f" {apart[best]:.0f} standard deviations."
+            f" {separations[best]:.0f} standard deviations."
         )
         steps.append(NextStep(text, (check.model_copy(update={"release": advised}),)))
     return steps

@@ -234,8 +234,8 @@ def probabilities(selection: Selection, posteriors: tuple[EffectPosterior, ...],
         kind: the verdict
     """
     if kind in ("no_gap", "inconclusive") or not posteriors:
-        nothing = {"no_gap": CALIBRATION.sure, "inconclusive": CALIBRATION.unseen}.get(kind, 1 - CALIBRATION.sure)
-        return {"no_gap": nothing, "unexplained": 1 - nothing}
+        of_bare = {"no_gap": CALIBRATION.sure, "inconclusive": CALIBRATION.unseen}.get(kind, 1 - CALIBRATION.sure)
+        return {"no_gap": of_bare, "unexplained": 1 - of_bare}
     by_name = {"no_gap": 0.0, "unexplained": outside(selection)}
     for posterior in posteriors:
         by_name[posterior.name] = posterior.probability

@@ -156,7 +156,10 @@ def _misleading(state: Advised) -> list[str]:
 def _unseen(least: Mapping[str, Mapping[str, float | None]], absorbed: Mapping[str, Mapping[str, str]]) -> list[str]:
     """Sentences on effects that are undetectable at any size, and on those that base parameters absorb."""
     blind = {name: absorbed.get(name, {}) for name, sizes in least.items() if sizes and not any(sizes.values())}
-    twins = {name: listed(sorted(set(by.values()) & {*RATIOS, "p/b", "b"})) for name, by in blind.items()}
+    twins = {
+        name: listed(sorted(set(ratios_by_name.values()) & {*RATIOS, "p/b", "b"}))
+        for name, ratios_by_name in blind.items()
+    }
     alike = [f"{name} is indistinguishable from {twin}" for name, twin in twins.items() if twin]
     hidden = [name for name, twin in twins.items() if not twin]
     return [

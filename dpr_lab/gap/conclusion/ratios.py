@@ -37,23 +37,23 @@ def determined(state: Advised) -> tuple[dict[str, Interval], Array]:
     """
     setups, fit, rig = state.problem.segments.setups, state.selection.chosen.fit, state.recordings.rig
     alone = only_inner(setups)
-    of, places, divisors = {}, list[int](), list[float]()
+    parameter_of, places, divisors = {}, list[int](), list[float]()
     for place, parameter in enumerate(fit.free):
         if (ratio := ratio_of(parameter, fit.estimate, rig, alone=alone)) is not None:
             name, value, per = ratio
             error = state.intervals[parameter.effect, parameter.name] / per
-            of[name] = Interval(value=value, interval90=(value - error, value + error))
+            parameter_of[name] = Interval(value=value, interval90=(value - error, value + error))
             places.append(place)
             divisors.append(per)
-    return of, state.covariance[np.ix_(places, places)] / np.outer(divisors, divisors)
+    return parameter_of, state.covariance[np.ix_(places, places)] / np.outer(divisors, divisors)
 
 
 def ratio_covariance(state: Advised) -> NDArray[np.float64]:
     """(5, 5) covariance; zero for ratios that no run determines and that are taken from the rig file."""
     free = state.selection.chosen.fit.free
-    mine = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}
+    column_of = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}
     whole = np.zeros((len(RATIOS), len(RATIOS)))
-    visible = [i for i in range(len(RATIOS)) if i in mine]
-    columns = [mine[i] for i in visible]
+    visible = [i for i in range(len(RATIOS)) if i in column_of]
+    columns = [column_of[i] for i in visible]
     whole[np.ix_(visible, visible)] = state.covariance[np.ix_(columns, columns)]
     return whole

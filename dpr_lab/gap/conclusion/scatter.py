@@ -53,7 +53,7 @@ def between_recordings(problem: Problem, fit: Fit) -> Array:
     fold = np.unique(folds(problem), return_inverse=True)[1]
     followed = np.isfinite(fit.linear.chi2_by_segment)
     covariance = np.zeros((len(fit.free), len(fit.free)))
-    parts = [(fit.linear.A[mine][:, :, inside], fit.linear.e[mine]) for mine in _masks(fold, followed)]
+    parts = [(fit.linear.A[segments][:, :, inside], fit.linear.e[segments]) for segments in _masks(fold, followed)]
     columns = [(A.reshape(-1, len(inside)), e.ravel()) for A, e in parts]
     normal = sum((X.T @ X for X, _ in columns), np.zeros((len(inside), len(inside))))
     if len(parts) < 2 or not inside or not np.isfinite(normal).all():

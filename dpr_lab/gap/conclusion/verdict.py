@@ -89,9 +89,9 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carrie
     transfers = transfers and not carried.worse_free_run
     if chosen.residuals.z < RULES.noise and whole and sure and transfers and not carried.oversized:
         return "named"
-    nothing = carried.closed.estimate <= 0 and (tested or most < RULES.rather)
-    nothing = nothing or (tested and len(carried.withdrawn) == len(chosen.effects))
-    if share >= RULES.partly_share and not nothing and listed_causes(posteriors):
+    no_reduction = carried.closed.estimate <= 0 and (tested or most < RULES.rather)
+    no_reduction = no_reduction or (tested and len(carried.withdrawn) == len(chosen.effects))
+    if share >= RULES.partly_share and not no_reduction and listed_causes(posteriors):
         return "partly_explained"
     only_expected = set(chosen.effects) <= selection.expected
     return "no_gap" if _small(selection.base) and only_expected else "unexplained"

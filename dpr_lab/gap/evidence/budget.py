@@ -88,12 +88,12 @@ def sources(problem: Problem, model: Hypothesis, rig: Rig) -> list[_Source]:
 
     halved = replace(problem, segments=replace(problem.segments, step=problem.segments.step / 2))
     finer = moved(fitted_anew(halved)[0], ASSUMED.richardson, lambda swings: swings.otherwise(finer=2.0))
-    how = "halving the step of the Runge-Kutta method, the values refitted"
-    listed = [_Source("integrator", "numerical", how, finer)]
-    for name, how, constants in _inputs(problem.model.constants, rig, problem.always):
+    description = "halving the step of the Runge-Kutta method, the values refitted"
+    listed = [_Source("integrator", "numerical", description, finer)]
+    for name, description, constants in _inputs(problem.model.constants, rig, problem.always):
         step, left = fitted_anew(replace(problem, model=problem.model.with_constants(constants)))
         moves = moved(step, left, lambda swings, c=constants: swings.otherwise(c))
-        listed.append(_Source(name, "input", how, moves, left))
+        listed.append(_Source(name, "input", description, moves, left))
     level, rho = model.residuals.level, model.residuals.noise_correlation
     noise = level * (1 + rho) / (1 - rho)
     spread = considered(model.fit, noise)
@@ -126,8 +126,10 @@ def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tu
     """Measured constants: name, source, and the rig with the constant changed by one standard uncertainty."""
     if not fitted:
         std = ASSUMED.rule_m * ASSUMED.rectangular
-        how = f"{1e3 * std:.2g} mm, assumed: read from a ruler to {1e3 * ASSUMED.rule_m:g} mm; the rig file gives none"
-        yield "L1", how, known._replace(L1=known.L1 + std)
+        description = (
+            f"{1e3 * std:.2g} mm, assumed: read from a ruler to {1e3 * ASSUMED.rule_m:g} mm; the rig file gives none"
+        )
+        yield "L1", description, known._replace(L1=known.L1 + std)
     std = ASSUMED.gravity * ASSUMED.rectangular
     yield "g", f"{std:.2g} m/s², assumed: anywhere on earth at sea level", known._replace(g=known.g + std)
     for name in MASSES:

@@ -31,14 +31,14 @@ MAP = MapSettings()
 def coverage(fitted: Recordings, held_out: Recordings, settings: MapSettings = MAP) -> dict[str, Occupancy]:
     """Seconds that each rod spent at each angle and speed, by rod; rods that never swung freely are omitted."""
     joints = fitted.rig.encoders.joint_angles
-    spent = [[_spent(record, joints.to_rods) for record in some.records] for some in (fitted, held_out)]
+    spent = [[_spent(record, joints.to_rods) for record in part.records] for part in (fitted, held_out)]
     occupancy: dict[str, Occupancy] = {}
     for rod in RODS:
-        of_rod = [list(_of(rod, some)) for some in spent]
-        fastest = max((float(np.abs(speed).max(initial=0.0)) for some in of_rod for _, speed, _ in some), default=0.0)
+        of_rod = [list(_of(rod, part)) for part in spent]
+        fastest = max((float(np.abs(speed).max(initial=0.0)) for part in of_rod for _, speed, _ in part), default=0.0)
         if fastest > 0.0:
             edges = (np.linspace(0, 2 * np.pi, settings.angles + 1), fastest * np.linspace(-1, 1, settings.speeds + 1))
-            maps = [_seconds(some, edges) for some in of_rod]
+            maps = [_seconds(part, edges) for part in of_rod]
             occupancy[rod] = Occupancy(
                 angle_edges_rad=edges[0].tolist(),
                 speed_edges_rad_per_s=edges[1].tolist(),

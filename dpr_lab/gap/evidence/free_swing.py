@@ -107,9 +107,9 @@ def free_swings(runs: FreeRuns, model: Hypothesis) -> FreeSwings:
     parts = (t, problem.measured, problem.weight, runs.predicted, slopes[:, :, :-states], slopes[:, :, -states:])
     predictions = []
     for recording, setup, rows in zip(runs.items, problem.segments.setups, runs.rows, strict=True):
-        since, measured, weight, predicted, by_values, by_start = (values[rows] for values in parts)
+        since_start, measured, weight, predicted, by_values, by_start = (values[rows] for values in parts)
         predictions.append(
-            FreeSwing(recording, since - since[0], measured, weight, predicted, by_values, by_start, setup)
+            FreeSwing(recording, since_start - since_start[0], measured, weight, predicted, by_values, by_start, setup)
         )
     return FreeSwings(runs, tuple(predictions))
 

@@ -103,8 +103,8 @@ def _compared(pair: Pairs, until: float) -> NDArray[np.bool_]:
 
 def _error(swing: FreeSwing, compared: NDArray[np.bool_]) -> float:
     """Mean square of the compared readings, rad^2."""
-    off = (swing.predicted - swing.measured)[compared]
-    return float(np.mean(off**2)) if len(off) else 0.0
+    errors = (swing.predicted - swing.measured)[compared]
+    return float(np.mean(errors**2)) if len(errors) else 0.0
 
 
 def _by_model(what: str, squares: Mapping[str, float]) -> dict[str, float]:
@@ -133,21 +133,21 @@ def _area_between(first: Array, second: Array) -> float:
 
 def _curves(recordings: Recordings, pair: Pairs, run: RunBudget) -> Curves:
     after = pair["after"]
-    some = slice(None, None, max(1, round(len(after.t) / (FREE_RUN.length_s * CURVE.rate_hz))))
+    samples = slice(None, None, max(1, round(len(after.t) / (FREE_RUN.length_s * CURVE.rate_hz))))
     joints, moving = recordings.rig.encoders.joint_angles, after.setup.arm_moves
-    arm = [swing[some, 2] for swing in (after.measured, pair["before"].predicted, after.predicted) if moving]
+    arm = [swing[samples, 2] for swing in (after.measured, pair["before"].predicted, after.predicted) if moving]
     return Curves(
         run=run.run,
         held_out=run.held_out,
         settled_s=FREE_RUN.settle_s,
         until_s=run.until_s,
-        t_s=_rounded(after.t[some]),
-        measured_rad=_rounded(joints.to_rods(after.measured[some, :2])),
-        before_rad=_rounded(joints.to_rods(pair["before"].predicted[some, :2])),
-        after_rad=_rounded(joints.to_rods(after.predicted[some, :2])),
+        t_s=_rounded(after.t[samples]),
+        measured_rad=_rounded(joints.to_rods(after.measured[samples, :2])),
+        before_rad=_rounded(joints.to_rods(pair["before"].predicted[samples, :2])),
+        after_rad=_rounded(joints.to_rods(after.predicted[samples, :2])),
         rods=1 if after.setup.alone else 2,
         arm_rad=_rounded(np.stack(arm, axis=1)) if moving else [],
-        **_input(recordings, after, after.t[some]),
+        **_input(recordings, after, after.t[samples]),
     )
 
 

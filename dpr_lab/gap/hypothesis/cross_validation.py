@@ -85,9 +85,9 @@ class _Folds:
             return zeros
         return zeros | (self.shapes & (np.diag(V) > FOLDS.alone * np.diag(np.linalg.inv(self.H))))
 
-    def _fold(self, mine: NDArray[np.bool_]) -> _Fold:
-        A, e = self.A[mine].reshape(-1, self.A.shape[2]), self.e[mine].ravel()
-        return _Fold(mine, A.T @ A, A.T @ e, float(e @ e))
+    def _fold(self, segments: NDArray[np.bool_]) -> _Fold:
+        A, e = self.A[segments].reshape(-1, self.A.shape[2]), self.e[segments].ravel()
+        return _Fold(segments, A.T @ A, A.T @ e, float(e @ e))
 
 
 def left_out_chi2(fit: Fit, fold: NDArray[np.int64]) -> Array:
@@ -109,11 +109,11 @@ def predictive_loss(fit: Fit, fold: NDArray[np.int64], inflation: float) -> Arra
     """(folds,) -2 log predictive density of each fold given the others, up to a constant, in units of chi2."""
     parts = _Folds(fit, fold)
     chi2 = sum(left_out.chi2 for left_out in parts.folds)
-    every = chi2 - parts.gradient @ np.linalg.solve(parts.H, parts.gradient)
+    total = chi2 - parts.gradient @ np.linalg.solve(parts.H, parts.gradient)
     _, volume = np.linalg.slogdet(parts.H)
     losses = []
     for left_out in parts.folds:
         H, gradient = parts.H - left_out.H, parts.gradient - left_out.gradient
         others = chi2 - left_out.chi2 - gradient @ np.linalg.solve(H, gradient)
-        losses.append(every - others + inflation * (volume - np.linalg.slogdet(H)[1]))
+        losses.append(total - others + inflation * (volume - np.linalg.slogdet(H)[1]))
     return np.array(losses)

@@ -121,8 +121,8 @@ def lone_readings(problem: Problem, estimate: Estimate) -> NDArray[np.bool_]:
         off[first:last] = _off_a_line(r[first:last])
         across[first + 3 : last - 3] = np.abs(r[first + 6 : last] - r[first : last - 6])
     offsets = np.concatenate([np.arange(-12, -3), np.arange(4, 13)])
-    about = np.clip(np.arange(len(r))[:, None] + offsets, 0, len(r) - 1)
-    usual = np.quantile(off[about], ASSUMPTIONS.lone_quantile, axis=1)
+    neighbours = np.clip(np.arange(len(r))[:, None] + offsets, 0, len(r) - 1)
+    usual = np.quantile(off[neighbours], ASSUMPTIONS.lone_quantile, axis=1)
     return off > np.maximum(np.maximum(ASSUMPTIONS.lone, ASSUMPTIONS.lone_among * usual), 2 * across)
 
 

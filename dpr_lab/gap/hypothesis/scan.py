@@ -56,13 +56,15 @@ def shapes(effect: Effect, problem: Problem, fit: Fit, reference: Trajectory, re
     if proposed is not None:
         return proposed
     grid = [[(param_index(effect.name, p.name), value) for value in p.scan] for p in effect.shapes if p.scan]
-    every = [tuple(choice) for choice in product(*grid)]
+    grid_points = [tuple(choice) for choice in product(*grid)]
     if any(p.name == ORDER for p in effect.shapes):
         covered = arc(reference.joint_angle[:, effect.joints[0]])
-        every = [chosen for chosen in every if chosen[0][1] * covered >= 2 * np.pi]
-    if len(every) <= SCAN.many or effect.stage not in TRAJECTORY_TORQUES:
-        return every
-    return _between(effect, _apart(every, _gains(effect, every, problem, fit, reference)), problem, fit, reference)
+        grid_points = [chosen for chosen in grid_points if chosen[0][1] * covered >= 2 * np.pi]
+    if len(grid_points) <= SCAN.many or effect.stage not in TRAJECTORY_TORQUES:
+        return grid_points
+    return _between(
+        effect, _apart(grid_points, _gains(effect, grid_points, problem, fit, reference)), problem, fit, reference
+    )
 
 
 def arc(angle: Array) -> float:
@@ -71,13 +73,13 @@ def arc(angle: Array) -> float:
     return 2 * np.pi - float(np.diff(around, append=around[0] + 2 * np.pi).max())
 
 
-def _apart(every: list[Shape], gains: Array) -> list[Shape]:
+def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
     """The best shapes, none of them a neighbour of a better one."""
     separate: list[Shape] = []
     for i in np.argsort(-gains):
-        first = every[i][0][1]
+        first = candidates[i][0][1]
         if all(abs(np.log(first / other[0][1])) > SCAN.neighbours for other in separate):
-            separate.append(every[i])
+            separate.append(candidates[i])
         if len(separate) == SCAN.kept:
             break
     return separate
@@ -98,34 +100,34 @@ def _between(effect: Effect, separate: list[Shape], problem: Problem, fit: Fit, 
     return [finer[i] for i in np.argsort(-gains)[: SCAN.kept]]
 
 
-def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, reference: Trajectory) -> Array:
+def _gains(effect: Effect, candidates: list[Shape], problem: Problem, fit: Fit, reference: Trajectory) -> Array:
     """(shapes,) predicted reduction of chi2 by the leading amplitudes, with the fitted model already projected out."""
     amplitudes, linear = effect.amplitudes[: SCAN.amplitudes], fit.linear
-    fitted, many = ColumnSpace.of(*linear.flat), len(amplitudes)
+    fitted, count = ColumnSpace.of(*linear.flat), len(amplitudes)
     rows = np.concatenate([linear.A, linear.e[:, :, None], linear.Q], axis=2).transpose(0, 2, 1).copy()
     onto_initial = rows @ linear.Q
     positive = [p.sign == "positive" for p in amplitudes] == [True]
     gains: list[Array] = []
-    for first in range(0, len(every), SCAN.block // many):
-        chosen = every[first : first + SCAN.block // many]
+    for first in range(0, len(candidates), SCAN.block // count):
+        chosen = candidates[first : first + SCAN.block // count]
         params = np.array([_unit(effect, p.name, shape) for shape in chosen for p in amplitudes])
         columns = reference.response(problem, reference.torques(effect.stage, problem.model.constants, params))
         products = rows @ columns
         states = problem.segments.states
         initial = products[:, -states:].copy()
         products -= onto_initial @ initial  # equivalent to projecting the columns, without one more pass over them
-        across = products[:, :-states].sum(axis=0).reshape(-1, len(chosen), many)
-        reduced = _within(columns, columns, many) - _within(initial, initial + products[:, -states:], many)
+        across = products[:, :-states].sum(axis=0).reshape(-1, len(chosen), count)
+        reduced = _within(columns, columns, count) - _within(initial, initial + products[:, -states:], count)
         gains.append(fitted.gains_given(across[:-1], reduced, across[-1], positive))
     return np.concatenate(gains)
 
 
-def _within(columns: Array, others: Array, many: int) -> Array:
+def _within(columns: Array, others: Array, count: int) -> Array:
     """(shapes, many, many) products of the columns (segments, rows, shapes * many) of each shape."""
-    apart = [np.einsum("smk,smk->k", columns[:, :, : columns.shape[2] - i], others[:, :, i:]) for i in range(many)]
-    blocks = np.empty((columns.shape[2] // many, many, many))
-    for i, j in product(range(many), repeat=2):
-        blocks[:, i, j] = apart[abs(i - j)][min(i, j) :: many]
+    diagonals = [np.einsum("smk,smk->k", columns[:, :, : columns.shape[2] - i], others[:, :, i:]) for i in range(count)]
+    blocks = np.empty((columns.shape[2] // count, count, count))
+    for i, j in product(range(count), repeat=2):
+        blocks[:, i, j] = diagonals[abs(i - j)][min(i, j) :: count]
     return blocks
 
 

@@ -115,15 +115,15 @@ def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorde
 
 
 def _score(problem: Problem, test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ...]) -> Score:
-    every = [*test.held, *columns]
-    free, space = tuple(test.free[i] for i in every), test.space.chosen(every)
+    all_columns = [*test.held, *columns]
+    free, space = tuple(test.free[i] for i in all_columns), test.space.chosen(all_columns)
     prior = RigPrior.at(problem, test.fit.estimate, free, test.linear)
     hidden = prior.absorbed(space)[len(test.held) :]
     absorbed = {test.free[columns[i]].name: _absorbing(test, columns, i) for i in np.flatnonzero(hidden).tolist()}
     if hidden.all():
         return Score(effect, shape, 0.0, columns, free, np.zeros(len(columns)), absorbed)
     rows = [*test.held, *(len(test.held) + np.flatnonzero(~hidden)).tolist()]
-    new_columns, free = tuple(every[i] for i in rows[len(test.held) :]), tuple(free[i] for i in rows)
+    new_columns, free = tuple(all_columns[i] for i in rows[len(test.held) :]), tuple(free[i] for i in rows)
     chosen = space.chosen(rows)
     room = bounds(test.fit.estimate, free)
     room[:, [i for i in range(len(test.held)) if i in test.fit.absorbed]] = 0.0

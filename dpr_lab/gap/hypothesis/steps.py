@@ -90,9 +90,9 @@ def shows_step(record: Record, step: ReadingStep, settings: StepSettings = STEPS
     for first in range(after - settings.reach, after + settings.reach + 1):
         if first < side or first + side > len(record.t):
             continue
-        some = slice(first - side, first + side)
-        projection = float(shape @ record.joints[some, step.joint]) / power
-        error = float(np.median(record.sigma[some, step.joint])) / power**0.5
+        window = slice(first - side, first + side)
+        projection = float(shape @ record.joints[window, step.joint]) / power
+        error = float(np.median(record.sigma[window, step.joint])) / power**0.5
         if np.sign(step.size) * projection + settings.errors * error >= settings.part * abs(step.size):
             return True
     return False

@@ -77,8 +77,8 @@ def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
         the same object if there are no disturbances
     """
     records = [_undisturbed(recordings, recording, ratios) for recording in recordings.records]
-    same = all(kept is recording for kept, recording in zip(records, recordings.records, strict=True))
-    return recordings if same else replace(recordings, records=tuple(records))
+    unchanged = all(before is recording for before, recording in zip(records, recordings.records, strict=True))
+    return recordings if unchanged else replace(recordings, records=tuple(records))
 
 
 def _undisturbed(recordings: Recordings, recording: Record, ratios: Array) -> Record:
@@ -169,9 +169,9 @@ def _only_rose_before(energy: Array, later: Array, top: int, begins: Array, scat
     if top == 0 or rise < max(RULES.rises, RULES.scatters * scatter / most):
         return False
     after = later[top:]
-    again = float(np.max(after - np.minimum.accumulate(after))) / most
+    second_rise = float(np.max(after - np.minimum.accumulate(after))) / most
     early = begins[top] - begins[0] <= RULES.early * (begins[-1] - begins[0])
-    return bool(early and again < 0.5 * rise and again < max(RULES.rises, 2 * scatter / most))
+    return bool(early and second_rise < 0.5 * rise and second_rise < max(RULES.rises, 2 * scatter / most))
 
 
 def _smoothed(energy: Array) -> Array:
@@ -216,13 +216,13 @@ def _kick(recordings: Recordings, short: Problem, followed: Fit, s: int, others:
     first, last = (int(i) for i in short.segments.offsets[s : s + 2])
     begin, end = np.searchsorted(recording.t, [short.t[first], short.t[last - 1]]).tolist()
     near = recording.only(slice(max(begin - MIN_SAMPLES, 0), end + 1 + MIN_SAMPLES))
-    best, where = np.inf, 0.0
+    best, best_instant = np.inf, 0.0
     for i in range(MIN_SAMPLES, len(near.t) - MIN_SAMPLES + 1):
         instant = 0.5 * float(near.t[i - 1] + near.t[i])
         halves, initial = recordings.only([replace(near, breaks=np.array([instant]))]).cut(np.inf)
         cut = descend(halves, followed.estimate.changed(initial=initial), (), iterations=RULES.iterations)
         left = float(halves.chi2_by_segment(halves.predict(cut.estimate)).sum())
         if left < best:
-            best, where = left, instant
+            best, best_instant = left, instant
     enough = float(followed.linear.chi2_by_segment[s]) / RULES.cut_off
-    return where if best < enough and best < RULES.alike * others * len(near.t) else None
+    return best_instant if best < enough and best < RULES.alike * others * len(near.t) else None

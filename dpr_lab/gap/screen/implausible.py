@@ -65,8 +65,8 @@ def repeated(
     alone = stands & goes_on & (moved > settings.moved * np.hypot(std, jitter * speed))
     all_axes = stands.all(axis=1)
     last_new = np.maximum.accumulate(np.where(all_axes, 0, np.arange(len(t))))
-    since = np.cumsum(path, axis=0)
-    significance = np.sqrt(np.sum(((since - since[last_new]) / std) ** 2, axis=1))
+    travelled = np.cumsum(path, axis=0)
+    significance = np.sqrt(np.sum(((travelled - travelled[last_new]) / std) ** 2, axis=1))
     highest = np.zeros(len(t))
     np.maximum.at(highest, last_new, significance)
     return alone | (all_axes & (highest[last_new] > settings.moved))[:, None]

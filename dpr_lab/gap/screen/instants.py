@@ -114,7 +114,7 @@ def even_instants(t: Array, joints: Array, settings: InstantSettings = INSTANTS)
         return None
     block = np.arange(len(t)) // settings.block
     of_window = block[ORDER // 2 : len(t) - ORDER // 2]
-    for_even, voters = (np.bincount(of_window, of.sum(axis=1), block[-1] + 1) for of in (votes, counts))
+    for_even, voters = (np.bincount(of_window, per_window.sum(axis=1), block[-1] + 1) for per_window in (votes, counts))
     right = for_even < -settings.contrary * np.sqrt((ORDER + 1) * voters)
     instants = np.where(near & ~right[block], even, t)
     return instants if (np.diff(instants) > 0.0).all() else even if (np.diff(even) > 0.0).all() else None
@@ -126,16 +126,16 @@ def _even_clock(t: Array, settings: InstantSettings) -> tuple[float, Array, Flag
     Stamps may come in bursts, so the period is that over many samples. A lost sample moves the clock by a period. Where
     none is lost and the clock does not wander, a straight line through all stamps has the least noise.
     """
-    index, many = np.arange(len(t)), settings.drift
-    period = float(np.median(t[many:] - t[:-many])) / many
+    index, drift = np.arange(len(t)), settings.drift
+    period = float(np.median(t[drift:] - t[:-drift])) / drift
     offset = t - index * period
-    wandering = _median_of_neighbours(offset, many)
+    wandering = _median_of_neighbours(offset, drift)
     jitter = NORMAL_MAD * float(np.median(np.abs(offset - wandering)))
     usual = np.abs(offset - wandering) <= settings.usual_jitter * jitter
     steady = np.polyval(np.polyfit(index[usual], offset[usual], 1), index)
     if np.std(wandering - steady) < settings.wander * jitter:
         return period, index * period + steady, np.ones(len(t), dtype=bool)
-    windows = sliding_window_view(np.pad(wandering, many, mode="edge"), 2 * many + 1)
+    windows = sliding_window_view(np.pad(wandering, drift, mode="edge"), 2 * drift + 1)
     return period, index * period + wandering, np.asarray(np.ptp(windows, axis=1) < settings.widest * period)
 
 
@@ -222,8 +222,8 @@ def _standing_out(z: Array, contrast: float) -> tuple[float, int]:
     """Size and position of the largest delay (cycle,); 0 if others in the cycle are nearly as large."""
     size = np.abs(z)
     first = int(np.argmax(size))
-    apart = np.abs((np.arange(len(z)) - first + len(z) // 2) % len(z) - len(z) // 2)
-    elsewhere = size[apart > ORDER // 2]  # a late reading also affects the windows of its neighbours
+    separation = np.abs((np.arange(len(z)) - first + len(z) // 2) % len(z) - len(z) // 2)
+    elsewhere = size[separation > ORDER // 2]  # a late reading also affects the windows of its neighbours
     stands_out = not len(elsewhere) or size[first] > contrast * elsewhere.max()
     return (float(size[first]) if stands_out else 0.0), first
 

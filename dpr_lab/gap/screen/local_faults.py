@@ -82,13 +82,16 @@ def local_faults(
     if keep.sum() >= 4 * half:
         grid = np.arange(t[0], t[-1] + 0.5 * period, period)
         z = _standing_out(_spline(t[keep], angle[keep], grid), half, noise, period, settings)
-        for about in grid[_peaks(z, half, settings)]:
+        for instant_near in grid[_peaks(z, half, settings)]:
             window = (half + 0.5) * period
-            first, last = np.searchsorted(t, about - window, side="right"), np.searchsorted(t, about + window)
+            first, last = (
+                np.searchsorted(t, instant_near - window, side="right"),
+                np.searchsorted(t, instant_near + window),
+            )
             near = first + np.flatnonzero(keep[first:last])
             if len(near) < half:
                 continue
-            instant, size = _step_or_outlier(t[near], angle[near], about, period, settings)
+            instant, size = _step_or_outlier(t[near], angle[near], instant_near, period, settings)
             if size is None:
                 outliers.append(int(near[instant]))
             else:
@@ -153,33 +156,33 @@ def _usual(z: Array, centres: Indices, half: int, share: float) -> Array:
 
 
 def _step_or_outlier(
-    t: Array, angle: Array, about: float, period: float, settings: LocalFaultSettings
+    t: Array, angle: Array, centre: float, period: float, settings: LocalFaultSettings
 ) -> tuple[int, float | None]:
     """The most likely fault in a few samples: an outlier (its index), or a step at a sample.
 
     Args:
         t: (n,) instants, s
         angle: (n,) readings, rad
-        about: instant of the detected deviation, s
+        centre: instant of the detected deviation, s
         period: sampling interval, s
         settings: the polynomial, and the search range
 
     Returns:
         index of the sample, and the size of the step, rad; no size for an outlier
     """
-    away, candidates = np.abs(t - about), np.arange(len(t))[:, None]
+    away, candidates = np.abs(t - centre), np.arange(len(t))[:, None]
     near = int((away < (settings.reach + 0.5) * period).sum())
     places = np.argsort(away, kind="stable")[: max(near, 1)]
-    smooth = np.linalg.qr(np.vander((t - about) / np.ptp(t), settings.degree + 1))[0]
+    smooth = np.linalg.qr(np.vander((t - centre) / np.ptp(t), settings.degree + 1))[0]
     shapes = np.hstack([candidates == places, candidates >= places]).astype(np.float64)
     shapes -= smooth @ (smooth.T @ shapes)
-    power, along = (shapes**2).sum(axis=0), (angle - smooth @ (smooth.T @ angle)) @ shapes
+    power, projections = (shapes**2).sum(axis=0), (angle - smooth @ (smooth.T @ angle)) @ shapes
     detectable = power > settings.least_seen
-    explained = np.where(detectable, along**2, 0.0) / np.where(detectable, power, 1.0)
+    explained = np.where(detectable, projections**2, 0.0) / np.where(detectable, power, 1.0)
     # A single reading on one side of a step is also an outlier, and few readings contain no more information: among
     # equals, the nearest is chosen.
     best = int(np.argmax(explained >= (1 - 1e-9) * explained.max()))
-    size = float(along[best] / power[best]) if best >= len(places) else None
+    size = float(projections[best] / power[best]) if best >= len(places) else None
     return int(places[best % len(places)]), size
 
 

@@ -95,9 +95,9 @@ class Record:
         remaining = self.only(~np.isin(self.t, t[off.any(axis=1)]))
         return replace(remaining, screened=replace(self.screened, findings=(*self.screened.findings, *findings)))
 
-    def only(self, some: slice | NDArray[np.bool_]) -> "Record":
+    def only(self, samples: slice | NDArray[np.bool_]) -> "Record":
         """Some of its readings."""
-        return replace(self, t=self.t[some], joints=self.joints[some], sigma=self.sigma[some])
+        return replace(self, t=self.t[samples], joints=self.joints[samples], sigma=self.sigma[samples])
 
 
 def record(run: Run, rig: Rig, settings: ThinningSettings = THINNING) -> Record:
@@ -118,9 +118,9 @@ def record(run: Run, rig: Rig, settings: ThinningSettings = THINNING) -> Record:
     t, joints, sigma = _as_read(screened) if rate_hz is None else _blocks(screened, rate_hz, settings.least_kept)
     whole = np.isfinite(joints).all(axis=1) & (t >= settings.after_release_s)
     t, joints, sigma = t[whole], joints[whole], sigma[whole]
-    apart = np.diff(t)
-    usual = float(np.median(apart)) if len(apart) else 0.0
-    holes = np.flatnonzero(apart > max(settings.gap_s, settings.gap_spacings * usual))
+    intervals = np.diff(t)
+    usual = float(np.median(intervals)) if len(intervals) else 0.0
+    holes = np.flatnonzero(intervals > max(settings.gap_s, settings.gap_spacings * usual))
     breaks = np.sort(np.concatenate([[instant for instant, _ in screened.breaks], t[holes] + 1e-6]))
     if not cut(t, np.inf, breaks):
         raise RunError(f"{run.name}: no sequence of {MIN_SAMPLES} valid samples without a gap: nothing to diagnose")
@@ -134,11 +134,11 @@ def record(run: Run, rig: Rig, settings: ThinningSettings = THINNING) -> Record:
 def _fastest(screened: Screened, quantile: float) -> float:
     """Highest speed of a joint, rad/s, over spacings of a block, which noise and single faults hardly affect."""
     t, trusted = screened.t, screened.keep.all(axis=1)
-    apart = max(1, round(1 / RATE_HZ / float(np.median(np.diff(t)))))
-    some, instants = screened.joints[trusted][::apart], t[trusted][::apart]
+    stride = max(1, round(1 / RATE_HZ / float(np.median(np.diff(t)))))
+    joints, instants = screened.joints[trusted][::stride], t[trusted][::stride]
     if len(instants) < 2:
         return 0.0
-    return float(np.quantile(np.abs(np.diff(some, axis=0) / np.diff(instants)[:, None]), quantile, axis=0).max())
+    return float(np.quantile(np.abs(np.diff(joints, axis=0) / np.diff(instants)[:, None]), quantile, axis=0).max())
 
 
 def _block_rate(screened: Screened, fastest: float, rate_hz: float, settings: ThinningSettings) -> float | None:

@@ -204,9 +204,9 @@ def _initial_states(record: Record, stretches: Sequence[slice], relative2: bool,
     for size in np.unique(sizes):
         alike = np.flatnonzero(sizes == size)
         windows = np.array([near[i] for i in alike])
-        since = record.t[windows] - begins[alike, None]
-        reach = np.abs(since).max(axis=1)
-        powers = (since / reach[:, None])[:, :, None] ** np.arange(4)
+        since_begin = record.t[windows] - begins[alike, None]
+        reach = np.abs(since_begin).max(axis=1)
+        powers = (since_begin / reach[:, None])[:, :, None] ** np.arange(4)
         across = powers.transpose(0, 2, 1)
         cubic = np.linalg.solve(across @ powers, across @ record.joints[windows])
         angles, speeds = cubic[:, 0], cubic[:, 1] / reach[:, None]

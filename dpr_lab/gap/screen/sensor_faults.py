@@ -213,17 +213,17 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
 def _late(run: Run, t: Array, joints: Array, settings: ScreenSettings) -> tuple[NDArray[np.bool_], list[Finding]]:
     """(n,) readings that are late or repeated in a cycle, perhaps in a stretch of the recording only."""
     read = joints[:, :1] if run.setup.alone else joints
-    delay, again = periodic_delay(t, read), np.append(False, (read[1:] == read[:-1]).all(axis=1))
+    delay, repeated = periodic_delay(t, read), np.append(False, (read[1:] == read[:-1]).all(axis=1))
     if delay is None:
         return np.zeros(len(t), dtype=np.bool_), []
     # a reading that is late by a whole period equals the next one; where it is late by less, the next is a repeated one
     places = [delay.late] if 2 * delay.delay_s * run.rate_hz > 1 else [delay.late, np.roll(delay.late, 1)]
-    place = max(places, key=lambda place: float(np.mean(again[place])))
-    name, share, elsewhere = "repeated_sample", np.mean(again[place]), np.mean(again[~place])
+    place = max(places, key=lambda place: float(np.mean(repeated[place])))
+    name, share, elsewhere = "repeated_sample", np.mean(repeated[place]), np.mean(repeated[~place])
     if share > settings.repeating:
         late, evidence = place, f"one reading in {delay.cycle} repeats the previous one"
     elif share > elsewhere + settings.stretch:
-        late = place & again
+        late = place & repeated
         first, last = np.quantile(t[late], [0.1, 0.9])  # by chance, a few others are equal too
         evidence = f"mostly between {first:.2f} and {last:.2f} s, one reading in {delay.cycle} repeats the previous one"
     else:

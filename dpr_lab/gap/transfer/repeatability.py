@@ -99,8 +99,8 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     if fold.max() == 0 or min(np.bincount(fold[followed], minlength=fold.max() + 1)) < RULES.segments:
         length = everything.working_length
         fewer = f"Recordings of fewer than {RULES.segments} segments of {length:.2g} s"
-        why = f"{fewer} do not show which part of the gap is reproducible."
-        return split([total, *[float(explained.sum())] * 3], noise, names, (), why)
+        reason = f"{fewer} do not show which part of the gap is reproducible."
+        return split([total, *[float(explained.sum())] * 3], noise, names, (), reason)
     if left.z > THRESHOLDS.noise_floor:
         parts = parts.with_discrepancy(discrepancy_columns(problem, after))
     unmodelled = parts.left_out()
@@ -215,25 +215,25 @@ class _Parts:
         """Segments of each recording, and its normal matrix and gradient."""
         parts = []
         for r in range(int(self.fold.max()) + 1):
-            mine = self.fold == r
-            X, e = self.X[mine].reshape(-1, self.X.shape[2]), self.e[mine].ravel()
-            parts.append((mine, X.T @ X, X.T @ e))
+            segments = self.fold == r
+            X, e = self.X[segments].reshape(-1, self.X.shape[2]), self.e[segments].ravel()
+            parts.append((segments, X.T @ X, X.T @ e))
         return parts
 
     def left_out(self, freed: Sequence[int] = ()) -> Array:
         """(segments,) chi2 as predicted from the other recordings, with some columns fitted to the recording itself."""
         removed = [*self.own, *freed]
-        parts, chi2 = [(mine, *_without(H, g, removed)) for mine, H, g in self.by_fold], np.zeros(len(self.e))
+        parts, chi2 = [(segments, *_without(H, g, removed)) for segments, H, g in self.by_fold], np.zeros(len(self.e))
         H, gradient = sum((part[1] for part in parts), np.diag(self.precision)), sum(part[2] for part in parts)
-        for mine, H_own, of_own in parts:
-            left = self.e[mine] - self.X[mine] @ np.linalg.solve(H - H_own, gradient - of_own)
+        for segments, H_own, of_own in parts:
+            left = self.e[segments] - self.X[segments] @ np.linalg.solve(H - H_own, gradient - of_own)
             if removed:
-                columns = self.X[mine][:, :, removed]
+                columns = self.X[segments][:, :, removed]
                 left = (
                     left
                     - columns @ np.linalg.lstsq(columns.reshape(left.size, -1), left.ravel(), rcond=RULES.singular)[0]
                 )
-            chi2[mine] = np.sum(left**2, axis=1)
+            chi2[segments] = np.sum(left**2, axis=1)
         return chi2
 
     def with_discrepancy(self, columns: Array) -> Self:
@@ -268,8 +268,8 @@ class _Parts:
 
     def _local(self, column: int) -> Array:
         """(segments, m, recordings) the column of a parameter, separately for each recording."""
-        mine = self.fold[:, None, None] == np.arange(int(self.fold.max()) + 1)
-        return np.where(mine, self.X[:, :, [column]], 0.0)
+        of_recording = self.fold[:, None, None] == np.arange(int(self.fold.max()) + 1)
+        return np.where(of_recording, self.X[:, :, [column]], 0.0)
 
     def _scatter(self, column: int, common: Array, normal: Array) -> _Varying:
         """The values of one parameter in each recording, given (rows, k) columns that are common to all."""

@@ -127,26 +127,28 @@ def transfer(
     basis: Basis = "held-out runs" if unseen else "releases left out"
     if not unseen and len(recordings.records) == 1:
         basis = "one release"
-    apart = unseen or left_out(recordings, problem)
+    unseen_part = unseen or left_out(recordings, problem)
     models: dict[str, Hypothesis] = {"": selection.base, **selection.lacking}
-    chi2 = {name: _bounded(apart.chi2(model)) for name, model in models.items()}
-    chosen = _bounded(apart.chi2(selection.chosen))
-    noise = np.asarray(selection.chosen.residuals.level * apart.dof, dtype=np.float64)
+    chi2 = {name: _bounded(unseen_part.chi2(model)) for name, model in models.items()}
+    chosen = _bounded(unseen_part.chi2(selection.chosen))
+    noise = np.asarray(selection.chosen.residuals.level * unseen_part.dof, dtype=np.float64)
     above = {name: np.stack([values - noise, chosen - noise]) for name, values in chi2.items()}
-    shares = {name: _by_run(apart, pair, rng) for name, pair in above.items()}
+    shares = {name: _by_run(unseen_part, pair, rng) for name, pair in above.items()}
     left = shares[""] if not unseen else _fitted(recordings, problem, selection, rng)
-    closed = reduction(above[""], rng, apart.block)
+    closed = reduction(above[""], rng, unseen_part.block)
     least_kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.estimate >= TRANSFER.kept else 1.0)
     failed = tuple(
         name
         for name, less in selection.lacking.items()
-        if not (_helps(apart, chi2[name] - chosen) and _keeps(above[name], noise, less, selection.chosen, least_kept))
+        if not (
+            _helps(unseen_part, chi2[name] - chosen) and _keeps(above[name], noise, less, selection.chosen, least_kept)
+        )
     )
     return Transfer(
         basis=basis,
         closed=closed,
         gap_ratio=float(np.sqrt(max(float(above[""][0].sum()), 0.0) / max(float(noise.sum()), 1.0))),
-        closing=tuple(_closing(apart, selection, above[""], noise)),
+        closing=tuple(_closing(unseen_part, selection, above[""], noise)),
         left_out=left,
         held_out=shares[""] if unseen else {},
         effects={name: shares[name] for name in selection.lacking},
@@ -192,10 +194,10 @@ def _closing(unseen: Unseen, selection: Selection, ends: Array, noise: Array) ->
 def _fitted(
     recordings: Recordings, problem: Problem, selection: Selection, rng: np.random.Generator
 ) -> dict[str, GapReduction]:
-    apart = left_out(recordings, problem)
-    noise = np.asarray(selection.chosen.residuals.level * apart.dof, dtype=np.float64)
-    above = [_bounded(apart.chi2(model)) - noise for model in (selection.base, selection.chosen)]
-    return _by_run(apart, np.stack(above), rng)
+    left_out_part = left_out(recordings, problem)
+    noise = np.asarray(selection.chosen.residuals.level * left_out_part.dof, dtype=np.float64)
+    above = [_bounded(left_out_part.chi2(model)) - noise for model in (selection.base, selection.chosen)]
+    return _by_run(left_out_part, np.stack(above), rng)
 
 
 def _bounded(chi2: Array) -> Array:

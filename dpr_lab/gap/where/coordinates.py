@@ -62,7 +62,7 @@ def joint_force(problem: Problem, reference: Trajectory, joint: int) -> Array:
     up = -sin * alpha - cos * omega**2
     force = np.empty(len(reference.t))
     for setup, base in zip(reference.setups, reference.bases, strict=True):
-        mine, rig = reference.of_setup(setup), constants_of_run(problem.model.constants, setup)
+        samples, rig = reference.of_setup(setup), constants_of_run(problem.model.constants, setup)
         inner, outer = base[3] / rig.g, base[2] / problem.model.constants.L1
         if joint == 0:
             weight = (rig.m1 + rig.m2 + rig.mb) * rig.g
@@ -70,7 +70,7 @@ def joint_force(problem: Problem, reference: Trajectory, joint: int) -> Array:
         else:
             weight = rig.m2 * rig.g
             lengths = np.array([rig.m2 * rig.L1, outer])
-        force[mine] = np.hypot(across[mine] @ lengths, up[mine] @ lengths + weight)
+        force[samples] = np.hypot(across[samples] @ lengths, up[samples] @ lengths + weight)
     return force
 
 
@@ -87,7 +87,7 @@ def encoder_speed(reference: Trajectory, joint: int) -> Array:
 
 def under_torque(problem: Problem, reference: Trajectory, joint: int, torque: Array) -> Array:
     """(segments, m, k) whitened change of the readings under torques (n, k) of a joint, N m."""
-    nothing = np.zeros_like(torque)
-    on = {0: [torque, nothing], 1: [-torque, torque]}.get(joint, [nothing, nothing])
-    torques = [*on, torque if joint in (2, ARM) else nothing][: problem.axes]
+    zeros = np.zeros_like(torque)
+    on = {0: [torque, zeros], 1: [-torque, torque]}.get(joint, [zeros, zeros])
+    torques = [*on, torque if joint in (2, ARM) else zeros][: problem.axes]
     return reference.response(problem, np.stack(torques, axis=1))

@@ -66,12 +66,12 @@ class Discrepancy:
     def sentence(self) -> str:
         """Size and location of the discrepancy, by the joint of the larger torque."""
         joint = int(np.argmax(self.torque_Nm))
-        where = f"{1e3 * self.torque_Nm[joint]:.2g} mN m rms in joint {(1, 2, 0)[joint]}"
+        text = f"{1e3 * self.torque_Nm[joint]:.2g} mN m rms in joint {(1, 2, 0)[joint]}"
         if self.slow[joint] > RULES.mostly:
-            where += ", mostly at low speed"
+            text += ", mostly at low speed"
         elif self.slow[joint] < 1 / RULES.mostly:
-            where += ", mostly at high speed"
-        return f"Unmodelled remainder: {where}."
+            text += ", mostly at high speed"
+        return f"Unmodelled remainder: {text}."
 
 
 @dataclass(frozen=True, slots=True)

@@ -175,9 +175,9 @@ def _place(problem: Problem, base: Hypothesis, reference: Trajectory, joint: int
 
 def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array, values: Array, std: Array) -> str:
     """Description of a map in words."""
-    where = {"torque": f"a torque in {site}", "friction": f"friction of {site}", "error": f"an error of {site}"}[kind]
-    by = "load or on the direction of motion alone" if coordinate == "load" else coordinate
-    parts = [f"{percent(share)} of the excess can lie in {where} that depends on {by}"]
+    cause = {"torque": f"a torque in {site}", "friction": f"friction of {site}", "error": f"an error of {site}"}[kind]
+    dependence = "load or on the direction of motion alone" if coordinate == "load" else coordinate
+    parts = [f"{percent(share)} of the excess can lie in {cause} that depends on {dependence}"]
     if coordinate == "speed":
         parts.append(_speed_shape(knots, values, std))
     elif coordinate == "angle":

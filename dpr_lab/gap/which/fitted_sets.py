@@ -263,8 +263,8 @@ class FittedSets:
         """Whether a few segments kept an earlier fit of a smaller set in a local minimum that a larger set has left."""
         if (smaller.key, model.key) in self._left or at_noise_floor(smaller):
             return False
-        lower, there = relative_chi2(smaller.fit), relative_chi2(model.fit)
-        return bool(((lower > EFFORT.outstanding) & (there < 0.5 * lower)).any())
+        previous, current = relative_chi2(smaller.fit), relative_chi2(model.fit)
+        return bool(((previous > EFFORT.outstanding) & (current < 0.5 * previous)).any())
 
     def replaced(self, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
         """The set with another effect in place of one, started without either and with both; None without a score.

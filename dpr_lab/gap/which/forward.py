@@ -121,8 +121,8 @@ def _worth_its_price(sets: FittedSets, current: Hypothesis, proposal: Proposal) 
 
 def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
     """The next best sets that are close to the best one and not other forms of it."""
-    apart = [model for model in others if not _contains(sets, model, best)]
-    return [model for model in apart[: BEAM.sets - 1] if excess(model) < BEAM.worse * excess(best)]
+    separate = [model for model in others if not _contains(sets, model, best)]
+    return [model for model in separate[: BEAM.sets - 1] if excess(model) < BEAM.worse * excess(best)]
 
 
 def _with_one_more(
@@ -171,5 +171,5 @@ def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
 
 
 def _indistinguishable(score: Score, other: Score) -> bool:
-    same = abs(score.gain - other.gain) <= BEAM.same_gain * max(score.gain, other.gain)
-    return same and len(score.columns) == len(other.columns) and other.effect.name in score.effect.twins
+    same_gain = abs(score.gain - other.gain) <= BEAM.same_gain * max(score.gain, other.gain)
+    return same_gain and len(score.columns) == len(other.columns) and other.effect.name in score.effect.twins

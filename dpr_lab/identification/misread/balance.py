@@ -108,8 +108,8 @@ def energy_zeros(t: Array, rods: Array, rig: Rig, settings: EnergySettings = ENE
         rig: the recorded rig
         settings: settings of the test
     """
-    every = max(1, len(rods) // settings.zero_rows)
-    moving = local_motion(t[::every], rods[::every], periods(rig)[1], settings.motion)
+    stride = max(1, len(rods) // settings.zero_rows)
+    moving = local_motion(t[::stride], rods[::stride], periods(rig)[1], settings.motion)
     if moving is None:
         return None
 

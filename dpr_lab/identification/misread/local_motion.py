@@ -71,14 +71,16 @@ def _local_motion(t: Array, rods: Array, length_s: float, settings: LocalMotionS
     if len(t) < settings.fewest:
         return None
     window = int(np.clip(length_s / float(np.median(np.diff(t))), *settings.window)) // 2 * 2 + 1
-    every = -(-len(t) // settings.instants)
+    stride = -(-len(t) // settings.instants)
     if len(t) < settings.fewest + window:
         return None
-    times, angles = (sliding_window_view(x, window, axis=0)[::every] for x in (t, rods))
-    since = times - times.mean(axis=1, keepdims=True)
-    reach = np.abs(since).max(axis=1)[:, None]
-    powers = (since / reach)[:, :, None] ** np.arange(settings.degree + 1)
+    times, angles = (sliding_window_view(x, window, axis=0)[::stride] for x in (t, rods))
+    times_from_mean = times - times.mean(axis=1, keepdims=True)
+    reach = np.abs(times_from_mean).max(axis=1)[:, None]
+    powers = (times_from_mean / reach)[:, :, None] ** np.arange(settings.degree + 1)
     across = powers.transpose(0, 2, 1)
-    of = np.linalg.solve(across @ powers, across @ angles.transpose(0, 2, 1))
-    near = np.arange(window // 2, len(t) - window // 2)[::every]
-    return LocalMotion(near, times.mean(axis=1), of[:, 0], of[:, 1] / reach, 2 * of[:, 2] / reach**2)
+    coefficients = np.linalg.solve(across @ powers, across @ angles.transpose(0, 2, 1))
+    near = np.arange(window // 2, len(t) - window // 2)[::stride]
+    return LocalMotion(
+        near, times.mean(axis=1), coefficients[:, 0], coefficients[:, 1] / reach, 2 * coefficients[:, 2] / reach**2
+    )

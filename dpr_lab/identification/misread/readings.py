@@ -194,9 +194,9 @@ def _paced(factor: float) -> Misreading:
         part = _PARTS[round(factor)]
         cause = f"the swing is {part} as fast as its time stamps (import with {part} the --rate-hz, or check t)"
     else:
-        many = _MANY[round(1 / factor)]
+        words = _MANY[round(1 / factor)]
         film = ": is it a video in slow motion?" if factor < 0.5 else ""
-        cause = f"the swing is {many} as fast as its time stamps (import with {many} the --rate-hz, or check t{film})"
+        cause = f"the swing is {words} as fast as its time stamps (import with {words} the --rate-hz, or check t{film})"
     return Misreading(cause, _in_time(factor), time_factor=factor)
 
 

@@ -98,5 +98,5 @@ def refuse_impossible(ratios: Array, rig: Rig) -> None:
     Raises:
         IdentificationError: no positive masses have these ratios.
     """
-    if why := impossible(ratios, rig):
-        raise IdentificationError(f"{why}: check zero, unit, sign and order of the angles, and L1 in the rig file")
+    if reason := impossible(ratios, rig):
+        raise IdentificationError(f"{reason}: check zero, unit, sign and order of the angles, and L1 in the rig file")

@@ -85,25 +85,25 @@ class TorqueBalance:
         return float(np.sqrt(np.sum((columns @ x - target) ** 2) / len(self.moving.t))), x
 
     def _thinned(self) -> "TorqueBalance":
-        every, moving = max(1, len(self.moving.t) // ENERGY.zero_rows), self.moving
+        stride, moving = max(1, len(self.moving.t) // ENERGY.zero_rows), self.moving
         names = ("near", "t", "rods", "omega", "alpha")
-        thinned = LocalMotion(*(getattr(moving, name)[::every] for name in names))
-        return replace(self, moving=thinned, torques=None if self.torques is None else self.torques[::every])
+        thinned = LocalMotion(*(getattr(moving, name)[::stride] for name in names))
+        return replace(self, moving=thinned, torques=None if self.torques is None else self.torques[::stride])
 
     def _equations(self, rods: Array) -> tuple[Array, Array, Array, Array]:
         """Columns, target, and bounds of the coefficients relative to the values of the rig file."""
         a, b, d, e1, c1, c2 = mounted_base(self.rig, self.rig.nominal).tolist()
         e2 = d * self.rig.g / self.rig.L1
         (th1, th2), (w1, w2), (al1, al2) = rods.T, self.moving.omega.T, self.moving.alpha.T
-        cos, sin, none, turning = np.cos(th1 - th2), np.sin(th1 - th2), np.zeros_like(th1), w2 - w1
+        cos, sin, zeros, turning = np.cos(th1 - th2), np.sin(th1 - th2), np.zeros_like(th1), w2 - w1
         slip1, slip2 = np.tanh(w1 / self.settings.slipping), np.tanh(turning / self.settings.slipping)
         pairs = [
-            (a * al1, none),
-            (none, b * al2),
+            (a * al1, zeros),
+            (zeros, b * al2),
             (d * (cos * al2 + sin * w2**2), d * (cos * al1 - sin * w1**2) - e2 * np.sin(th2)),
-            (c1 * w1, none),
+            (c1 * w1, zeros),
             (-c2 * turning, c2 * turning),
-            (e1 * slip1, none),
+            (e1 * slip1, zeros),
             (-e2 * slip2, e2 * slip2),
         ]
         least, most = [1 / ENERGY.slack] * 3 + [0.0] * 4, [ENERGY.slack] * 3 + [ENERGY.friction] * 2
@@ -113,7 +113,7 @@ class TorqueBalance:
             least, most = [*least, 1 / ENERGY.slack], [*most, ENERGY.slack]
         size = self._size(rods)
         columns = np.stack([self._of_joints(*pair) for pair in pairs], axis=1)
-        target = self._of_joints(e1 * np.sin(th1), none)
+        target = self._of_joints(e1 * np.sin(th1), zeros)
         return columns / size, target / size, np.array(least), np.array(most)
 
     def _of_joints(self, inner: Array, outer: Array) -> Array:

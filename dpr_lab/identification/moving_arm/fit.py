@@ -142,10 +142,10 @@ def _start(problem: ArmProblem, initial: Array, settings: ArmFitSettings) -> Arr
     if "gain" not in problem.unknowns.free:
         return start
     without = np.where(np.arange(len(start)) == SWING_PARAMETERS.index("gain"), 0.0, start)
-    few = replace(settings, iterations=5)
-    passive = fit_segments(problem, without, initial, few, states_only=True)
+    short = replace(settings, iterations=5)
+    passive = fit_segments(problem, without, initial, short, states_only=True)
     try:
-        driven = fit_segments(problem, start, initial, few, states_only=True)
+        driven = fit_segments(problem, start, initial, short, states_only=True)
     except IdentificationError:
         return without
     return start if driven.chi2_per_dof < passive.chi2_per_dof else without

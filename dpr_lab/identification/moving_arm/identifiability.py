@@ -153,8 +153,8 @@ class ArmIdentifiability(Shown):
             "unseen": list(self.unseen),
             "null_space": [dict(direction) for direction in self.null_space],
             "parameters": {
-                name: {"fixed_by": how} | ({"relative_std": self.spread[name]} if name in self.spread else {})
-                for name, how in self.fixed_by.items()
+                name: {"fixed_by": source} | ({"relative_std": self.spread[name]} if name in self.spread else {})
+                for name, source in self.fixed_by.items()
             },
             "advice": [advice.to_json() for advice in self.advice],
             "sequence": [advice.to_json() for advice in self.sequence],

@@ -103,8 +103,8 @@ class MovingArmModel(Shown, BaseModel):
         for effect, name in ((SPRING_JOINT0, "k0"), (COULOMB_JOINT0, "f0")):
             if sizes[name]:
                 effects[effect.name] = {effect.amplitudes[0].name: sizes[name]}
-        none = {SWING_PARAMETERS.index(name): 0.0 for name in ("k0", "f0")}
-        swing = [none.get(place, value) for place, value in enumerate(self.swing)]
+        absent = {SWING_PARAMETERS.index(name): 0.0 for name in ("k0", "f0")}
+        swing = [absent.get(place, value) for place, value in enumerate(self.swing)]
         return self.model_copy(update={"effects": effects, "swing": swing})
 
     def used(self, sha256: str) -> bool:

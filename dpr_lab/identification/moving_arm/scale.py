@@ -44,13 +44,13 @@ def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
         if clear and motor.input == "current" and motor.kt is not None:
             kt, relative = best(motor.kt, 0.0), (motor.kt.std or 0.0) / best(motor.kt, 1.0)
             measured = motor.kt.measured is not None
-            how = "the measured kt" if measured else "the nominal kt of the rig file"
+            source = "the measured kt" if measured else "the nominal kt of the rig file"
             return ArmScale(
                 kt * motor.gear / gain,
                 relative,
                 True,
                 measured,
-                f"The scale {name} follows from the current and {how}.",
+                f"The scale {name} follows from the current and {source}.",
             )
     Z = rig.nominal
     value, relative = float(rod_inertias(Z, rig)[1]), _relative_std(rig)

@@ -40,8 +40,8 @@ class Scale(BaseModel):
     def assumption(self) -> str:
         """Note on an assumed scale, `assuming b = 0.00534 kg m^2 (not measured)`, or on a known one."""
         if self.known:
-            how = "measured" if self.fixed_by == "measured" else "identified"
-            return f"with {self.inertia} = {self.b:.4g} kg m^2 ({how})"
+            source = "measured" if self.fixed_by == "measured" else "identified"
+            return f"with {self.inertia} = {self.b:.4g} kg m^2 ({source})"
         return f"assuming {self.inertia} = {self.b:.4g} kg m^2 (not measured)"
 
     @property

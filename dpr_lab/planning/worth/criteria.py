@@ -113,26 +113,29 @@ class OpenPairs:
 
     def sized_distance(self, F: Array, truth: int, other: int) -> float:
         """D^2 of two causes at their expected sizes, without the uncertainty of the sizes."""
-        none = tuple(np.zeros_like(spread) for spread in self.spreads)
-        return float(replace(self, spreads=none).distances(F)[truth, other])
+        no_spread = tuple(np.zeros_like(spread) for spread in self.spreads)
+        return float(replace(self, spreads=no_spread).distances(F)[truth, other])
 
     def distances(self, F: Array) -> Array:
         """(n, n) expected D^2 of readings under each cause (row) from the nearest ones under each other (column)."""
         columns = list(dict.fromkeys(i for places in self.places for i in places))
         G = given(F, self.fitted, columns)
         rows = [[columns.index(i) for i in places] for places in self.places]
-        apart = np.zeros((len(rows), len(rows)))
+        squared = np.zeros((len(rows), len(rows)))
         for i, places in enumerate(rows):
             for j, other in enumerate(rows):
                 free = [k for k, row in enumerate(places) if row not in other]
                 if i == j or not free:
                     continue
-                mine = [places[k] for k in free]
-                cross = G[np.ix_(other, mine)]
-                left = G[np.ix_(mine, mine)] - cross.T @ np.linalg.pinv(G[np.ix_(other, other)], 1e-12, True) @ cross
+                columns_of_row = [places[k] for k in free]
+                cross = G[np.ix_(other, columns_of_row)]
+                left = (
+                    G[np.ix_(columns_of_row, columns_of_row)]
+                    - cross.T @ np.linalg.pinv(G[np.ix_(other, other)], 1e-12, True) @ cross
+                )
                 size = self.sizes[i][free]
-                apart[i, j] = max(size @ left @ size + np.sum(left * self.spreads[i][np.ix_(free, free)]), 0.0)
-        return apart
+                squared[i, j] = max(size @ left @ size + np.sum(left * self.spreads[i][np.ix_(free, free)]), 0.0)
+        return squared
 
     def gained(self, before: Array, F: Array) -> Array:
         """(n, n) d^2 that information adds to the log odds of each cause against each other one.
@@ -178,8 +181,8 @@ def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
 @cache
 def _even_bits() -> tuple[Array, Array]:
     """Lookup table of the expected bits at even odds over d."""
-    apart = np.concatenate([np.linspace(0.0, 4.0, 41), np.linspace(4.5, 20.0, 32)])
-    return apart, np.array([expected_bits([0.5, 0.5], d) for d in apart.tolist()])
+    separations = np.concatenate([np.linspace(0.0, 4.0, 41), np.linspace(4.5, 20.0, 32)])
+    return separations, np.array([expected_bits([0.5, 0.5], d) for d in separations.tolist()])
 
 
 def library_bits(known: Knowledge, F: Array) -> float:
@@ -189,15 +192,15 @@ def library_bits(known: Knowledge, F: Array) -> float:
     power = np.maximum(np.diag(G), 0.0)
     typical = np.array([known.model.columns[i].size for i in columns])
     scaled = np.where(power > 0, power, 1.0)
-    apart = np.maximum(power[:, None] - G**2 / scaled, 0.0)
+    power_left = np.maximum(power[:, None] - G**2 / scaled, 0.0)
     effects = np.array([known.model.columns[i].effect for i in columns])
-    apart[effects[:, None] == effects] = np.inf
-    np.fill_diagonal(apart, power)
+    power_left[effects[:, None] == effects] = np.inf
+    np.fill_diagonal(power_left, power)
     grid, bits = _even_bits()
     of_same = (effects[:, None] == effects) & ~np.eye(len(columns), dtype=np.bool_)
     total, count = 0.0, 0
     for size in WORTH.sizes:
-        d = size * typical[:, None] * np.sqrt(apart / CALIBRATION.temperature)
+        d = size * typical[:, None] * np.sqrt(power_left / CALIBRATION.temperature)
         total += float(np.interp(d, grid, bits)[~of_same].sum())
         count += int(np.count_nonzero(~of_same))
     return total / count

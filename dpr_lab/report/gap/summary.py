@@ -80,8 +80,8 @@ def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
     if budget is None or budget.of_gap is None:
         return []
     if budget.of_reproducible is None:
-        why = budget.undecided or "No part of the gap is known to be reproducible."
-        sentences = [f"The corrected model explains {percent(budget.of_gap)} of the mean squared gap. {why}"]
+        reason = budget.undecided or "No part of the gap is known to be reproducible."
+        sentences = [f"The corrected model explains {percent(budget.of_gap)} of the mean squared gap. {reason}"]
     else:
         sentences = [
             f"The corrected model explains {percent(budget.of_reproducible)} of the reproducible part and"

@@ -121,8 +121,8 @@ def table_of(
 def _wanted(path: Path, arrays: Mapping[str, NDArray], take: Sequence[str]) -> Mapping[str, NDArray]:
     for name in take:
         if not any(_within(other, name) for other in arrays):
-            there = ", ".join(map(printable, arrays))
-            raise RunError(f"{path}: contains nothing named {name!r}; it contains: {there[:500] or 'none'}")
+            available = ", ".join(map(printable, arrays))
+            raise RunError(f"{path}: contains nothing named {name!r}; it contains: {available[:500] or 'none'}")
     return {name: a for name, a in arrays.items() if not take or any(_within(name, wanted) for wanted in take)}
 
 

@@ -115,8 +115,8 @@ def _gathered(
         if take and topic not in take:
             continue
         if len(topics) > 1 and not take:
-            there = ", ".join(sorted(map(printable, topics)))
-            raise RunError(f"{path}: contains JointState on several topics: choose one with --take: {there}")
+            available = ", ".join(sorted(map(printable, topics)))
+            raise RunError(f"{path}: contains JointState on several topics: choose one with --take: {available}")
         if len(data) > LIMITS.message_bytes:
             raise RunError(f"{path}: a JointState of {len(data):,} bytes; the maximum is {LIMITS.message_bytes:,}")
         message = decode(data)
@@ -125,8 +125,8 @@ def _gathered(
         logged.append(log_time)
         stamped.append(message.header.stamp.sec * NANOSECONDS + message.header.stamp.nanosec)
     if not rows:
-        there = f"; its topics of that type: {', '.join(sorted(map(printable, topics)))}" if topics else ""
-        raise RunError(f"{path}: contains no sensor_msgs/JointState{f' on {take[0]}' if take else ''}{there}")
+        available = f"; its topics of that type: {', '.join(sorted(map(printable, topics)))}" if topics else ""
+        raise RunError(f"{path}: contains no sensor_msgs/JointState{f' on {take[0]}' if take else ''}{available}")
     # A driver without time stamps writes zero.
     return (stamped if all(stamped) else logged), list(joints), rows, printable(min(take or topics))
 

@@ -22,10 +22,10 @@ HEADER, TAG, COMPRESSED = 128, 8, 15
 
 def object_sentence(path: Path, class_name: str) -> RunError:
     """Error message for a MATLAB object in the file."""
-    how = "s.time = ts.Time; s.data = ts.Data; save('swing.mat', '-struct', 's')"
+    commands = "s.time = ts.Time; s.data = ts.Data; save('swing.mat', '-struct', 's')"
     return RunError(
         f"{path}: contains an object of the MATLAB class {class_name}, which only MATLAB can read: save it"
-        f" as a struct: {how}"
+        f" as a struct: {commands}"
     )
 
 

@@ -168,13 +168,13 @@ def _upside_down(rods: list[NDArray[np.float64]]) -> bool:
 def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Point]:
     """Pivot and ends of the rods: the named points, or all in the order of the table; a missing pivot is estimated."""
     by_name = {point.name.lower(): point for point in points}
-    there = ", ".join(point.name for point in points)
+    available = ", ".join(point.name for point in points)
     unknown = [name for name in take if name.lower() not in by_name]
     if unknown:
-        raise RunError(f"{table.path}: has no point {unknown[0]!r}; its points: {there}")
+        raise RunError(f"{table.path}: has no point {unknown[0]!r}; its points: {available}")
     chosen = [by_name[name.lower()] for name in take] or points
     if len(chosen) > 3:
-        raise RunError(f"{table.path}: contains the points {there}: select with --take {WANTED}")
+        raise RunError(f"{table.path}: contains the points {available}: select with --take {WANTED}")
     if len(chosen) == 1 or (len(chosen) == 2 and _moved(chosen[0]) > SETTINGS.at_rest * _moved(chosen[1])):
         return [_pivot_of(table, chosen[0]), *chosen]
     pivot = np.nanmedian(chosen[0].at, axis=0)  # the pivot rests, so its noise is not that of the rods

@@ -88,8 +88,8 @@ def with_still_joint2(table: Table, given: Mapping[str, str]) -> tuple[Table, di
 
     The name of the rod's own column may lack a number.
     """
-    there = any("theta2" in guess_columns(table.names, unit) for unit in ("rad", "counts"))
-    if there or "theta2" in given:
+    has_joint2 = any("theta2" in guess_columns(table.names, unit) for unit in ("rad", "counts"))
+    if has_joint2 or "theta2" in given:
         return table, dict(given)
     alone = [name for name in table.names if _ONE_ROD.fullmatch(bare(name))]
     if len(alone) == 1 and not any("theta1" in guess_columns(table.names, unit) for unit in ("rad", "counts")):
@@ -101,11 +101,13 @@ def with_still_joint2(table: Table, given: Mapping[str, str]) -> tuple[Table, di
 
 def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], timed: bool) -> None:
     names = [*table.names, *table.other_lengths]
-    there = f"the table has: {', '.join(names)}"
+    available = f"the table has: {', '.join(names)}"
     for quantity, name in given.items():
         if names.count(name) != 1:
             count = names.count(name) or "no"
-            raise RunError(f"{table.path}: {count} columns are named {name!r} (--columns {quantity}={name}); {there}")
+            raise RunError(
+                f"{table.path}: {count} columns are named {name!r} (--columns {quantity}={name}); {available}"
+            )
     misread = {unit: name for unit in TO_SECONDS if (name := guess_columns(names, time_unit=unit).get("t"))}
     if timed and "t" not in named and len(misread) == 1:
         ((unit, name),) = misread.items()
@@ -116,7 +118,7 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
     if missing:
         rate = "; for a table without time give --rate-hz" if "t" in missing else ""
         raise RunError(
-            f"{table.path}: no single column found for {' and '.join(missing)}; {there}."
+            f"{table.path}: no single column found for {' and '.join(missing)}; {available}."
             f" Name it, for example --columns {missing[0]}=NAME; both rods are needed{rate}"
         )
     other = [name for name in named.values() if name in table.other_lengths]

@@ -167,8 +167,8 @@ def _coding(path: Path, limits: TableLimits) -> str:
         while block := file.read(limits.block_bytes):
             something = something or bool(block.strip())
             if len(block.translate(None, _CONTROL)) != len(block):
-                how = "export it as CSV (UTF-8) from its program" if file is packed else "unpack it with gunzip"
-                raise RunError(f"{path}: is not a text table but a binary file: {how} first")
+                instruction = "export it as CSV (UTF-8) from its program" if file is packed else "unpack it with gunzip"
+                raise RunError(f"{path}: is not a text table but a binary file: {instruction} first")
             utf8 = utf8 and (block.isascii() or _decodes(decoder, block))
         utf8 = utf8 and _decodes(decoder, b"", final=True)
     if not something:

@@ -56,14 +56,14 @@ def check_spacing(path: Path, t: NDArray[np.float64]) -> None:
     Raises:
         RunError: the unit of time is probably another one.
     """
-    apart = float(np.median(np.diff(t)))
-    if apart > PLAUSIBLE.step_s:
+    step = float(np.median(np.diff(t)))
+    if step > PLAUSIBLE.step_s:
         unit, factor = min(
-            (("ms", 1e-3), ("us", 1e-6)), key=lambda choice: abs(math.log(apart * choice[1] / PLAUSIBLE.usual_step_s))
+            (("ms", 1e-3), ("us", 1e-6)), key=lambda choice: abs(math.log(step * choice[1] / PLAUSIBLE.usual_step_s))
         )
         raise RunError(
-            f"{path}: rows are {apart:g} s apart, too far to follow a swing: the times are probably in {unit}, which"
-            f" makes them {apart * factor:.3g} s apart (--time-unit {unit})"
+            f"{path}: rows are {step:g} s apart, too far to follow a swing: the times are probably in {unit}, which"
+            f" makes them {step * factor:.3g} s apart (--time-unit {unit})"
         )
     if t[-1] > PLAUSIBLE.duration_s:
         raise RunError(
@@ -103,8 +103,8 @@ def _leaps(angles: NDArray[np.float64], rows: int) -> NDArray[np.bool_]:
     """(n,) mask of angles in this number of rows that jump away and back, unless caused by a wrap."""
     # The ends are extended, so that the first and the last row can be outliers.
     x = np.concatenate([angles[rows : rows + 1], angles, angles[-rows - 1 : -rows]])
-    into, back = x[1:-rows] - x[: -rows - 1], x[rows + 1 :] - x[rows:-1]
-    away = (np.abs(into) > PLAUSIBLE.jump) & (np.abs(back) > PLAUSIBLE.jump) & (into * back < 0)
+    jump_there, back = x[1:-rows] - x[: -rows - 1], x[rows + 1 :] - x[rows:-1]
+    away = (np.abs(jump_there) > PLAUSIBLE.jump) & (np.abs(back) > PLAUSIBLE.jump) & (jump_there * back < 0)
     away &= np.abs(x[rows + 1 :] - x[: -rows - 1]) < PLAUSIBLE.jump
     leaping = np.zeros(len(angles), dtype=np.bool_)
     for first in np.flatnonzero(away):

@@ -52,12 +52,12 @@ def questions(asked: Asked, settings: QuestionSettings = SETTINGS) -> list[Table
     _refuse_dead(asked, theta, settings)
     doubts, other = _energy_questions(asked, settings)
     arm = _arm_questions(asked, theta[:, 0], settings)
-    few = _few(asked, t, settings)
+    few_rows = _few(asked, t, settings)
     posed = [] if other else _pose_questions(asked, settings)
     certain = other or posed or arm or any(doubt.mend for doubt in doubts)
     if not certain:
         doubts = _balance_questions(asked, settings) or [*_rig_questions(asked, settings), *doubts]
-    return [*doubts, *arm, *few, *posed]
+    return [*doubts, *arm, *few_rows, *posed]
 
 
 def _refuse_dead(asked: Asked, theta: Array, settings: QuestionSettings) -> None:
@@ -177,12 +177,12 @@ def _rig_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuesti
     balance = torque_balance(read.t, read.rods(read.values, read.options), None, read.rig)
     residual, ratios = (math.inf, np.ones(1)) if balance is None else balance.inertias()
     least, most = inertia_bounds(asked.rig)
-    off = max(np.max(least / ratios), np.max(ratios / most))
-    if residual > settings.same_rig or off <= settings.other_rig:
+    factor = max(np.max(least / ratios), np.max(ratios / most))
+    if residual > settings.same_rig or factor <= settings.other_rig:
         return []
     return [
         TableQuestion(
-            f"the inertia of the rods relative to their weight differs by {percent(off - 1)} from the nearest value"
+            f"the inertia of the rods relative to their weight differs by {percent(factor - 1)} from the nearest value"
             f" that the rig file {asked.rig.rig.name!r} allows: is it the file of the recorded rig (--rig)?"
             " Otherwise correct its lengths, masses, inertias and their bounds"
         )
@@ -272,12 +272,12 @@ def _pose_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuest
     if asked.options.pose is None:
         return []
     began = np.median(asked.theta[asked.rest, 1:], axis=0)
-    off = {name: apart(began, pose.theta[1:]) / pose.tolerance for name, pose in asked.rig.poses.items()}
+    deviations = {name: apart(began, pose.theta[1:]) / pose.tolerance for name, pose in asked.rig.poses.items()}
     pose = asked.rig.poses[asked.options.pose]
-    if (away := off[asked.options.pose]) <= settings.pose[0]:
+    if (away := deviations[asked.options.pose]) <= settings.pose[0]:
         return []
     began_at, asked_for = (f"theta1 = {a:.2f}, theta2 = {b:.2f} rad" for a, b in (began, pose.theta[1:]))
-    near = [name for name, distance in off.items() if distance <= settings.pose[0]]
+    near = [name for name, distance in deviations.items() if distance <= settings.pose[0]]
     counted = asked.options.unit == "counts"
     keys = (
         "zero_counts, joint2, direction and counts_per_rev of the rig file"
@@ -300,8 +300,8 @@ def _readings_in_pose(asked: Asked, settings: QuestionSettings) -> list[OtherRea
     """Interpretations with the swing starting in the named pose and conserving its energy, fewest changes first."""
     read = asked.read(settings)
     others, as_read = list(read.others()), OtherReading((), (), read.values, asked.options)
-    every = [as_read.mirrored, *others, *(other.mirrored for other in others)]
-    posed = [other for other in every if other.time_factor == 1 and _in_pose(asked, other, settings)]
+    candidates = [as_read.mirrored, *others, *(other.mirrored for other in others)]
+    posed = [other for other in candidates if other.time_factor == 1 and _in_pose(asked, other, settings)]
     residuals = [_residual(read, other) for other in posed]
     limit = min(READ.right, READ.alike * min(residuals, default=0.0))
     matching = [other for other, residual in zip(posed, residuals, strict=True) if residual <= limit]

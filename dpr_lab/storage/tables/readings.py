@@ -171,9 +171,9 @@ def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
     slower = [_slower(read.values, read.options, fit.time_scale)] if np.isfinite(fit.time_scale) else []
     for reading in (*read.others(), *slower):
         rods = read.rods(reading.values, reading.options)
-        again = energy_fit(read.t * reading.time_factor, rods, read.torques, read.rig)
-        if again is not None and again.residual < min(SETTINGS.sure, fit.residual / SETTINGS.better):
-            tried.append((again.residual, reading))
+        refitted = energy_fit(read.t * reading.time_factor, rods, read.torques, read.rig)
+        if refitted is not None and refitted.residual < min(SETTINGS.sure, fit.residual / SETTINGS.better):
+            tried.append((refitted.residual, reading))
     if not tried and read.torques is None and (moved := _with_other_zeros(read)):
         return [moved]
     best = min((residual for residual, _ in tried), default=np.inf)
@@ -186,8 +186,8 @@ def _with_other_zeros(read: ReadTable) -> OtherReading | None:
     """The same table with the zeros of the rods at which a free swing conserves its energy; None if there are none."""
     rods = read.rods(read.values, read.options)
     added = energy_zeros(read.t, rods, read.rig)
-    again = None if added is None else energy_fit(read.t, rods + added, None, read.rig)
-    if added is None or again is None or again.residual > SETTINGS.right / SETTINGS.alike:
+    refitted = None if added is None else energy_fit(read.t, rods + added, None, read.rig)
+    if added is None or refitted is None or refitted.residual > SETTINGS.right / SETTINGS.alike:
         return None
     return _with_zeros(read, added)
 
@@ -303,8 +303,8 @@ def _scaled(values: Values, options: ImportOptions, rig: Rig) -> Iterator[OtherR
             axis: zero + (values[axis] - zero) * times for axis, zero, times in zip(AXES[1:], zeros, scale, strict=True)
         }
         if counted:
-            of = "" if len(joints) > 1 else f" for joint {joints[0]}"
-            cause = f"counts_per_rev of the rig file is {1 / factor:g} times as large{of}"
+            suffix = "" if len(joints) > 1 else f" for joint {joints[0]}"
+            cause = f"counts_per_rev of the rig file is {1 / factor:g} times as large{suffix}"
             turned, scale = {axis: np.round(column) for axis, column in turned.items()}, (1.0, 1.0)
         else:
             which = "the angles" if len(joints) > 1 else f"theta{joints[0]}"
@@ -344,8 +344,8 @@ def _changed(
         words += ["--zero", options.zero]
     if reference:
         options = replace(options, angles="absolute" if options.angles == "relative" else "relative")
-        to = "inner rod" if options.angles == "relative" else "vertical"
-        causes.append(f"the angle of the outer rod is measured to the {to}")
+        direction = "inner rod" if options.angles == "relative" else "vertical"
+        causes.append(f"the angle of the outer rod is measured to the {direction}")
         words += ["--angles", options.angles]
     if sign:
         changed["theta2"] = -changed["theta2"]

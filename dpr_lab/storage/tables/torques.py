@@ -71,9 +71,9 @@ def find_torques(names: Sequence[str], source: str | None, given: Mapping[str, s
     driven = {match[2]: name for name, match in matches.items()}
     for kind, pair in chosen.items():
         for joint in driven.keys() - pair.keys():
-            there = ", ".join(pair.values())
+            available = ", ".join(pair.values())
             raise RunError(
-                f"{path}: joint {joint} has a torque ({driven[joint]}), but no {kind} torque like {there}: choose"
+                f"{path}: joint {joint} has a torque ({driven[joint]}), but no {kind} torque like {available}: choose"
                 f" one kind for both joints with --torque, or remove {driven[joint]} from the table"
             )
     return {kind: (pair.get("1", PASSIVE), pair.get("2", PASSIVE)) for kind, pair in chosen.items()}
@@ -176,6 +176,6 @@ def better_torques(
         rig: the recorded rig
     """
     fits = [(energy_fit(t, rods, other.torques, rig), other) for other in others]
-    residuals = [(again.residual, other) for again, other in fits if again is not None]
+    residuals = [(refitted.residual, other) for refitted, other in fits if refitted is not None]
     residual, best = min(residuals, key=lambda pair: pair[0], default=(np.inf, None))
     return best if residual < min(READ.sure, fit.residual / READ.better) else None

@@ -237,9 +237,9 @@ def _cut_notes(t: NDArray[np.float64], part: FreePart, fault: str) -> list[str]:
     if part.start > 0:
         rest = f"the {t[part.start] - t[part.rest]:.4g} s of rest before it are"
         held = f"{rest} excluded: {fault}" if fault else f"{rest} kept for the noise floor"
-        what = held if part.start > part.rest else "the rows before it are excluded"
+        reason = held if part.start > part.rest else "the rows before it are excluded"
         notes.append(
-            f"starts at {t[part.start]:.7g} s, when the rods begin to move; {what} (--keep-rest uses all rows)"
+            f"starts at {t[part.start]:.7g} s, when the rods begin to move; {reason} (--keep-rest uses all rows)"
         )
     if part.stop < len(t):
         notes.append(
@@ -294,20 +294,20 @@ def _check_forwards(
     backwards = np.flatnonzero(np.diff(t[known]) < 0)
     if len(backwards):
         row, before = known[backwards[0] + 1], known[backwards[0]]
-        there = f"{table.path}: {_line(table, int(row))}"
+        place = f"{table.path}: {_line(table, int(row))}"
         unit = TO_SECONDS[options.time_unit or "s"]
         step = float(np.median(np.abs(np.diff(t[known]))))
         continues = continues_across(int(backwards[0]) + 1, (column[known] for column in readings.values()))
         wrap = wrap_behind(float(t[before]) / unit, float(t[row]) / unit, step / unit, continues)
         if wrap is not None:
             raise RunError(
-                f"{there}: time decreases by {t[before] - t[row]:g} s, like a wrapping counter: import with"
+                f"{place}: time decreases by {t[before] - t[row]:g} s, like a wrapping counter: import with"
                 f" --time-wrap {wrap:.10g}"
             )
         if len(backwards) == len(known) - 1:
-            raise RunError(f"{there}: time decreases in all rows: sort the rows by time")
+            raise RunError(f"{place}: time decreases in all rows: sort the rows by time")
         raise RunError(
-            f"{there}: time decreases from {t[before]:g} s to {t[row]:g} s; split the table there, because"
+            f"{place}: time decreases from {t[before]:g} s to {t[row]:g} s; split the table there, because"
             f" each recording is a separate run"
         )
 
@@ -351,10 +351,10 @@ def _refuse_coarse_times(
 ) -> None:
     """Refuse a table with many rows of equal time and different readings: the time column has too few digits."""
     later, before = rows[doubled], rows[np.flatnonzero(doubled) - 1]
-    again = np.logical_or.reduce([column[later] != column[before] for column in readings.values()])
-    if again.sum() > PLAUSIBLE.doubled_share * len(rows):
+    changed = np.logical_or.reduce([column[later] != column[before] for column in readings.values()])
+    if changed.sum() > PLAUSIBLE.doubled_share * len(rows):
         raise RunError(
-            f"{path}: {again.sum()} of {len(rows)} rows have the same time as the previous row but other"
+            f"{path}: {changed.sum()} of {len(rows)} rows have the same time as the previous row but other"
             f" readings: the time"
             f" column has too few digits. Export it with more, or give the rate (--rate-hz)"
         )

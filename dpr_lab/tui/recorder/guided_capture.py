@@ -68,9 +68,9 @@ class _GuidedCapture:
         return True if fresh else None
 
     def _end_if_wanted(self) -> None:
-        why = self._inbox.why_to_end(self._order.attempt)
-        if why:
-            raise SafetyStop(why if self._released else f"{why}: nothing was released, the rods stay held")
+        reason = self._inbox.why_to_end(self._order.attempt)
+        if reason:
+            raise SafetyStop(reason if self._released else f"{reason}: nothing was released, the rods stay held")
 
 
 def _thinned(recorded: SwingReading) -> SwingReading:

@@ -157,8 +157,8 @@ Grey values are old: no message has arrived from the device since then, and the 
         attempt = self.attempt
         if attempt is None or attempt.phase is not Phase.RECORDING:
             return None
-        of = None if self.options.until_rest else self.options.duration
-        return RecordingNow(attempt.name, attempt.recorded.t if attempt.recorded is not None else 0.0, of)
+        duration = None if self.options.until_rest else self.options.duration
+        return RecordingNow(attempt.name, attempt.recorded.t if attempt.recorded is not None else 0.0, duration)
 
     @property
     def counting_down(self) -> bool:
@@ -309,8 +309,8 @@ Grey values are old: no message has arrived from the device since then, and the 
             held = "nothing was released, the rods stay held"
             if not self.device.fresh(time.monotonic()):
                 held = "no release was ordered, but the device is silent, so the latch is UNKNOWN: keep clear"
-            why = obstacle if countdown is None else countdown.why
-            self.notify(f"Not released: {why}; {held}", severity="warning", timeout=NOTICES.news_s, markup=False)
+            reason = obstacle if countdown is None else countdown.why
+            self.notify(f"Not released: {reason}; {held}", severity="warning", timeout=NOTICES.news_s, markup=False)
         elif obstacle:
             self.notify(f"Not released: {obstacle}", severity="warning", timeout=NOTICES.news_s, markup=False)
         else:
@@ -340,9 +340,9 @@ Grey values are old: no message has arrived from the device since then, and the 
             self.workspace.undecided = report.captured.run_file
             self.post_message(self.Done())
         elif isinstance(report, AttemptSeen) and isinstance(report.progress, HangReading) and not report.progress.ok:
-            off = ", ".join(map(self.workspace.unit.text, report.progress.error))
+            errors = ", ".join(map(self.workspace.unit.text, report.progress.error))
             warning = (
-                f"The hanging rods deviate by {off} from the vertical: counts were lost, or the zero"
+                f"The hanging rods deviate by {errors} from the vertical: counts were lost, or the zero"
                 f" in the rig file is wrong"
             )
             self.notify(warning, severity="warning", markup=False)

@@ -101,8 +101,8 @@ workspace, as by `dpr-lab compare`.
     def missing(self) -> str:
         """A model and runs."""
         known = self.workspace.model is not None and self.workspace.model.is_file()
-        none = f"No model yet: identify one in step {self.services.key_of('Identify')}"
-        return super().missing() or ("" if known else none)
+        no_model = f"No model yet: identify one in step {self.services.key_of('Identify')}"
+        return super().missing() or ("" if known else no_model)
 
     def outcome(self) -> str:
         """Number of compared runs, in words."""

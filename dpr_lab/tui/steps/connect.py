@@ -190,8 +190,8 @@ of its clock relative to this computer. This closes the latch and leaves it clos
     def _list(self, offered: Links) -> None:
         links = self.query_one(OptionList)
         links.clear_options()
-        for url, what in self._offers(offered).items():
-            links.add_option(Option(Content(f"{url:<34} {what}"), id=url))
+        for url, description in self._offers(offered).items():
+            links.add_option(Option(Content(f"{url:<34} {description}"), id=url))
         if not offered.serial:
             hint = self.worded("no serial port found: connect the device and press {connect.look}")
             links.add_option(Option(Content(hint), disabled=True))

@@ -271,8 +271,8 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
 
         closed = diagnosis.gap.closed_held_out
         selected = {run.stem for run in (*self.workspace.runs, *self.workspace.held_out)}
-        same = {whole(name) for name in (*closed.per_run, *closed.held_out)} == selected
-        return "" if same or not selected else " This diagnosis is of other runs than those selected now."
+        same_runs = {whole(name) for name in (*closed.per_run, *closed.held_out)} == selected
+        return "" if same_runs or not selected else " This diagnosis is of other runs than those selected now."
 
     @on(Select.Changed, "#place")
     def _place_picked(self, event: Select.Changed) -> None:
@@ -363,8 +363,8 @@ def _far(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
         Bars([(name, max(share, 0.0), interval, percent(share, 1)) for name, share, interval in shares], top=1.0),
     ]
     if not gap.waterfall:
-        why = "There is no gap" if diagnosis.verdict == "no_gap" else "No effect is named"
-        closing = [f"\n{why}, so there is no gap reduction"]
+        reason = "There is no gap" if diagnosis.verdict == "no_gap" else "No effect is named"
+        closing = [f"\n{reason}, so there is no gap reduction"]
     if parts := repeatability_parts(diagnosis):
         closing += [
             f"\nShares of the mean squared residual. {' '.join(repeatability_sentences(diagnosis))}",

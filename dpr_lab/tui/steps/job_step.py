@@ -107,8 +107,8 @@ class JobStep(Step):
     def missing(self) -> str:
         """Runs are required by every job."""
         step = self.services.key_of("Capture")
-        none = self.worded(f"No runs selected: record some in step {step}, or choose recorded ones ({{app.browse}})")
-        return "" if self.workspace.runs else none
+        no_runs = self.worded(f"No runs selected: record some in step {step}, or choose recorded ones ({{app.browse}})")
+        return "" if self.workspace.runs else no_runs
 
     def say(self, text: str) -> None:
         """Show a sentence."""

@@ -183,8 +183,8 @@ are diagnosed first.
     def _diagnosis(self) -> Path | None:
         """The diagnosis of the bench if it is of the selected runs."""
         made, now = self.workspace.made_from.get("Diagnose", {}), self.workspace.basis()
-        same = all(made.get(kind) == now[kind] for kind in self.RESTS_ON)
-        return self.workspace.diagnosis if same else None
+        unchanged = all(made.get(kind) == now[kind] for kind in self.RESTS_ON)
+        return self.workspace.diagnosis if unchanged else None
 
     def _draw(self, made: "Plan") -> None:
         self._unit = unit = self.workspace.unit
@@ -215,8 +215,8 @@ def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
     """The marked release, what no release decides, and the assumptions."""
     shown: list[RenderableType] = []
     if release is not None:
-        what = [release.text, f"reason: {release.reason}", f"horizon: {release.horizon_s:.1f} s"]
-        shown.append(sentences(f"Release {release.number}", what))
+        lines = [release.text, f"reason: {release.reason}", f"horizon: {release.horizon_s:.1f} s"]
+        shown.append(sentences(f"Release {release.number}", lines))
         if release.pairs:
             rows = [(*pair.causes, f"{pair.bits:.2f}") for pair in release.pairs]
             shown += [table("Undecided causes", ("cause", "or", "expected bits"), rows), ""]

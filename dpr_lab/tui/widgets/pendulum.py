@@ -37,8 +37,8 @@ class Pendulum(PlainCanvas):
 
     def show(self, theta: Angles | None, wanted: Angles | None, lengths: Lengths, *, old: bool = False) -> None:
         """Draw rods at `theta`, and the pose `wanted` behind them; None: omitted; `old`: drawn in grey."""
-        same = (self._wanted, self._lengths, self._old) == (wanted, lengths, old)
-        if not same or not _alike(theta, self._theta):
+        unchanged = (self._wanted, self._lengths, self._old) == (wanted, lengths, old)
+        if not unchanged or not _alike(theta, self._theta):
             self._theta, self._wanted, self._lengths, self._old = theta, wanted, lengths, old
             self._draw()
 

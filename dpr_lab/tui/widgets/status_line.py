@@ -22,8 +22,8 @@ class RecordingNow:
 
     def __str__(self) -> str:
         """Pose and time for the row."""
-        of = "" if self.of is None else f" of {self.of:g}"
-        return f"● REC {self.pose} {self.t:.0f}{of} s"
+        duration = "" if self.of is None else f" of {self.of:g}"
+        return f"● REC {self.pose} {self.t:.0f}{duration} s"
 
 
 COUNTDOWN = "RELEASING"
