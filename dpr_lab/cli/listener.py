@@ -163,9 +163,13 @@ def effects_listed(names: tuple[str, ...]) -> str:
 
 
 def named_by(outcome: "TrialOutcome") -> str:
-    """Effects named by the diagnosis of a trial, and its verdict."""
+    """Classes of effects named by the diagnosis of a trial, and its verdict."""
+    from dpr_lab.report.words import named
+    from dpr_lab.shown import listed
+
     verdict = outcome.verdict.replace("_", " ")
-    return f"{effects_listed(outcome.named)} ({verdict})" if outcome.named else verdict
+    classes = listed([" or ".join(map(named, members)) for members in outcome.named_classes])
+    return f"{classes} ({verdict})" if outcome.named else verdict
 
 
 def _angles(theta: Sequence[float]) -> str:

@@ -91,7 +91,14 @@ class TrialOutcome:
     seconds: float
     seal: str = ""
     causes: tuple[Cause, ...] = ()
-    """Encoder faults of the plant."""
+    """Hidden effects of the library, with their sizes relative to the minimum detectable ones."""
+    classes: tuple[tuple[str, ...], ...] = ()
+    """Members of each named class; empty in an outcome of an older version."""
+
+    @property
+    def named_classes(self) -> tuple[tuple[str, ...], ...]:
+        """Members of each named class, the named effect first."""
+        return self.classes or tuple((name,) for name in self.named)
 
     @property
     def grade(self) -> str:
@@ -122,8 +129,11 @@ def read_outcome(saved: Mapping[str, Any]) -> TrialOutcome:
         tuple(make(**record) for record in saved[name]) for name, make in (("sizes", SizeError), ("claims", Claim))
     )
     causes = tuple(Cause(**record) for record in saved["causes"])
+    classes = tuple(map(tuple, saved.get("classes", ())))
     number = {name: _number(saved[name]) for name in _NUMBERS}
-    return TrialOutcome(**{**saved, **lists, **number, "sizes": sizes, "claims": claims, "causes": causes})
+    return TrialOutcome(
+        **{**saved, **lists, **number, "sizes": sizes, "claims": claims, "causes": causes, "classes": classes}
+    )
 
 
 def score(
@@ -155,6 +165,7 @@ def score(
         verdict=diagnosis["verdict"],
         named=tuple(effect["name"] for effect in effects),
         class_sizes=tuple(len(effect["class"]) for effect in effects),
+        classes=tuple((effect["name"], *(n for n in effect["class"] if n != effect["name"])) for effect in effects),
         first=bool(hits) and hits[0] is not None,
         top3=any(cause_named(effect, truth) is not None for effect in listed[:3]),
         exact=len(hits) == len(truth.answers) and None not in hits and len(set(hits)) == len(hits),

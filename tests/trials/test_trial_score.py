@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from dpr_lab.cli.listener import named_by
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.errors import DprError
 from dpr_lab.rig import PARAMETERS, load_rig
@@ -127,6 +128,12 @@ def test_sizes_are_compared_at_the_scale_that_the_lab_can_know():
     (size,) = scored(said("named", named("base_tilt", tilt_rad=0.005)), angle).sizes
     assert size.relative == pytest.approx(0.25)
     assert not size.covered
+
+
+def test_all_members_of_a_named_class_are_listed():
+    outcome = scored(said("named", named("coulomb_joint1", twins=["stribeck_joint1"], torque_Nm=0.002)), COULOMB)
+    assert "[coulomb_joint1] or " in named_by(outcome)
+    assert "[stribeck_joint1] (named)" in named_by(read_outcome(json.loads(json.dumps(outcome.to_json()))))
 
 
 def test_an_outcome_can_be_kept():
