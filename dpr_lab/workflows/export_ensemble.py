@@ -112,8 +112,8 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         of_diagnosis = diagnosed_posterior(diagnosis) if diagnosis is not None else []
         models = sampled_arm_models(model, of_diagnosis, rig, request.size, request.seed)
     else:
-        if diagnosis is None and (own := _fitted_runs(model, rig)):
-            scatter = scatter_of_ratios(model, own, rig)
+        if diagnosis is None and (fitted_runs := _fitted_runs(model, rig)):
+            scatter = scatter_of_ratios(model, fitted_runs, rig)
         posterior = posterior_of(model, diagnosis, scatter)
         runs = read_runs(request.check, rig, on_event)
         factor = calibrated(model, posterior, runs, rig, request.seed).factor if runs else 1.0

@@ -63,8 +63,10 @@ def posterior_of(
     between = np.zeros_like(spread)
     if scatter is not None:
         common = [name for name in free if name in scatter[0]]
-        here, there = ([names.index(name) for name in common] for names in (free, list(scatter[0])))
-        between[np.ix_(here, here)] = scatter[1][np.ix_(there, there)]
+        places_in_fit, places_in_scatter = (
+            [names.index(name) for name in common] for names in (free, list(scatter[0]))
+        )
+        between[np.ix_(places_in_fit, places_in_fit)] = scatter[1][np.ix_(places_in_scatter, places_in_scatter)]
     return [
         PosteriorComponent(
             probability=1.0,

@@ -59,9 +59,11 @@ def on_swing_line(problem: Problem, effect: str, estimate: Estimate, settings: L
 def _line(problem: Problem, run: int, settings: LineSettings) -> tuple[float, float, float] | None:
     """Lowest and highest frequency of the swing of one run about hanging, Hz, and its duration, s."""
     offsets = problem.segments.offsets
-    mine = [slice(a, b) for (a, b), r in zip(pairwise(offsets.tolist()), problem.segments.run, strict=True) if r == run]
-    t = np.concatenate([problem.t[one] for one in mine])
-    away = np.concatenate([problem.measured[one, 0] for one in mine]) - np.pi
+    segments = [
+        slice(a, b) for (a, b), r in zip(pairwise(offsets.tolist()), problem.segments.run, strict=True) if r == run
+    ]
+    t = np.concatenate([problem.t[samples] for samples in segments])
+    away = np.concatenate([problem.measured[samples, 0] for samples in segments]) - np.pi
     below = np.flatnonzero(away[:-1] * away[1:] < 0)
     crossings = t[below] - away[below] * (t[below + 1] - t[below]) / (away[below + 1] - away[below])
     if len(crossings) <= settings.swings:

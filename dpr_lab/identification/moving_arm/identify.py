@@ -58,10 +58,10 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
     unknowns, std = fit.problem.unknowns, np.sqrt(np.diag(covariance))
     names = [unknowns.name(parameter) for parameter in unknowns.free]
     estimates = dict(zip(names, map(_estimated, fit.values.tolist(), std.tolist()), strict=True))
-    seen = {
+    is_determined = {
         name: estimate.std <= ARM_WARNINGS.hardly_seen * abs(estimate.value) for name, estimate in estimates.items()
     }
-    determined = [parameter for parameter in unknowns.free if seen[unknowns.name(parameter)]]
+    determined = [parameter for parameter in unknowns.free if is_determined[unknowns.name(parameter)]]
     scale = scale_of_arm(fit, covariance, rig)
     noise = np.sqrt(np.mean([estimate.std**2 for estimate in recordings], axis=0))
     read = [bool(np.any(fit.problem.weight[:, joint] > 0)) for joint in range(3)]
@@ -70,11 +70,11 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
         mounted="both" if unknowns.scale == "b" else "inner",
         input=unknowns.input if any(run.arm_mode == "driven" for run in runs) else "",
         scale="b" if unknowns.scale == "b" else "a",
-        ratios={name: estimate for name, estimate in estimates.items() if seen[name]},
-        undetermined={name: _limit(name, estimate) for name, estimate in estimates.items() if not seen[name]},
+        ratios={name: estimate for name, estimate in estimates.items() if is_determined[name]},
+        undetermined={name: _limit(name, estimate) for name, estimate in estimates.items() if not is_determined[name]},
         covariance=covariance.tolist(),
         unknowns=names,
-        absolute=absolute_values(fit, covariance, scale, [seen[name] for name in names]),
+        absolute=absolute_values(fit, covariance, scale, [is_determined[name] for name in names]),
         scale_sentence=scale.sentence,
         swing=fit.p.tolist(),
         fit=ArmFitSummary(

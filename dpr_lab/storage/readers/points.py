@@ -201,7 +201,7 @@ def _pivot_of(table: Table, end: _Point) -> _Point:
     if rank < 3:
         raise RunError(f"{table.path}: the point {end.name!r} does not move on a circle: track the pivot as well")
     centre = solution[:2] + valid.mean(axis=0)
-    scatter, about_origin = (float(np.std(np.hypot(*(valid - at).T))) for at in (centre, np.zeros(2)))
+    scatter, about_origin = (float(np.std(np.hypot(*(valid - candidate).T))) for candidate in (centre, np.zeros(2)))
     if about_origin <= SETTINGS.at_origin * scatter:
         return _Point("(the origin)", np.zeros(end.at.shape))
     return _Point(f"(centre of the circle of {end.name})", np.broadcast_to(centre, end.at.shape))

@@ -197,8 +197,8 @@ def _description(rig: Rig, unit: AngleUnit) -> Iterator[Content]:
 
 def _mounted(rig: Rig) -> tuple[str, ...]:
     """Names of the parameters of the mounted rods."""
-    own = {"both": "12", "inner": "1", "outer": "2"}[rig.rods.mounted]
-    return tuple(name for name in PARAMETERS if name[-1] in own or (name == "mb" and own == "12"))
+    joints = {"both": "12", "inner": "1", "outer": "2"}[rig.rods.mounted]
+    return tuple(name for name in PARAMETERS if name[-1] in joints or (name == "mb" and joints == "12"))
 
 
 def _setup(rig: Rig) -> Iterator[Content]:
