@@ -63,7 +63,7 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
     }
     determined = [parameter for parameter in unknowns.free if is_determined[unknowns.name(parameter)]]
     scale = scale_of_arm(fit, covariance, rig)
-    noise = np.sqrt(np.mean([estimate.std**2 for estimate in recordings], axis=0))
+    noise = np.sqrt(np.mean([recording.std**2 for recording in recordings], axis=0))
     read = [bool(np.any(fit.problem.weight[:, joint] > 0)) for joint in range(3)]
     return MovingArmModel(
         rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g),

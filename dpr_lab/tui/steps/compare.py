@@ -271,8 +271,10 @@ workspace, as by `dpr-lab compare`.
     @property
     def _names(self) -> list[str]:
         """Names of the compared runs."""
-        of_arm = [f"{run_name(Path(each.run))} {_role(each.held_out)}" for each in self._of_arm]
-        return of_arm or [f"{compared_name(each)} {_role(each.held_out)}" for each in self._comparisons]
+        of_arm = [f"{run_name(Path(comparison.run))} {_role(comparison.held_out)}" for comparison in self._of_arm]
+        return of_arm or [
+            f"{compared_name(comparison)} {_role(comparison.held_out)}" for comparison in self._comparisons
+        ]
 
     def _offer_runs(self) -> None:
         picker = self.query_one("#run", Select)
