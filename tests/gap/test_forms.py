@@ -43,6 +43,12 @@ def test_an_effect_of_its_own_explains_what_no_other_form_of_the_first_does(reco
     assert share_beside(recorded(two_effects), second, first) > 0.5
 
 
+@pytest.mark.slow
+def test_a_recording_of_half_a_second_determines_no_other_form(bush, share_beside):
+    short = [run.only(run.t < 0.5) for run in bush[:1]]
+    assert share_beside(short, "load_friction_joint2", "coulomb_joint2") == 1.0
+
+
 @pytest.mark.long
 def test_an_effect_in_another_form_is_named_alone_and_the_rest_admitted(bush, paper):
     found = diagnose(bush, paper)

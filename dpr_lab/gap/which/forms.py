@@ -31,9 +31,14 @@ from dpr_lab.gap.where.coordinates import (
 
 Array = NDArray[np.float64]
 
+READINGS_PER_FORM = 8
+"""Minimum number of readings for each column of the other forms; with fewer, free functions follow any residual."""
+
 
 def own_share(problem: Problem, less: Hypothesis, test: ScoreTest, score: Score) -> float:
     """Fraction of the reduction by an effect that no other form of a set's effects explains, 0 to 1.
+
+    It is 1 if the recordings are too short to determine the other forms.
 
     Args:
         problem: segments and noise
@@ -48,6 +53,8 @@ def own_share(problem: Problem, less: Hypothesis, test: ScoreTest, score: Score)
     held, new = linear.A[:, :, list(test.held)], linear.A[:, :, list(score.columns)]
     space = ColumnSpace.of(np.concatenate([held, new, forms], axis=2), linear.e)
     of_held, of_own, of_forms = np.split(np.arange(len(space)), np.cumsum([held.shape[2], new.shape[2]]))
+    if len(of_forms) * READINGS_PER_FORM > linear.e.size:
+        return 1.0
     before, alone, others, with_both = (
         space.chosen(np.concatenate(columns)).gain()
         for columns in ([of_held], [of_held, of_own], [of_held, of_forms], [of_held, of_own, of_forms])
