@@ -73,10 +73,12 @@ WORLD = "world"
 
 
 def _refuse_macros(root: Element, path: Path) -> None:
-    for element in root.iter():
-        macro = "xacro" in element.tag or any("${" in text or "$(" in text for text in element.attrib.values())
-        if macro and element.tag not in ("mesh", "texture"):  # a path with $(find PACKAGE) is not opened
-            raise ConfigError(f"{path}: contains macros of xacro: expand them first (xacro FILE > model.urdf)")
+    read = [
+        part for child in root if child.tag in _READ for part in child.iter() if part.tag not in ("mesh", "texture")
+    ]
+    texts = [text for part in read for text in part.attrib.values()]
+    if any("xacro" in part.tag for part in root.iter()) or any("${" in text or "$(" in text for text in texts):
+        raise ConfigError(f"{path}: contains macros of xacro: expand them first (xacro FILE > model.urdf)")
 
 
 def _without_namespaces(root: Element) -> None:
