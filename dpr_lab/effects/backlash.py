@@ -19,9 +19,9 @@ def driven_play(angle: float, held: float, drift: float, play_rad: float) -> flo
 
 
 @inlined
-def unloaded_turn(torque: float, friction: float, duration: float) -> float:
-    """Rotation, rad, of a motor without inertia and load: known torque, N m, and viscous friction, N m s/rad."""
-    return torque * duration / max(friction, 1e-12)
+def unloaded_turn(impulse: float, friction: float) -> float:
+    """Rotation, rad, of a motor without inertia and load: impulse of its torque, N m s, viscous friction, N m s/rad."""
+    return impulse / max(friction, 1e-12)
 
 
 def _hidden(params: Params) -> float:

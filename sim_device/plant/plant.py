@@ -240,7 +240,7 @@ class Plant:
         `torques` (n - 1,) act on the arm from each of the instants `t` (n,) to the next, N m.
         """
         model = self._moving[0]
-        turns = [unloaded_turn(x, model.arm.friction, h) for x, h in zip(torques, np.diff(t), strict=True)]
+        turns = [unloaded_turn(x * h, model.arm.friction) for x, h in zip(torques, np.diff(t), strict=True)]
         return held_along(angles, np.array([0.0, *turns]), hold, model)
 
     def misread(self, theta: Theta, t: Theta, run: int) -> Theta:

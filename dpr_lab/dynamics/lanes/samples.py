@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.dynamics.lanes.driving import Drive, unloaded_motor
 from dpr_lab.dynamics.lanes.effects import hold_angle0, hold_angle1, hold_angle2
 from dpr_lab.dynamics.lanes.workspace import LANES, LaneWorkspace, Row, waits
-from dpr_lab.effects.backlash import unloaded_turn
 from dpr_lab.kernels import subroutine
 
 
@@ -118,7 +118,14 @@ def read_joint1(w: LaneWorkspace, arm: bool, samples: LaneSamples) -> None:
 
 
 @subroutine
-def read_play1(w: LaneWorkspace, arm: bool, active: NDArray[np.bool_], samples: LaneSamples) -> None:
+def read_play1(
+    w: LaneWorkspace,
+    arm: bool,
+    active: NDArray[np.bool_],
+    drive: Drive,
+    run: NDArray[np.int64],
+    samples: LaneSamples,
+) -> None:
     """Read joint 1 and the arm through the backlash of their encoders, which is updated at each quarter of the step."""
     for k in range(LANES):
         w.followed0[k] = 0.0
@@ -130,7 +137,7 @@ def read_play1(w: LaneWorkspace, arm: bool, active: NDArray[np.bool_], samples: 
             hold_angle1(w, active)
             if arm:
                 _read_arm(w)
-                _drift(w)
+                unloaded_motor(w, drive, run)
                 hold_angle0(w, active)
             for k in range(LANES):
                 if w.share[k] <= until:
@@ -148,20 +155,13 @@ def read_play1(w: LaneWorkspace, arm: bool, active: NDArray[np.bool_], samples: 
         if arm:
             for k in range(LANES):
                 w.angle0[k] = angle0(w, k, until)
-            _drift(w)
+            unloaded_motor(w, drive, run)
             hold_angle0(w, active)
         for k in range(LANES):
             w.hold1[k], w.hold0[k], w.followed0[k] = w.angle1[k], w.angle0[k], until
     for k in range(LANES):
         w.hold1[k] = angle1(w, k, 1.0) if waits(w, k) else w.hold1[k]
         w.hold0[k] = angle0(w, k, 1.0) if waits(w, k) else w.hold0[k]
-
-
-@subroutine
-def _drift(w: LaneWorkspace) -> None:
-    """Fill the row `drift0`: rotation of the arm's motor inside its backlash since it was followed last."""
-    for k in range(LANES):
-        w.drift0[k] = unloaded_turn(w.drive0[k], w.friction[k], (w.share[k] - w.followed0[k]) * w.h[k])
 
 
 @subroutine

@@ -100,7 +100,7 @@ class ArmSwing(Swing):
         before = self.followed[0]
         for instant in self.instants(0, at0, MODEL.required.play0):
             torque = GAIN * self.steps[max(bisect(self.starts, before) - 1, 0)][3] if self.steps else 0.0
-            drift, before = unloaded_turn(torque, MODEL.arm.friction, instant - before), instant
+            drift, before = unloaded_turn(torque * (instant - before), MODEL.arm.friction), instant
             self.held[0] = held_angle0(self.angles(instant)[2], self.held[0], drift, None, None)
         error0 = arm_encoder_error(self.held[0], t, self.run, MODEL.constants, None, None)
         return self.held[0] + error0, *super().read(t)
