@@ -79,7 +79,7 @@ class ChildFunction:
         """Close the pipe; if the process continues, end it by signals of increasing strength.
 
         Args:
-            patience_s: how long to wait for each of these three to have an effect
+            patience_s: maximum waiting time after the closing, after SIGTERM and after SIGKILL, s
         """
         _insist((self.pipe.close, self._process.terminate, self._process.kill), lambda: self.wait(patience_s))
 
@@ -132,7 +132,7 @@ class ChildProgram:
         """Close stdin; if the program continues, end it by signals of increasing strength.
 
         Args:
-            patience_s: how long to wait for each of these three to have an effect
+            patience_s: maximum waiting time after the closing, after SIGTERM and after SIGKILL, s
         """
         stdin, stdout = self._process.stdin, self._process.stdout
         assert stdin is not None

@@ -1,1 +1,26 @@
-"""Diagnosis of the gap between simulation and rig: size, location, causes, probabilities, reduction."""
+"""Diagnosis of the gap between simulation and rig: size, location, causes, probabilities, reduction.
+
+Reading order, about an hour. `diagnose.diagnose` runs the stages; each extends the frozen record of `state`.
+
+    stage (reported as)        entry point                       question
+    screen                     screen.record.record              which readings are faulty?
+    bare model                 bare_model.fit_bare_model         what remains without effects?
+    where                      where.locate.locate               at which angle, speed or time does it remain?
+    which                      which.select.forward, refined     which set of effects explains it?
+    classes                    classes.posterior.effect_posterior  which effects are indistinguishable, how probable?
+    transfer (how far)         transfer.transfer.transfer        does the set predict recordings that were not fitted?
+    advice                     advice.advise.advise              which check separates the alternatives?
+    evidence                   evidence.evidence.evidence        what supports the result?
+    conclusion                 conclusion.conclusion.conclude    verdict, intervals, assumptions
+
+1. `hypothesis.hypothesis`: a set of effects with its fit; `hypothesis.score_test`: the predicted reduction of chi2 by
+   one more effect. Both are linear algebra on `dpr_lab.fitting.linearise`.
+2. `which.search`: a `Move` proposes and accepts sets; `which.moves` lists all moves in their order;
+   `which.fitted_sets` fits each set once, with measures against local minima.
+3. `hypothesis.thresholds`: every threshold of an acceptance, with its origin.
+
+Three names for recordings that are not fitted: `Request.held_out` are the runs, `state.unseen` the same runs after
+screening, and `state.held_out` their prediction, which a set of effects is tested on.
+
+docs/how-the-diagnosis-decides.md explains the decisions in words, docs/theory.md sections 5 and 7 to 10 the equations.
+"""

@@ -8,9 +8,8 @@ scan        a file's records up to its first damage
 reader      load_run: a file as a Run
 inspect     info, verify, recover
 export      EXPORTERS: .csv, .parquet, .h5, .mat, JointState in .mcap
-table       a text table of any logger as columns
+tables      a text table of any logger: its columns, their meaning and plausibility, a preview
 readers     READERS: files of other formats as such a table
-columns     meaning of the columns
 csv_import  import_csv: a table as a run
-preview     interpretation of a table
+viewers     VIEWERS: layouts of Foxglove and PlotJuggler for run files
 """

@@ -164,9 +164,7 @@ def scan(path: Path) -> Scan:
     collected = _Collected()
     with mapped(path) as file:
         if file[: len(MCAP0_MAGIC)] != MCAP0_MAGIC:
-            raise RunError(
-                f"{path}: is not a run file: it does not start like MCAP; import a table with `import table`"
-            )
+            raise RunError(f"{path}: is not a run file: it has no MCAP header; import a table with `import table`")
         sha256, size = hashlib.sha256(file).hexdigest(), len(file)
         damage = _collect(file, collected)
     metadata, rig_sha256 = _description(path, collected, damage)

@@ -138,7 +138,7 @@ def sealed_in_memory(request: PlantRequest, rig: str, *, direct: bool = True) ->
     Args:
         request: what to draw
         rig: text of the rig file at the centre of the draw
-        direct: whether to record it from each pose of the rig file at once
+        direct: whether the device itself records one release from each pose of the rig file, without a link
 
     Raises:
         ConfigError: the device refuses a file or an argument; with its message.

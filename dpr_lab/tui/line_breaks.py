@@ -36,7 +36,7 @@ class Hanging(Visual):
         return self.content.plain
 
     def render_strips(self, width: int, height: int | None, style: Style, options: RenderOptions) -> list[Strip]:
-        """Part of the interface of Textual."""
+        """Render the wrapped text; required by the `Visual` interface of Textual."""
         return self._broken(width).render_strips(width, height, style, options)
 
     def get_optimal_width(self, rules: RulesMap, container_width: int) -> int:

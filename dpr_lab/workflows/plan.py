@@ -1,4 +1,4 @@
-"""A rig, and runs where there are any, in; a plan of the next recordings out."""
+"""Plan of the next recordings of a rig, with or without runs recorded so far."""
 
 import re
 from dataclasses import dataclass

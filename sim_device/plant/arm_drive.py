@@ -106,7 +106,13 @@ class ArmDrive:
         return np.concatenate(states), asked
 
     def reported(self, release: int, first: int, asked: Array) -> NDArray[np.int64]:
-        """(n, kinds) content of ARM_INPUT at ticks from `first` on at which the program requested `asked`, in units."""
+        """(n, kinds) values of the message ARM_INPUT, in its units.
+
+        Args:
+            release: number of the release
+            first: first tick
+            asked: (n,) inputs that the program requested from this tick on
+        """
         noise = standard_noise(self.seed, RandomStream.DRIVES, release, first, len(asked))[:, 0] * self.config.noise
         by_kind = {
             TorqueKind.MEASURED: self._given(asked) + np.rint(noise / self.unit),

@@ -20,11 +20,11 @@ class SdfEditor:
     }
 
     def place(self, edit: XmlEdit, owner: int) -> Vector:
-        """As of `Editor`."""
+        """See `Editor`."""
         return np.array(_pose(edit, owner)[:3], dtype=np.float64)
 
     def set_place(self, edit: XmlEdit, owner: int, label: str, place: Vector) -> None:
-        """As of `Editor`."""
+        """See `Editor`."""
         pose, values = edit.child(owner, "pose"), _pose(edit, owner)
         text = " ".join([numbers(place), *values[3:]])
         if pose is None:
@@ -33,7 +33,7 @@ class SdfEditor:
             edit.set_text(pose, label, text)
 
     def scale_inertia(self, edit: XmlEdit, inertial: int, label: str, factor: float) -> None:
-        """As of `Editor`.
+        """See `Editor`.
 
         Raises:
             ConfigError: the inertia is the default of the format.
@@ -46,7 +46,7 @@ class SdfEditor:
                 edit.set_text(index, f"{label}, inertia", numbers([factor * float(tag.text)]))
 
     def set_joint(self, edit: XmlEdit, joint: int, label: str, values: dict[str, str]) -> None:
-        """As of `Editor`.
+        """See `Editor`.
 
         Raises:
             ConfigError: the joint has no axis.

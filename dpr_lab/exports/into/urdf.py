@@ -16,13 +16,13 @@ class UrdfEditor:
     joint_names = {"damping": "damping", "friction": "friction"}  # noqa: RUF012
 
     def place(self, edit: XmlEdit, owner: int) -> Vector:
-        """As of `Editor`."""
+        """See `Editor`."""
         origin = edit.child(owner, "origin")
         text = "" if origin is None else edit.tags[origin].attributes.get("xyz", "")
         return np.array((text or "0 0 0").split(), dtype=np.float64)
 
     def set_place(self, edit: XmlEdit, owner: int, label: str, place: Vector) -> None:
-        """As of `Editor`."""
+        """See `Editor`."""
         origin = edit.child(owner, "origin")
         if origin is None:
             edit.insert(owner, "origin", label, xyz=numbers(place))
@@ -30,7 +30,7 @@ class UrdfEditor:
             edit.set(origin, f"{label}, origin", xyz=numbers(place))
 
     def scale_inertia(self, edit: XmlEdit, inertial: int, label: str, factor: float) -> None:
-        """As of `Editor`."""
+        """See `Editor`."""
         inertia = edit.child(inertial, "inertia")
         if inertia is not None:
             tensor = {name: float(edit.tags[inertia].attributes.get(name, "0")) for name in INERTIA}
@@ -38,7 +38,7 @@ class UrdfEditor:
             edit.set(inertia, f"{label}, inertia", **scaled)
 
     def set_joint(self, edit: XmlEdit, joint: int, label: str, values: dict[str, str]) -> None:
-        """As of `Editor`."""
+        """See `Editor`."""
         dynamics = edit.child(joint, "dynamics")
         if dynamics is None:
             edit.insert(joint, "dynamics", label, **values)
@@ -46,5 +46,5 @@ class UrdfEditor:
             edit.set(dynamics, f"{label}, dynamics", **values)
 
     def elbow_owner(self, joint: int, link: int) -> int:
-        """As of `Editor`: the joint."""
+        """See `Editor`: the joint."""
         return joint

@@ -36,7 +36,7 @@ def write_arm_report(
     Args:
         model: the model
         runs: runs simulated with it
-        compared: the same as JSON values
+        compared: errors of these runs, as JSON values
         out_dir: folder of the report
 
     Raises:

@@ -38,7 +38,7 @@ class QuestionSettings:
     rigs dissipate up to half of the exchanged energy by Coulomb friction.
     """
     time_scale: float = 1.6
-    """Factor of the times from kinetic and potential energy above which a warning is given."""
+    """Factor between the time scales of kinetic and potential energy above which a warning is given."""
     arm_rad: float = 0.05
     """Motion of a clamped arm above which a warning is given; a brake and a column yield by less."""
     other_unit: float = 30.0

@@ -125,7 +125,7 @@ Grey values are old: no message has arrived from the device since then, and the 
         return counted_runs(count) if count else ""
 
     def missing(self) -> str:
-        """A connected device, and a rig with poses."""
+        """Message that names the missing device, rig or pose; empty if nothing is missing."""
         if self.device.opening is not None:
             return "Capture needs a device: wait until the connection is complete"
         if self.device.connected is None:

@@ -99,7 +99,7 @@ workspace, as by `dpr-lab compare`.
         yield Static(id="figures", markup=False)
 
     def missing(self) -> str:
-        """A model and runs."""
+        """Message that names the missing model or runs; empty if both exist."""
         known = self.workspace.model is not None and self.workspace.model.is_file()
         no_model = f"No model yet: identify one in step {self.services.key_of('Identify')}"
         return super().missing() or ("" if known else no_model)
@@ -131,7 +131,7 @@ workspace, as by `dpr-lab compare`.
 
     @property
     def work(self) -> str:
-        """The simulation of all runs is complete; its job continues to answer requests."""
+        """Progress of the simulation; empty when all runs are simulated, although the job still answers requests."""
         return "" if self._saved else super().work
 
     def pace(self, now: float) -> str:
@@ -187,7 +187,7 @@ workspace, as by `dpr-lab compare`.
                 self._draw()
 
     def ended(self, why: str) -> None:
-        """The job cannot answer any more; the comparison stays."""
+        """Show that no further free run can be simulated; the comparison remains."""
         self._of = None
         self.say(self.worded(f"{why} ({{app.browse}})") if self._left_out and not self._compared else why)
 

@@ -190,13 +190,13 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
                 self.say(f"{_progress(self._stage.number, self._stage.of)}: {in_words(value.text)}")
 
     def finished(self, result: Any) -> None:
-        """The diagnosis, already saved."""
+        """Show the diagnosis, which is already saved."""
         self.workspace.diagnosis = self._shown = self._record
         self.show(result.diagnosis)
         self.post_message(self.Done())
 
     def ended(self, why: str) -> None:
-        """End without a diagnosis; the previous one is still shown, with its sentence."""
+        """Show that no new diagnosis was computed; the previous one and its verdict remain."""
         from dpr_lab.report.gap.tables import sentence
 
         previous = self._diagnosis

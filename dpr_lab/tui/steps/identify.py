@@ -137,14 +137,14 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
         self.begin(jobs.identify, request=request)
 
     def pace(self, now: float) -> str:
-        """Progress by generations; the search may end earlier, and the local fit follows."""
+        """Number of generations and remaining time; an upper limit, because the search may end earlier."""
         if self._fitting or not self._history:
             return ""
         left = time_left(self._instants, self._history[-1].at_most - self._history[-1].number)
         return f"search at most {left:.0f} s more" if left is not None else ""
 
     def progressed(self, value: Any) -> None:
-        """Progress: a run was read, a generation finished, or the search ended."""
+        """Show progress: a run that was read, a finished generation, or the end of the search."""
         match value:
             case RunRead(notes=notes):
                 for note in notes:
@@ -159,7 +159,7 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
                 self.say("search finished; the local fit follows")
 
     def finished(self, result: Any) -> None:
-        """The model, already saved."""
+        """Show the model, which is already saved."""
         self.workspace.model = self._shown = result.file
         self.show_model(result.model)
         self.query_one(TabbedContent).active = TABS[1]
@@ -169,7 +169,7 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
             raise DprError(f"{failed} (the model was written to {self._shown}, but it is not reliable)")
 
     def ended(self, why: str) -> None:
-        """End without a model; the previous one is still shown, with its sentence."""
+        """Show that no new model was computed; the previous one and its summary remain."""
         if self.model is None:
             self.say(f"ended without a model: {why}")
         else:

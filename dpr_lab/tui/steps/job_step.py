@@ -105,7 +105,7 @@ class JobStep(Step):
         return max(len(self.workspace.runs), 1)
 
     def missing(self) -> str:
-        """Runs are required by every job."""
+        """Message that no runs are selected; empty if there are some."""
         step = self.services.key_of("Capture")
         no_runs = self.worded(f"No runs selected: record some in step {step}, or choose recorded ones ({{app.browse}})")
         return "" if self.workspace.runs else no_runs
@@ -123,19 +123,19 @@ class JobStep(Step):
         """Start the job of the form; called only if nothing is missing and no job runs."""
 
     def compiling(self, now: float) -> None:
-        """The job waits for the compilation of a kernel."""
+        """Show that the job waits for the compilation of a kernel."""
         self._kernels += 1
         self._compiling = self._compiling or now
         self.say(f"{COMPILING} (kernel {self._kernels})")
 
     def progressed(self, value: Any) -> None:
-        """The job reported something."""
+        """Show a reported event."""
 
     def finished(self, result: Any) -> None:
-        """The job is done."""
+        """Show the result of a completed job."""
 
     def ended(self, why: str) -> None:
-        """The job ended without a result; the error has already been shown."""
+        """Show that the job ended without a result; its error has already been shown."""
 
     def at_stake(self) -> str:
         """The running job."""
@@ -158,7 +158,7 @@ class JobStep(Step):
             self.focus()
 
     def on_unmount(self) -> None:
-        """The step was closed: cancel the job."""
+        """Cancel the job when the step is closed."""
         self._stop_job()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:

@@ -88,7 +88,7 @@ are diagnosed first.
             yield Static(id="details")
 
     def missing(self) -> str:
-        """Nothing: a first plan needs a rig file only."""
+        """Empty: a first plan needs a rig file only."""
         return ""
 
     def outcome(self) -> str:
@@ -127,12 +127,12 @@ are diagnosed first.
         self.begin(jobs.plan, request=request)
 
     def progressed(self, value: Any) -> None:
-        """Stages of the diagnosis that precedes a plan."""
+        """Show the stages of the diagnosis that precedes a plan."""
         if isinstance(value, StageBegan):
             self.say(f"diagnosing first, step {value.number} of {value.of}: {value.name}")
 
     def finished(self, result: Any) -> None:
-        """The plan, already saved."""
+        """Show the plan, which is already saved."""
         self._made = result
         self._draw(result.plan)
         releases = self.query_one(DataTable)
@@ -140,7 +140,7 @@ are diagnosed first.
             releases.focus()
 
     def ended(self, why: str) -> None:
-        """End without a plan; the previous one is still shown."""
+        """Show that no new plan was computed; the previous one remains."""
         before = f"; the previous one is shown. {self._made.plan.sentence}" if self._made is not None else ""
         self.say(f"Ended without a {'new ' if before else ''}plan: {why}{before}")
 

@@ -56,17 +56,17 @@ class Display:
         self._send_soon()
 
     def forget(self) -> None:
-        """The content of the terminal is unknown: send everything again."""
+        """Send everything again, because the content of the terminal is unknown."""
         self._frame.forget()
         self._send_soon()
 
     def hurry(self) -> None:
-        """The operator waits for the response to a key."""
+        """Draw the next update without delay, in response to a key."""
         self._pace.refill()
         self._send_soon()
 
     def confirmed(self, column: int, row: int) -> None:
-        """The terminal reported the cursor position, from 0."""
+        """Register a cursor position that the terminal reported, from 0, as confirmation of a frame."""
         now = time.monotonic()
         for number in [n for n in range(max(self._number - 64, 0), self._number + 1) if self._cell(n) == (column, row)]:
             round_trip = self._pace.confirmed(number, now)

@@ -66,7 +66,7 @@ class CellFrame:
         self.forget()
 
     def forget(self) -> None:
-        """The content of the terminal is unknown: the next changes are all cells."""
+        """Treat all cells as changed, because the content of the terminal is unknown."""
         self._sent = [[UNKNOWN] * self.width for _ in range(self.height)]
 
     @property

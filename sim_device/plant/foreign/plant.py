@@ -66,7 +66,7 @@ class ForeignPlant:
         return np.column_stack([theta[:, 0], read[:, 0], read[:, 1] + self._relative * read[:, 0]])
 
     def reveal(self) -> dict[str, dict[str, object]]:
-        """The truth apart from the out-of-library effect."""
+        """True parameters and effects, without the out-of-library effect."""
         return self._rods.reveal()
 
     def counted(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
