@@ -219,19 +219,19 @@ def _transferred(before: Classified) -> Transferred:
     _begin(request, "how far")
     everything = recordings.only([*recordings.records, *before.unseen.records])
     models = {"before": selection.base, "after": selection.chosen}
-    freely = {name: free_runs(everything, model.fit.estimate) for name, model in models.items()}
+    runs_by_model = {name: free_runs(everything, model.fit.estimate) for name, model in models.items()}
     rng = np.random.default_rng(request.seed)
-    carried = transfer(recordings, before.held_out, problem, selection, freely, rng)
+    transferred = transfer(recordings, before.held_out, problem, selection, runs_by_model, rng)
     budget = gap_budget(recordings, everything, problem, selection)
     remainder = discrepancy(problem, selection.chosen)
     return Transferred.after(
         before,
-        posteriors=carried.judged(before.posteriors),
-        free_runs=freely,
-        transfer=carried,
-        description=description(request.runs, request.rig, problem, selection, carried),
+        posteriors=transferred.judged(before.posteriors),
+        free_runs=runs_by_model,
+        transfer=transferred,
+        description=description(request.runs, request.rig, problem, selection, transferred),
         remainder=remainder,
-        gap=gap(recordings, problem, selection, carried, freely, budget, remainder),
+        gap=gap(recordings, problem, selection, transferred, runs_by_model, budget, remainder),
     )
 
 

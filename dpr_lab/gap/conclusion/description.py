@@ -36,7 +36,7 @@ RULES = DescriptionRules()
 
 
 def description(
-    runs: Sequence[Run], rig: Rig, problem: Problem, selection: Selection, carried: Transfer
+    runs: Sequence[Run], rig: Rig, problem: Problem, selection: Selection, transferred: Transfer
 ) -> Description:
     """Test other descriptions if a gap above the noise remains, or is closed by effects of an impossible size.
 
@@ -45,13 +45,13 @@ def description(
         rig: the rig of the runs according to its file
         problem: their segments
         selection: the selected set of effects
-        carried: its performance on held-out recordings
+        transferred: its performance on held-out recordings
     """
     if hint := _wrong_gravity(rig, selection) or other_scale(problem, selection, rig):
         return Description(hint, True)
     if moves(runs):
         return Description()  # other interpretations of a moving arm were tested before (`gap.screen.input`)
-    open_ = not at_noise_floor(selection.chosen) or carried.withdrawn or carried.oversized
+    open_ = not at_noise_floor(selection.chosen) or transferred.withdrawn or transferred.oversized
     residuals = selection.base.residuals
     if not (residuals.chi2 > RULES.gap * residuals.dof and open_):
         return Description()

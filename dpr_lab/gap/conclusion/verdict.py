@@ -53,7 +53,7 @@ RULES = VerdictRules()
 def verdict(
     selection: Selection,
     posteriors: Sequence[EffectPosterior],
-    carried: Transfer,
+    transferred: Transfer,
     least: Detectable,
     *,
     withheld: bool = False,
@@ -63,11 +63,11 @@ def verdict(
     Args:
         selection: the selected set of effects
         posteriors: of each of them
-        carried: their performance on held-out recordings
+        transferred: their performance on held-out recordings
         least: minimum detectable size of each effect
         withheld: whether a wrong description of the recordings explains as much
     """
-    kind = "unexplained" if withheld else _verdict(selection, posteriors, carried)
+    kind = "unexplained" if withheld else _verdict(selection, posteriors, transferred)
     shown, all_ = visible(least)
     return "inconclusive" if kind == "no_gap" and shown < RULES.visible * all_ else kind
 
@@ -77,29 +77,29 @@ def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterio
     return tuple(posterior for posterior in posteriors if posterior.probability >= RULES.listed)
 
 
-def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer) -> Verdict:
+def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], transferred: Transfer) -> Verdict:
     chosen, share = selection.chosen, selection.share_explained
     if not chosen.effects:
-        return "no_gap" if _small(chosen) and not _only_held_out(carried) else "unexplained"
+        return "no_gap" if _small(chosen) and not _only_held_out(transferred) else "unexplained"
     whole = share >= RULES.named_share or at_noise_floor(chosen)
     most = max(posterior.probability for posterior in posteriors)
     sure = most >= RULES.sure
-    tested = carried.basis != "one release"
-    transfers = not tested or (not carried.withdrawn and carried.closed.estimate >= RULES.closes)
-    transfers = transfers and not carried.worse_free_run
-    if chosen.residuals.z < RULES.noise and whole and sure and transfers and not carried.oversized:
+    tested = transferred.basis != "one release"
+    transfers = not tested or (not transferred.withdrawn and transferred.closed.estimate >= RULES.closes)
+    transfers = transfers and not transferred.worse_free_run
+    if chosen.residuals.z < RULES.noise and whole and sure and transfers and not transferred.oversized:
         return "named"
-    no_reduction = carried.closed.estimate <= 0 and (tested or most < RULES.rather)
-    no_reduction = no_reduction or (tested and len(carried.withdrawn) == len(chosen.effects))
+    no_reduction = transferred.closed.estimate <= 0 and (tested or most < RULES.rather)
+    no_reduction = no_reduction or (tested and len(transferred.withdrawn) == len(chosen.effects))
     if share >= RULES.partly_share and not no_reduction and listed_causes(posteriors):
         return "partly_explained"
     only_expected = set(chosen.effects) <= selection.expected
     return "no_gap" if _small(selection.base) and only_expected else "unexplained"
 
 
-def _only_held_out(carried: Transfer) -> bool:
+def _only_held_out(transferred: Transfer) -> bool:
     """Whether the held-out recordings show a gap, of which the fitted ones show nothing."""
-    return carried.basis == "held-out runs" and carried.gap_ratio > RULES.held_out_gap
+    return transferred.basis == "held-out runs" and transferred.gap_ratio > RULES.held_out_gap
 
 
 def _small(model: Hypothesis) -> bool:
@@ -111,7 +111,7 @@ def sentence(
     kind: Verdict,
     selection: Selection,
     posteriors: Sequence[EffectPosterior],
-    carried: Transfer,
+    transferred: Transfer,
     least: Detectable,
     described: Description,
 ) -> str:
@@ -121,7 +121,7 @@ def sentence(
     if described.withholds:
         gap = selection.base.residuals.noise_ratio
         return f"Unexplained: a gap of {gap:.2g} times the noise. {described.hint}"
-    text = _sentence(kind, selection, posteriors, carried)
+    text = _sentence(kind, selection, posteriors, transferred)
     return f"{text} {described.hint}" if described.hint else text
 
 
@@ -134,28 +134,28 @@ def _inconclusive(least: Detectable) -> str:
     )
 
 
-def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer) -> str:
+def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPosterior], transferred: Transfer) -> str:
     if kind == "no_gap":
         return _no_gap(selection.base)
     if kind == "named":
-        causes = listed([_class(cause) for cause in _causes_named(selection, posteriors, carried)])
+        causes = listed([_class(cause) for cause in _causes_named(selection, posteriors, transferred)])
         surest = min(cause.probability for cause in posteriors)
         return (
-            f"The gap is explained by {causes} (probability {percent(surest)}). {how_far(carried)}"
+            f"The gap is explained by {causes} (probability {percent(surest)}). {how_far(transferred)}"
             " Nothing above the noise floor remains."
         )
     share, remainder = selection.share_explained, selection.chosen.residuals.noise_ratio
     if kind == "partly_explained":
-        causes = listed_causes(_causes_named(selection, posteriors, carried)) or listed_causes(posteriors)
+        causes = listed_causes(_causes_named(selection, posteriors, transferred)) or listed_causes(posteriors)
         named = listed([_class(cause) + _doubt(cause) for cause in causes])
         return (
-            f"The gap is partly explained by {named}. {how_far(carried)} A remainder of {remainder:.2g} times the noise"
-            f" has another cause or another form.{_restrictions(carried)}"
+            f"The gap is partly explained by {named}. {how_far(transferred)} A remainder of {remainder:.2g} times the noise"
+            f" has another cause or another form.{_restrictions(transferred)}"
         )
     if not posteriors and _small(selection.chosen):
         return (
             "Unexplained: the fitted recordings show no gap, but the held-out recordings show one of"
-            f" {carried.gap_ratio:.2g} times the noise. Fit them too, or check that nothing on the rig was changed."
+            f" {transferred.gap_ratio:.2g} times the noise. Fit them too, or check that nothing on the rig was changed."
         )
     if not posteriors:
         return f"Unexplained: a gap of {remainder:.2g} times the noise, and no effect of the library fits it."
@@ -163,16 +163,16 @@ def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPo
     if share >= RULES.partly_share:
         return (
             f"Unexplained: {closest} {verb} {percent(share)} of the excess chi-square in the fitted"
-            f" recordings, but not in other recordings. {how_far(carried)}"
+            f" recordings, but not in other recordings. {how_far(transferred)}"
         )
     return f"Unexplained: the closest, {closest}, {verb} only {percent(share)} of the excess chi-square."
 
 
 def _causes_named(
-    selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer
+    selection: Selection, posteriors: Sequence[EffectPosterior], transferred: Transfer
 ) -> Sequence[EffectPosterior]:
     """The causes in the sentence: they carry over to held-out data, and are not merely known effects."""
-    carrying = [cause for cause in posteriors if cause.name not in carried.withdrawn]
+    carrying = [cause for cause in posteriors if cause.name not in transferred.withdrawn]
     likely = [cause for cause in carrying if cause.name not in selection.expected or cause.probability >= RULES.rather]
     return likely or carrying
 
@@ -186,15 +186,15 @@ def _no_gap(base: Hypothesis) -> str:
     )
 
 
-def how_far(carried: Transfer) -> str:
+def how_far(transferred: Transfer) -> str:
     """Reduction of the gap on held-out data, and the kind of these data."""
-    estimate, (low, high) = carried.closed.estimate, carried.closed.interval90
+    estimate, (low, high) = transferred.closed.estimate, transferred.closed.interval90
     closes = (
         f"the gap closes by {percent(estimate)}" if estimate > 0 else f"the gap does not close ({percent(estimate)}"
     )
     interval = f"90 % interval {percent(low)} to {percent(high)})"
-    untested = " No other release tested it." if carried.basis == "one release" else ""
-    return f"{_BASIS[carried.basis]} {closes}{' (' if estimate > 0 else ', '}{interval}.{untested}"
+    untested = " No other release tested it." if transferred.basis == "one release" else ""
+    return f"{_BASIS[transferred.basis]} {closes}{' (' if estimate > 0 else ', '}{interval}.{untested}"
 
 
 _BASIS = {
@@ -205,17 +205,17 @@ _BASIS = {
 """The remaining gap, by the data that were used for the test."""
 
 
-def _restrictions(carried: Transfer) -> str:
+def _restrictions(transferred: Transfer) -> str:
     parts = []
-    if carried.withdrawn:
-        verb = "does" if len(carried.withdrawn) == 1 else "do"
-        parts.append(f" {listed(carried.withdrawn)} {verb} not carry over to held-out data.")
-    if carried.worse_free_run:
-        before, after = (1e3 * error for error in carried.worse_free_run)
+    if transferred.withdrawn:
+        verb = "does" if len(transferred.withdrawn) == 1 else "do"
+        parts.append(f" {listed(transferred.withdrawn)} {verb} not carry over to held-out data.")
+    if transferred.worse_free_run:
+        before, after = (1e3 * error for error in transferred.worse_free_run)
         parts.append(f" The free run of the held-out runs becomes worse: {before:.3g} to {after:.3g} mrad rms.")
-    if carried.oversized:
+    if transferred.oversized:
         parts.append(
-            f" {listed(carried.oversized)} would be larger than on any rig: another cause has the same signature."
+            f" {listed(transferred.oversized)} would be larger than on any rig: another cause has the same signature."
         )
     return "".join(parts)
 

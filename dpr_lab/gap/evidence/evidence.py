@@ -22,8 +22,8 @@ def evidence(
     unseen: Recordings,
     problem: Problem,
     selection: Selection,
-    carried: Transfer,
-    freely: Mapping[str, FreeRuns],
+    transferred: Transfer,
+    runs_by_model: Mapping[str, FreeRuns],
 ) -> Evidence:
     """Compute the evidence.
 
@@ -32,11 +32,11 @@ def evidence(
         unseen: held-out runs; may be empty
         problem: the segments of the fitted runs
         selection: the selected set of effects
-        carried: performance of the selected set on held-out recordings
-        freely: free runs of the models before and after along all recordings, fitted and held out
+        transferred: performance of the selected set on held-out recordings
+        runs_by_model: free runs of the models before and after along all recordings, fitted and held out
     """
     models = {"before": selection.base, "after": selection.chosen}
-    budget, curves = validation(recordings, problem, models, freely)
+    budget, curves = validation(recordings, problem, models, runs_by_model)
     least = detectable(selection.chosen, selection.final_test)
     rig = recordings.rig
     return Evidence(
@@ -46,7 +46,7 @@ def evidence(
         rig_sha256=rig.sha256,
         recordings=[*_used(recordings, held_out=False), *_used(unseen, held_out=True)],
         coverage=coverage(recordings, unseen),
-        closing=[Closing(effect=name, left_rad=left, closed=closed) for name, left, closed in carried.closing],
+        closing=[Closing(effect=name, left_rad=left, closed=closed) for name, left, closed in transferred.closing],
         residuals=residual_look(problem, models),
         exclusions=exclusions(selection.chosen, selection.final_test, least),
         budget=budget,

@@ -48,7 +48,7 @@ def validation(
     recordings: Recordings,
     problem: Problem,
     models: Mapping[str, Hypothesis],
-    freely: Mapping[str, FreeRuns],
+    runs_by_model: Mapping[str, FreeRuns],
 ) -> tuple[Budget, list[Curves]]:
     """Free runs of the models before and after along all recordings.
 
@@ -56,9 +56,9 @@ def validation(
         recordings: the fitted runs
         problem: the segments of the fitted runs
         models: before and after
-        freely: by model, the free runs of all recordings, the fitted ones first
+        runs_by_model: by model, the free runs of all recordings, the fitted ones first
     """
-    by_model = {name: free_swings(freely[name], model) for name, model in models.items()}
+    by_model = {name: free_swings(runs_by_model[name], model) for name, model in models.items()}
     swings = [
         dict(zip(by_model, pair, strict=True)) for pair in zip(*(of.each for of in by_model.values()), strict=True)
     ]

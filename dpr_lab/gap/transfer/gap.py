@@ -20,8 +20,8 @@ def gap(
     recordings: Recordings,
     problem: Problem,
     selection: Selection,
-    carried: Transfer,
-    freely: Mapping[str, FreeRuns],
+    transferred: Transfer,
+    runs_by_model: Mapping[str, FreeRuns],
     budget: GapBudget,
     remainder: Discrepancy | None,
 ) -> Gap:
@@ -31,14 +31,14 @@ def gap(
         recordings: the fitted runs
         problem: the segments of the fitted runs
         selection: the selected set of effects
-        carried: performance of the selected set on held-out recordings
-        freely: free runs of the models before and after, along all recordings including held-out ones
+        transferred: performance of the selected set on held-out recordings
+        runs_by_model: free runs of the models before and after, along all recordings including held-out ones
         budget: reproducible and other shares of the gap
         remainder: discrepancy term of the selected set; None if only noise remains
     """
     base, chosen = selection.base, selection.chosen
     models = {"before": base, "after": chosen}
-    errors = {name: runs.errors_rad for name, runs in freely.items()}
+    errors = {name: runs.errors_rad for name, runs in runs_by_model.items()}
     return Gap(
         floor_rad=floor_rad(problem),
         before_rad=gap_rad(problem, base),
@@ -46,10 +46,10 @@ def gap(
         before_Nm=gap_torque(problem, base),
         explained_share=selection.share_explained,
         closed_held_out=ClosedShare(
-            estimate=carried.closed.estimate,
-            interval90=carried.closed.interval90,
-            per_run={name: share.estimate for name, share in carried.left_out.items()},
-            held_out={name: share.estimate for name, share in carried.held_out.items()},
+            estimate=transferred.closed.estimate,
+            interval90=transferred.closed.interval90,
+            per_run={name: share.estimate for name, share in transferred.left_out.items()},
+            held_out={name: share.estimate for name, share in transferred.held_out.items()},
         ),
         by_horizon=by_horizon(recordings, problem, models),
         free_run_rad={

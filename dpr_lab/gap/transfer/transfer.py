@@ -111,7 +111,7 @@ def transfer(
     unseen: Unseen | None,
     problem: Problem,
     selection: Selection,
-    freely: Mapping[str, FreeRuns],
+    runs_by_model: Mapping[str, FreeRuns],
     rng: np.random.Generator,
 ) -> Transfer:
     """Test the selected effects on held-out recordings.
@@ -121,7 +121,7 @@ def transfer(
         unseen: held-out runs; without any, each fitted run is held out in turn
         problem: the segments of the fitted runs
         selection: the selected set of effects
-        freely: free runs of the models before and after along all recordings
+        runs_by_model: free runs of the models before and after along all recordings
         rng: random generator of the bootstrap
     """
     basis: Basis = "held-out runs" if unseen else "releases left out"
@@ -155,7 +155,9 @@ def transfer(
         withdrawn=() if basis == "one release" else failed,
         unproven=failed if basis == "one release" else (),
         oversized=at_limit(selection.chosen.fit.estimate.params, recordings.prior.limits),
-        worse_free_run=worse_free_run(freely["before"].errors_rad, freely["after"].errors_rad, unseen.names)
+        worse_free_run=worse_free_run(
+            runs_by_model["before"].errors_rad, runs_by_model["after"].errors_rad, unseen.names
+        )
         if unseen
         else None,
     )

@@ -161,7 +161,7 @@ def _read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
 
 
 def _balance_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuestion]:
-    """Doubt about zeros, scales and signs from the accelerations of the swing, a more sensitive test than its energy."""
+    """Doubt about zeros, scales and signs from the accelerations of the swing, which are more sensitive than energy."""
     if asked.prescribed:
         return []
     others = balanced_readings(asked.read(settings))
