@@ -149,8 +149,8 @@ def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPo
         causes = listed_causes(_causes_named(selection, posteriors, transferred)) or listed_causes(posteriors)
         named = listed([_class(cause) + _doubt(cause) for cause in causes])
         return (
-            f"The gap is partly explained by {named}. {how_far(transferred)} A remainder of {remainder:.2g} times the noise"
-            f" has another cause or another form.{_restrictions(transferred)}"
+            f"The gap is partly explained by {named}. {how_far(transferred)} A remainder of {remainder:.2g} times the"
+            f" noise has another cause or another form.{_restrictions(transferred)}"
         )
     if not posteriors and _small(selection.chosen):
         return (
