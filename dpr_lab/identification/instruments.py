@@ -151,11 +151,14 @@ def _add_mass(rod: int, place: str, answer: Answer) -> Instrument:
     )
 
 
+JOINT2_ENCODER = " without the joint-2 encoder"
+"""What the inner rod of a rig with two rods carries, but is measured without."""
+
 INSTRUMENTS = (
-    _weigh("m1", "the inner rod without the joint-2 encoder"),
+    _weigh("m1", f"the inner rod{JOINT2_ENCODER}"),
     _weigh("m2", "the outer rod"),
     _weigh("mb", "the joint-2 encoder with its mount"),
-    _balance("l1", "the inner rod without the joint-2 encoder"),
+    _balance("l1", f"the inner rod{JOINT2_ENCODER}"),
     _balance("l2", "the outer rod"),
     _swing(1, "the inner rod"),
     _swing(2, "the outer rod"),

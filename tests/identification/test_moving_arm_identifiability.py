@@ -6,7 +6,7 @@ import pytest
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.identification.moving_arm.identifiability import identifiability_of_arm
-from dpr_lab.rig import Rig
+from dpr_lab.rig import Rig, load_rig
 from dpr_lab.rig_tables import Parameter
 from tests.identification.test_moving_arm_fit import PUSH, drawn, recorded, rig_with
 from tests.three_hinges import MODEL
@@ -125,3 +125,10 @@ def test_a_free_arm_without_runs_and_poses_is_refused():
     table = rig_of("free", None, "both").model_dump(exclude_none=True)
     with pytest.raises(ConfigError, match="poses"):
         identifiability_of_arm([], Rig.model_validate(table | {"poses": {}}))
+
+
+def test_one_rod_is_weighed_without_words_on_an_encoder_that_it_does_not_carry():
+    found = identifiability_of_arm([], load_rig("furuta"))
+    instructions = [advice.how for advice in found.advice]
+    assert "weigh the inner rod to 0.1 g" in instructions
+    assert not [how for how in instructions if "joint-2" in how]

@@ -18,7 +18,7 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.identification.directions import SEEN, free_directions, simple_basis, spread
 from dpr_lab.identification.expected import RELEASES, information_root
 from dpr_lab.identification.identifiability import Advice, already_made, bench_advice, bench_sequence
-from dpr_lab.identification.instruments import INSTRUMENTS, BenchReading, Measurement
+from dpr_lab.identification.instruments import INSTRUMENTS, JOINT2_ENCODER, BenchReading, Instrument, Measurement
 from dpr_lab.identification.moving_arm.fit import ARM_FIT, ArmFit, fit_moving_arm, fit_segments
 from dpr_lab.identification.moving_arm.problem import ArmRecording, arm_problem, recordings_of
 from dpr_lab.identification.moving_arm.unknowns import Unknowns, best, mode_number, rod_inertias
@@ -288,14 +288,21 @@ def _answers(
         if not already_made(instrument, rig):
             rows = instrument.rows(rig.nominal, rig) * rig.nominal
             places = [PARAMETERS.index(name) for name in instrument.parameters]
-            answers[instrument] = np.zeros((len(rows), len(names)))
-            answers[instrument][:, [names.index(name) for name in instrument.parameters]] = rows[:, places]
+            answer = np.zeros((len(rows), len(names)))
+            answer[:, [names.index(name) for name in instrument.parameters]] = rows[:, places]
+            answers[instrument if "mb" in sizes else _of_one_rod(instrument)] = answer
     for reading in ARM_INSTRUMENTS:
         if reading.parameter in sizes and not 0 < _std(parameters[reading.parameter]) <= (
             reading.relative_std * sizes[reading.parameter]
         ):
             answers[reading] = np.eye(len(names))[[names.index(reading.parameter)]] / reading.relative_std
     return answers
+
+
+def _of_one_rod(instrument: Instrument) -> Instrument:
+    """The measurement at a rig without a second rod, whose only rod carries no encoder of joint 2."""
+    quantity = replace(instrument.quantity, name=instrument.quantity.name.replace(JOINT2_ENCODER, ""))
+    return replace(instrument, how=instrument.how.replace(JOINT2_ENCODER, ""), quantity=quantity)
 
 
 def _simulated(rig: Rig) -> ArmFit:
