@@ -98,6 +98,14 @@ def test_a_table_of_which_nothing_can_come_is_refused_with_its_cure(
         import_csv(tables[name].write(tmp_path), paper, tables[name].options)
 
 
+def test_torques_of_rows_that_are_far_apart_are_questioned(
+    tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
+) -> None:
+    for name, coarse in (("driven/none", False), ("driven/every_tenth", True)):
+        questions = preview(tables[name].write(tmp_path), paper, tables[name].options).questions
+        assert any("do not show when they act" in question.sentence for question in questions) == coarse
+
+
 AXES = ("theta1", "theta2")
 SAMPLES = Path(__file__).parents[2] / "configs" / "tables"
 RIGHT: dict[str, Any] = {"unit": "deg", "zero": "hanging", "angles": "relative"}

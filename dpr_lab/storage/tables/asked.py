@@ -49,6 +49,10 @@ class QuestionSettings:
     """Factor between an inertia over gravity and the nearest value that the rig file allows, above which a warning is
     given. It is below 1.05 for free swings of the correct rig, 1.15 or more for another one of this repository.
     """
+    torque_step: float = 0.08
+    """Median change of a known torque between rows, relative to its range, above which a warning is given: 0.012 for a
+    sine of 1 Hz at 200 Hz, 0.12 at 20 Hz.
+    """
     energy_rows: int = 200_000
     """Maximum number of rows for the energy test; a wrong interpretation is wrong from the start."""
     pose: tuple[float, float] = (3.0, 10.0)

@@ -52,7 +52,7 @@ def questions(asked: Asked, settings: QuestionSettings = SETTINGS) -> list[Table
     _refuse_dead(asked, theta, settings)
     doubts, other = _energy_questions(asked, settings)
     arm = _arm_questions(asked, theta[:, 0], settings)
-    few_rows = _few(asked, t, settings)
+    few_rows = [*_few(asked, t, settings), *_coarse_torques(asked, settings)]
     posed = [] if other else _pose_questions(asked, settings)
     certain = other or posed or arm or any(doubt.mend for doubt in doubts)
     if not certain:
@@ -261,6 +261,23 @@ def _few(asked: Asked, t: Array, settings: QuestionSettings) -> list[TableQuesti
             )
         )
     return doubts
+
+
+def _coarse_torques(asked: Asked, settings: QuestionSettings) -> list[TableQuestion]:
+    """Doubt about known torques whose rows are too far apart to show when they act."""
+    if asked.torques is None:
+        return []
+    torques = asked.torques[asked.swing]
+    changes, ranges = np.median(np.abs(np.diff(torques, axis=0)), axis=0), np.ptp(torques, axis=0)
+    share = float(np.max(changes / np.maximum(ranges, np.finfo(float).tiny)))
+    if share <= settings.torque_step:
+        return []
+    return [
+        TableQuestion(
+            f"the torques change by {percent(share)} of their range from row to row, so that the rows do not show when"
+            " they act, and a diagnosis may name a delay of the input: export them at the rate of the controller"
+        )
+    ]
 
 
 def _pose_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuestion]:
