@@ -139,7 +139,7 @@ def _ready_url(url: str, child: ChildProgram) -> str:
 
 
 def _last_words(child: ChildProgram) -> str:
-    return f": {child.last_words}" if child.last_words else "."
+    return f": {child.last_words}" if child.last_words else ""
 
 
 def _seed(text: str) -> int:

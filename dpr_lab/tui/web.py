@@ -66,6 +66,7 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
     from textual_serve.server import Server, to_int  # pyright: ignore[reportMissingImports]
 
     place = f"{HOST}:{port}"
+    may = "operate the device" if "--allow-release" in command else "see the screen, which is read-only"
     screen_type = _screen_type()
 
     @web.middleware
@@ -99,7 +100,7 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
             logging.getLogger("aiohttp.access").setLevel(logging.WARNING)  # the default would log the token
             print(
                 f"open http://{place}/{token}/",
-                "anyone who has this address can use the screen; Ctrl-C ends it",
+                f"anyone who has this address can {may}; Ctrl-C ends it",
                 sep="\n",
             )
             sys.stdout.flush()
