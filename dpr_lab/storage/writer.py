@@ -333,7 +333,7 @@ class RunWriter:
             self._leave_cut_off()
             self._failure = RunError(
                 f"{self.path}: cannot be written: {error.strerror}; {self.samples_written} samples were"
-                f" received, the file is kept: free some disk space, then run `dpr-lab run recover {self.path.name}`"
+                f" received, the file is kept: free some disk space, then run `dpr-lab run recover {self.path}`"
             )
             raise self._failure from error
         except BaseException:

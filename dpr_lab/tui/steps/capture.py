@@ -66,7 +66,8 @@ Record one free swing for each pose of the rig.
 2. Let the rods come to rest in the latch.
 3. `{capture.release}` starts a countdown; **any other key stops it**. The countdown begins when the terminal confirms
    that it is displayed. If the terminal does not confirm a number within 0.3 s, nothing is released. At the end of the
-   countdown the latch opens and the swing is recorded.
+   countdown the latch opens and the swing is recorded. In tmux, GNU screen, Zellij or mosh, first type the code that
+   the dialog shows.
 4. The recording is checked. `{capture.keep}` keeps it. `{capture.again}` moves it to `runs/aside` and starts the same
    pose again.
 
