@@ -183,3 +183,17 @@ def test_a_clamped_run_of_one_rod_on_a_rig_with_a_motor_gives_its_own_ratios_onl
     page = Path(compared["report"]).read_text(encoding="utf-8")
     assert all(part in page for part in ("e1/a", "joint 1", "data:image/png;base64"))
     assert "joint 0" not in page
+
+
+def test_an_input_that_is_practically_zero_or_not_used_is_named(tmp_path):
+    rig = rig_with("driven", "current", "inner", kt=KT)
+    t = np.arange(0, 2, 0.01)
+    file = tmp_path / "swing.csv"
+    for size in (1e-12, 0.5):
+        rows = np.column_stack([t, 0.3 * np.sin(3 * t), 0.4 * np.cos(6 * t), size * np.sin(3 * t)])
+        np.savetxt(file, rows, delimiter=",", header="t,theta0,theta1,motor_current", comments="", fmt="%.9g")
+        if size < 1e-9:
+            with pytest.raises(RunError, match="is 1e-12 at most, too small for a drive"):
+                import_csv(file, rig, ImportOptions(zero="hanging", keep_rest=True))
+        free = import_csv(file, rig, ImportOptions(zero="hanging", keep_rest=True, arm="free"))
+        assert any("column motor_current is not used, because the arm is free" in note for note in free.notes)
