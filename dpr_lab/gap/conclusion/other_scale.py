@@ -2,7 +2,7 @@
 
 If a rod turns by theta = f phi for readings phi, gravity acts on phi like e1 sin(f phi) / f. This equals e1 sin(phi)
 and a torque that depends on the angle, such as that of a cable or of cogging. The accelerations of two coupled rods
-show their scale; those of a single rod do not.
+show their scale, as do those of a rod on an arm that moves; those of a single rod do not.
 """
 
 from dataclasses import replace
@@ -33,7 +33,8 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
         rig: the rig according to its file
     """
     chosen = selection.chosen
-    if not chosen.effects or not all(setup.alone and setup.arm is None for setup in problem.segments.setups):
+    setups = problem.segments.setups
+    if not chosen.effects or not all(setup.alone and setup.arm is None and not setup.arm_moves for setup in setups):
         return ""
     smaller = (chosen.key - {name} for name in chosen.effects)
     bare = selection.base.fit.estimate.ratios  # an effect of the angle has changed the gravity of the selected set
