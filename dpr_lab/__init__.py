@@ -5,7 +5,7 @@
     rig = dpr.load_rig("paper")
     runs = [dpr.load_run(file, rig=rig) for file in ("x1.mcap", "x2.mcap", "x3.mcap")]
     model = dpr.identify(runs, rig, seed=0)
-    found = dpr.diagnose(runs, rig)
+    diagnosis = dpr.diagnose(runs, rig)
     dpr.plot_response([dpr.compare(run, rig, model) for run in runs]).savefig("response.png")
 
 Names in `__all__` without an underscore stay the same from one minor version to the next; before a name is removed, it

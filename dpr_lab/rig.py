@@ -92,8 +92,8 @@ class Rig(Shown, RigTable):
     """A rig file (`configs/rigs/*.toml`).
 
     Args of the file: `[rig]` lengths and gravity, `[parameters.*]` one table for each of `PARAMETERS`,
-    `[encoders]`, `[poses.*]`, `[link]`; `[added_mass]` while a known mass is clamped on, `[rods]` while not both rods
-    hang on it, `[joints]` for geared motors; `[arm]` for an arm that is not clamped, `[motor]` for what drives it.
+    `[encoders]`, `[poses.*]`, `[link]`; `[added_mass]` if a known mass is attached, `[rods]` if a rod is not mounted or
+    the elbow is clamped, `[joints]` for geared motors; `[arm]` for an arm that is not clamped, `[motor]` for its drive.
     """
 
     rig: RigGeometry

@@ -124,7 +124,10 @@ PRESCRIBED = PrescribedJoint()
 
 
 def inner_torques(motion: ArmMotion) -> Torques:
-    """Torque of joint 1 that moves an inner rod of the inertia of `PRESCRIBED` so: its acceleration from row to row."""
+    """Torque of joint 1 that gives an inner rod with the inertia of `PRESCRIBED` this motion.
+
+    The acceleration is constant from each row to the next.
+    """
     alpha = np.append(np.diff(motion.omega) / np.diff(motion.t), 0.0)
     return Torques(motion.t, np.column_stack([PRESCRIBED.inertia * alpha, np.zeros(len(alpha))]), scaled=False)
 

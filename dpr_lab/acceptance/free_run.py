@@ -20,7 +20,7 @@ def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon
     Args:
         runs: the runs; one that is shorter than the horizon is left out
         rig: the rig
-        diagnosis: it has the corrected model
+        diagnosis: the diagnosis with the corrected model
         horizon_s: duration of the free run, s
     """
     long = [run for run in runs if run.t[-1] >= horizon_s]

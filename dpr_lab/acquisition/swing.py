@@ -67,7 +67,7 @@ class Captured:
 
 @dataclass(frozen=True, slots=True)
 class SwingRecorder:
-    """Records one swing of a device; with its length, and who is informed."""
+    """Record one swing of a device for a given duration, or until rest, and report its progress."""
 
     device: Device
     longest: float

@@ -107,7 +107,7 @@ def known_before(rig: Rig, acting: Acting = GRAVITY_ONLY) -> Knowledge:
 
     Args:
         rig: the rig
-        acting: what may act in planned releases, so that its effects count
+        acting: inputs that may act in planned releases; they determine which effects are considered
     """
     model = _model(rig, nominal_ratios(rig), _with_arm({}, rig, acting), _noise_of(rig), acting)
     always = _always(rig, acting)

@@ -1,4 +1,4 @@
-"""A diagnosis or model in, models sampled from its posterior out."""
+"""Export of models sampled from the posterior of a diagnosis or a model."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path

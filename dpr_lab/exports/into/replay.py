@@ -129,7 +129,7 @@ class Simulation:
         return np.column_stack([np.interp(swing.t, times, column) for column in theta.T])
 
     def with_module(self, module: str, rig: Rig, gain: Array) -> Callable[[Replay], Array]:
-        """`angles` with a module of passive forces."""
+        """Function that simulates as `angles` does, with a module of passive forces."""
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / CALLBACK).write_text(module, encoding="utf-8")
             names = runpy.run_path(str(Path(folder) / CALLBACK))

@@ -68,7 +68,7 @@ class TorqueBalance:
         return best_zeros(self._thinned().residual, self.rig, nearest=nearest)
 
     def inertias(self) -> tuple[float, Array]:
-        """Residual with any L1, and the fitted inertias over the gravity of the inner rod, as of `inertias`."""
+        """Residual if L1 is free, and the fitted inertias relative to gravity, in the order of `inertias` below."""
         columns, target, least, most = self._equations(self.moving.rods)
         gravity = self._gravity_of_outer(self.moving.rods)
         columns = np.column_stack([*columns.T[:2], columns[:, 2] - gravity, *columns.T[3:], gravity])

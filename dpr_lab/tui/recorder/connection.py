@@ -25,7 +25,7 @@ from dpr_lab.tui.recorder.sighting import Sighting, seen_in
 
 @dataclass(slots=True)
 class DeviceConnection:
-    """At most one recorder at a time."""
+    """Connection to the device: at most one recorder process, its last report, and the current attempt."""
 
     log: Path
     """File for the output of the recorder process."""
