@@ -21,6 +21,7 @@ from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.workflows.diagnose import failures
 from sim_device.trials.driven import driven_runs
 from tests import one_rod
+from tests.storage.mutated_tables import mutated_tables
 
 SOME = {
     name: EFFECTS[name] for name in ("coulomb_joint1", "torque_scale_joint2", "spring_joint2", "rotor_inertia_joint2")
@@ -92,6 +93,15 @@ def test_a_single_rod_that_is_read_correctly_is_not_asked_for_its_scale(seed: in
     result = diagnose(runs, rig)
     assert result.verdict != "unexplained"
     assert "--scale" not in result.sentence
+
+
+@pytest.mark.slow
+def test_a_delay_that_is_shorter_than_coarse_rows_of_torques_is_no_cause(paper: Rig, tmp_path: Path) -> None:
+    table = next(table for table in mutated_tables(rig=paper) if table.name == "driven/every_tenth")
+    run = import_csv(table.write(tmp_path), paper, table.options)
+    result = diagnose([run], paper, library={"input_delay": EFFECTS["input_delay"]})
+    assert (result.verdict, result.effects) == ("unexplained", [])
+    assert "at the rate of the controller" in result.sentence
 
 
 @pytest.mark.slow
