@@ -141,4 +141,4 @@ def test_a_swing_that_shows_nothing_names_no_cause(tmp_path: Path) -> None:
     run = import_csv(tmp_path / "low.csv", rig, ImportOptions(unit="deg", angles="relative", zero="hanging"))
     diagnosis = diagnose([run], rig)
     assert (diagnosis.verdict, diagnosis.effects, diagnosis.checks) == ("unexplained", [], [])
-    assert "but not in other recordings" in diagnosis.sentence
+    assert "the angles are in radians (import with --unit rad)" in diagnosis.sentence

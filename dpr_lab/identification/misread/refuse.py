@@ -36,7 +36,7 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
     chi2 = np.inf if ratio_fit is None else ratio_fit.chi2_per_dof
     if not possible:  # impossible masses may fit to the noise; another interpretation need not fit better
         chi2 = max(chi2, SETTINGS.explained * SETTINGS.better)
-    causes = [reading.cause for reading, _ in better_readings(runs, rig, chi2)]
+    causes = [reading.cause for reading, _ in better_readings(runs, rig, chi2, chi2 / SETTINGS.better)]
     if causes:
         raise IdentificationError(
             f"these recordings do not fit this rig as interpreted; another interpretation fits: {', or '.join(causes)}"

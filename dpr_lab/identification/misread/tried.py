@@ -36,9 +36,10 @@ class MisreadSettings:
     hopeless: float = 0.3
     """The same, above which the fit does not follow the swing at all."""
     better: float = 10.0
-    """Factor by which the excess of chi2 must be smaller in another interpretation that refuses recordings,"""
+    """Factor by which chi2 must be smaller in another interpretation that refuses recordings."""
     better_hint: float = 5.0
-    """and in one that is a hint: it is 3 or less for rods with an effect that are interpreted correctly."""
+    """Factor by which the excess of chi2 must be smaller in one that is a hint: it is 3 or less for rods with an effect
+    that are interpreted correctly."""
     explained: float = 20.0
     """Reduced chi-square below which another interpretation must be far better, because a wrong one may fit better
     by chance.
@@ -122,9 +123,9 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
     """
     # over the same short time as the other interpretations, in which the model error accumulates less
     first = min(_chi2(runs, rig, quick=quick) for quick in (False, True))
-    explained = better_readings(runs, rig, first, SETTINGS.better_hint)
+    before = max(first - 1, 1e-9)
+    explained = better_readings(runs, rig, first, 1 + before / SETTINGS.better_hint)
     if explained:
-        before = max(first - 1, 1e-9)
         tried = [
             BetterReading(reading, float(1 - max(fit.chi2_per_dof - 1, 0.0) / before)) for reading, fit in explained
         ]
@@ -143,7 +144,7 @@ def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
 
 
 def better_readings(
-    runs: Sequence[Run], rig: Rig, chi2_per_dof: float, better: float = SETTINGS.better
+    runs: Sequence[Run], rig: Rig, chi2_per_dof: float, limit: float
 ) -> list[tuple[Misreading, RatioFit]]:
     """Other interpretations that explain the runs far better, best first, without those far worse than the best.
 
@@ -154,10 +155,9 @@ def better_readings(
         runs: the runs with the given interpretation
         rig: rig of the recordings
         chi2_per_dof: of the rods with the given interpretation
-        better: factor by which the excess of chi2 must be smaller
+        limit: chi2_per_dof below which an interpretation explains the runs
     """
-    limit = min(SETTINGS.explained, 1.0 + max(chi2_per_dof - 1.0, 0.0) / better)
-    limit = max(limit, chi2_per_dof / SETTINGS.far_better)
+    limit = max(min(SETTINGS.explained, limit), chi2_per_dof / SETTINGS.far_better)
     good: list[tuple[Misreading, RatioFit]] = []
     for tried in (readings(rig), other_zeros(runs, rig)):  # zeros at any angle also explain these mistakes
         good = good or [
