@@ -23,6 +23,7 @@ from dpr_lab.fitting.cut import MIN_SAMPLES
 from dpr_lab.fitting.estimate import SCALE, Estimate, whole_of
 from dpr_lab.fitting.gauss_newton import Fit, descend, fit
 from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.spread import NORMAL_MAD
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.screen.sensor_faults import Finding
@@ -183,7 +184,8 @@ def _smoothed(energy: Array) -> Array:
 
 def _scatter(energy: Array) -> float:
     """Standard deviation of the noise of the energy, from its second differences, which no slow decay has."""
-    return float(1.4826 * np.median(np.abs(np.diff(energy, 2))) / np.sqrt(6.0))
+    variance = 1.0 + 4.0 + 1.0  # of a second difference of white noise
+    return float(NORMAL_MAD * np.median(np.abs(np.diff(energy, 2))) / np.sqrt(variance))
 
 
 def _outstanding(recordings: Recordings, ratios: Array) -> list[Disturbed]:
