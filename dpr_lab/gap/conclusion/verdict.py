@@ -89,12 +89,19 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], transf
     transfers = transfers and not transferred.worse_free_run
     if chosen.residuals.z < RULES.noise and whole and sure and transfers and not transferred.oversized:
         return "named"
-    no_reduction = transferred.closed.estimate <= 0 and (tested or most < RULES.rather)
-    no_reduction = no_reduction or (tested and len(transferred.withdrawn) == len(chosen.effects))
+    no_reduction = _fitted_only(posteriors, transferred)
     if share >= RULES.partly_share and not no_reduction and listed_causes(posteriors):
         return "partly_explained"
     only_expected = set(chosen.effects) <= selection.expected
     return "no_gap" if _small(selection.base) and only_expected else "unexplained"
+
+
+def _fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) -> bool:
+    """Whether the effects reduce the gap of the fitted recordings only."""
+    tested = transferred.basis != "one release"
+    improbable = max(posterior.probability for posterior in posteriors) < RULES.rather
+    no_reduction = transferred.closed.estimate <= 0 and (tested or improbable)
+    return no_reduction or (tested and len(transferred.withdrawn) == len(posteriors))
 
 
 def _only_held_out(transferred: Transfer) -> bool:
@@ -161,9 +168,12 @@ def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPo
         return f"Unexplained: a gap of {remainder:.2g} times the noise, and no effect of the library fits it."
     closest, verb = listed([_class(cause) for cause in posteriors]), "explain" if len(posteriors) > 1 else "explains"
     if share >= RULES.partly_share:
+        doubt = "not in other recordings"
+        if not _fitted_only(posteriors, transferred):
+            doubt = f"a remainder of {remainder:.2g} times the noise makes a cause outside the library more probable"
         return (
             f"Unexplained: {closest} {verb} {percent(share)} of the excess chi-square in the fitted"
-            f" recordings, but not in other recordings. {how_far(transferred)}"
+            f" recordings, but {doubt}. {how_far(transferred)}"
         )
     return f"Unexplained: the closest, {closest}, {verb} only {percent(share)} of the excess chi-square."
 
