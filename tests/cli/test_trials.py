@@ -89,13 +89,13 @@ def test_the_demo_ends_near_the_plant_and_with_a_hidden_effect_opened_and_scored
     (seal,) = re.findall("sealed as ([0-9a-f]{64})", done.err)
     trial = done.json["trial"]
     assert trial["seal"] == seal
-    assert set(trial["truth"]["effects"]) == {"wrong_length_L1"}
+    (hidden,) = trial["truth"]["effects"]
     assert trial["score"]["first"]
     reports = [Path(done.json["report"]), Path(trial["report"])]
     assert [report.name for report in reports] == ["report.html", "diagnosis.html"]
     assert all(report.is_file() for report in reports)
     folder = reports[1].parents[1]
-    opens_and_stays_open(folder, cli)
+    opens_and_stays_open(folder, hidden, cli)
     (folder / "diagnosis.json").unlink()
     early = cli("trials", "open", folder, "--json")
     assert early.code == early.json["exit_code"] == 3
