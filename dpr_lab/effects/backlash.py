@@ -2,6 +2,7 @@
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter, InternalState, Params
 from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.effects.stages import StageName
 from dpr_lab.kernels import inlined
 
 
@@ -38,40 +39,38 @@ def _tightened(params: Params, rig: RigConstants, joint: int) -> str:
 _PARAMETERS = (EffectParameter("play_rad", "rad", 5e-3, "positive"),)
 _SOURCE = "Play operator: Visintin (1994), Differential Models of Hysteresis, ch. III."
 
-BACKLASH_JOINT2 = Effect(
-    name="backlash_joint2",
-    words="encoder backlash, joint 2",
-    equation="encoder 2 reads h, which is constant while |q2 - h| < x / 2 and then follows the joint",
-    parameters=_PARAMETERS,
-    site="sensor",
-    stage="play",
-    kernel=play,
-    joints=(1,),
-    internal=(InternalState("lag", "rad"),),
-    hides_step=_hidden,
-    remedy=_tightened,
-    quantities=(BenchQuantity("backlash of the encoder", "x", ("play_rad",)),),
-    bench_check="Hold the outer rod and turn the encoder's shaft by hand: the backlash can be felt and read from the"
-    " counts.",
-    source=_SOURCE,
+
+def _of_encoder(joint: int, stage: StageName, bench_check: str) -> Effect:
+    """Backlash of the encoder of joint 1 or 2."""
+    return Effect(
+        name=f"backlash_joint{joint}",
+        words=f"encoder backlash, joint {joint}",
+        equation=f"encoder {joint} reads h, which is constant while |q{joint} - h| < x / 2 and then follows the joint",
+        parameters=_PARAMETERS,
+        site="sensor",
+        stage=stage,
+        kernel=play,
+        joints=(joint - 1,),
+        internal=(InternalState("lag", "rad"),),
+        hides_step=_hidden,
+        remedy=_tightened,
+        quantities=(BenchQuantity("backlash of the encoder", "x", ("play_rad",)),),
+        bench_check=bench_check,
+        source=_SOURCE,
+    )
+
+
+BACKLASH_JOINT2 = _of_encoder(
+    2,
+    "play",
+    "Hold the outer rod and turn the encoder's shaft by hand: the backlash can be felt and read from the counts.",
 )
 
-BACKLASH_JOINT1 = Effect(
-    name="backlash_joint1",
-    words="encoder backlash, joint 1",
-    equation="encoder 1 reads h, which is constant while |q1 - h| < x / 2 and then follows the joint",
-    parameters=_PARAMETERS,
-    site="sensor",
-    stage="play1",
-    kernel=play,
-    joints=(0,),
-    internal=(InternalState("lag", "rad"),),
-    hides_step=_hidden,
-    remedy=_tightened,
-    quantities=(BenchQuantity("backlash of the encoder", "x", ("play_rad",)),),
-    bench_check="Hold the inner rod and turn the encoder's shaft, or the motor before the gear, by hand: the backlash"
-    " can be felt and read from the counts.",
-    source=_SOURCE,
+BACKLASH_JOINT1 = _of_encoder(
+    1,
+    "play1",
+    "Hold the inner rod and turn the encoder's shaft, or the motor before the gear, by hand: the backlash can be felt"
+    " and read from the counts.",
 )
 
 BACKLASH_JOINT0 = Effect(

@@ -372,10 +372,7 @@ def load_model(path: Path) -> Model:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
         raise RunError(f"{path}: is not a model of dpr-lab: {key}: {first['msg']}") from error
-    except (
-        ValueError,
-        RecursionError,
-    ) as error:  # text of another encoding, invalid JSON, or a number with thousands of digits
+    except (ValueError, RecursionError) as error:  # other encoding, invalid JSON, a number of thousands of digits
         raise RunError(f"{path}: is not a model file (JSON): {error}") from error
 
 

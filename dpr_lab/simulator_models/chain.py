@@ -105,8 +105,7 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
 
     Args:
         model: the model
-        names: joints of the inner rod, the outer rod and optionally the arm; empty: detected if there is only one
-        choice
+        names: joints of the inner rod, the outer rod and optionally the arm; empty if there is only one choice
         gravity: m/s^2, downwards along z, instead of that of the model
 
     Raises:

@@ -10,7 +10,7 @@ from dpr_lab.workflows.events import OnEvent, ignore
 
 if TYPE_CHECKING:
     from dpr_lab.storage.inspect import RunInfo
-    from dpr_lab.storage.tables.asked import TableQuestion
+    from dpr_lab.storage.tables.interpreted import TableQuestion
     from dpr_lab.storage.tables.options import ImportOptions
     from dpr_lab.storage.tables.preview import Preview
 

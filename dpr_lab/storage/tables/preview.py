@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import INPUT_UNITS
-from dpr_lab.storage.tables.asked import TableQuestion
 from dpr_lab.storage.tables.columns import AXES
+from dpr_lab.storage.tables.interpreted import TableQuestion
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import PLAUSIBLE
 from dpr_lab.storage.tables.torques import PASSIVE

@@ -10,8 +10,8 @@ from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, periods
 from dpr_lab.identification.misread.torque_balance import inertia_bounds, torque_balance
 from dpr_lab.shown import percent
-from dpr_lab.storage.tables.asked import SETTINGS, Asked, QuestionSettings, TableQuestion
 from dpr_lab.storage.tables.columns import TO_SECONDS
+from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, QuestionSettings, TableQuestion
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.readings import SETTINGS as READ
 from dpr_lab.storage.tables.readings import (
@@ -39,100 +39,102 @@ class PushSettings:
 PUSH = PushSettings()
 
 
-def questions(asked: Asked, settings: QuestionSettings = SETTINGS) -> list[TableQuestion]:
+def questions(table: InterpretedTable, settings: QuestionSettings = SETTINGS) -> list[TableQuestion]:
     """Doubts about a table, most serious first.
 
     Raises:
         RunError: the table cannot be used: too few rows, constant or identical columns, another unit of time, another
         pose.
     """
-    t, theta = asked.t[asked.swing], asked.theta[asked.swing]
+    t, theta = table.t[table.swing], table.theta[table.swing]
     if len(t) < settings.fewest_rows:
-        raise RunError(f"{asked.path}: only {len(t)} rows of a swing; at least {settings.fewest_rows} are required")
-    _refuse_dead(asked, theta, settings)
-    doubts, other = _energy_questions(asked, settings)
-    arm = _arm_questions(asked, theta[:, 0], settings)
-    few_rows = [*_few(asked, t, settings), *_coarse_torques(asked, settings)]
-    posed = [] if other else _pose_questions(asked, settings)
+        raise RunError(f"{table.path}: only {len(t)} rows of a swing; at least {settings.fewest_rows} are required")
+    _refuse_dead(table, theta, settings)
+    doubts, other = _energy_questions(table, settings)
+    arm = _arm_questions(table, theta[:, 0], settings)
+    few_rows = [*_few(table, t, settings), *_coarse_torques(table, settings)]
+    posed = [] if other else _pose_questions(table, settings)
     certain = other or posed or arm or any(doubt.mend for doubt in doubts)
     if not certain:
-        doubts = _balance_questions(asked, settings) or [*_rig_questions(asked, settings), *doubts]
+        doubts = _balance_questions(table, settings) or [*_rig_questions(table, settings), *doubts]
     return [*doubts, *arm, *few_rows, *posed]
 
 
-def _refuse_dead(asked: Asked, theta: Array, settings: QuestionSettings) -> None:
+def _refuse_dead(table: InterpretedTable, theta: Array, settings: QuestionSettings) -> None:
     """Refuse a mounted rod or a free joint that does not move."""
-    if asked.rig.rods.mounted != "both":
+    if table.rig.rods.mounted != "both":
         return
-    names = [asked.columns.get(axis, axis) for axis in ("theta1", "theta2")]
+    names = [table.columns.get(axis, axis) for axis in ("theta1", "theta2")]
     moved1, moved2 = np.ptp(theta[:, 1:], axis=0).tolist()
     most, joint2 = max(moved1, moved2), float(np.ptp(theta[:, 2] - theta[:, 1]))
-    if asked.rig.rods.elbow == "clamped" or not most > 0:
+    if table.rig.rods.elbow == "clamped" or not most > 0:
         return
-    if np.array_equal(asked.values["theta1"], asked.values["theta2"]):
+    if np.array_equal(table.values["theta1"], table.values["theta2"]):
         raise RunError(
-            f"{asked.path}: {names[0]!r} and {names[1]!r} contain the same numbers. Name the columns of the two rods:"
+            f"{table.path}: {names[0]!r} and {names[1]!r} contain the same numbers. Name the columns of the two rods:"
             " --columns theta1=NAME,theta2=NAME; if the elbow was clamped: --elbow clamped"
         )
     if joint2 < settings.stiff_rad and joint2 < settings.stiff_rad * most:
         raise RunError(
-            f"{asked.path}: theta2 - theta1 stays within {joint2:.2g} rad while the rods turn by {most:.3g}"
+            f"{table.path}: theta2 - theta1 stays within {joint2:.2g} rad while the rods turn by {most:.3g}"
             f" rad: joint 2 does not turn. If the elbow was clamped: --elbow clamped; otherwise name the"
             f" column: --columns theta2=NAME"
         )
     if moved2 < settings.still_share * most:
         raise RunError(
-            f"{asked.path}: theta2 ({names[1]!r}) is constant while theta1 turns by {most:.3g} rad. If no outer rod"
+            f"{table.path}: theta2 ({names[1]!r}) is constant while theta1 turns by {most:.3g} rad. If no outer rod"
             " was mounted: --rods inner; if it is the angle to the inner rod and the elbow was clamped: --angles"
             " relative --elbow clamped; otherwise name the column: --columns theta2=NAME"
         )
     if moved1 < settings.still_share * most:
         raise RunError(
-            f"{asked.path}: theta1 ({names[0]!r}) is constant while theta2 turns by {most:.3g} rad. If the outer rod"
+            f"{table.path}: theta1 ({names[0]!r}) is constant while theta2 turns by {most:.3g} rad. If the outer rod"
             " swung alone: --rods outer; otherwise name the column: --columns theta1=NAME"
         )
 
 
-def refuse_push(asked: Asked, origin: float, settings: PushSettings = PUSH) -> None:
+def refuse_push(table: InterpretedTable, origin: float, settings: PushSettings = PUSH) -> None:
     """Refuse rods that start to swing from the hanging rest without a known drive.
 
     Raises:
         RunError: they were pushed; the message names the option that excludes the push.
     """
-    rest, start = asked.part.rest, asked.part.start
-    if start == rest or not asked.free:
+    rest, start = table.part.rest, table.part.start
+    if start == rest or not table.free:
         return
-    hung = apart(np.median(asked.theta[rest:start, 1:], axis=0), np.array([np.pi, np.pi]))
-    if hung <= settings.hanging_rad and np.ptp(asked.theta[asked.swing, 1:], axis=0).max() > settings.pushed_rad:
-        begins = asked.t[start] - origin
+    hung = apart(np.median(table.theta[rest:start, 1:], axis=0), np.array([np.pi, np.pi]))
+    if hung <= settings.hanging_rad and np.ptp(table.theta[table.swing, 1:], axis=0).max() > settings.pushed_rad:
+        begins = table.t[start] - origin
         raise RunError(
-            f"{asked.path}: the rods hang at rest until {begins:.4g} s after the first row and then swing:"
+            f"{table.path}: the rods hang at rest until {begins:.4g} s after the first row and then swing:"
             f" they were pushed by an unknown force. Exclude the push (--start-s {begins + 1:.4g}), or name"
             f" the torques' columns"
             " tau1_Nm, tau2_Nm; --keep-rest uses all rows"
         )
 
 
-def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[TableQuestion], list[OtherReading]]:
+def _energy_questions(
+    table: InterpretedTable, settings: QuestionSettings
+) -> tuple[list[TableQuestion], list[OtherReading]]:
     """Doubts about units, zero, signs and order from the energy of the swing, and corrected interpretations."""
-    looked_at, read = asked.looked_at(settings), asked.read(settings)
-    fit = energy_fit(read.t, asked.theta[looked_at, 1:], read.torques, asked.rig)
+    looked_at, read = table.looked_at(settings), table.read(settings)
+    fit = energy_fit(read.t, table.theta[looked_at, 1:], read.torques, table.rig)
     residual, others = math.nan, []
-    if fit is not None and not asked.prescribed:
+    if fit is not None and not table.prescribed:
         residual = fit.residual
         others = better_readings(fit, read)
-        if not others and (doubt := _torque_question(asked, fit, looked_at)):
+        if not others and (doubt := _torque_question(table, fit, looked_at)):
             return [doubt], []
-    if fit is not None and not others and asked.options.inner != "prescribed":
-        _refuse_unit_of_time(asked, fit.kinetic_scale, settings)
+    if fit is not None and not others and table.options.inner != "prescribed":
+        _refuse_unit_of_time(table, fit.kinetic_scale, settings)
     for other in others:
         if "--time-unit" in other.mend:
-            raise RunError(_unit_of_time(asked, *other.mend[1:]))
+            raise RunError(_unit_of_time(table, *other.mend[1:]))
     if others:
-        others = [_as_posed(asked, other, settings) for other in others]
+        others = [_as_posed(table, other, settings) for other in others]
         return [_read_otherwise("the energy of the swing is not conserved; it is", others)], others
     doubts = []
-    if residual > settings.unexplained[asked.torques is not None]:
+    if residual > settings.unexplained[table.torques is not None]:
         share = f"{percent(residual)} of" if residual < 1 else f"{residual:.2g} times"
         doubts.append(
             TableQuestion(
@@ -141,17 +143,17 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
                 " (in N m) and --arm, and lengths and masses of the rig"
             )
         )
-    elif fit is not None and asked.free and not 1 / settings.time_scale < fit.time_scale < settings.time_scale:
+    elif fit is not None and table.free and not 1 / settings.time_scale < fit.time_scale < settings.time_scale:
         doubts.append(
             TableQuestion(
                 f"the rods swing {fit.time_scale:.3g} times as fast as predicted from lengths and masses of the rig"
                 " file: check L1, masses and inertias of the rig, --rate-hz or --time-unit"
             )
         )
-    upright = asked.options.zero == "upright" and asked.options.unit != "counts" and not residual <= READ.right
-    upright = upright and asked.torques is None and asked.ignored is None  # drives can hold rods up
-    upright = upright and (asked.options.pose is None or not asked.arm_moves)  # the pose shows a wrong zero
-    odd = odd_notes(asked.t[asked.swing], asked.theta[asked.swing], upright)
+    upright = table.options.zero == "upright" and table.options.unit != "counts" and not residual <= READ.right
+    upright = upright and table.torques is None and table.ignored is None  # drives can hold rods up
+    upright = upright and (table.options.pose is None or not table.arm_moves)  # the pose shows a wrong zero
+    odd = odd_notes(table.t[table.swing], table.theta[table.swing], upright)
     return doubts + [TableQuestion(note) for note in odd], []
 
 
@@ -160,40 +162,40 @@ def _read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
     return TableQuestion(f"with these options {broken} if {causes}", others[0].mend if len(others) == 1 else ())
 
 
-def _balance_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuestion]:
+def _balance_questions(table: InterpretedTable, settings: QuestionSettings) -> list[TableQuestion]:
     """Doubt about zeros, scales and signs from the accelerations of the swing, which are more sensitive than energy."""
-    if asked.prescribed:
+    if table.prescribed:
         return []
-    others = balanced_readings(asked.read(settings))
+    others = balanced_readings(table.read(settings))
     broken = "the accelerations do not follow from gravity and friction; they do"
     return [_read_otherwise(broken, others)] if others else []
 
 
-def _rig_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuestion]:
+def _rig_questions(table: InterpretedTable, settings: QuestionSettings) -> list[TableQuestion]:
     """Doubt about the rig file from inertias that its bounds exclude; motors add an inertia of their own."""
-    if not asked.free or asked.ignored or asked.rig.joints.geared:
+    if not table.free or table.ignored or table.rig.joints.geared:
         return []
-    read = asked.read(settings)
+    read = table.read(settings)
     balance = torque_balance(read.t, read.rods(read.values, read.options), None, read.rig)
     residual, ratios = (math.inf, np.ones(1)) if balance is None else balance.inertias()
-    least, most = inertia_bounds(asked.rig)
+    least, most = inertia_bounds(table.rig)
     factor = max(np.max(least / ratios), np.max(ratios / most))
     if residual > settings.same_rig or factor <= settings.other_rig:
         return []
     return [
         TableQuestion(
             f"the inertia of the rods relative to their weight differs by {percent(factor - 1)} from the nearest value"
-            f" that the rig file {asked.rig.rig.name!r} allows: is it the file of the recorded rig (--rig)?"
+            f" that the rig file {table.rig.rig.name!r} allows: is it the file of the recorded rig (--rig)?"
             " Otherwise correct its lengths, masses, inertias and their bounds"
         )
     ]
 
 
-def _torque_question(asked: Asked, fit: EnergyFit, looked_at: slice) -> TableQuestion | None:
+def _torque_question(table: InterpretedTable, fit: EnergyFit, looked_at: slice) -> TableQuestion | None:
     """Doubt about sign, unit, order or absence of the torques, if another interpretation conserves the energy."""
-    others = list(other_torques(asked.torques, asked.torque_columns, asked.options.scale, asked.ignored))
+    others = list(other_torques(table.torques, table.torque_columns, table.options.scale, table.ignored))
     others = [replace(other, torques=other.torques[looked_at]) for other in others]
-    best = better_torques(fit, asked.t[looked_at], asked.theta[looked_at][:, 1:], others, asked.rig)
+    best = better_torques(fit, table.t[looked_at], table.theta[looked_at][:, 1:], others, table.rig)
     if best is None:
         return None
     return TableQuestion(
@@ -202,47 +204,47 @@ def _torque_question(asked: Asked, fit: EnergyFit, looked_at: slice) -> TableQue
     )
 
 
-def _arm_questions(asked: Asked, theta0: Array, settings: QuestionSettings) -> list[TableQuestion]:
+def _arm_questions(table: InterpretedTable, theta0: Array, settings: QuestionSettings) -> list[TableQuestion]:
     """Doubt about an arm that is specified as clamped."""
-    if asked.arm_moves or not (moved := float(np.ptp(theta0))) > settings.arm_rad:
+    if table.arm_moves or not (moved := float(np.ptp(theta0))) > settings.arm_rad:
         return []
-    known = "L0" in asked.rig.rig.model_fields_set
+    known = "L0" in table.rig.rig.model_fields_set
     mend = "--arm prescribed" + ("" if known else ", with the arm's length L0 in [rig] of the rig file")
     sentence = f"theta0 moves by {moved:.2g} rad, but the arm is specified as clamped: if it moved, import with {mend}"
     return [TableQuestion(sentence, ("--arm", "prescribed") if known else ())]
 
 
-def _refuse_unit_of_time(asked: Asked, scale: float, settings: QuestionSettings) -> None:
-    now = asked.options.time_unit or "s"
-    if not 0 < scale < np.inf or 1 / settings.other_unit < scale < settings.other_unit or asked.options.rate_hz:
+def _refuse_unit_of_time(table: InterpretedTable, scale: float, settings: QuestionSettings) -> None:
+    now = table.options.time_unit or "s"
+    if not 0 < scale < np.inf or 1 / settings.other_unit < scale < settings.other_unit or table.options.rate_hz:
         return
     unit = min(TO_SECONDS, key=lambda name: abs(math.log(TO_SECONDS[name] / TO_SECONDS[now] / scale)))
     if unit != now:
-        raise RunError(_unit_of_time(asked, unit))
+        raise RunError(_unit_of_time(table, unit))
 
 
-def _unit_of_time(asked: Asked, unit: str) -> str:
-    lasts = asked.t[-1] - asked.t[0]
+def _unit_of_time(table: InterpretedTable, unit: str) -> str:
+    lasts = table.t[-1] - table.t[0]
     return (
-        f"{asked.path}: in {asked.options.time_unit or 's'} the table lasts {lasts:.4g} s and its rods"
+        f"{table.path}: in {table.options.time_unit or 's'} the table lasts {lasts:.4g} s and its rods"
         f" {'hardly move' if unit != 's' else 'turn far too fast'}; the rods of the rig swing with periods of"
-        f" {' and '.join(f'{period:.2g} s' for period in periods(asked.rig))}: the times are in {unit}"
+        f" {' and '.join(f'{period:.2g} s' for period in periods(table.rig))}: the times are in {unit}"
         f" (--time-unit {unit}), or the angles in another unit (--unit)"
     )
 
 
-def _few(asked: Asked, t: Array, settings: QuestionSettings) -> list[TableQuestion]:
+def _few(table: InterpretedTable, t: Array, settings: QuestionSettings) -> list[TableQuestion]:
     """Doubts about rate and duration.
 
     Raises:
         RunError: too few rows to follow a swing.
     """
-    slow, fast = periods(asked.rig)
+    slow, fast = periods(table.rig)
     step, lasts = float(np.median(np.diff(t))), float(t[-1] - t[0])
     doubts = []
     if step > fast / settings.refused_rows_a_period:
         raise RunError(
-            f"{asked.path}: rows are {step:.3g} s apart, but the rods of this rig swing with a period of"
+            f"{table.path}: rows are {step:.3g} s apart, but the rods of this rig swing with a period of"
             f" {fast:.2g} s: too few rows per period. Is the unit of time right (--time-unit ms), or the rate"
             " (--rate-hz)?"
         )
@@ -263,11 +265,11 @@ def _few(asked: Asked, t: Array, settings: QuestionSettings) -> list[TableQuesti
     return doubts
 
 
-def _coarse_torques(asked: Asked, settings: QuestionSettings) -> list[TableQuestion]:
+def _coarse_torques(table: InterpretedTable, settings: QuestionSettings) -> list[TableQuestion]:
     """Doubt about known torques whose rows are too far apart to show when they act."""
-    if asked.torques is None:
+    if table.torques is None:
         return []
-    torques = asked.torques[asked.swing]
+    torques = table.torques[table.swing]
     changes, ranges = np.median(np.abs(np.diff(torques, axis=0)), axis=0), np.ptp(torques, axis=0)
     share = float(np.max(changes / np.maximum(ranges, np.finfo(float).tiny)))
     if share <= settings.torque_step:
@@ -280,22 +282,22 @@ def _coarse_torques(asked: Asked, settings: QuestionSettings) -> list[TableQuest
     ]
 
 
-def _pose_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuestion]:
+def _pose_questions(table: InterpretedTable, settings: QuestionSettings) -> list[TableQuestion]:
     """Doubts about the pose of the release.
 
     Raises:
         RunError: it is another pose.
     """
-    if asked.options.pose is None:
+    if table.options.pose is None:
         return []
-    began = np.median(asked.theta[asked.rest, 1:], axis=0)
-    deviations = {name: apart(began, pose.theta[1:]) / pose.tolerance for name, pose in asked.rig.poses.items()}
-    pose = asked.rig.poses[asked.options.pose]
-    if (away := deviations[asked.options.pose]) <= settings.pose[0]:
+    began = np.median(table.theta[table.rest, 1:], axis=0)
+    deviations = {name: apart(began, pose.theta[1:]) / pose.tolerance for name, pose in table.rig.poses.items()}
+    pose = table.rig.poses[table.options.pose]
+    if (away := deviations[table.options.pose]) <= settings.pose[0]:
         return []
     began_at, asked_for = (f"theta1 = {a:.2f}, theta2 = {b:.2f} rad" for a, b in (began, pose.theta[1:]))
     near = [name for name, distance in deviations.items() if distance <= settings.pose[0]]
-    counted = asked.options.unit == "counts"
+    counted = table.options.unit == "counts"
     keys = (
         "zero_counts, joint2, direction and counts_per_rev of the rig file"
         if counted
@@ -304,21 +306,21 @@ def _pose_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuest
     mend, words = f"remove --pose, or correct {keys}", ()
     if near:
         mend, words = f"it is pose {near[0]} (--pose {near[0]})", ("--pose", near[0])
-    elif others := _readings_in_pose(asked, settings) or _zeros_in_pose(asked, pose.theta[1:] - began, settings):
+    elif others := _readings_in_pose(table, settings) or _zeros_in_pose(table, pose.theta[1:] - began, settings):
         mend = f"it would if {'; or '.join(other.sentence for other in others)}"
         words = others[0].mend if len(others) == 1 else ()
-    sentence = f"the swing starts at {began_at}, not in pose {asked.options.pose} ({asked_for}): {mend}"
+    sentence = f"the swing starts at {began_at}, not in pose {table.options.pose} ({asked_for}): {mend}"
     if away > settings.pose[1]:
-        raise RunError(f"{asked.path}: {sentence}")
+        raise RunError(f"{table.path}: {sentence}")
     return [TableQuestion(sentence, words)]
 
 
-def _readings_in_pose(asked: Asked, settings: QuestionSettings) -> list[OtherReading]:
+def _readings_in_pose(table: InterpretedTable, settings: QuestionSettings) -> list[OtherReading]:
     """Interpretations with the swing starting in the named pose and conserving its energy, fewest changes first."""
-    read = asked.read(settings)
-    others, as_read = list(read.others()), OtherReading((), (), read.values, asked.options)
+    read = table.read(settings)
+    others, as_read = list(read.others()), OtherReading((), (), read.values, table.options)
     candidates = [as_read.mirrored, *others, *(other.mirrored for other in others)]
-    posed = [other for other in candidates if other.time_factor == 1 and _in_pose(asked, other, settings)]
+    posed = [other for other in candidates if other.time_factor == 1 and _in_pose(table, other, settings)]
     residuals = [_residual(read, other) for other in posed]
     limit = min(READ.right, READ.alike * min(residuals, default=0.0))
     matching = [other for other, residual in zip(posed, residuals, strict=True) if residual <= limit]
@@ -326,12 +328,12 @@ def _readings_in_pose(asked: Asked, settings: QuestionSettings) -> list[OtherRea
     return [other for other in matching if len(other.causes) == fewest]
 
 
-def _zeros_in_pose(asked: Asked, added: Array, settings: QuestionSettings) -> list[OtherReading]:
+def _zeros_in_pose(table: InterpretedTable, added: Array, settings: QuestionSettings) -> list[OtherReading]:
     """The table with other zeros, for which its swing starts in the named pose, unless its energy is then worse."""
-    if asked.options.unit == "counts" or asked.options.pose is None:
+    if table.options.unit == "counts" or table.options.pose is None:
         return []
-    read, tolerance = asked.read(settings), asked.rig.poses[asked.options.pose].tolerance
-    other = with_zeros(read.values, asked.options, added, tolerance)
+    read, tolerance = table.read(settings), table.rig.poses[table.options.pose].tolerance
+    other = with_zeros(read.values, table.options, added, tolerance)
     worst = max(READ.right, _residual(read, replace(other, values=read.values)))
     return [other] if _residual(read, other) <= worst else []
 
@@ -341,18 +343,18 @@ def _residual(read: ReadTable, other: OtherReading) -> float:
     return math.inf if fit is None else fit.residual
 
 
-def _as_posed(asked: Asked, other: OtherReading, settings: QuestionSettings) -> OtherReading:
+def _as_posed(table: InterpretedTable, other: OtherReading, settings: QuestionSettings) -> OtherReading:
     """An interpretation, or its mirror image if only that starts in the named pose."""
-    behind = not _in_pose(asked, other, settings) and _in_pose(asked, other.mirrored, settings)
+    behind = not _in_pose(table, other, settings) and _in_pose(table, other.mirrored, settings)
     return other.mirrored if behind else other
 
 
-def _in_pose(asked: Asked, other: OtherReading, settings: QuestionSettings) -> bool:
-    if asked.options.pose is None:
+def _in_pose(table: InterpretedTable, other: OtherReading, settings: QuestionSettings) -> bool:
+    if table.options.pose is None:
         return False
-    pose = asked.rig.poses[asked.options.pose]
+    pose = table.rig.poses[table.options.pose]
     released = {axis: column[:1] for axis, column in other.values.items()}
-    (rods,) = asked.read(settings).rods(released, other.options)
+    (rods,) = table.read(settings).rods(released, other.options)
     return apart(rods, pose.theta[1:]) <= settings.pose[0] * pose.tolerance
 
 

@@ -21,9 +21,9 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import as_mounted
 from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.tables.arm_input import find_input, gain_note, refuse_silent, stated_arm, unused_input
-from dpr_lab.storage.tables.asked import Asked, TableQuestion
 from dpr_lab.storage.tables.clock_wrap import continues_across, unwrapped_times, wrap_behind
 from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, with_still_joint2
+from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
 from dpr_lab.storage.tables.plausible import PLAUSIBLE, check_spacing, gap_notes, outliers, recorded_by_stamps
 from dpr_lab.storage.tables.questions import questions, refuse_push
@@ -186,10 +186,12 @@ def _understood(
     whole = FreePart(0, 0, len(time))
     part = whole if options.keep_rest else free_part(motion, str(path))
     pair = next(iter(driving.values()), (PASSIVE, PASSIVE))
-    asked = Asked(path, rig, options, read.columns, time, mounted, read.values, part, driven, arm, pair, read.ignored)
+    table = InterpretedTable(
+        path, rig, options, read.columns, time, mounted, read.values, part, driven, arm, pair, read.ignored
+    )
     if not options.keep_rest:
-        refuse_push(asked, origin)
-    doubts = questions(asked)
+        refuse_push(table, origin)
+    doubts = questions(table)
     if not rig.rig.on_earth(rig.g):
         sentence = f"g = {rig.g:g} m/s^2 in the rig file; on earth it is 9.78 to 9.83: correct g in the rig file"
         doubts.append(TableQuestion(sentence))

@@ -61,7 +61,9 @@ workspace, as by `dpr-lab compare`.
         Binding("s", "start", "Start", id="compare.start", tooltip="compare runs with the model and write the report"),
         Binding("v", "cycle('view')", "View", id="compare.view", tooltip="angle, free-run error, segment residual"),
         Binding("o", "cycle('run')", "Other", id="compare.run", tooltip="another run"),
-        Binding("O", "beside", "Second curve", id="compare.beside", tooltip="another run or model in the same plot"),
+        Binding(
+            "O", "second_curve", "Second curve", id="compare.beside", tooltip="another run or model in the same plot"
+        ),
         Binding("i", "edit", "Edit", id="compare.edit", show=False),
         Binding("j", "cycle('axis')", "Joint", id="compare.axis", tooltip="the other joint"),
         Binding("left_square_bracket", "start_at(-1)", "Start earlier", id="compare.earlier", show=False),
@@ -147,7 +149,7 @@ workspace, as by `dpr-lab compare`.
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """The job stays only to answer, so it can be restarted; a moving arm has no second curve."""
-        if action == "beside" and self._of_arm:
+        if action == "second_curve" and self._of_arm:
             return False
         return action != "torque" or super().check_action(action, parameters)
 
@@ -204,7 +206,7 @@ workspace, as by `dpr-lab compare`.
         """Enter another model."""
         self.query_one(SecondCurve).edit()
 
-    def action_beside(self) -> None:
+    def action_second_curve(self) -> None:
         """Show the next run or model as second curve."""
         self.query_one(SecondCurve).cycle()
 

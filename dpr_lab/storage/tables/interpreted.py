@@ -74,7 +74,7 @@ class TableQuestion:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class InterpretedTable:
     """A table with its interpretation."""
 
     path: Path
