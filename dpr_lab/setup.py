@@ -42,9 +42,12 @@ class Torques:
         """(n + 2,) instants and (n + 2, 2) impulse on theta1, theta2 up to each, N m s; linear in between."""
         return _knots(self)
 
-    def sampled(self) -> Torques:
-        """The same torques as samples of a course: each holds for half an interval on both sides of its instant."""
-        return replace(self, t=self.t - 0.5 * np.diff(self.t, prepend=2 * self.t[:1] - self.t[1:2]))
+    def earlier(self, share: float) -> Torques:
+        """The same torques, each beginning before its instant by a share of the interval from the previous one.
+
+        With one half they are samples of a continuous signal. Every share from 0 to 1 contains the instant itself.
+        """
+        return replace(self, t=self.t - share * np.diff(self.t, prepend=2 * self.t[:1] - self.t[1:2]))
 
     def mean_before(self, instants: ArrayLike, first: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """(m, 2) mean generalised torques on theta1, theta2 between each of (m,) instants and the previous one, N m.
@@ -157,6 +160,11 @@ class Setup:
     def alone(self) -> bool:
         """Whether a single rod was mounted, so that the readings of joint 2 have no meaning."""
         return self.mounting in ("inner", "outer")
+
+    @property
+    def one_degree(self) -> bool:
+        """Whether both rods turn together: one rod, or a clamped elbow."""
+        return self.mounting != "both"
 
     @property
     def weighs(self) -> bool:

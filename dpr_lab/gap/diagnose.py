@@ -178,18 +178,13 @@ def _settled(located: Located, draft: Draft, most_changes: int = 2) -> tuple[Loc
             break
         located = _located(_fitted(replace(located, recordings=other)))
         draft = _drafted(located)
-    if acts_between_rows(located.recordings, draft.model):
-        refitted = _located(_fitted(_sampled(located)))
-        sampled = _drafted(refitted)
-        if no_worse(draft.model, sampled.model):
-            return refitted, sampled
+    if share := acts_between_rows(located.recordings, draft.model):
+        recordings, unseen = (runs.with_earlier_torques(share) for runs in (located.recordings, located.unseen))
+        refitted = _located(_fitted(replace(located, recordings=recordings, unseen=unseen)))
+        earlier = _drafted(refitted)
+        if no_worse(draft.model, earlier.model):
+            return refitted, earlier
     return located, draft
-
-
-def _sampled(located: Located) -> Located:
-    """The recordings with known torques that change between rows."""
-    recordings, unseen = located.recordings, located.unseen
-    return replace(located, recordings=recordings.with_sampled_torques(), unseen=unseen.with_sampled_torques())
 
 
 def _drafted(located: Located) -> Draft:

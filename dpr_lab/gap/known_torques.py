@@ -15,12 +15,14 @@ from dpr_lab.gap.screen.recordings import Recordings
 
 @dataclass(frozen=True, slots=True)
 class RowRules:
-    """Thresholds for torques that change between rows."""
+    """Limits for torques that change between rows."""
 
-    early: tuple[float, float] = (0.25, 0.75)
-    """Fraction of the interval between rows by which such torques act too early if they are held; the average is one
-    half.
+    earlier: float = 1.0
+    """Maximum share of the interval between rows by which such torques act before their rows: one half for samples of a
+    continuous signal, less if the drive renews them several times per row, more if it renewed them long before the row.
     """
+    slack: float = 0.1
+    """Uncertainty of this share. An earlier torque was logged too late."""
 
 
 RULES = RowRules()
@@ -53,16 +55,20 @@ def with_other_noise(recordings: Recordings, problem: Problem, model: Hypothesis
     return with_likeliest_noise(recordings, problem, model)
 
 
-def acts_between_rows(recordings: Recordings, model: Hypothesis) -> bool:
-    """Whether known torques act half a row early, as samples do if they are interpreted as held until the next row."""
-    if INPUT_DELAY.name not in model.effects or recordings.torques_sampled:
-        return False
+def acts_between_rows(recordings: Recordings, model: Hypothesis) -> float:
+    """Share of the interval between rows by which known torques act before their rows; 0 if they are held.
+
+    The value of a row is that of its instant. How long it acted before and after is not recorded, so that a negative
+    delay of less than a row is no property of the drive.
+    """
+    if INPUT_DELAY.name not in model.effects or recordings.torques_earlier:
+        return 0.0
     early = -float(model.fit.estimate.params[param_index(INPUT_DELAY.name, "delay_s")])
     intervals = [float(np.median(np.diff(r.setup.torques.t))) for r in recordings.records if r.setup.torques]
-    least, most = RULES.early
-    return bool(intervals) and least <= early / max(intervals) <= most
+    share = early / max(intervals, default=np.inf)
+    return min(share, RULES.earlier) if 0.0 < share <= RULES.earlier + RULES.slack else 0.0
 
 
-def no_worse(held: Hypothesis, sampled: Hypothesis) -> bool:
-    """Whether sampled torques explain the recordings as well as held ones, within chance."""
-    return sampled.cost < held.cost + THRESHOLDS.chance * held.residuals.inflation
+def no_worse(held: Hypothesis, earlier: Hypothesis) -> bool:
+    """Whether earlier torques explain the recordings as well as held ones with a delay, within chance."""
+    return earlier.cost < held.cost + THRESHOLDS.chance * held.residuals.inflation

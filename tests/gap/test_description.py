@@ -19,7 +19,9 @@ from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.workflows.diagnose import failures
+from sim_device.plant.config import load_plant
 from sim_device.trials.driven import driven_runs
+from sim_device.trials.offline_recorder import record
 from tests import one_rod
 from tests.storage.mutated_tables import mutated_tables
 
@@ -96,12 +98,28 @@ def test_a_single_rod_that_is_read_correctly_is_not_asked_for_its_scale(seed: in
 
 
 @pytest.mark.slow
-def test_a_delay_that_is_shorter_than_coarse_rows_of_torques_is_no_cause(paper: Rig, tmp_path: Path) -> None:
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_rods_with_a_clamped_elbow_at_half_their_scale_are_asked_for_the_scale(paper: Rig, scale: float) -> None:
+    pose = next(iter(paper.poses.values())).model_copy(update={"theta1": np.pi - 1.0, "theta2": np.pi - 0.2})
+    rig = paper.model_copy(update={"poses": {"X1": pose}}).with_rods(elbow="clamped")
+    (run,) = record(load_plant("paper", 1), rig, 4.0, 200)
+    theta1 = np.pi + (run.theta[:, 1] - np.pi) * scale
+    run = replace(run, theta=np.column_stack([run.theta[:, 0], theta1, theta1 + run.elbow]), counts=None)
+    result = diagnose([run], rig, library={name: EFFECTS[name] for name in ("coulomb_joint1", "detent_joint1")})
+    assert result.effects == []
+    assert ("--scale theta1=2" in result.sentence) == (scale == 0.5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("logged_late_s", "verdict"), [(0.0, "no_gap"), (-0.04, "unexplained")])
+def test_a_delay_that_is_shorter_than_coarse_rows_of_torques_is_no_cause(
+    paper: Rig, tmp_path: Path, logged_late_s: float, verdict: str
+) -> None:
     table = next(table for table in mutated_tables(rig=paper) if table.name == "driven/every_tenth")
-    run = import_csv(table.write(tmp_path), paper, table.options)
+    run = import_csv(table.write(tmp_path), paper, replace(table.options, input_delay_s=logged_late_s))
     result = diagnose([run], paper, library={"input_delay": EFFECTS["input_delay"]})
-    assert (result.verdict, result.effects) == ("unexplained", [])
-    assert "at the rate of the controller" in result.sentence
+    assert (result.verdict, result.effects) == (verdict, [])
+    assert ("at the rate of the controller" in result.sentence) == (verdict == "unexplained")
 
 
 @pytest.mark.slow

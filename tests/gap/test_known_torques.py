@@ -1,18 +1,38 @@
-"""Torques that change between rows are taken as samples, and are not called late."""
+"""Torques that change between rows act before their rows, and are not called early."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.rig import Rig
 from dpr_lab.setup import Torques
+from sim_device.plant.config import load_plant
+from sim_device.plant.drives import JointDrives
+from sim_device.trials.offline_recorder import record
 from tests.bench_rigs import bench
 
 
 def test_a_sampled_torque_acts_around_its_instant():
     torques = Torques(np.array([0.0, 0.1, 0.3]), np.arange(6.0).reshape(3, 2))
-    sampled = torques.sampled()
+    sampled = torques.earlier(0.5)
     np.testing.assert_allclose(sampled.t, [-0.05, 0.05, 0.2])
     np.testing.assert_array_equal(sampled.joints, torques.joints)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("renewed_s", "share"), [(0.005, 0.4), (0.010, 0.6)])
+def test_torques_of_every_fifth_row_are_not_a_delay_of_the_drive(paper: Rig, renewed_s: float, share: float):
+    """The drive renews its torque every 5 ms; or once per row of 25 ms, but this long after the row."""
+    t, slow = np.arange(0, 3.01, 0.005), renewed_s > 0.005
+    instants = np.floor((t - renewed_s) / 0.025 + 1e-9) * 0.025 + renewed_s if slow else t
+    plant = load_plant("paper", 1)
+    torques = 0.1 * np.sin(7 * np.stack([instants, instants + 1], axis=1))
+    run = record(plant, paper, 3.0, 200, JointDrives(t, torques, plant.drives, 1))[0].swing
+    diagnosis = diagnose([replace(run.only(np.arange(len(run.t)) % 5 == 0), rate_hz=40.0)], paper)
+    assert diagnosis.verdict == "no_gap"
+    assert any(f"act from {share:.2f} of a row before" in sentence for sentence in diagnosis.assumptions)
 
 
 @pytest.mark.slow

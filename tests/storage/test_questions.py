@@ -256,6 +256,22 @@ def test_a_clamped_elbow_that_is_said_to_be_free_is_refused(paper: Rig, tmp_path
     assert import_csv(file, paper.with_rods(elbow="clamped")).mounting == "clamped"
 
 
+@pytest.mark.parametrize(
+    ("factor", "mend"), [(1.0, ()), (0.5, ("--scale", "theta1=2")), (2.0, ("--scale", "theta1=0.5"))]
+)
+def test_a_clamped_elbow_is_read_at_the_scale_of_joint_1(
+    paper: Rig, tmp_path: Path, factor: float, mend: tuple[str, ...]
+) -> None:
+    """Rods that are clamped back to back have little gravity, and an inertia that the rig file allows."""
+    rig, file = paper.with_rods(elbow="clamped"), tmp_path / "elbow.csv"
+    swing = record(load_plant("paper", 1), rig, 3.0, 200)[2].swing
+    theta1, theta2 = swing.theta[:, 1], swing.theta[:, 2]
+    rows = np.column_stack([swing.t, factor * (theta1 - np.pi), theta2 - theta1])
+    np.savetxt(file, rows, "%.9g", ",", header="t,theta1,theta2", comments="")
+    asked = preview(file, rig, ImportOptions(angles="relative", zero="hanging")).questions
+    assert [question.mend for question in asked] == ([mend] if mend else [])
+
+
 @pytest.mark.parametrize("base", ["free", "degrees", "counts", "driven"])
 def test_a_held_start_is_cut_at_the_release_and_kept_as_rest(
     base: str, tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path

@@ -39,11 +39,11 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
         made.append("According to encoder 0 the arm stood still, so compliance of the arm was not considered.")
     elif any(record.arm_moves is None for record in records):
         made.append("The arm's angle was not recorded.")
-    if state.recordings.torques_sampled:
+    if share := state.recordings.torques_earlier:
         made.append(
-            "The known torques change between rows. Held until the next row, they would act half a row late on"
-            " average. Each value was therefore assumed to act from half a row before to half a row after its"
-            " instant."
+            "The known torques change between rows. Held until the next row, they would act late. Each value was"
+            f" therefore assumed to act from {share:.2f} of a row before its instant on, as fitted. A delay shorter"
+            " than a row cannot be distinguished from this."
         )
     if state.recordings.exact_torques:
         made.append(

@@ -1,8 +1,8 @@
-"""Test whether the readings of a single rod need fewer effects at another scale.
+"""Test whether the readings of a single rod, or of rods with a clamped elbow, need fewer effects at another scale.
 
 If a rod turns by theta = f phi for readings phi, gravity acts on phi like e1 sin(f phi) / f. This equals e1 sin(phi)
 and a torque that depends on the angle, such as that of a cable or of cogging. The accelerations of two coupled rods
-show their scale, as do those of a rod on an arm that moves; those of a single rod do not.
+show their scale, as do those of a rod on an arm that moves; those of one degree of freedom do not.
 """
 
 from dataclasses import replace
@@ -25,7 +25,7 @@ SCALES = (2.0, 0.5)
 
 
 def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
-    """A sentence if, at another scale, the readings of a single rod are explained with fewer effects; else empty.
+    """A sentence if, at another scale, the readings of one degree of freedom need fewer effects; else empty.
 
     Args:
         problem: the segments
@@ -34,7 +34,8 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
     """
     chosen = selection.chosen
     setups = problem.segments.setups
-    if not chosen.effects or not all(setup.alone and setup.arm is None and not setup.arm_moves for setup in setups):
+    alone = all(setup.one_degree and setup.arm is None and not setup.arm_moves for setup in setups)
+    if not chosen.effects or not alone:
         return ""
     smaller = (chosen.key - {name} for name in chosen.effects)
     bare = selection.base.fit.estimate.ratios  # an effect of the angle has changed the gravity of the selected set
@@ -42,29 +43,33 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
     factor, best = min(tried, key=lambda pair: pair[1].cost)
     if best.cost > chosen.cost + THRESHOLDS.chance * chosen.residuals.inflation:
         return ""
-    joint = 2 if rig.rods.mounted == "outer" else 1
+    joint, coupled = 2 if rig.rods.mounted == "outer" else 1, rig.rods.mounted == "both"
     counts = rig.encoders.counts_per_rev[joint]
+    turns, moving = ("rods turn", "rods with a clamped elbow") if coupled else ("rod turns", "a single rod")
+    option = f"--scale {factor:g}" + (f", or --scale theta1={factor:g} if theta2 is relative" if coupled else "")
     return (
-        f"If the rod turns by {factor:g} times the reading, one effect fewer explains the recordings as well, and those"
-        f" of a single rod cannot show the difference. Check counts_per_rev of joint {joint} ({counts} in the rig file;"
-        f" it would be {counts / factor:.0f}), or the unit of the table (--scale {factor:g})."
+        f"If the {turns} by {factor:g} times the reading, one effect fewer explains the recordings as well, and those"
+        f" of {moving} cannot show the difference. Check counts_per_rev of joint {joint} ({counts} in the rig file;"
+        f" it would be {counts / factor:.0f}), or the unit of the table ({option})."
     )
 
 
 def _scaled_fit(
     problem: Problem, chosen: Hypothesis, ratios: Array, factor: float, effects: frozenset[str]
 ) -> Hypothesis:
-    """Fit of some effects to the readings times a factor, from hanging; starts with (7,) ratios."""
-    hanging = problem.joints.hanging
+    """Fit of some effects to the readings of joint 1 times a factor, from hanging; starts with (7,) ratios."""
+    joints = problem.joints
+    turned = joints.to_rods(problem.measured)
+    turned += (factor - 1.0) * (turned[:, :1] - np.pi)  # the elbow keeps its angle
     scaled = replace(
         problem,
-        measured=hanging + factor * (problem.measured - hanging),
-        weight=problem.weight / factor,
+        measured=joints.of_rods(turned),
+        weight=problem.weight / np.array([factor, 1.0 if joints.relative2 else factor]),
     )
     estimate, params = chosen.fit.estimate, chosen.fit.estimate.params
     for name in chosen.key - effects:
         params = without_effect(params, name)
-    at_rest = np.array([np.pi, np.pi, 0.0, 0.0])
-    start = estimate.changed(ratios=ratios, params=params, initial=at_rest + factor * (estimate.initial - at_rest))
+    moved = estimate.initial[:, [0, 0, 2, 2]] - np.array([np.pi, np.pi, 0.0, 0.0])
+    start = estimate.changed(ratios=ratios, params=params, initial=estimate.initial + (factor - 1.0) * moved)
     names = tuple(name for name in chosen.effects if name in effects)
     return hypothesis(scaled, names, fit(scaled, start, free_parameters(start, names, scaled)))

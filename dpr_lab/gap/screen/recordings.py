@@ -75,8 +75,10 @@ class Recordings:
     """Whether known torques are assumed to be exact."""
     torque_noise_Nm: tuple[float, float] = (np.inf, np.inf)
     """Upper limit of the standard deviation of the measured torques of joints 1 and 2, from a fit."""
-    torques_sampled: bool = False
-    """Whether known torques are samples of a continuous signal, not held from row to row."""
+    torques_earlier: float = 0.0
+    """Share of the interval between rows by which known torques act before their rows: 0 if they are held from row to
+    row, one half for samples of a continuous signal.
+    """
 
     @property
     def constants(self) -> RigConstants:
@@ -132,12 +134,12 @@ class Recordings:
         arm = {FREE_ARM.name: {"inertia_kgm2": inertia, "viscous_Nms": viscous}}
         return effect_params(arm if self.arm_moves else {})
 
-    def with_sampled_torques(self) -> "Recordings":
-        """The same recordings with known torques that change between rows."""
+    def with_earlier_torques(self, share: float) -> "Recordings":
+        """The same recordings with known torques that act before their rows by a share of the interval between rows."""
         setups = [record.setup for record in self.records]
-        sampled = [s if s.torques is None else replace(s, torques=s.torques.sampled()) for s in setups]
-        records = [replace(record, setup=setup) for record, setup in zip(self.records, sampled, strict=True)]
-        return replace(self, records=tuple(records), torques_sampled=True)
+        earlier = [s if s.torques is None else replace(s, torques=s.torques.earlier(share)) for s in setups]
+        records = [replace(record, setup=setup) for record, setup in zip(self.records, earlier, strict=True)]
+        return replace(self, records=tuple(records), torques_earlier=share)
 
     def _widened(self, values: Array) -> Array:
         """(n, axes) readings or weights; nan or zero for a clamped arm if the arm of another run moves."""

@@ -74,7 +74,13 @@ class TorqueBalance:
         columns = np.column_stack([*columns.T[:2], columns[:, 2] - gravity, *columns.T[3:], gravity])
         residual, x = self._solution(columns, target, np.append(least, 1 / ENERGY.slack), np.append(most, ENERGY.slack))
         base = mounted_base(self.rig, self.rig.nominal)
-        return residual, inertias(base * [*x[:3], 1.0, 1.0, 1.0], x[-1] * base[2] * self.rig.g / self.rig.L1, self.rig)
+        e2 = x[-1] * base[2] * self.rig.g / self.rig.L1
+        return residual, inertias(base * [*x[:3], 1.0, 1.0, 1.0], e2, self.rig, self.elbow)
+
+    @property
+    def elbow(self) -> float:
+        """Angle th2 - th1 of a clamped elbow, rad; without meaning for two rods that swing."""
+        return float(np.median(self.moving.rods[:, 1] - self.moving.rods[:, 0]))
 
     def _solution(self, columns: Array, target: Array, least: Array, most: Array) -> tuple[float, Array]:
         """Residual and coefficients of a fit within bounds; infinite without motion."""
@@ -133,27 +139,31 @@ class TorqueBalance:
         return self._of_joints(np.zeros_like(torque), torque) / self._size(rods)
 
 
-def inertias(base: Array, e2: ArrayLike, rig: Rig) -> Array:
+def inertias(base: Array, e2: ArrayLike, rig: Rig, elbow: float) -> Array:
     """Inertias over the gravity of the inner rod, s^2.
 
-    They are a/e1, b/e1, d/e1; for one degree of freedom (a + b + 2 d) / (e1 + e2).
+    They are a/e1, b/e1, d/e1. For one degree of freedom with the elbow clamped at an angle x, the inertia over the
+    gravity of both rods together:
+
+        (a + b + 2 d cos(x)) / |e1 + e2 exp(i x)|
 
     Args:
         base: (..., 6) base parameters of the mounted rods
         e2: (...,) gravity of the outer rod, N m
         rig: the recorded rig
+        elbow: angle th2 - th1, rad; zero for a single rod
     """
     a, b, d, e1, *_ = np.moveaxis(base, -1, 0)
     if rig.rods.mounting == "both":
         return np.stack([a, b, d], axis=-1) / e1[..., None]
-    return ((a + b + 2 * d) / (e1 + e2))[..., None]
+    return ((a + b + 2 * d * np.cos(elbow)) / np.abs(e1 + e2 * np.exp(1j * elbow)))[..., None]
 
 
-def inertia_bounds(rig: Rig) -> tuple[Array, Array]:
+def inertia_bounds(rig: Rig, elbow: float) -> tuple[Array, Array]:
     """Smallest and largest `inertias` at the corners of the bounds of the rig file, s^2."""
     corners = np.array(list(product(*rig.bounds.T)))
     base = mounted_base(rig, corners)
-    ratios = inertias(base, base[:, 2] * rig.g / rig.L1, rig)
+    ratios = inertias(base, base[:, 2] * rig.g / rig.L1, rig, elbow)
     return ratios.min(axis=0), ratios.max(axis=0)
 
 

@@ -177,8 +177,10 @@ def _rig_questions(table: InterpretedTable, settings: QuestionSettings) -> list[
         return []
     read = table.read(settings)
     balance = torque_balance(read.t, read.rods(read.values, read.options), None, read.rig)
-    residual, ratios = (math.inf, np.ones(1)) if balance is None else balance.inertias()
-    least, most = inertia_bounds(table.rig)
+    if balance is None:
+        return []
+    residual, ratios = balance.inertias()
+    least, most = inertia_bounds(table.rig, balance.elbow)
     factor = max(np.max(least / ratios), np.max(ratios / most))
     if residual > settings.same_rig or factor <= settings.other_rig:
         return []

@@ -297,7 +297,9 @@ def _scaled(values: Values, options: ImportOptions, rig: Rig) -> Iterator[OtherR
     """Half or twice the readings of both rods or of one."""
     counted = options.unit == "counts"
     zeros = rig.encoders.zero_counts[1:] if counted else (0.0, 0.0)
-    for factor, joints in product((0.5, 2.0), ((1, 2), (1,), (2,)) if rig.rods.mounting == "both" else ((1, 2),)):
+    relative = rig.encoders.joint2 == "relative" if counted else options.angles == "relative"
+    one_each = rig.rods.mounting == "both" or (rig.rods.mounting == "clamped" and relative)
+    for factor, joints in product((0.5, 2.0), ((1, 2), (1,), (2,)) if one_each else ((1, 2),)):
         scale = (factor if 1 in joints else 1.0, factor if 2 in joints else 1.0)
         turned = {
             axis: zero + (values[axis] - zero) * times for axis, zero, times in zip(AXES[1:], zeros, scale, strict=True)
