@@ -25,7 +25,7 @@ class Torques:
     on_arm: NDArray[np.float64] | None = None
     """(n,) torque on a driven arm, N m; None if it is unknown."""
     scaled: bool = True
-    """Whether they are known in N m, so that they show the scale of all torques; else only their course is."""
+    """Whether they are known in N m and thus determine the scale of all torques; False: known up to a factor."""
 
     @property
     def on_joints(self) -> bool:

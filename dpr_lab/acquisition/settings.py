@@ -53,7 +53,7 @@ class QualityLimits:
     release_window_s: float = 0.02
     """Duration of the start of the swing from which the initial speed is estimated, s."""
     fewest_samples: int = 8
-    """Minimum number of samples in the rest and in the start of the swing."""
+    """Minimum number of samples at rest, and at the start of the swing."""
     release_speed: float = 0.2
     """Maximum initial speed, rad/s; the fit over 20 ms has an uncertainty of about 0.03 rad/s."""
     sigmas: float = 5.0

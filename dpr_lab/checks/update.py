@@ -161,7 +161,7 @@ def _reweighed(check: AdvisedCheck, done: CheckDone) -> AdvisedCheck:
 
 
 def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:
-    """Probability that some cause is outside the library: the largest of the named effects, checked or not."""
+    """Probability that some cause is outside the library: the largest over the named effects, checked or not."""
     checked = {
         previous.check.about: previous.after[NONE_OF_THEM]
         for previous in diagnosis.checks_done

@@ -138,8 +138,6 @@ class Interrupt(KeyboardInterrupt):
     If a library suppresses it, for example in a callback of the compiler or in an import that catches all errors, it
     is raised again.
 
-    Dropped on the way, in a callback of the compiler or by what clears every error while it is imported, it strikes
-    again.
     """
 
     raised = False

@@ -226,6 +226,6 @@ def active_effects(params: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def required_by(active: NDArray[np.bool_]) -> Requirements:
-    """Requirements of the active effects, (..., effects); each field (...)."""
+    """Requirements of the effects that a mask (..., effects) marks as active; each field has the shape (...)."""
     required = np.logical_or.reduce(active[..., None, :] & _REQUIREMENTS, axis=-1)
     return Requirements(*(required[..., i] for i in range(len(_REQUIREMENTS))))

@@ -18,7 +18,11 @@ def stretched(encoder: EncoderReading, excess: float) -> float:
 
 
 def remedy(params: Params, rig: RigConstants, joint: int, exact: float = 5e-3) -> str:
-    """Correction of the counts per turn; errors above `exact` are those of another resolution, or of no counter."""
+    """Correction of the counts per turn.
+
+    A relative error above `exact` is too large for a tolerance. The text then names the common encoder with the
+    corrected number; if there is none, it doubts that the encoder is the cause.
+    """
     configured = abs((rig.counts_per_rev1, rig.counts_per_rev2, rig.counts_per_rev0)[joint])
     correct = configured * (1.0 + params["excess"])
     words = f"set counts_per_rev of joint {joint + 1} in the rig file to {correct:.0f} (now {configured:.0f})"

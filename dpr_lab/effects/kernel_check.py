@@ -30,7 +30,7 @@ QUANTITIES: dict[str, Any] = {
 
 
 def compile_errors(effect: Effect) -> Iterator[str]:
-    """One sentence for each kernel that cannot be compiled or returns something else; compiled kernels are remembered.
+    """One sentence for each kernel that cannot be compiled or returns another type; compiled kernels are remembered.
 
     A kernel returns a number; at the stages `torque` and `load`, without the argument `joint`, it returns `Terms`.
     """

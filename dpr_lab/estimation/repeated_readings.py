@@ -25,8 +25,8 @@ class RepeatSettings:
     """Limits from which rows are repeated readings."""
 
     counts: float = 6.0
-    """Changes before and after equal rows, together, in units of the smallest change, from which the reading was held:
-    the readings of an encoder that turns by less than a count per row change by at most three counts.
+    """Minimum sum of the changes before and after equal rows, in units of the smallest change, for a held reading. If
+    an encoder turns by less than a count per row, its readings change by at most three counts.
     """
     share: float = 0.2
     """Share of such rows from which all equal rows are repeated readings; fewer are found by the diagnosis."""

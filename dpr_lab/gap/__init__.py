@@ -19,8 +19,8 @@ Reading order, about an hour. `diagnose.diagnose` runs the stages; each extends 
    `which.fitted_sets` fits each set once, with measures against local minima.
 3. `hypothesis.thresholds`: every threshold of an acceptance, with its origin.
 
-Three names for recordings that are not fitted: `Request.held_out` are the runs, `state.unseen` the same runs after
-screening, and `state.held_out` their prediction, which a set of effects is tested on.
+Recordings that are not fitted are called held out: `Request.held_out` are the runs, `state.held_out` the same after
+screening, and `state.held_out_prediction` predicts them by any set of effects.
 
 docs/how-the-diagnosis-decides.md explains the decisions in words, docs/theory.md sections 5 and 7 to 10 the equations.
 """

@@ -8,14 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.effect import Effect
 from dpr_lab.effects.families import expected_of
-from dpr_lab.effects.free_arm import FREE_ARM
-from dpr_lab.effects.torque_scale import TORQUE_SCALE_JOINT0
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.motion import refuse_without_motion
-from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.advice.advise import advise
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.classes.posterior import effect_posterior
@@ -45,11 +41,12 @@ from dpr_lab.gap.state import (
 )
 from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.gap.transfer.gap import gap
-from dpr_lab.gap.transfer.out_of_sample import held_out_runs
+from dpr_lab.gap.transfer.out_of_sample import held_out_prediction
 from dpr_lab.gap.transfer.repeatability import gap_budget
 from dpr_lab.gap.transfer.transfer import transfer
 from dpr_lab.gap.where.discrepancy import discrepancy
 from dpr_lab.gap.where.locate import locate
+from dpr_lab.gap.which.applicable import applicable
 from dpr_lab.gap.which.select import Draft, forward, refined
 from dpr_lab.identification.misread.refuse import refuse_negative_scale
 from dpr_lab.identification.misread.solvable import solvable
@@ -126,26 +123,26 @@ def _screened(request: Request) -> ScreenedRuns:
     _begin(request, "screen")
     runs, held_out, cut = in_pieces(request.runs, request.held_out)
     request = replace(request, runs=runs, held_out=held_out)
-    recordings, unseen = (
+    recordings, screened = (
         Recordings(tuple(record(run, request.rig) for run in group), request.rig) for group in (runs, held_out)
     )
     refuse_wrong_input(recordings, request.start)
-    return ScreenedRuns(request=request, recordings=recordings, unseen=unseen, cut=cut)
+    return ScreenedRuns(request=request, recordings=recordings, held_out=screened, cut=cut)
 
 
 def _fitted(screened: ScreenedRuns) -> Fitted:
     _begin(screened.request, "bare model")
     recordings, problem, bare = fit_bare_model(screened.recordings, screened.request.start)
     recordings = with_time_scale(recordings, bare.fit.estimate.ratios)
-    unseen = without_disturbances(screened.unseen, bare.fit.estimate.ratios)
-    unseen = replace(unseen, ratios=recordings.ratios, torque_noise_Nm=recordings.torque_noise_Nm)
+    held_out = without_disturbances(screened.held_out, bare.fit.estimate.ratios)
+    held_out = replace(held_out, ratios=recordings.ratios, torque_noise_Nm=recordings.torque_noise_Nm)
     return Fitted.after(
         screened,
         recordings=recordings,
-        unseen=unseen,
+        held_out=held_out,
         problem=problem,
         bare=bare,
-        held_out=held_out_runs(unseen, bare) if unseen.records else None,
+        held_out_prediction=held_out_prediction(held_out, bare) if held_out.records else None,
     )
 
 
@@ -155,40 +152,44 @@ def _located(fitted: Fitted) -> Located:
 
 
 def _selected(located: Located) -> Selected:
-    """The selected set.
+    """The selected set of effects.
 
-    The noise of known torques is initially part of the model. The set of forward selection shows whether this noise is
-    real (`known_torques`). If not, the bare model is fitted and the effects are searched again. This is decided before
-    the set is refined, which takes most of the time, and again for the final set.
+    Known torques initially have noise. The set of forward selection shows whether this noise is real (`known_torques`);
+    if not, the bare model is fitted and the effects are searched again. This is decided before the set is refined,
+    which takes most of the time, and once more for the refined set.
     """
-    located, draft = _settled(located, _drafted(located))
+    located, draft = _with_torque_model(located, _drafted(located))
     selected = Selected.after(located, selection=refined(draft))
-    if other := with_other_noise(selected.recordings, selected.problem, selected.selection.chosen):
-        refitted = _located(_fitted(replace(located, recordings=other)))
-        selected = Selected.after(refitted, selection=refined(_drafted(refitted)))
+    if changed := with_other_noise(selected.recordings, selected.problem, selected.selection.chosen):
+        located, draft = _searched_again(replace(located, recordings=changed))
+        selected = Selected.after(located, selection=refined(draft))
     refuse_negative_scale(selected.selection.chosen.fit.estimate.ratios, selected.request.runs, selected.request.rig)
     return selected
 
 
-def _settled(located: Located, draft: Draft, most_changes: int = 2) -> tuple[Located, Draft]:
-    """The recordings with the torque noise, and torques between rows, that the first set of effects requires."""
+def _with_torque_model(located: Located, draft: Draft, most_changes: int = 2) -> tuple[Located, Draft]:
+    """Forward selection with the noise of known torques, and their values between rows, that its result requires."""
     for _ in range(most_changes):
-        other = with_other_noise(located.recordings, located.problem, draft.model)
-        if other is None:
+        changed = with_other_noise(located.recordings, located.problem, draft.model)
+        if changed is None:
             break
-        located = _located(_fitted(replace(located, recordings=other)))
-        draft = _drafted(located)
+        located, draft = _searched_again(replace(located, recordings=changed))
     if share := acts_between_rows(located.recordings, draft.model):
-        recordings, unseen = (runs.with_earlier_torques(share) for runs in (located.recordings, located.unseen))
-        refitted = _located(_fitted(replace(located, recordings=recordings, unseen=unseen)))
-        earlier = _drafted(refitted)
-        if no_worse(draft.model, earlier.model):
-            return refitted, earlier
+        recordings, held_out = (runs.with_earlier_torques(share) for runs in (located.recordings, located.held_out))
+        located_earlier, draft_earlier = _searched_again(replace(located, recordings=recordings, held_out=held_out))
+        if no_worse(draft.model, draft_earlier.model):
+            return located_earlier, draft_earlier
     return located, draft
 
 
+def _searched_again(located: Located) -> tuple[Located, Draft]:
+    """Fit the bare model to changed recordings and repeat forward selection."""
+    located = _located(_fitted(located))
+    return located, _drafted(located)
+
+
 def _drafted(located: Located) -> Draft:
-    request, held_out = located.request, located.held_out
+    request, prediction = located.request, located.held_out_prediction
     _begin(request, "which")
     return forward(
         located.recordings,
@@ -197,7 +198,7 @@ def _drafted(located: Located) -> Draft:
         applicable(request.library, located.problem),
         max_effects=request.max_effects,
         expected=expected_of(request.rig.joints.geared),
-        unseen_chi2=None if held_out is None else lambda model: float(held_out.chi2(model).sum()),
+        held_out_chi2=None if prediction is None else lambda model: float(prediction.chi2(model).sum()),
         on_progress=request.on_progress,
     )
 
@@ -212,11 +213,11 @@ def _classified(selected: Selected) -> Classified:
 def _transferred(before: Classified) -> Transferred:
     request, recordings, problem, selection = before.request, before.recordings, before.problem, before.selection
     _begin(request, "how far")
-    everything = recordings.only([*recordings.records, *before.unseen.records])
+    everything = recordings.only([*recordings.records, *before.held_out.records])
     models = {"before": selection.base, "after": selection.chosen}
     runs_by_model = {name: free_runs(everything, model.fit.estimate) for name, model in models.items()}
     rng = np.random.default_rng(request.seed)
-    transferred = transfer(recordings, before.held_out, problem, selection, runs_by_model, rng)
+    transferred = transfer(recordings, before.held_out_prediction, problem, selection, runs_by_model, rng)
     budget = gap_budget(recordings, everything, problem, selection)
     remainder = discrepancy(problem, selection.chosen)
     return Transferred.after(
@@ -243,33 +244,9 @@ def _advised(before: Transferred) -> Advised:
 def _supported(before: Advised) -> Supported:
     _begin(before.request, "evidence")
     parts = evidence(
-        before.recordings, before.unseen, before.problem, before.selection, before.transfer, before.free_runs
+        before.recordings, before.held_out, before.problem, before.selection, before.transfer, before.free_runs
     )
     return Supported.after(before, evidence=parts)
-
-
-def applicable(library: Mapping[str, Effect], problem: Problem) -> dict[str, Effect]:
-    """The effects of a library that can act in these recordings and are not always fitted."""
-    setups = problem.segments.setups
-    driven = {
-        "rods": any(setup.torques and setup.torques.joints.any() and setup.inner is None for setup in setups),
-        "arm": any(setup.torques and setup.torques.on_arm is not None for setup in setups),
-    }
-    of_stage = {"drive": driven["rods"], "drive0": driven["arm"], "input": any(driven.values())}
-    moves = problem.segments.arm_moves
-    arm_known = moves or any(setup.arm for setup in setups)
-    known = DRIVE_GAIN.name not in problem.always and not any(s.torques and s.torques.scaled for s in setups)
-    fixed = {FREE_ARM.name, DRIVE_GAIN.name, *([] if known else [TORQUE_SCALE_JOINT0.name])}
-    return {
-        name: effect
-        for name, effect in library.items()
-        if name not in problem.always
-        and name not in fixed
-        and of_stage.get(effect.stage, True)
-        and (moves or not effect.of_arm)
-        and not (moves and effect.presumes_still_arm)
-        and not (arm_known and effect.stage == "arm")  # the arm's motion is prescribed, or computed
-    }
 
 
 def _silent(event: Event) -> None:

@@ -33,7 +33,7 @@ from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.gap_size import Gap
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FreeRuns
-from dpr_lab.gap.transfer.out_of_sample import Unseen
+from dpr_lab.gap.transfer.out_of_sample import OutOfSample
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
 from dpr_lab.gap.where.locate import Place
@@ -76,7 +76,7 @@ class ScreenedRuns:
 
     request: Request
     recordings: Recordings
-    unseen: Recordings
+    held_out: Recordings
     """Recordings that are not used in any fit; may be empty."""
     cut: str
     """Pieces of a long record, one sentence; empty if it was not divided."""
@@ -95,8 +95,8 @@ class Fitted(ScreenedRuns):
     problem: Problem
     """The segments of the fitted runs."""
     bare: Hypothesis
-    held_out: Unseen | None
-    """Prediction of the held-out recordings; None where there are none."""
+    held_out_prediction: OutOfSample | None
+    """Prediction of the held-out recordings by any model; None without such recordings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

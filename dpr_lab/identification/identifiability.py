@@ -31,7 +31,7 @@ class AdviceSettings:
     """Thresholds above which a measured value is listed."""
 
     helps: float = 1.1
-    """Growth of a parameter's standard deviation without this value."""
+    """Factor by which a parameter's standard deviation grows if the value is not used."""
     worthwhile_bits: float = 0.1
     """Minimum gain of a recommended measurement over all nine parameters: as if one of them were known 7 % better."""
 

@@ -131,7 +131,7 @@ def identified_model(
 
 
 def _of_alone(sentences: list[str], alone: bool) -> list[str]:
-    """Sentences on ratios, to a for an inner rod alone; without what is said of rods that are not mounted."""
+    """Sentences on ratios, to a for an inner rod alone; without sentences on rods that are not mounted."""
     if not alone:
         return sentences
     remaining = [sentence for sentence in sentences if "do not determine a/b" not in sentence]

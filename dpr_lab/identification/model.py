@@ -223,8 +223,8 @@ class Model(Shown, _Record):
     homogeneous. Of the inner rod alone e1/a and c1/a.
     """
     fitted: list[EstimatedValue] = []
-    """Of the inner rod alone: a/b, d/b, e1/b, c1/b, c2/b of the fit, with the rig file's values of what is not mounted.
-    No result, but the start of other commands. Empty for both rods."""
+    """For the inner rod alone: a/b, d/b, e1/b, c1/b, c2/b of the fit, with the rig file's values of the parts that are
+    not mounted. They are initial values for other commands, not a result. Empty for both rods."""
     covariance: Covariance
     """Covariance of the unknowns that the runs determine."""
     cramer_rao_std: Annotated[dict[str, Number], AfterValidator(of_rods_or_none)]

@@ -46,7 +46,7 @@ class Acting:
 
     @classmethod
     def of(cls, rig: Rig, limits: PlanLimits) -> "Acting":
-        """By the rig file and the limits of a plan."""
+        """What the rig file and the limits of a plan permit."""
         states, rods = arm_states(rig, limits), frozenset(allowed_rods(rig, limits))
         return cls(rods, limits.drive is not None, states != ("held",), "driven" in states)
 

@@ -29,7 +29,7 @@ class Search:
     neighbours: int = 4
     """Number of neighbours of each of them."""
     near_rad: float = 0.3
-    """Standard deviation of the distance of the neighbours, halved in the second round."""
+    """Standard deviation of the angles between a pose and its neighbours, rad; halved in the second round."""
     finalists: int = 2
     """Number of releases whose duration is optimised."""
     placements: int = 2

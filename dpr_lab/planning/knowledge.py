@@ -41,7 +41,7 @@ RATIO_COLUMNS = len(UNKNOWN_RATIOS)
 
 @dataclass(frozen=True, slots=True)
 class HeldRatios:
-    """How ratios that no release determines are kept at their values."""
+    """Prior that keeps ratios that no release determines at their values."""
 
     exactness: float = 1e6
     """Size of a ratio over its standard deviation."""

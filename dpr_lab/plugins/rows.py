@@ -100,9 +100,12 @@ def _reason(plugin: Plugin, error: Exception) -> str:
     module = sys.modules.get(plugin.module)
     if module is not None and getattr(module.__spec__, "_initializing", False):
         return (
-            f"it was imported before the table of {plugin.group}: import the package of the table first, and give the"
-            " rows of each table a module of their own"
+            f"it was imported before the table of {plugin.group}: import the package of the table first, and put the"
+            " rows of each table into a module of their own"
         )
     if isinstance(error, ImportError) and "partially initialized" in str(error):
-        return f"it imports another table while that of {plugin.group} is made: give the rows of each table a module"
+        return (
+            f"it imports another table while that of {plugin.group} is incomplete: put the rows of each table into a"
+            " module of their own"
+        )
     return f"{type(error).__name__}: {error}"

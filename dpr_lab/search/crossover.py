@@ -11,8 +11,8 @@ def cross(x: Floats, y: Floats, rng: np.random.Generator) -> tuple[Floats, Float
 
         x_i' = beta x_i + (1 - beta) y_i,   y_i' = (1 - beta) x_i + beta y_i,   beta in {0, 0.1, ..., 1}
 
-    Each pass over a gene adds a decimal to the grid that hybrid coding began with, so precision grows in the region of
-    the search.
+    Each crossover of a gene adds a decimal digit to the grid of hybrid coding, so the precision increases in the region
+    of the search.
 
     Args:
         x: (pairs, n) first parents

@@ -37,7 +37,7 @@ def replacements(best: Floats, size: int, mu: float, nu: float, box: Bounds, rng
     Returns:
         (size, n) genes
 
-    Source: docs/theory.md, step 4; the publication requires both kinds without shares; equal probabilities are our
+    Source: docs/theory.md, step 4. The publication requires both kinds without their probabilities; equal ones are our
     choice.
     """
     local = rng.random((size, 1)) < 0.5

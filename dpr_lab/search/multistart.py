@@ -37,8 +37,8 @@ def multistart(
 ) -> Iterator[Generation]:
     """Search the box for the smallest H; arguments, yields and errors are those of `dpr_lab.search.iga.iga`.
 
-    Generation 0 is a Latin hypercube. In each later one its best point not yet tried is replaced by the end of the
-    local search from there.
+    Generation 0 is a Latin hypercube. In each later generation, a local search starts from the best point that has not
+    been a start; its result replaces that point.
 
     Source: L-BFGS-B: Byrd, Lu, Nocedal & Zhu (1995), SIAM Journal on Scientific Computing 16(5), 1190-1208.
     """

@@ -140,7 +140,7 @@ def diagnose_simulator(
 
 
 def _forced(model: "Model", rig: "Rig", simulator: Path, joints: Sequence[str]) -> "PatchedModel | None":
-    """The file with the whole model, if passive forces complete it; None otherwise."""
+    """The file changed to the full model, if that requires a module of passive forces; None otherwise."""
     from dpr_lab.exports.into import into_file
 
     try:

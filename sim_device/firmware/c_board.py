@@ -95,7 +95,7 @@ class CBoard:
 
 
 def _arrived(frames: Iterable[Frame], missing: Iterable[bool]) -> list[Frame]:
-    """Frames without the samples, and the torques at their ticks, that are lost inside the board."""
+    """Frames that remain when the board loses some samples, together with the torques at their ticks."""
     arrived: list[Frame] = []
     following, gone = iter(missing), False
     for frame in frames:

@@ -46,23 +46,23 @@ class EncoderConfig(_Table):
     jitter_ms: NotNegative = 0.0
     """Standard deviation of the instants at which the encoders are read."""
     late_every: Annotated[int, Field(ge=0)] = 0
-    """A swing sample is read late once in this number of samples, as by a multiplexer; 0: never;"""
+    """Period of late samples of a swing, in samples, as of a multiplexer; 0: no sample is late."""
     late_ms: Annotated[float, Field(ge=0, le=50, allow_inf_nan=False)] = 0.0
-    """and this is its delay."""
+    """Delay of the late samples."""
     stale_every: Annotated[int, Field(ge=0)] = 0
-    """A swing sample repeats the previous one once in this number of samples; 0: never;"""
+    """Period of samples of a swing that repeat the previous one, in samples; 0: none."""
     stale_from_s: NotNegative = 0.0
-    """from this instant on, s since the release;"""
+    """First instant of the repeated samples, s since the release."""
     stale_for_s: Positive | None = None
-    """and for this duration, as frames of a video are repeated in stretches; None until the end."""
+    """Duration of the repetition, s; None: to the end. A video may repeat frames for part of its time."""
     repeated_share: Share = 0.0
     """Fraction of the samples of a swing that repeat the previous one."""
     missing_share: Share = 0.0
     """Fraction of the samples of a swing that are never sent."""
     lost_from_s: NotNegative = 0.0
-    """From this instant on, s since the release, no sample is sent, as by a tracker that loses its points;"""
+    """First instant without samples, s since the release, as of a tracker that loses its points."""
     lost_for_s: NotNegative = 0.0
-    """for this duration; 0 for none."""
+    """Duration without samples, s; 0: none."""
 
 
 class MountConfig(_Table):
@@ -123,9 +123,9 @@ class ArmDriveConfig(_Table):
     amplitude: Positive
     """Amplitude of the program, in units of the input; of `pd` the amplitude of the angle, rad."""
     kp: NotNegative = 0.0
-    """Gain of the controller `pd`, units of the input per rad of the arm's deviation;"""
+    """Proportional gain of the controller `pd`, units of the input per rad."""
     kd: NotNegative = 0.0
-    """and per rad/s of its speed."""
+    """Derivative gain of the controller `pd`, units of the input per rad/s."""
     rates_hz: tuple[Positive, Positive] = (0.5, 1.3)
     """Frequencies of the sines, or initial and final frequency of the sweep; half the second is the bit rate of a
     sequence.

@@ -38,7 +38,7 @@ class Background:
     logger: float = 1 / 3
     """Probability of a fault of the logger, and with a fault of a second one."""
     stiffness: tuple[float, float] = (1e5, 5e5)
-    """Stiffness of the mount's second mode, N/m: it moves the rods by less than the noise;"""
+    """Stiffness of the mount's second mode, N/m, which moves the rods by less than the noise."""
     frequency_hz: tuple[float, float] = (15.0, 40.0)
     damping: tuple[float, float] = (0.02, 0.05)
     length: float = 0.005

@@ -36,7 +36,7 @@ class Driving:
     noise_Nm: float = 2e-3
     """Standard deviation of the measured torques."""
     scale: float = 0.15
-    """Maximum error of a torque constant; the minimum of this and of the next three is a fifth of it."""
+    """Maximum error of a torque constant. The minimum is a fifth of it, as for the next three quantities."""
     offset_Nm: float = 0.03
     ripple: float = 0.2
     """Maximum ripple as a fraction of the torque."""

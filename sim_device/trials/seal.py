@@ -43,7 +43,7 @@ def truth(plant: "HiddenPlant") -> dict[str, Any]:
 
 
 def salted(plant: "HiddenPlant", drawn: dict[str, Any]) -> dict[str, Any]:
-    """The truth of a plant with the request, `truth`, and the `salt` of its seal."""
+    """The `truth` of a plant, including the request, and the `salt` of its hash."""
     return {"salt": secrets.token_hex(16), "truth": truth(plant) | {"drawn": drawn}}
 
 

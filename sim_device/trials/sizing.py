@@ -25,7 +25,7 @@ class SizeSearch:
     stride: float = 20.0
     """Maximum factor between two scales, in either direction."""
     retreat: float = 5.0
-    """Divisor of the scale while all previous ones were too large."""
+    """Divisor of the scale as long as every previous scale was too large."""
 
 
 SEARCH = SizeSearch()

@@ -9,7 +9,7 @@ from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.screen.record import record as screened
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.transfer.out_of_sample import held_out_runs
+from dpr_lab.gap.transfer.out_of_sample import held_out_prediction
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.rig_tables import Joints
 from dpr_lab.run import Run
@@ -62,7 +62,7 @@ def bare_error(rig: Rig, fitted: list[Run], unseen: list[Run]) -> float:
     """Chi-square of the bare model per reading of the recordings that were not fitted."""
     seen, other = (Recordings(tuple(screened(run, rig) for run in runs), rig) for runs in (fitted, unseen))
     bare = fit_bare_model(seen, nominal_ratios(rig))[2]
-    held_out = held_out_runs(other, bare)
+    held_out = held_out_prediction(other, bare)
     return float(held_out.chi2(bare).sum() / held_out.dof.sum())
 
 

@@ -81,7 +81,7 @@ class Buffers(NamedTuple):
 
 
 def allocate(segments: SegmentArrays, candidates: int, columns: int) -> Buffers:
-    """Outputs and buffers for a number of candidates on segments, with so many columns of readings."""
+    """Outputs and buffers for a number of candidates on segments, whose readings have `columns` columns."""
     longest, indices = int(np.diff(segments.offsets).max()), partial(np.zeros, LANES, dtype=np.int64)
     angles = np.zeros((candidates, len(segments.t), columns))
     samples = LaneSamples(

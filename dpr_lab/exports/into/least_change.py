@@ -151,7 +151,7 @@ def _gear_factors(
 ) -> dict[str, float]:
     """Error of the torque constant of each driven joint -> acting torque over known torque at the estimated b.
 
-    Empty if something else than the torques determines the scale.
+    Empty if the scale is not determined by the torques.
     """
     driven = [run.torques for run in runs if run.torques is not None]
     weighed = any(run.added_mass is not None for run in runs)

@@ -80,16 +80,16 @@ def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: Chec
         raise RunError("give the rig of the runs")
     rig = answer.rig
     recordings = Recordings(tuple(record(run, rig) for run in answer.runs), rig, exact_torques=diagnosis.exact_torques)
-    recordings, problem, less = fit_bare_model(recordings, diagnosis.unknowns)
+    recordings, problem, others_model = fit_bare_model(recordings, diagnosis.unknowns)
     others = {name: dict(values) for name, values in diagnosis.model_effects.items() if name != about}
     if others:
-        initial = less.fit.estimate.changed(params=effect_params(others))
+        initial = others_model.fit.estimate.changed(params=effect_params(others))
         free = free_parameters(initial, tuple(others), problem)
-        less = hypothesis(problem, others, fit(problem, initial, free, iterations=SETTINGS.iterations))
-    known = recorded(recordings.records, problem, less.fit)
-    test = score_test(problem, less.fit, [EFFECTS[name] for name in names], known)
+        others_model = hypothesis(problem, others, fit(problem, initial, free, iterations=SETTINGS.iterations))
+    known = recorded(recordings.records, problem, others_model.fit)
+    test = score_test(problem, others_model.fit, [EFFECTS[name] for name in names], known)
     return {
-        name: refit_with(problem, less, test, score, SETTINGS.iterations)
+        name: refit_with(problem, others_model, test, score, SETTINGS.iterations)
         for name in names
         if (score := test.of(name)) is not None
     }

@@ -34,12 +34,12 @@ def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -
 def _share(problem: Problem, selection: Selection, parts: tuple[str, ...]) -> float:
     """Share of the excess that returns if all effects of the family are removed, 0 to 1."""
 
-    def less(model: Hypothesis, name: str) -> Hypothesis:
+    def without(model: Hypothesis, name: str) -> Hypothesis:
         return refit_without(problem, model, name, selection.base)
 
-    chosen, whole = selection.chosen, selection.base.residuals.excess
-    back = reduce(less, parts, chosen).residuals.excess - max(chosen.residuals.excess, 0.0)
-    return float(np.clip(back / whole, 0.0, 1.0)) if whole > 0 else 0.0
+    chosen, total = selection.chosen, selection.base.residuals.excess
+    returned = reduce(without, parts, chosen).residuals.excess - max(chosen.residuals.excess, 0.0)
+    return float(np.clip(returned / total, 0.0, 1.0)) if total > 0 else 0.0
 
 
 def families_sentence(named: list[NamedFamily]) -> str:

@@ -8,9 +8,9 @@ with this record. Within a class, the probability is divided according to the pr
 The probability of a class is the softmax of the predictive costs of the sets in which it replaces the named effect,
 multiplied by the probability that the cause is in the library at all. The odds of a cause outside are
 
-    (left / half)^steepness * min(remainder / noise, far)
+    (unexplained / half)^steepness * min(remainder / noise, far)
 
-with the unexplained share `left` of the excess. A law that the library lacks leaves a share of its own gap, however far
+with the share `unexplained` of the excess. A law that the library lacks leaves a share of its own gap, however far
 that is above the noise. The small causes of every rig leave about as much as the noise, for any size of the gap, unless
 the noise is so small that it is no measure of them.
 """
@@ -26,7 +26,13 @@ from dpr_lab.effects.effect import Effect
 from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, follows_remainder, indifference, taking_over
+from dpr_lab.gap.hypothesis.thresholds import (
+    THRESHOLDS,
+    at_noise_floor,
+    follows_remainder,
+    indifference,
+    substitute_curve,
+)
 from dpr_lab.gap.which.selected import Selection
 
 Array = NDArray[np.float64]
@@ -43,8 +49,8 @@ class Calibration:
     remainder equals the noise.
     """
     far: float = 8.0
-    """Remainder, in units of the noise, beyond which its size is no further evidence: encoders of real rigs are
-    finer than their small causes.
+    """Remainder, in units of the noise, beyond which a larger one is no further evidence of an outside cause. On real
+    rigs, small causes change the readings by more than the noise of the encoders.
     """
     steepness: float = 2.0
     """Exponent with which that probability increases with the remaining share."""
@@ -64,7 +70,7 @@ ALTERNATIVES = 5
 """Maximum number of alternatives of each named effect."""
 
 HIDDEN = 0.5
-"""Fraction of an effect below which the addition of a richer form may be undetectable and still be probable."""
+"""Fraction of an effect's size: a richer form is a probable alternative if parameters of this size are undetectable."""
 
 SAME_SCORE = 1e-3
 """Relative difference of linear scores up to which they count as equal."""
@@ -110,35 +116,36 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
     without, chosen, test = selection.without[name], selection.chosen, selection.tests_without[name]
     named_score = test.shaped[name][0]
     others = {score.effect.name: score for score in test.ranking if score is not named_score}
-    alike = [
+    indistinguishable = [
         other for other, score in others.items() if _indistinguishable(selection, without, test, named_score, score)
     ]
-    alike += [other for other in _hidden(selection, named_score.effect) if other in others and other not in alike]
-    sizes = {other: _plausibility(selection, without, others[other]) for other in alike}
-    alike = sorted(alike, key=lambda other: -sizes[other])
-    prior = np.array([plausibility(chosen.fit.estimate.params, name), *(sizes[other] for other in alike)])
+    hidden = _hidden(selection, named_score.effect)
+    indistinguishable += [other for other in hidden if other in others and other not in indistinguishable]
+    sizes = {other: _plausibility(selection, without, others[other]) for other in indistinguishable}
+    indistinguishable = sorted(indistinguishable, key=lambda other: -sizes[other])
+    prior = np.array([plausibility(chosen.fit.estimate.params, name), *(sizes[other] for other in indistinguishable)])
     alternatives = [
         Alternative(other, (other,), test.cosine(named_score, score), _cost(selection, without, score))
         for other, score in others.items()
-        if other not in alike
+        if other not in indistinguishable
         and other not in selection.misleading
         and without.key | {other} not in selection.impossible
         and not _takes_over(selection, without, other)
     ]
     alternatives = sorted(alternatives, key=lambda alternative: alternative.cost)[:ALTERNATIVES]
-    worse = np.array(
+    added_cost = np.array(
         [
             0.0,
             *(alternative.cost - chosen.cost for alternative in alternatives),
-            selection.lacking[name].cost - chosen.cost,
+            selection.without_substitute[name].cost - chosen.cost,
         ]
     )
-    scaled = -worse / (2 * chosen.residuals.inflation * calibration.temperature)
+    scaled = -added_cost / (2 * chosen.residuals.inflation * calibration.temperature)
     weights = np.exp(np.clip(scaled, -NEGLIGIBLE, NEGLIGIBLE))
     weights *= (1 - outside(selection, calibration)) / weights.sum()
     return EffectPosterior(
         name=name,
-        members=(name, *alike),
+        members=(name, *indistinguishable),
         alternatives=tuple(
             Alternative(alternative.name, alternative.members, alternative.cosine, alternative.cost, float(weight))
             for alternative, weight in zip(alternatives, weights[1:-1], strict=True)
@@ -156,7 +163,7 @@ def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
         return False
     if follows_remainder(selection.base, instead, selection.chosen):
         return True
-    return with_both is not None and taking_over(with_both, instead) == other
+    return with_both is not None and substitute_curve(with_both, instead) == other
 
 
 def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> float:
@@ -209,20 +216,22 @@ def outside(selection: Selection, calibration: Calibration = CALIBRATION) -> flo
     """Probability that the cause of the gap is not in the library."""
     if at_noise_floor(selection.chosen):
         return calibration.outside_when_closed
-    left = max(1 - selection.share_explained, calibration.least_left)
-    odds = odds_outside(left, selection.chosen.residuals.noise_ratio, calibration)
+    unexplained = max(1 - selection.share_explained, calibration.least_left)
+    odds = odds_outside(unexplained, selection.chosen.residuals.noise_ratio, calibration)
     return max(odds / (1 + odds), calibration.outside_when_closed)
 
 
-def odds_outside(left: float, remainder: float, calibration: Calibration = CALIBRATION) -> float:
+def odds_outside(unexplained: float, remainder: float, calibration: Calibration = CALIBRATION) -> float:
     """Odds of a cause outside the library.
 
     Args:
-        left: share of the excess that is not explained
+        unexplained: share of the excess that is not explained
         remainder: rms of what is not explained, in units of the noise
         calibration: of the probabilities
     """
-    return float((left / calibration.half_unexplained) ** calibration.steepness * min(remainder, calibration.far))
+    return float(
+        (unexplained / calibration.half_unexplained) ** calibration.steepness * min(remainder, calibration.far)
+    )
 
 
 def probabilities(selection: Selection, posteriors: tuple[EffectPosterior, ...], kind: str) -> Mapping[str, float]:

@@ -26,7 +26,7 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
         least: effect -> amplitude -> minimum detectable size, None where there is none
     """
     records = state.recordings.records
-    made = [
+    sentences = [
         *([state.cut] if state.cut else []),
         _length(state),
         _scale(state),
@@ -34,23 +34,23 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
         "The initial states of all segments are free; the first 30 ms after each release are excluded.",
     ]
     if state.recordings.arm_moves:
-        made.append(_arm(state))
+        sentences.append(_arm(state))
     elif all(record.arm_moves is False for record in records):
-        made.append("According to encoder 0 the arm stood still, so compliance of the arm was not considered.")
+        sentences.append("According to encoder 0 the arm stood still, so compliance of the arm was not considered.")
     elif any(record.arm_moves is None for record in records):
-        made.append("The arm's angle was not recorded.")
+        sentences.append("The arm's angle was not recorded.")
     if share := state.recordings.torques_earlier:
-        made.append(
+        sentences.append(
             "The known torques change between rows. Held until the next row, they would act late. Each value was"
             f" therefore assumed to act from {share:.2f} of a row before its instant on, as fitted. A delay shorter"
             " than a row cannot be distinguished from this."
         )
     if state.recordings.exact_torques:
-        made.append(
+        sentences.append(
             "The measured torques were assumed to be exact: the remainder is far above the influence of their noise."
         )
     return [
-        *made,
+        *sentences,
         *_torque_noise(state),
         *_zeros(state),
         *_geared(state),

@@ -49,9 +49,9 @@ def components(
         remainder: discrepancy term of the selected set
     """
     models = list(_likeliest(selection))
-    whole = sum(weight for _, weight in models)
-    made = [_component(problem, model, rig, remainder, weight / whole) for model, weight in models]
-    return [component for component in made if component is not None]
+    total = sum(weight for _, weight in models)
+    candidates = (_component(problem, model, rig, remainder, weight / total) for model, weight in models)
+    return [component for component in candidates if component is not None]
 
 
 def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:

@@ -38,19 +38,19 @@ PLACES_SHOWN = 6
 
 def conclude(state: Supported, seconds: float) -> Diagnosis:
     """Build the diagnosis; `seconds` is its computing time."""
-    chosen, least = state.selection.chosen, detectable(state.selection.chosen, state.selection.final_test)
+    chosen, minimum_sizes = state.selection.chosen, detectable(state.selection.chosen, state.selection.final_test)
     withheld = state.description.withholds
-    kind = verdict(state.selection, state.posteriors, state.transfer, least, withheld=withheld)
+    kind = verdict(state.selection, state.posteriors, state.transfer, minimum_sizes, withheld=withheld)
     shown = state.posteriors if kind == "named" else listed_causes(state.posteriors)
     named = [named_effect(state, posterior) for posterior in shown] if kind in ("named", "partly_explained") else []
-    whole = families(state.problem, state.selection, named)
+    named_families = families(state.problem, state.selection, named)
     estimate, residuals = chosen.fit.estimate, chosen.residuals
     shown_ratios, of_ratios = determined(state)
     alone = only_inner(state.problem.segments.setups)
     return Diagnosis(
         verdict=kind,
-        sentence=sentence(kind, state.selection, state.posteriors, state.transfer, least, state.description)
-        + families_sentence(whole)
+        sentence=sentence(kind, state.selection, state.posteriors, state.transfer, minimum_sizes, state.description)
+        + families_sentence(named_families)
         + _remainder(state, kind),
         hints=[state.description.hint] if state.description.hint else [],
         basis=state.transfer.basis,
@@ -60,10 +60,10 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
         where=[_where(place) for place in state.places[:PLACES_SHOWN]],
         where_sentence=where_sentence(state.places),
         effects=named,
-        families=whole,
+        families=named_families,
         rivals=[] if withheld else rivals(state.posteriors, closest=kind == "unexplained"),
         probabilities=dict(probabilities(state.selection, () if withheld else state.posteriors, kind)),
-        detectable={name: dict(sizes) for name, sizes in least.items()},
+        detectable={name: dict(sizes) for name, sizes in minimum_sizes.items()},
         absorbed=state.absorbed,
         sensor_findings=_sensor_findings(state),
         remedies=remedies(
@@ -90,7 +90,7 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
         search=[_search_step(step) for step in state.selection.trace],
         posterior=components(state.problem, state.selection, state.recordings.rig, state.remainder),
         model_effects=named_params(estimate.params),
-        assumptions=assumptions(state, least),
+        assumptions=assumptions(state, minimum_sizes),
         evidence=state.evidence,
         seconds=seconds,
     )
@@ -168,7 +168,7 @@ def _sensor_findings(state: Advised) -> list[SensorFinding]:
                 hidden[joint] = max(hidden[joint], effect.hides_step(values[name]))
     return [
         SensorFinding(name=f.name, run=f.run, axis=f.axis, at_s=f.at_s, evidence=f.evidence)
-        for record in (*state.recordings.records, *state.unseen.records)
+        for record in (*state.recordings.records, *state.held_out.records)
         for f in record.screened.findings
         if f.step is None or f.axis not in ALL_AXES or abs(f.step) > hidden[ALL_AXES.index(f.axis)]
     ]

@@ -26,8 +26,8 @@ class DescriptionRules:
     of 20 degrees leave 8.
     """
     as_good: float = 0.02
-    """Share of the excess by which another description may explain less than the selected effects and still be as
-    good.
+    """Maximum difference of the explained shares of the excess at which another description is as good as the selected
+    effects.
     """
     closed: float = 0.93
     """Share of the excess explained by effects from which an apparent energy input is no evidence: an encoder error

@@ -18,9 +18,9 @@ def ratios(state: Advised) -> dict[str, Interval]:
     """The ratios; those that depend on the bounds of the rig file are not negative."""
     values = state.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
     reaches = np.array([state.intervals.get(("", name), 0.0) for name in RATIOS])
-    unseen = by_unseen_ratios(state.problem, state.selection.chosen, state.recordings.rig)
-    reaches = np.hypot(reaches, NORMAL_Q90 * np.sqrt(unseen)).tolist()
-    floors = np.where(unseen > 0.0, 0.0, -np.inf).tolist()
+    prior_variance = by_unseen_ratios(state.problem, state.selection.chosen, state.recordings.rig)
+    reaches = np.hypot(reaches, NORMAL_Q90 * np.sqrt(prior_variance)).tolist()
+    floors = np.where(prior_variance > 0.0, 0.0, -np.inf).tolist()
     return {
         name: Interval(value=value, interval90=(max(value - reach, floor), value + reach))
         for name, value, reach, floor in zip(RATIOS, values, reaches, floors, strict=True)
@@ -52,8 +52,8 @@ def ratio_covariance(state: Advised) -> NDArray[np.float64]:
     """(5, 5) covariance; zero for ratios that no run determines and that are taken from the rig file."""
     free = state.selection.chosen.fit.free
     column_of = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}
-    whole = np.zeros((len(RATIOS), len(RATIOS)))
+    covariance = np.zeros((len(RATIOS), len(RATIOS)))
     visible = [i for i in range(len(RATIOS)) if i in column_of]
     columns = [column_of[i] for i in visible]
-    whole[np.ix_(visible, visible)] = state.covariance[np.ix_(columns, columns)]
-    return whole
+    covariance[np.ix_(visible, visible)] = state.covariance[np.ix_(columns, columns)]
+    return covariance

@@ -81,13 +81,13 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], transf
     chosen, share = selection.chosen, selection.share_explained
     if not chosen.effects:
         return "no_gap" if _small(chosen) and not _only_held_out(transferred) else "unexplained"
-    whole = share >= RULES.named_share or at_noise_floor(chosen)
+    complete = share >= RULES.named_share or at_noise_floor(chosen)
     most = max(posterior.probability for posterior in posteriors)
     sure = most >= RULES.sure
     tested = transferred.basis != "one release"
     transfers = not tested or (not transferred.withdrawn and transferred.closed.estimate >= RULES.closes)
     transfers = transfers and not transferred.worse_free_run
-    if chosen.residuals.z < RULES.noise and whole and sure and transfers and not transferred.oversized:
+    if chosen.residuals.z < RULES.noise and complete and sure and transfers and not transferred.oversized:
         return "named"
     no_reduction = _fitted_only(posteriors, transferred)
     if share >= RULES.partly_share and not no_reduction and listed_causes(posteriors):

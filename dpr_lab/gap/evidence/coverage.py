@@ -69,7 +69,7 @@ def _of(rod: str, spent: Sequence[Spent]) -> Iterator[tuple[Array, Array, Array]
 
 
 def _seconds(spent: Sequence[tuple[Array, Array, Array]], edges: tuple[Array, Array]) -> Array:
-    whole = np.zeros((len(edges[0]) - 1, len(edges[1]) - 1))
+    seconds = np.zeros((len(edges[0]) - 1, len(edges[1]) - 1))
     for theta, speed, step in spent:
-        whole += np.histogram2d(np.mod(theta, 2 * np.pi), speed, bins=edges, weights=step)[0]
-    return np.round(whole, 4)
+        seconds += np.histogram2d(np.mod(theta, 2 * np.pi), speed, bins=edges, weights=step)[0]
+    return np.round(seconds, 4)

@@ -19,7 +19,7 @@ from dpr_lab.version import __version__
 
 def evidence(
     recordings: Recordings,
-    unseen: Recordings,
+    held_out: Recordings,
     problem: Problem,
     selection: Selection,
     transferred: Transfer,
@@ -29,7 +29,7 @@ def evidence(
 
     Args:
         recordings: the fitted runs
-        unseen: held-out runs; may be empty
+        held_out: held-out runs; may be empty
         problem: the segments of the fitted runs
         selection: the selected set of effects
         transferred: performance of the selected set on held-out recordings
@@ -44,8 +44,8 @@ def evidence(
         made_utc=datetime.now(UTC).isoformat(timespec="seconds"),
         rig=rig.name,
         rig_sha256=rig.sha256,
-        recordings=[*_used(recordings, held_out=False), *_used(unseen, held_out=True)],
-        coverage=coverage(recordings, unseen),
+        recordings=[*_used(recordings, held_out=False), *_used(held_out, held_out=True)],
+        coverage=coverage(recordings, held_out),
         closing=[Closing(effect=name, left_rad=left, closed=closed) for name, left, closed in transferred.closing],
         residuals=residual_look(problem, models),
         exclusions=exclusions(selection.chosen, selection.final_test, least),

@@ -54,7 +54,7 @@ def folds(problem: Problem) -> NDArray[np.int64]:
 class _Fold:
     """Normal equations of one fold, in units of the prior."""
 
-    mine: NDArray[np.bool_]
+    segments: NDArray[np.bool_]
     H: Array
     gradient: Array
     chi2: float
@@ -96,12 +96,14 @@ def left_out_chi2(fit: Fit, fold: NDArray[np.int64]) -> Array:
     chi2 = np.sum(parts.e**2, axis=1)
     for left_out in parts.folds:
         V = np.asarray(np.linalg.inv(parts.H - left_out.H), dtype=np.float64)
-        left = parts.e[left_out.mine] - parts.A[left_out.mine] @ (V @ (parts.gradient - left_out.gradient))
+        error = parts.e[left_out.segments] - parts.A[left_out.segments] @ (V @ (parts.gradient - left_out.gradient))
         if (directions := parts.seen_by_one_alone(left_out, V)).any():
             # parameters that are tied to the free ones move along
-            columns = parts.A[left_out.mine] @ (V[:, directions] @ np.linalg.inv(V[np.ix_(directions, directions)]))
-            left = left - columns @ np.linalg.lstsq(columns.reshape(-1, columns.shape[2]), left.ravel(), rcond=None)[0]
-        chi2[left_out.mine] = np.sum(left**2, axis=1)
+            columns = parts.A[left_out.segments] @ (V[:, directions] @ np.linalg.inv(V[np.ix_(directions, directions)]))
+            error = (
+                error - columns @ np.linalg.lstsq(columns.reshape(-1, columns.shape[2]), error.ravel(), rcond=None)[0]
+            )
+        chi2[left_out.segments] = np.sum(error**2, axis=1)
     return chi2
 
 

@@ -31,19 +31,19 @@ def detectable(model: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, 
     spread = SIGMAS * model.residuals.inflation**0.5
     least: dict[str, dict[str, float | None]] = {}
     for score in test.ranking:
-        left = np.diag(test.projected(score.columns).H)
+        remaining_shares = np.diag(test.projected(score.columns).H)
         scales = test.space.scale[list(score.columns)]
         sizes = {
             test.free[column].name: _size(spread, scale, remaining)
-            for column, scale, remaining in zip(score.columns, scales, left, strict=True)
+            for column, scale, remaining in zip(score.columns, scales, remaining_shares, strict=True)
         }
         least[score.effect.name] = {
             p.name: None if p.name in score.absorbed else sizes[p.name] for p in score.effect.amplitudes
         }
-    held = test.space.chosen(list(test.held))
-    left = held.scale**2 / np.diag(held.covariance())
+    fitted = test.space.chosen(list(test.fitted_columns))
+    remaining_shares = fitted.scale**2 / np.diag(fitted.covariance())
     for name in model.effects:
-        parameters = zip(model.fit.free, held.scale, left, strict=True)
+        parameters = zip(model.fit.free, fitted.scale, remaining_shares, strict=True)
         least[name] = {
             p.name: _size(spread, s, remaining) for p, s, remaining in parameters if p.effect == name and p.amplitude
         }

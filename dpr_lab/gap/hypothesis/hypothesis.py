@@ -92,13 +92,13 @@ class Hypothesis:
 
 def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothesis:
     """Compute residual statistics and cost of a fit."""
-    left = residual_statistics(problem, fitted)
-    names, loss = tuple(effects), predictive_loss(fitted, folds(problem), left.inflation)
+    residuals = residual_statistics(problem, fitted)
+    names, loss = tuple(effects), predictive_loss(fitted, folds(problem), residuals.inflation)
     curves = [name for name in names if len(EFFECTS[name].amplitudes) >= PENALTY.curve]
     params, limits = fitted.estimate.params, problem.limits
     sizes = {} if limits is None else {name: relative_size(params, limits, name) for name in curves}
     on_line = frozenset(name for name in names if on_swing_line(problem, name, fitted.estimate))
-    return Hypothesis(names, fitted, left, loss, sizes, on_line)
+    return Hypothesis(names, fitted, residuals, loss, sizes, on_line)
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
@@ -118,7 +118,7 @@ def free_parameters(estimate: Estimate, effects: Sequence[str], problem: Problem
 
 def started_with(problem: Problem, before: Hypothesis, test: ScoreTest, score: Score, iterations: int = 0) -> Iteration:
     """Add one effect at the linear solution of its score test; continue by some Gauss-Newton iterations."""
-    linear = test.linear.chosen([*test.held, *score.columns])
+    linear = test.linear.chosen([*test.fitted_columns, *score.columns])
     first = descend(problem, _shaped(before, score), score.free, iterations=1, first=linear)
     if not iterations:
         return first
@@ -153,10 +153,14 @@ def refit_with_from_short(
         score: score of the effect in its initial shape
         iterations: maximum number of iterations of each of the two fits
     """
-    cut, initial = short
-    near = descend(cut, replace(_shaped(before, score), initial=initial), score.free, iterations=iterations)
-    initial_states = carried(cut.segments, near.estimate.initial, problem.segments, before.fit.estimate.initial)
-    start, effects = near.estimate.changed(initial=initial_states), (*before.effects, score.effect.name)
+    short_problem, initial = short
+    short_fit = descend(
+        short_problem, replace(_shaped(before, score), initial=initial), score.free, iterations=iterations
+    )
+    initial_states = carried(
+        short_problem.segments, short_fit.estimate.initial, problem.segments, before.fit.estimate.initial
+    )
+    start, effects = short_fit.estimate.changed(initial=initial_states), (*before.effects, score.effect.name)
     long = fit(problem, start, free_parameters(start, effects, problem), iterations=iterations)
     return hypothesis(problem, effects, long)
 
@@ -175,16 +179,16 @@ def refit_without(
     """Fit without one effect, from the linearised solution; b of the bare model if b is not identifiable without it."""
     names = tuple(name for name in before.effects if name != effect)
     free, linear, estimate = before.fit.free, before.fit.linear, before.fit.estimate
-    fallen = np.array([-p.read(estimate) if p.effect == effect and p.amplitude else 0.0 for p in free])
+    removed = np.array([-p.read(estimate) if p.effect == effect and p.amplitude else 0.0 for p in free])
     remaining = [i for i, parameter in enumerate(free) if parameter.effect != effect]
     A, e = linear.flat
-    step = fallen.copy()
-    step[remaining] = np.linalg.lstsq(A[:, remaining], e - A @ fallen, rcond=1e-10)[0]
+    step = removed.copy()
+    step[remaining] = np.linalg.lstsq(A[:, remaining], e - A @ removed, rcond=1e-10)[0]
     without = estimate.changed(params=without_effect(estimate.params, effect))
-    guess = moved(without, [free[i] for i in remaining], step[remaining], linear.initial_steps(step))
-    if not problem.chi2(guess) < LOST * problem.chi2(without):
-        guess = without
+    start = moved(without, [free[i] for i in remaining], step[remaining], linear.initial_steps(step))
+    if not problem.chi2(start) < LOST * problem.chi2(without):
+        start = without
     if not scale_visible(names, problem):
-        guess = guess.changed(ratios=with_scale(guess.ratios, bare.fit.estimate.ratios[SCALE]))
-    fitted = fit(problem, guess, free_parameters(guess, names, problem), iterations=iterations)
+        start = start.changed(ratios=with_scale(start.ratios, bare.fit.estimate.ratios[SCALE]))
+    fitted = fit(problem, start, free_parameters(start, names, problem), iterations=iterations)
     return hypothesis(problem, names, fitted)

@@ -44,7 +44,7 @@ class ScanSettings:
 SCAN = ScanSettings()
 
 ORDER = "order"
-"""Shape parameter of a torque that repeats so many times per turn of its joint. The joint must cover one period.
+"""Shape parameter: number of periods of a torque per turn of its joint. The joint must cover at least one period.
 
 On a shorter arc, two harmonics are a free polynomial in the angle, which fits any smooth force or encoder error.
 """
@@ -135,6 +135,6 @@ def _unit(effect: Effect, amplitude: str, shape: Shape) -> Array:
     """(SIZE,) parameters of one typical amplitude of an effect in a shape."""
     params, index = effect_params({}), param_index(effect.name, amplitude)
     params[index] = effect.parameters[index - SLICES[effect.name].start].typical
-    for place, value in shape:
-        params[place] = value
+    for shape_index, value in shape:
+        params[shape_index] = value
     return params

@@ -65,7 +65,7 @@ class ScoreTest:
     """Scores of all shapes of each effect, best first."""
 
     @property
-    def held(self) -> tuple[int, ...]:
+    def fitted_columns(self) -> tuple[int, ...]:
         """Columns of the fit itself."""
         return tuple(range(len(self.fit.free)))
 
@@ -75,7 +75,7 @@ class ScoreTest:
 
     def projected(self, columns: Sequence[int]) -> ColumnSpace:
         """Columns of the candidates, with the fitted parameters projected out."""
-        return self.space.given(list(self.held), list(columns))
+        return self.space.given(list(self.fitted_columns), list(columns))
 
     def cosine(self, target: Score, other: Score) -> float:
         """Cosine between a change by `target` and the nearest by `other`, fitted parameters projected out."""
@@ -115,25 +115,25 @@ def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorde
 
 
 def _score(problem: Problem, test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ...]) -> Score:
-    all_columns = [*test.held, *columns]
+    all_columns = [*test.fitted_columns, *columns]
     free, space = tuple(test.free[i] for i in all_columns), test.space.chosen(all_columns)
     prior = RigPrior.at(problem, test.fit.estimate, free, test.linear)
-    hidden = prior.absorbed(space)[len(test.held) :]
+    hidden = prior.absorbed(space)[len(test.fitted_columns) :]
     absorbed = {test.free[columns[i]].name: _absorbing(test, columns, i) for i in np.flatnonzero(hidden).tolist()}
     if hidden.all():
         return Score(effect, shape, 0.0, columns, free, np.zeros(len(columns)), absorbed)
-    rows = [*test.held, *(len(test.held) + np.flatnonzero(~hidden)).tolist()]
-    new_columns, free = tuple(all_columns[i] for i in rows[len(test.held) :]), tuple(free[i] for i in rows)
+    rows = [*test.fitted_columns, *(len(test.fitted_columns) + np.flatnonzero(~hidden)).tolist()]
+    new_columns, free = tuple(all_columns[i] for i in rows[len(test.fitted_columns) :]), tuple(free[i] for i in rows)
     chosen = space.chosen(rows)
     room = bounds(test.fit.estimate, free)
-    room[:, [i for i in range(len(test.held)) if i in test.fit.absorbed]] = 0.0
+    room[:, [i for i in range(len(test.fitted_columns)) if i in test.fit.absorbed]] = 0.0
     step = chosen.with_prior(prior.A[:, rows], prior.e).solution(room)
-    return Score(effect, shape, chosen.reduction(step), new_columns, free, step[len(test.held) :], absorbed)
+    return Score(effect, shape, chosen.reduction(step), new_columns, free, step[len(test.fitted_columns) :], absorbed)
 
 
 def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
     """Name of the parameter whose signature is nearest to that of an amplitude."""
-    before = [*test.held, *columns[:index]]
+    before = [*test.fitted_columns, *columns[:index]]
     nearest = before[int(np.argmax(np.abs(test.space.H[before, columns[index]])))] if before else None
     visible = nearest is not None and abs(test.space.H[nearest, columns[index]]) > 0.0
     return test.free[nearest].name if visible and nearest is not None else "initial states"

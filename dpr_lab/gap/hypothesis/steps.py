@@ -113,11 +113,11 @@ def _steps(problem: Problem, fit: Fit) -> list[ReadingStep]:
             fit.linear.e[:, joint :: problem.axes],
             fit.linear.Q[:, joint :: problem.axes],
         )
-        inner, onto = _from_end(e * weight), _from_end(Q * weight[:, :, None])
-        norm = _from_end(weight**2) - np.sum(onto**2, axis=2)
-        detectable = norm > (STEPS.blind * weight.sum(axis=1) ** 2 / lengths)[:, None]
-        size = np.where(detectable, inner / np.where(detectable, norm, 1.0), 0.0)
-        gain = inner * size
+        projection, on_initial = _from_end(e * weight), _from_end(Q * weight[:, :, None])
+        remaining_norm = _from_end(weight**2) - np.sum(on_initial**2, axis=2)
+        detectable = remaining_norm > (STEPS.blind * weight.sum(axis=1) ** 2 / lengths)[:, None]
+        size = np.where(detectable, projection / np.where(detectable, remaining_norm, 1.0), 0.0)
+        gain = projection * size
         best = np.argmax(gain[:, 1:], axis=1) + 1
         rows, instants = np.arange(len(best)), problem.t[firsts + best] - STEPS.before_s
         columns = gain[rows, best].tolist(), segments.run.tolist(), instants.tolist(), size[rows, best].tolist()

@@ -63,12 +63,14 @@ def _line(problem: Problem, run: int, settings: LineSettings) -> tuple[float, fl
         slice(a, b) for (a, b), r in zip(pairwise(offsets.tolist()), problem.segments.run, strict=True) if r == run
     ]
     t = np.concatenate([problem.t[samples] for samples in segments])
-    away = np.concatenate([problem.measured[samples, 0] for samples in segments]) - np.pi
-    below = np.flatnonzero(away[:-1] * away[1:] < 0)
-    crossings = t[below] - away[below] * (t[below + 1] - t[below]) / (away[below + 1] - away[below])
+    from_hanging = np.concatenate([problem.measured[samples, 0] for samples in segments]) - np.pi
+    before_crossing = np.flatnonzero(from_hanging[:-1] * from_hanging[1:] < 0)
+    crossings = t[before_crossing] - from_hanging[before_crossing] * (t[before_crossing + 1] - t[before_crossing]) / (
+        from_hanging[before_crossing + 1] - from_hanging[before_crossing]
+    )
     if len(crossings) <= settings.swings:
         return None
-    halves = crossings[2:] - crossings[:-2]  # whole periods, which a zero error does not change
-    usual = float(np.median(halves))
-    whole = halves[np.abs(halves - usual) < 0.5 * usual]  # without gaps
-    return float(1 / whole.max()), float(1 / whole.min()), float(t[-1] - t[0])
+    intervals = crossings[2:] - crossings[:-2]  # whole periods, which a zero error does not change
+    usual = float(np.median(intervals))
+    periods = intervals[np.abs(intervals - usual) < 0.5 * usual]  # without gaps
+    return float(1 / periods.max()), float(1 / periods.min()), float(t[-1] - t[0])

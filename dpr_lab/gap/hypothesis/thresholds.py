@@ -51,13 +51,17 @@ class Thresholds:
     contained: float = 0.003
     """Fraction of the explained chi2 that a richer form of an effect must add while a residual remains."""
     nearly_all: float = 0.9
-    """Fraction of what a curve explains that simple effects must explain to replace it, if only little remains."""
+    """Minimum reduction of the excess by simple effects to replace a curve if only little remains, as a fraction of the
+    reduction by the curve.
+    """
     most_of_it: float = 0.5
-    """Fraction of what a vibration at a multiple of the swing's frequency explains that other effects must explain to
-    replace it.
+    """Minimum reduction of the excess by other effects to replace a vibration at a multiple of the swing's frequency,
+    as a fraction of the reduction by the vibration.
     """
     own_share: float = 0.15
-    """Fraction of an effect's reduction that no other form of the others explains, while a residual remains."""
+    """Minimum fraction of an effect's reduction that no other functional form of the other effects explains, while a
+    residual remains.
+    """
     still_open: float = 0.5
     """Maximum fraction of the gap that the other effects may leave for this test to apply."""
     escaped: float = 10.0
@@ -86,18 +90,18 @@ def far_from_noise(model: Hypothesis) -> bool:
     return model.residuals.chi2 > THRESHOLDS.far * model.residuals.dof
 
 
-def taking_over(model: Hypothesis, less: Hypothesis) -> str | None:
-    """The curve of the smaller set `less` that imitates an effect of `model` by amplitudes that cancel; None if none.
+def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:
+    """The curve of a smaller set that imitates the removed effect by amplitudes that cancel each other; None if none.
 
-    On a small arc an eccentricity with large harmonics imitates a zero offset. This does not make the offset
-    superfluous.
+    Its amplitudes grow when the effect is removed. On a small arc, for example, an eccentricity with large harmonics
+    imitates a zero offset, which does not make the offset superfluous.
     """
-    if less.cost <= model.cost:
+    if smaller.cost <= model.cost:
         return None
     grown = {
-        name: less.curves[name] / max(size, PENALTY.ordinary)
+        name: smaller.curves[name] / max(size, PENALTY.ordinary)
         for name, size in model.curves.items()
-        if name in less.curves
+        if name in smaller.curves
     }
     largest = max(grown, key=lambda name: grown[name], default=None)
     return largest if largest is not None and grown[largest] > THRESHOLDS.takes_over else None
@@ -161,10 +165,10 @@ def scatter(before: Hypothesis, after: Hypothesis) -> float:
     The residual due to small unknown effects is smooth along a segment. If it counted as noise of every reading, a
     cause that improves every segment would not be significant. Segments are therefore the independent units.
     """
-    falls = before.fit.linear.chi2_by_segment - after.fit.linear.chi2_by_segment
-    if len(falls) < THRESHOLDS.fewest_segments or not np.isfinite(falls).all():
+    reductions = before.fit.linear.chi2_by_segment - after.fit.linear.chi2_by_segment
+    if len(reductions) < THRESHOLDS.fewest_segments or not np.isfinite(reductions).all():
         return float("inf")
-    return float(THRESHOLDS.consistent * np.sqrt(len(falls) * np.var(falls, ddof=1)))
+    return float(THRESHOLDS.consistent * np.sqrt(len(reductions) * np.var(reductions, ddof=1)))
 
 
 def accepted(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
@@ -176,14 +180,13 @@ def accepted(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
     return excess(before) - excess(after) > THRESHOLDS.large * excess(base)
 
 
-def need(base: Hypothesis, model: Hypothesis, less: Hypothesis) -> float:
-    """Evidence for the effect that `less` lacks, relative to the threshold; 1 is enough to keep it."""
+def need(base: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
+    """Evidence for the effect of `model` that `smaller` lacks, relative to the threshold; 1 is enough to keep it."""
+    loss = smaller.cost - model.cost
     if at_noise_floor(model):
-        return (less.cost - model.cost) / (THRESHOLDS.chance * model.residuals.inflation)
-    growth, factor = less.residuals.excess - excess(model), less.residuals.excess / excess(model)
-    if less.cost - model.cost > scatter(
-        less, model
-    ):  # it improves every segment, however small it is next to a large one
+        return loss / (THRESHOLDS.chance * model.residuals.inflation)
+    growth, factor = smaller.residuals.excess - excess(model), smaller.residuals.excess / excess(model)
+    if loss > scatter(smaller, model):  # the effect improves every segment, however small it is next to a large one
         return factor / THRESHOLDS.slow
     if growth < THRESHOLDS.small * excess(base) and factor < THRESHOLDS.keeps_if_small:
         return 0.0

@@ -110,8 +110,8 @@ class Diagnosis(Shown, Saved):
     """a/b, d/b (1), e1/b (1/s^2), c1/b, c2/b (1/s) of the corrected model; those of `determined` of an inner rod alone.
     """
     fitted: list[Interval] = []
-    """Of the inner rod alone: a/b, d/b, e1/b, c1/b, c2/b of the fit, with the rig file's values of what is not mounted.
-    No result, but the start of other commands. Empty for both rods."""
+    """For the inner rod alone: a/b, d/b, e1/b, c1/b, c2/b of the fit, with the rig file's values of the parts that are
+    not mounted. They are initial values for other commands, not a result. Empty for both rods."""
     ratio_covariance: list[list[Number]]
     """(5, 5) covariance of the ratios, in their order."""
     determined: dict[str, Interval] = {}

@@ -84,14 +84,17 @@ def noise_by_speed(
     if len(t) < settings.fewest * settings.bins:
         return 0.0, 0.0
     windows, angles = sliding_window_view(t, ORDER + 1), sliding_window_view(joints, ORDER + 1, axis=0)
-    whole = np.abs(np.diff(windows, axis=1) - period).max(axis=1) < settings.uneven * period
+    evenly_spaced = np.abs(np.diff(windows, axis=1) - period).max(axis=1) < settings.uneven * period
     speed2 = ((joints[ORDER:] - joints[:-ORDER]) / np.ptp(windows, axis=1)[:, None]) ** 2
     residual = np.einsum("wmj,wj->wm", angles, difference_weights(windows, period))
     level = spread
     if keep is not None:
-        whole &= sliding_window_view(keep.all(axis=1), ORDER + 1).all(axis=1)
+        evenly_spaced &= sliding_window_view(keep.all(axis=1), ORDER + 1).all(axis=1)
         level = tamed_rms
-    lines = [_line(speed2[whole, axis], residual[whole, axis], floor[axis], level, settings) for axis in range(2)]
+    lines = [
+        _line(speed2[evenly_spaced, axis], residual[evenly_spaced, axis], floor[axis], level, settings)
+        for axis in range(2)
+    ]
     weights = [1 / error**2 for _, error in lines]
     if not any(weights):
         return 0.0, 0.0

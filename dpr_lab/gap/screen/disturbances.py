@@ -46,16 +46,16 @@ class DisturbanceRules:
     cut_off: float = 25.0
     """Factor by which a cut at the kick must reduce chi2; an effect along the whole segment falls by 16."""
     rises: float = 0.05
-    """Rise of the energy, relative to its maximum, from which a hand pushed,"""
+    """Minimum rise of the energy, relative to its maximum, that indicates a push by hand."""
     first: float = 3.0
     """Chi2 per reading of the first segment, and its ratio to that of the worst other one, above which free rods do not
     follow its readings."""
     scatters: float = 5.0
-    """and in the noise of the energy at least this number of times its standard deviation,"""
+    """Minimum rise of the energy in standard deviations of its noise."""
     smoothed: int = 5
-    """for running medians over this number of segments;"""
+    """Number of segments of the running median by which the energy is smoothed."""
     early: float = 0.3
-    """within this fraction of the recording; later the energy may not rise by half as much."""
+    """Fraction of the recording within which the rise must occur; later the energy must not rise by half as much."""
     alike: float = 1.5
     """Maximum chi2 per reading on both sides of a kick, relative to that of the worst undisturbed segment."""
     iterations: int = 15
@@ -213,7 +213,7 @@ def _outstanding(recordings: Recordings, ratios: Array) -> list[Disturbed]:
 
 
 def _kick(recordings: Recordings, short: Problem, followed: Fit, s: int, others: float) -> float | None:
-    """Instant at which a cut lets a segment fit as well as the others; None if there is none."""
+    """Instant at which a segment must be divided for both parts to fit as well as the others; None if there is none."""
     (recording,) = recordings.records
     first, last = (int(i) for i in short.segments.offsets[s : s + 2])
     begin, end = np.searchsorted(recording.t, [short.t[first], short.t[last - 1]]).tolist()
@@ -223,8 +223,8 @@ def _kick(recordings: Recordings, short: Problem, followed: Fit, s: int, others:
         instant = 0.5 * float(near.t[i - 1] + near.t[i])
         halves, initial = recordings.only([replace(near, breaks=np.array([instant]))]).cut(np.inf)
         cut = descend(halves, followed.estimate.changed(initial=initial), (), iterations=RULES.iterations)
-        left = float(halves.chi2_by_segment(halves.predict(cut.estimate)).sum())
-        if left < best:
-            best, best_instant = left, instant
+        chi2 = float(halves.chi2_by_segment(halves.predict(cut.estimate)).sum())
+        if chi2 < best:
+            best, best_instant = chi2, instant
     enough = float(followed.linear.chi2_by_segment[s]) / RULES.cut_off
     return best_instant if best < enough and best < RULES.alike * others * len(near.t) else None

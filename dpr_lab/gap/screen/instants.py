@@ -34,9 +34,9 @@ class InstantSettings:
     drift: int = 50
     """Number of samples on either side for the median offset of the clock."""
     usual_jitter: float = 3.0
-    """Standard deviations of the jitter up to which a stamp is used for the clock,"""
+    """Standard deviations of the jitter up to which a stamp is used for the clock."""
     wander: float = 0.5
-    """and ratio of the median's scatter about a straight line to the jitter, below which the clock is steady."""
+    """Maximum scatter of the median offset about a straight line for a steady clock, relative to the jitter."""
     block: int = 32
     """Number of consecutive samples that are judged together."""
     contrary: float = 1.5
@@ -58,9 +58,9 @@ class InstantSettings:
     least: float = 0.1
     """Minimum delay, in periods; a smaller one counts as noise."""
     wild: float = 8.0
-    """Standard deviations to which a single reading is limited in the search for a cycle,"""
+    """Standard deviations to which a single reading is limited in the search for a cycle."""
     usual: float = 0.98
-    """or this quantile of the readings, if it is larger: the late readings of a cycle are many."""
+    """Quantile of the readings to which a reading is limited if it exceeds `wild`: a cycle has many late readings."""
     reach: int = 4
     """Number of samples on either side for the speed."""
 
@@ -212,10 +212,10 @@ def _delayed(cycle: int, late: Flags, usable: list[tuple[Array, Array]], weights
     return PeriodicDelay(cycle, delay, known**-0.5, late)
 
 
-def _by_place(place: NDArray[np.int64], cycle: int, score: Array, information: Array) -> Array:
+def _by_place(position: NDArray[np.int64], cycle: int, score: Array, information: Array) -> Array:
     """(cycle,) delay at each position of a cycle, in standard errors."""
-    known = np.maximum(np.bincount(place, information, cycle), np.finfo(float).tiny)
-    return np.bincount(place, score, cycle) / np.sqrt(known)
+    known = np.maximum(np.bincount(position, information, cycle), np.finfo(float).tiny)
+    return np.bincount(position, score, cycle) / np.sqrt(known)
 
 
 def _standing_out(z: Array, contrast: float) -> tuple[float, int]:
@@ -236,8 +236,8 @@ def _differences(values: Array, weights: Array) -> Array:
 def _to_samples(values: Array, samples: int) -> Array:
     """(samples,) sums of values (windows, 7) over the windows that contain each sample."""
     total = np.zeros(samples)
-    for place in range(ORDER + 1):
-        total[place : samples - ORDER + place] += values[:, place]
+    for position in range(ORDER + 1):
+        total[position : samples - ORDER + position] += values[:, position]
     return total
 
 

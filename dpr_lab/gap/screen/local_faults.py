@@ -130,7 +130,7 @@ def _filters(half: int, degree: int) -> tuple[Array, Array]:
 
 
 def _highest(values: Array, half: int) -> Array:
-    """(n,) highest of (n,) positive values among so many neighbours on either side."""
+    """(n,) maximum of (n,) positive values over `half` neighbours on either side."""
     highest, width = np.pad(values, half), 1
     while width <= 2 * half:
         shift = min(width, 2 * half + 1 - width)

@@ -37,10 +37,11 @@ class ThinningSettings:
     after_release_s: float = 0.03
     """Start: the latch may touch the rod before, and an initial state lies 20 ms before its segment."""
     gap_s: float = 0.03
-    """A longer gap ends a segment,"""
+    """Duration of a gap above which a segment ends."""
     gap_spacings: float = 4.5
-    """or a gap of more than this number of usual spacings in a slow recording: a camera's frames are 33 ms apart, and a
-    few of them may be lost."""
+    """The same in median sampling intervals, for slow recordings; the larger limit applies. A camera's frames are 33 ms
+    apart, and a few of them may be lost.
+    """
     averaged_from: float = 1.5
     """Ratio to the rate of the blocks below which a recording is not averaged."""
     bent: float = 0.092
@@ -116,11 +117,11 @@ def record(run: Run, rig: Rig, settings: ThinningSettings = THINNING) -> Record:
     fastest = _fastest(screened, settings.fastest)
     rate_hz = _block_rate(screened, fastest, run.rate_hz, settings)
     t, joints, sigma = _as_read(screened) if rate_hz is None else _blocks(screened, rate_hz, settings.least_kept)
-    whole = np.isfinite(joints).all(axis=1) & (t >= settings.after_release_s)
-    t, joints, sigma = t[whole], joints[whole], sigma[whole]
+    valid = np.isfinite(joints).all(axis=1) & (t >= settings.after_release_s)
+    t, joints, sigma = t[valid], joints[valid], sigma[valid]
     intervals = np.diff(t)
-    usual = float(np.median(intervals)) if len(intervals) else 0.0
-    holes = np.flatnonzero(intervals > max(settings.gap_s, settings.gap_spacings * usual))
+    median_interval = float(np.median(intervals)) if len(intervals) else 0.0
+    holes = np.flatnonzero(intervals > max(settings.gap_s, settings.gap_spacings * median_interval))
     breaks = np.sort(np.concatenate([[instant for instant, _ in screened.breaks], t[holes] + 1e-6]))
     if not cut(t, np.inf, breaks):
         raise RunError(f"{run.name}: no sequence of {MIN_SAMPLES} valid samples without a gap: nothing to diagnose")

@@ -36,12 +36,12 @@ class SegmentLengths:
     """Length at which effects are distinguished: four to seven times as sensitive as the first, and Gauss-Newton still
     converges."""
     steady: float = 2.0
-    """The same of a single rod. It is not chaotic, and the influence of friction accumulates over several swings;"""
+    """The same for a single rod. It is not chaotic, and the influence of friction accumulates over several swings."""
     steady_parts: int = 5
-    """with at least this number of segments in each recording, to estimate their scatter,"""
+    """Minimum number of segments in each recording of a single rod, to estimate their scatter."""
     growths: float = 7.0
-    """and for a driven rod at most this number of times sqrt(L1 / (1.5 g)), in which a deviation from upright grows
-    by a factor e, because a torque may keep the rod there.
+    """Maximum length of the segments of a single driven rod, in units of sqrt(L1 / (1.5 g)). A torque may keep the rod
+    upright, where a deviation grows by a factor e within this time.
     """
 
 

@@ -42,9 +42,9 @@ class ScreenSettings:
     """Limits above which a property of a whole run is a finding."""
 
     gap_periods: float = 1.5
-    """Distance of two samples, in sampling periods, above which one is missing,"""
+    """Distance of two samples, in sampling periods, above which one is missing."""
     gap_near: int = 10
-    """if the later samples are behind the earlier ones by half a period."""
+    """Number of samples compared before and after such a distance; the later ones must lag by half a period."""
     noise_ratio: float = 1.5
     """Ratio of the noise to the value in the rig file, in either direction; and of the noise over wider spacings to
     that of neighbours.
@@ -64,9 +64,9 @@ class ScreenSettings:
     distribution.
     """
     repeating: float = 0.5
-    """Fraction of readings of a cycle equal to the one before, from which they are repeated and not late;"""
+    """Fraction of the readings of a cycle equal to the previous reading, from which they are repeated and not late."""
     stretch: float = 0.05
-    """or their excess over that of the other readings, if they are repeated in a part of the recording only."""
+    """The same minus that fraction of the other readings, if readings are repeated in a part of the recording only."""
     shown: int = 20
     """Number of findings of one kind on one axis that are listed individually."""
 

@@ -30,9 +30,9 @@ class TimeScaleRules:
     """Equivalent lengths that the rig file contradicts."""
 
     longer: float = 1.5
-    """Ratio to the length of the rod: it may protrude beyond its end, and carry a small counterweight;"""
+    """Ratio to the length of the rod, which may protrude beyond its end and carry a small counterweight."""
     apart: float = 3.0
-    """and ratio to the length from the rig file's values, in either direction, because some of them are guesses."""
+    """Ratio to the length from the rig file's values, in either direction: some of them are guesses."""
     swings: int = 10
     """Number of swings to be timed with a stopwatch."""
 

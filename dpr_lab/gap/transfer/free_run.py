@@ -62,11 +62,11 @@ class FreeRuns:
         Runs that end there, or that the model cannot simulate to their end, are omitted.
         """
         error, t = self.problem.measured - self.predicted, self.problem.t
-        unseen = [error[samples][t[samples] - t[samples.start] >= FREE_RUN.settle_s] for samples in self.rows]
+        after_fit = [error[samples][t[samples] - t[samples.start] >= FREE_RUN.settle_s] for samples in self.rows]
         axes = [np.flatnonzero(self.problem.read[samples].any(axis=0)) for samples in self.rows]
         rms = {
             record.run.name: float(np.sqrt(np.mean(of_run[:, read] ** 2))) if len(of_run) else np.nan
-            for record, of_run, read in zip(self.items, unseen, axes, strict=True)
+            for record, of_run, read in zip(self.items, after_fit, axes, strict=True)
         }
         return {name: value for name, value in rms.items() if np.isfinite(value)}
 
@@ -89,12 +89,12 @@ def free_runs(recordings: Recordings, estimate: Estimate, length_s: float = FREE
         within = record.t <= until
         within[:MIN_SAMPLES] = True
         compared.append(replace(record.only(within), breaks=np.zeros(0)))
-    whole, _ = (
+    problem, _ = (
         replace(recordings, ratios=None).only(compared).cut(np.inf)
     )  # nothing is fitted here, so the noise has no influence
     starts = np.concatenate([start.initial[:1] for start in own_starts])
     return FreeRuns(
-        items, whole, estimate.changed(initial=starts, zeros=np.concatenate([start.zeros for start in own_starts]))
+        items, problem, estimate.changed(initial=starts, zeros=np.concatenate([start.zeros for start in own_starts]))
     )
 
 

@@ -81,12 +81,12 @@ def by_horizon(
         noise = np.mean(problem.weight[problem.read] ** 2)
         ratios[f"{length:g}"] = {}
         for name, model in models.items():
-            left = model.residuals if initial is None else _left(problem, initial, working, model)
-            ratios[f"{length:g}"][name] = float(np.sqrt(max(left.excess, 0.0) / left.dof / noise))
+            residuals = model.residuals if initial is None else _at_other_length(problem, initial, working, model)
+            ratios[f"{length:g}"][name] = float(np.sqrt(max(residuals.excess, 0.0) / residuals.dof / noise))
     return ratios
 
 
-def _left(problem: Problem, initial: Array, working: Problem, model: Hypothesis) -> ResidualStatistics:
+def _at_other_length(problem: Problem, initial: Array, working: Problem, model: Hypothesis) -> ResidualStatistics:
     """Residual of a model with segments of another length."""
     states = carried(working.segments, model.fit.estimate.initial, problem.segments, initial)
     return residual_statistics(

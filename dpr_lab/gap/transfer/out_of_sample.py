@@ -48,7 +48,7 @@ class GapReduction:
 
 
 @dataclass(frozen=True, slots=True)
-class Unseen:
+class OutOfSample:
     """Predictions of recordings by models that were fitted to other recordings; only the initial states are free."""
 
     names: tuple[str, ...]
@@ -70,13 +70,13 @@ class Unseen:
         return [(self.names[r], self.run == r) for r in np.unique(self.run)]
 
 
-def left_out(recordings: Recordings, problem: Problem) -> Unseen:
+def left_out(recordings: Recordings, problem: Problem) -> OutOfSample:
     """Each run predicted from the other runs, or each quarter of a single run from the other quarters."""
     fold = folds(problem)
-    return _unseen(recordings, problem, lambda model: left_out_chi2(model.fit, fold))
+    return _out_of_sample(recordings, problem, lambda model: left_out_chi2(model.fit, fold))
 
 
-def held_out_runs(recordings: Recordings, base: Hypothesis) -> Unseen:
+def held_out_prediction(recordings: Recordings, base: Hypothesis) -> OutOfSample:
     """Whole recordings that the diagnosis did not fit."""
     problem, initial = recordings.cut(recordings.working_length)
     states = descend(problem, base.fit.estimate.changed(initial=initial), (), iterations=20).estimate.initial
@@ -88,13 +88,13 @@ def held_out_runs(recordings: Recordings, base: Hypothesis) -> Unseen:
         fitted = descend(problem, estimate, (), iterations=20)
         return problem.chi2_by_segment(problem.predict(fitted.estimate))
 
-    return _unseen(recordings, problem, chi2)
+    return _out_of_sample(recordings, problem, chi2)
 
 
-def _unseen(recordings: Recordings, problem: Problem, chi2: Callable[[Hypothesis], Array]) -> Unseen:
+def _out_of_sample(recordings: Recordings, problem: Problem, chi2: Callable[[Hypothesis], Array]) -> OutOfSample:
     dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
     noise = float(np.mean(problem.weight[problem.read] ** 2) ** -0.5)
-    return Unseen(
+    return OutOfSample(
         tuple(record.run.name for record in recordings.records), problem.segments.run, dof, noise, chi2, block(problem)
     )
 
@@ -122,5 +122,5 @@ def share(above: Array) -> float:
 def _shares(above: Array) -> Array:
     """(...) relative reductions from (2, ..., segments)."""
     before, after = np.maximum(above.sum(axis=-1), 0.0)
-    left = np.sqrt(after / np.where(before > 0, before, 1.0))
-    return np.where(before > 0, np.maximum(1 - left, -1.0), 0.0)
+    remaining_share = np.sqrt(after / np.where(before > 0, before, 1.0))
+    return np.where(before > 0, np.maximum(1 - remaining_share, -1.0), 0.0)

@@ -87,9 +87,9 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     names = [record.run.name for record in everything.records]
     followed = np.isfinite(before.linear.chi2_by_segment) & np.isfinite(after.linear.chi2_by_segment)
     fold = np.unique(folds(problem), return_inverse=True)[1]
-    left = residual_statistics(problem, after)
+    residuals = residual_statistics(problem, after)
     dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
-    noise, total = left.level * float(dof[followed].sum()), float(left_out_chi2(before, fold)[followed].sum())
+    noise, total = residuals.level * float(dof[followed].sum()), float(left_out_chi2(before, fold)[followed].sum())
     if residual_statistics(problem, before).z < RULES.gap_from or not followed.any() or total <= noise:
         return split(
             [total] * 4, noise, names, (), "There is no gap above the noise, so there is no repeatability to compute."
@@ -101,7 +101,7 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
         fewer = f"Recordings of fewer than {RULES.segments} segments of {length:.2g} s"
         reason = f"{fewer} do not show which part of the gap is reproducible."
         return split([total, *[float(explained.sum())] * 3], noise, names, (), reason)
-    if left.z > THRESHOLDS.noise_floor:
+    if residuals.z > THRESHOLDS.noise_floor:
         parts = parts.with_discrepancy(discrepancy_columns(problem, after))
     unmodelled = parts.left_out()
     varying = parts.varying()
@@ -125,9 +125,9 @@ def split(
     """Shares from the remaining chi2 after each step: bare model, corrected model, free torques, own parameters."""
     finite = np.nan_to_num([*levels, 0.0], nan=noise, posinf=RULES.unfollowed)
     falling = np.minimum.accumulate(np.maximum(finite, noise))
-    whole = max(float(falling[0]), np.finfo(np.float64).tiny)
-    explained, unmodelled, own_parameters = (np.abs(np.diff(falling[:4])) / whole).tolist()
-    remaining = float(falling[3] - falling[4]) / whole
+    total = max(float(falling[0]), np.finfo(np.float64).tiny)
+    explained, unmodelled, own_parameters = (np.abs(np.diff(falling[:4])) / total).tolist()
+    remaining = float(falling[3] - falling[4]) / total
     return GapBudget(
         basis="pieces of one recording" if len(names) == 1 else "recordings",
         explained=explained,
@@ -226,14 +226,12 @@ class _Parts:
         parts, chi2 = [(segments, *_without(H, g, removed)) for segments, H, g in self.by_fold], np.zeros(len(self.e))
         H, gradient = sum((part[1] for part in parts), np.diag(self.precision)), sum(part[2] for part in parts)
         for segments, H_own, of_own in parts:
-            left = self.e[segments] - self.X[segments] @ np.linalg.solve(H - H_own, gradient - of_own)
+            error = self.e[segments] - self.X[segments] @ np.linalg.solve(H - H_own, gradient - of_own)
             if removed:
                 columns = self.X[segments][:, :, removed]
-                left = (
-                    left
-                    - columns @ np.linalg.lstsq(columns.reshape(left.size, -1), left.ravel(), rcond=RULES.singular)[0]
-                )
-            chi2[segments] = np.sum(left**2, axis=1)
+                flat = columns.reshape(error.size, -1)
+                error = error - columns @ np.linalg.lstsq(flat, error.ravel(), rcond=RULES.singular)[0]
+            chi2[segments] = np.sum(error**2, axis=1)
         return chi2
 
     def with_discrepancy(self, columns: Array) -> Self:
@@ -275,19 +273,18 @@ class _Parts:
         """The values of one parameter in each recording, given (rows, k) columns that are common to all."""
         stacked = np.concatenate([self._local(column), self.e[:, :, None]], axis=2)
         flat = stacked.reshape(len(common), -1)
-        left = (flat - common @ np.linalg.solve(normal, common.T @ flat)).reshape(stacked.shape)
-        L, e = left[:, :, :-1], left[:, :, -1]
+        projected = (flat - common @ np.linalg.solve(normal, common.T @ flat)).reshape(stacked.shape)
+        L, e = projected[:, :, :-1], projected[:, :, -1]
         runs = L.shape[2]
         contrasts = np.linalg.svd(np.ones((1, runs)))[2][1:].T  # the common value is no difference between recordings
         H, gradient = np.einsum("smi,smj->ij", L, L), np.einsum("smi,sm->i", L, e)
-        inner = (
-            contrasts @ np.linalg.pinv(contrasts.T @ H @ contrasts, rcond=RULES.singular, hermitian=True) @ contrasts.T
-        )
-        values = inner @ gradient
+        inverse = np.linalg.pinv(contrasts.T @ H @ contrasts, rcond=RULES.singular, hermitian=True)
+        V = contrasts @ inverse @ contrasts.T
+        values = V @ gradient
         scores = np.einsum("smi,sm->si", L, e - L @ values)
         meat = scores.T @ scores * len(scores) / (len(scores) - runs)
-        size = max(float(np.trace(inner @ meat)) / (runs - 1), 1.0)
-        std = np.sqrt(np.maximum(np.maximum(np.diag(inner @ meat @ inner), np.diag(inner)), TINY))
+        size = max(float(np.trace(V @ meat)) / (runs - 1), 1.0)
+        std = np.sqrt(np.maximum(np.maximum(np.diag(V @ meat @ V), np.diag(V)), TINY))
         return _Varying(column, values, std, float(gradient @ values) / size, size * runs)
 
 

@@ -30,7 +30,7 @@ from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FreeRuns
-from dpr_lab.gap.transfer.out_of_sample import GapReduction, Unseen, left_out, reduction, share
+from dpr_lab.gap.transfer.out_of_sample import GapReduction, OutOfSample, left_out, reduction, share
 from dpr_lab.gap.which.selected import Selection
 
 Array = NDArray[np.float64]
@@ -108,7 +108,7 @@ class Transfer:
 
 def transfer(
     recordings: Recordings,
-    unseen: Unseen | None,
+    held_out: OutOfSample | None,
     problem: Problem,
     selection: Selection,
     runs_by_model: Mapping[str, FreeRuns],
@@ -118,48 +118,44 @@ def transfer(
 
     Args:
         recordings: the fitted runs
-        unseen: held-out runs; without any, each fitted run is held out in turn
+        held_out: prediction of the held-out runs; without any, each fitted run is held out in turn
         problem: the segments of the fitted runs
         selection: the selected set of effects
         runs_by_model: free runs of the models before and after along all recordings
         rng: random generator of the bootstrap
     """
-    basis: Basis = "held-out runs" if unseen else "releases left out"
-    if not unseen and len(recordings.records) == 1:
+    basis: Basis = "held-out runs" if held_out else "releases left out"
+    if not held_out and len(recordings.records) == 1:
         basis = "one release"
-    unseen_part = unseen or left_out(recordings, problem)
-    models: dict[str, Hypothesis] = {"": selection.base, **selection.lacking}
-    chi2 = {name: _bounded(unseen_part.chi2(model)) for name, model in models.items()}
-    chosen = _bounded(unseen_part.chi2(selection.chosen))
-    noise = np.asarray(selection.chosen.residuals.level * unseen_part.dof, dtype=np.float64)
-    above = {name: np.stack([values - noise, chosen - noise]) for name, values in chi2.items()}
-    shares = {name: _by_run(unseen_part, pair, rng) for name, pair in above.items()}
-    left = shares[""] if not unseen else _fitted(recordings, problem, selection, rng)
-    closed = reduction(above[""], rng, unseen_part.block)
+    test = held_out or left_out(recordings, problem)
+    noise = np.asarray(selection.chosen.residuals.level * test.dof, dtype=np.float64)
+    models: dict[str, Hypothesis] = {"": selection.base, **selection.without_substitute}
+    chi2 = {name: _bounded(test.chi2(model)) for name, model in models.items()}
+    chosen = _bounded(test.chi2(selection.chosen))
+    above_noise = {name: np.stack([values - noise, chosen - noise]) for name, values in chi2.items()}
+    shares = {name: _by_run(test, pair, rng) for name, pair in above_noise.items()}
+    of_fitted_runs = _cross_validated(recordings, problem, selection, rng) if held_out else shares[""]
+    closed = reduction(above_noise[""], rng, test.block)
     least_kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.estimate >= TRANSFER.kept else 1.0)
-    failed = tuple(
-        name
-        for name, less in selection.lacking.items()
-        if not (
-            _helps(unseen_part, chi2[name] - chosen) and _keeps(above[name], noise, less, selection.chosen, least_kept)
-        )
-    )
+
+    def carries_over(name: str, smaller: Hypothesis) -> bool:
+        helps = _helps(test, chi2[name] - chosen)
+        return helps and _keeps(above_noise[name], noise, smaller, selection.chosen, least_kept)
+
+    failed = tuple(name for name, smaller in selection.without_substitute.items() if not carries_over(name, smaller))
+    before, after = (runs_by_model[name].errors_rad for name in ("before", "after"))
     return Transfer(
         basis=basis,
         closed=closed,
-        gap_ratio=float(np.sqrt(max(float(above[""][0].sum()), 0.0) / max(float(noise.sum()), 1.0))),
-        closing=tuple(_closing(unseen_part, selection, above[""], noise)),
-        left_out=left,
-        held_out=shares[""] if unseen else {},
-        effects={name: shares[name] for name in selection.lacking},
+        gap_ratio=float(np.sqrt(max(float(above_noise[""][0].sum()), 0.0) / max(float(noise.sum()), 1.0))),
+        closing=tuple(_closing(test, selection, above_noise[""], noise)),
+        left_out=of_fitted_runs,
+        held_out=shares[""] if held_out else {},
+        effects={name: shares[name] for name in selection.without_substitute},
         withdrawn=() if basis == "one release" else failed,
         unproven=failed if basis == "one release" else (),
         oversized=at_limit(selection.chosen.fit.estimate.params, recordings.prior.limits),
-        worse_free_run=worse_free_run(
-            runs_by_model["before"].errors_rad, runs_by_model["after"].errors_rad, unseen.names
-        )
-        if unseen
-        else None,
+        worse_free_run=worse_free_run(before, after, held_out.names) if held_out else None,
     )
 
 
@@ -184,38 +180,39 @@ def worse_free_run(
     return (rms[0], rms[1]) if rms[1] > TRANSFER.worse * rms[0] else None
 
 
-def _closing(unseen: Unseen, selection: Selection, ends: Array, noise: Array) -> Iterator[tuple[str, float, float]]:
+def _closing(test: OutOfSample, selection: Selection, ends: Array, noise: Array) -> Iterator[tuple[str, float, float]]:
     """The gap as effects are added one by one, from the bare model to the set with all effects (`ends`)."""
-    between = [_bounded(unseen.chi2(model)) - noise for _, model in selection.path[:-1]]
-    left = [ends[0], *between, *([ends[1]] if selection.path else [])]
-    for name, above in zip(["", *(name for name, _ in selection.path)], left, strict=True):
-        rms = unseen.noise_rad * np.sqrt(max(float(above.sum()), 0.0) / unseen.dof.sum())
+    between = [_bounded(test.chi2(model)) - noise for _, model in selection.path[:-1]]
+    remaining = [ends[0], *between, *([ends[1]] if selection.path else [])]
+    for name, above in zip(["", *(name for name, _ in selection.path)], remaining, strict=True):
+        rms = test.noise_rad * np.sqrt(max(float(above.sum()), 0.0) / test.dof.sum())
         yield name, float(rms), share(np.stack([ends[0], above]))
 
 
-def _fitted(
+def _cross_validated(
     recordings: Recordings, problem: Problem, selection: Selection, rng: np.random.Generator
 ) -> dict[str, GapReduction]:
-    left_out_part = left_out(recordings, problem)
-    noise = np.asarray(selection.chosen.residuals.level * left_out_part.dof, dtype=np.float64)
-    above = [_bounded(left_out_part.chi2(model)) - noise for model in (selection.base, selection.chosen)]
-    return _by_run(left_out_part, np.stack(above), rng)
+    """Reduction of the gap for each fitted run, predicted from the other runs."""
+    test = left_out(recordings, problem)
+    noise = np.asarray(selection.chosen.residuals.level * test.dof, dtype=np.float64)
+    above_noise = [_bounded(test.chi2(model)) - noise for model in (selection.base, selection.chosen)]
+    return _by_run(test, np.stack(above_noise), rng)
 
 
 def _bounded(chi2: Array) -> Array:
     return np.minimum(np.nan_to_num(chi2, nan=np.inf), TRANSFER.wildest)
 
 
-def _by_run(unseen: Unseen, above: Array, rng: np.random.Generator) -> dict[str, GapReduction]:
-    return {name: reduction(above[:, rows], rng, unseen.block) for name, rows in unseen.runs}
+def _by_run(test: OutOfSample, above: Array, rng: np.random.Generator) -> dict[str, GapReduction]:
+    return {name: reduction(above[:, rows], rng, test.block) for name, rows in test.runs}
 
 
-def _helps(unseen: Unseen, fall: Array) -> bool:
+def _helps(test: OutOfSample, reductions: Array) -> bool:
     """Whether chi2 is significantly reduced over all runs and significantly increased in none."""
-    whole, spread = _sum(fall, unseen.block)
-    by_run = [_sum(fall[rows], unseen.block) for _, rows in unseen.runs]
-    beyond_chance = whole > spread or (whole > 0.0 and _signed_rank(fall, unseen.block) > TRANSFER.beyond_chance)
-    return beyond_chance and all(total > -reach for total, reach in by_run)
+    total, tolerance = _sum(reductions, test.block)
+    by_run = [_sum(reductions[rows], test.block) for _, rows in test.runs]
+    beyond_chance = total > tolerance or (total > 0.0 and _signed_rank(reductions, test.block) > TRANSFER.beyond_chance)
+    return beyond_chance and all(of_run > -tolerance_of_run for of_run, tolerance_of_run in by_run)
 
 
 def _of_fitted(closed: GapReduction, selection: Selection) -> float:
@@ -224,29 +221,29 @@ def _of_fitted(closed: GapReduction, selection: Selection) -> float:
     return float(np.clip(closed.estimate / max(share(excess), TRANSFER.kept), 0.0, 1.0))
 
 
-def _keeps(above: Array, noise: Array, less: Hypothesis, chosen: Hypothesis, least_kept: float) -> bool:
+def _keeps(above: Array, noise: Array, smaller: Hypothesis, chosen: Hypothesis, least_kept: float) -> bool:
     """Whether an effect closes a similar share as in the fitted recordings; (2, segments) chi2 above the noise."""
     if above[0].sum() < TRANSFER.gap_from * noise.sum():
         return True
-    fitted = np.array([[less.residuals.excess], [chosen.residuals.excess]])
+    fitted = np.array([[smaller.residuals.excess], [chosen.residuals.excess]])
     return share(above) >= least_kept * share(fitted)
 
 
-def _signed_rank(fall: Array, block: int) -> float:
+def _signed_rank(reductions: Array, block: int) -> float:
     """Wilcoxon's signed-rank sum of groups of segments, in its standard errors."""
-    blocks = _blocks(fall, block)
+    blocks = _blocks(reductions, block)
     ranks = 1.0 + np.argsort(np.argsort(np.abs(blocks)))
     n = len(blocks)
     return float((ranks * np.sign(blocks)).sum() / np.sqrt(n * (n + 1) * (2 * n + 1) / 6))
 
 
-def _blocks(fall: Array, block: int) -> Array:
+def _blocks(reductions: Array, block: int) -> Array:
     """Sums over neighbouring segments, whose residuals are correlated."""
-    return np.add.reduceat(fall, np.arange(0, len(fall), block))
+    return np.add.reduceat(reductions, np.arange(0, len(reductions), block))
 
 
-def _sum(fall: Array, block: int) -> tuple[float, float]:
-    """Sum over segments, and its standard error."""
-    blocks = _blocks(fall, block)
+def _sum(reductions: Array, block: int) -> tuple[float, float]:
+    """Sum over segments, and the sum that is beyond chance."""
+    blocks = _blocks(reductions, block)
     spread = np.sqrt(len(blocks) * np.var(blocks, ddof=1)) if len(blocks) > 1 else np.inf
-    return float(fall.sum()), float(TRANSFER.beyond_chance * spread)
+    return float(reductions.sum()), float(TRANSFER.beyond_chance * spread)

@@ -18,11 +18,11 @@ BINS = 10
 
 def hats(x: Array, knots: Array) -> Array:
     """(n, k) piecewise linear functions that sum to one."""
-    place = np.clip(np.interp(x, knots, np.arange(len(knots))), 0, len(knots) - 1 - 1e-9)
-    lower = place.astype(int)
+    position = np.clip(np.interp(x, knots, np.arange(len(knots))), 0, len(knots) - 1 - 1e-9)
+    lower = position.astype(int)
     weights = np.zeros((len(x), len(knots)))
-    weights[np.arange(len(x)), lower] = 1 - (place - lower)
-    weights[np.arange(len(x)), lower + 1] = place - lower
+    weights[np.arange(len(x)), lower] = 1 - (position - lower)
+    weights[np.arange(len(x)), lower + 1] = position - lower
     return weights
 
 

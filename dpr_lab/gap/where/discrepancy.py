@@ -130,25 +130,25 @@ def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
     if not groups:
         return None
     M = np.concatenate([hats.columns for hats in groups], axis=2)
-    held = len(model.fit.inside)
+    fitted = len(model.fit.inside)
     space = ColumnSpace.of(np.concatenate([linear.A[:, :, model.fit.inside], M], axis=2), linear.e)
-    space = space.given(slice(0, held), slice(held, None))
+    space = space.given(slice(0, fitted), slice(fitted, None))
     H = space.H / np.outer(space.scale, space.scale)
     gradient = space.gradient / space.scale
     eigen, vectors = np.linalg.eigh(H)
     eigen, along_each = np.maximum(eigen, 0.0), (vectors.T @ gradient) ** 2
     n = model.residuals.chi2 / model.residuals.inflation  # number of independent readings, at a variance of one
-    whole = float(np.sum(linear.e**2))
+    total = float(np.sum(linear.e**2))
 
     def cost(ridge: float) -> float:
-        left = max(whole - float(np.sum(along_each / (eigen + ridge))), 1e-3 * whole)
-        return n * np.log(left / whole) + float(np.sum(np.log1p(eigen / ridge)))
+        remaining = max(total - float(np.sum(along_each / (eigen + ridge))), 1e-3 * total)
+        return n * np.log(remaining / total) + float(np.sum(np.log1p(eigen / ridge)))
 
     ridge = min(RULES.ridges, key=cost)
     if cost(ridge) > -RULES.likelier:
         return None
     m = vectors @ ((vectors.T @ gradient) / (eigen + ridge))
-    variance = (whole - float(np.sum(along_each / (eigen + ridge)))) / model.residuals.dof
+    variance = (total - float(np.sum(along_each / (eigen + ridge)))) / model.residuals.dof
     return _discrepancy(groups, M * np.sqrt(max(variance, 1.0) / ridge), m, reference, problem.axes)
 
 

@@ -161,10 +161,10 @@ _OF_TORQUES = (_torque_by_angle, _torque_by_speed, _friction_by_time, _friction_
 
 
 def _place(problem: Problem, base: Hypothesis, reference: Trajectory, joint: int, name: str, make: Map) -> Place:
-    columns, linear, held = make(problem, reference, joint), base.fit.linear, len(base.fit.free)
+    columns, linear, fitted = make(problem, reference, joint), base.fit.linear, len(base.fit.free)
     projected = linear.projected(columns.readings)
     space = ColumnSpace.of(np.concatenate([linear.A, projected], axis=2), linear.e)
-    space = space.given(slice(0, held), slice(held, None))
+    space = space.given(slice(0, fitted), slice(fitted, None))
     values, std = space.solution(), np.sqrt(np.diag(space.covariance()) * base.residuals.inflation)
     share = float(np.clip((space.gain() - len(space)) / base.residuals.excess, 0.0, 1.0))
     kind, coordinate = name.split(" by ")
@@ -209,10 +209,10 @@ def _load_shape(knots: Array, values: Array, std: Array) -> str:
     radius, weight = values[loaded], np.maximum(std[loaded], 1e-150) ** -2.0
     plain = 1.0 / knots[loaded]
 
-    def left(shape: Array) -> float:
+    def misfit(shape: Array) -> float:
         return float(np.sum(weight * (radius - shape * (weight @ (radius * shape)) / (weight @ shape**2)) ** 2))
 
-    return "nearly independent of the load" if left(plain) < left(np.ones_like(plain)) else "increasing with load"
+    return "nearly independent of the load" if misfit(plain) < misfit(np.ones_like(plain)) else "increasing with load"
 
 
 def _smooth(values: Array) -> bool:

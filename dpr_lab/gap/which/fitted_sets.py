@@ -31,7 +31,7 @@ from dpr_lab.gap.hypothesis.hypothesis import (
 )
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
 from dpr_lab.gap.hypothesis.steps import recorded
-from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, far_from_noise, taking_over
+from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, far_from_noise, substitute_curve
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.progress import FitBegan, ScoreTestBegan
 
@@ -79,11 +79,11 @@ class FittedSets:
     on_progress: Progress
     expected: frozenset[str] = frozenset()
     """Effects that the rig is known to have, of any size: they need not be visible in a recording."""
-    unseen_chi2: Callable[[Hypothesis], float] | None = None
+    held_out_chi2: Callable[[Hypothesis], float] | None = None
     """Function that returns the sum of chi2 on held-out runs; None without held-out runs."""
     _fits: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     _tests: dict[frozenset[str], ScoreTest] = field(default_factory=dict)
-    _left: set[tuple[frozenset[str], frozenset[str]]] = field(default_factory=set)
+    _refitted_from: set[tuple[frozenset[str], frozenset[str]]] = field(default_factory=set)
     """Smaller and larger sets of which the smaller was fitted from the larger."""
     _short: list[tuple[Problem, NDArray[np.float64]]] = field(default_factory=list)
 
@@ -108,7 +108,7 @@ class FittedSets:
 
     def from_bare(self, bare: Hypothesis) -> "FittedSets":
         """The same recordings and library with another fit of the bare model, and no other fit yet."""
-        return replace(self, bare=bare, _fits={}, _tests={}, _left=set())
+        return replace(self, bare=bare, _fits={}, _tests={}, _refitted_from=set())
 
     def keep(self, model: Hypothesis) -> Hypothesis:
         """Store a fit if it is the best of its set; return the best fit of the set."""
@@ -208,20 +208,20 @@ class FittedSets:
 
         On an arc of less than a turn, orders are alike, and the scores of a fit without the effect may choose another.
         """
-        places = [
+        orders = [
             (param_index(name, shape.name), shape.scan)
             for name in model.effects
             for shape in self.library[name].shapes
             if shape.whole and shape.scan
         ]
-        for place, scan in places:
+        for index, scan in orders:
             best = None
             while best is not model:
-                best, order = model, model.fit.estimate.params[place]
+                best, order = model, model.fit.estimate.params[index]
                 for other in (order - 1.0, order + 1.0):
                     if other in scan:
                         params = best.fit.estimate.params.copy()
-                        params[place] = other
+                        params[index] = other
                         start = best.fit.estimate.changed(params=params)
                         near = fit(self.problem, start, model.fit.free, iterations=EFFORT.fine)
                         model = self._better(near, model)
@@ -231,18 +231,18 @@ class FittedSets:
         """The set of `model` with the better of the two fits."""
         return hypothesis(self.problem, model.effects, other) if other.chi2 < model.fit.chi2 else model
 
-    def lacking(self, model: Hypothesis, effect: str) -> Hypothesis:
+    def without_substitute(self, model: Hypothesis, effect: str) -> Hypothesis:
         """The set without one effect, and without a curve that would imitate the removed effect."""
-        less = self.without(model, effect)
-        curve = taking_over(model, less)
-        return less if curve is None else self.without(less, curve)
+        smaller = self.without(model, effect)
+        curve = substitute_curve(model, smaller)
+        return smaller if curve is None else self.without(smaller, curve)
 
     def predictive(self, model: Hypothesis) -> Hypothesis:
         """The set without the effects that worsen the prediction of held-out runs, the worst first."""
-        if self.unseen_chi2 is None or len(model.effects) < 2:
+        if self.held_out_chi2 is None or len(model.effects) < 2:
             return model
-        best = min((self.lacking(model, name) for name in model.effects), key=self.unseen_chi2)
-        return self.predictive(best) if self.unseen_chi2(best) < self.unseen_chi2(model) else model
+        best = min((self.without_substitute(model, name) for name in model.effects), key=self.held_out_chi2)
+        return self.predictive(best) if self.held_out_chi2(best) < self.held_out_chi2(model) else model
 
     def without(self, model: Hypothesis, effect: str) -> Hypothesis:
         """The better of two fits: from the larger sets and, if a score test leads to the set, from a smaller one."""
@@ -251,7 +251,7 @@ class FittedSets:
             return self._fits[key]
         self.on_progress(FitBegan(tuple(sorted(key))))
         smaller = refit_without(self.problem, model, effect, self.bare)
-        self._left.add((key, model.key))
+        self._refitted_from.add((key, model.key))
         parents = [self._fits[key - {name}] for name in sorted(key) if key - {name} in self._tests]
         if parents and not at_noise_floor(smaller):
             parent = min(parents, key=lambda parent_model: parent_model.cost)
@@ -261,7 +261,7 @@ class FittedSets:
 
     def _stuck(self, smaller: Hypothesis, model: Hypothesis) -> bool:
         """Whether a few segments kept an earlier fit of a smaller set in a local minimum that a larger set has left."""
-        if (smaller.key, model.key) in self._left or at_noise_floor(smaller):
+        if (smaller.key, model.key) in self._refitted_from or at_noise_floor(smaller):
             return False
         previous, current = relative_chi2(smaller.fit), relative_chi2(model.fit)
         return bool(((previous > EFFORT.outstanding) & (current < 0.5 * previous)).any())
@@ -271,12 +271,12 @@ class FittedSets:
 
         Of two related effects, one takes over the share of the other, whereas a fit from neither may diverge.
         """
-        less = self.without(model, effect)
-        score = self.test(less).of(other)
+        smaller = self.without(model, effect)
+        score = self.test(smaller).of(other)
         if score is None:
             return None
-        replaced = self.with_one(less, score)
-        if replaced.fit.chi2 > EFFORT.nowhere * less.fit.chi2:
+        replaced = self.with_one(smaller, score)
+        if replaced.fit.chi2 > EFFORT.nowhere * smaller.fit.chi2:
             replaced = self.keep(self._handed_over(model, effect, other))
         if at_noise_floor(model) and not at_noise_floor(replaced):
             score = self.test(model).of(other)
@@ -312,14 +312,14 @@ class FittedSets:
         """A set fitted to convergence where it was fitted only approximately; effects of zero size are removed."""
         model = self._fits[model.key]
         if model.effects and not model.fit.converged:
-            done = fit(self.problem, model.fit.estimate, model.fit.free, iterations=2 * EFFORT.fine)
-            model = self.keep(hypothesis(self.problem, model.effects, done))
+            refitted = fit(self.problem, model.fit.estimate, model.fit.free, iterations=2 * EFFORT.fine)
+            model = self.keep(hypothesis(self.problem, model.effects, refitted))
         present = tuple(name for name in model.effects if name in named_params(model.fit.estimate.params))
         if len(present) == len(model.effects):
             return model
         free = free_parameters(model.fit.estimate, present, self.problem)
-        less = fit(self.problem, model.fit.estimate, free, iterations=EFFORT.fine)
-        return self.keep(hypothesis(self.problem, present, less))
+        smaller = fit(self.problem, model.fit.estimate, free, iterations=EFFORT.fine)
+        return self.keep(hypothesis(self.problem, present, smaller))
 
 
 def _chi2(model: Hypothesis) -> float:

@@ -35,29 +35,29 @@ READINGS_PER_FORM = 8
 """Minimum number of readings for each column of the other forms; with fewer, free functions follow any residual."""
 
 
-def own_share(problem: Problem, less: Hypothesis, test: ScoreTest, score: Score) -> float:
+def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, score: Score) -> float:
     """Fraction of the reduction by an effect that no other form of a set's effects explains, 0 to 1.
 
     It is 1 if the recordings are too short to determine the other forms.
 
     Args:
         problem: segments and noise
-        less: the set without the effect
+        smaller: the set without the effect
         test: the score test on that set
         score: score of the effect from that test
     """
-    reference, linear = trajectory(problem, less.fit.estimate), test.linear
+    reference, linear = trajectory(problem, smaller.fit.estimate), test.linear
     forms = linear.projected(
-        np.concatenate([_other_forms(problem, reference, less, name) for name in less.effects], axis=2)
+        np.concatenate([_other_forms(problem, reference, smaller, name) for name in smaller.effects], axis=2)
     )
-    held, new = linear.A[:, :, list(test.held)], linear.A[:, :, list(score.columns)]
-    space = ColumnSpace.of(np.concatenate([held, new, forms], axis=2), linear.e)
-    of_held, of_own, of_forms = np.split(np.arange(len(space)), np.cumsum([held.shape[2], new.shape[2]]))
+    fitted, new = linear.A[:, :, list(test.fitted_columns)], linear.A[:, :, list(score.columns)]
+    space = ColumnSpace.of(np.concatenate([fitted, new, forms], axis=2), linear.e)
+    of_fitted, of_own, of_forms = np.split(np.arange(len(space)), np.cumsum([fitted.shape[2], new.shape[2]]))
     if len(of_forms) * READINGS_PER_FORM > linear.e.size:
         return 1.0
     before, alone, others, with_both = (
         space.chosen(np.concatenate(columns)).gain()
-        for columns in ([of_held], [of_held, of_own], [of_held, of_forms], [of_held, of_own, of_forms])
+        for columns in ([of_fitted], [of_fitted, of_own], [of_fitted, of_forms], [of_fitted, of_own, of_forms])
     )
     return float(np.clip((with_both - others) / (alone - before), 0.0, 1.0)) if alone > before else 0.0
 

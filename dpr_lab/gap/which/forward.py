@@ -121,7 +121,7 @@ def _worth_its_price(sets: FittedSets, current: Hypothesis, proposal: Proposal) 
 
 def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
     """The next best sets that are close to the best one and not other forms of it."""
-    separate = [model for model in others if not _contains(sets, model, best)]
+    separate = [model for model in others if not _are_forms(sets, model, best)]
     return [model for model in separate[: BEAM.sets - 1] if excess(model) < BEAM.worse * excess(best)]
 
 
@@ -142,12 +142,12 @@ def _with_one_more(
             yield larger
 
 
-def _contains(sets: FittedSets, larger: Hypothesis, other: Hypothesis) -> bool:
+def _are_forms(sets: FittedSets, model: Hypothesis, other: Hypothesis) -> bool:
     """Whether two sets differ only by an effect and a simpler form of it."""
-    more, less = larger.key - other.key, other.key - larger.key
-    if len(more) != 1 or len(less) != 1:
+    only_first, only_second = model.key - other.key, other.key - model.key
+    if len(only_first) != 1 or len(only_second) != 1:
         return False
-    (first,), (second,) = more, less
+    (first,), (second,) = only_first, only_second
     return first in sets.library[second].nested or second in sets.library[first].nested
 
 

@@ -47,7 +47,7 @@ def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Pro
     """The set without its least necessary effect; a single effect is judged by its share of the whole gap."""
     removable = sets.unexpected(current)
     if len(current.effects) > 1 and removable:
-        needs = {name: need(sets.bare, current, sets.lacking(current, name)) for name in removable}
+        needs = {name: need(sets.bare, current, sets.without_substitute(current, name)) for name in removable}
         least = min(needs, key=lambda name: needs[name])
         yield Proposal(sets.without(current, least), needs[least])
 
@@ -64,15 +64,15 @@ def _not_needed(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> De
 def _without_each(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """The sets without one effect, for each effect in turn."""
     for name in current.effects:
-        yield Proposal(sets.lacking(current, name))
+        yield Proposal(sets.without_substitute(current, name))
 
 
 def _predicts_better(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     """Cross-validation: an effect that worsens the prediction of a run from the other runs is not a cause."""
-    less, tolerance = proposal.model, THRESHOLDS.chance * current.residuals.inflation
-    if excess(less) > excess(sets.bare):  # its fit diverged and predicts nothing
+    smaller, tolerance = proposal.model, THRESHOLDS.chance * current.residuals.inflation
+    if excess(smaller) > excess(sets.bare):  # its fit diverged and predicts nothing
         return Decision(False, "without it the fit does not converge")
-    if (current.predictive_loss - less.predictive_loss > tolerance).any():
+    if (current.predictive_loss - smaller.predictive_loss > tolerance).any():
         return Decision(True, "without it, a run is predicted better from the other runs")
     return Decision(False, "with it, no run is predicted worse")
 
@@ -89,10 +89,10 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
     limit = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * excess(sets.bare))
     shares: list[Proposal] = []
     for name in sets.unexpected(current):
-        less = sets.without(current, name)
-        score = sets.test(less).of(name) if excess(less) <= limit else None
+        smaller = sets.without(current, name)
+        score = sets.test(smaller).of(name) if excess(smaller) <= limit else None
         if score is not None:
-            shares.append(Proposal(less, own_share(sets.problem, less, sets.test(less), score)))
+            shares.append(Proposal(smaller, own_share(sets.problem, smaller, sets.test(smaller), score)))
     yield from sorted(shares, key=lambda proposal: proposal.value)[:1]
 
 
@@ -103,21 +103,21 @@ def _makes_up_for_another_form(sets: FittedSets, current: Hypothesis, proposal: 
 
 def _without_misleading(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """The set without misleading effects, or with others in their place that predict held-out runs better."""
-    less = sets.predictive(current)
-    if less is current or sets.unseen_chi2 is None:
+    smaller = sets.predictive(current)
+    if smaller is current or sets.held_out_chi2 is None:
         return
-    limit, misleading = sets.unseen_chi2(less), current.key - less.key
+    limit, misleading = sets.held_out_chi2(smaller), current.key - smaller.key
     others = [
         model
         for model in sets.fits.values()
-        if less.key < model.key
+        if smaller.key < model.key
         and not misleading & model.key
         and len(model.key) <= len(current.key)
         and sets.possible(model)
-        and accepted(sets.bare, less, model)
-        and sets.unseen_chi2(model) < limit
+        and accepted(sets.bare, smaller, model)
+        and sets.held_out_chi2(model) < limit
     ]
-    yield Proposal(min(others, key=lambda model: model.cost, default=less))
+    yield Proposal(min(others, key=lambda model: model.cost, default=smaller))
 
 
 def _predicts_held_out_runs(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:

@@ -35,7 +35,7 @@ def _richer(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 def _better_than_chance(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     chance = THRESHOLDS.chance * current.residuals.inflation
     better = current.cost - proposal.model.cost > chance
-    return Decision(better, f"the criterion falls by {'more' if better else 'less'} than {chance:.3g}")
+    return Decision(better, f"the criterion falls by {'more' if better else 'smaller'} than {chance:.3g}")
 
 
 def _simpler(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -116,7 +116,7 @@ def _next_to(sets: FittedSets, without_curve: Hypothesis, curve: str) -> Iterato
 def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     model = proposal.model
     better = model.cost < current.cost and at_noise_floor(model) >= at_noise_floor(current)
-    return Decision(better, f"fewer parameters explain {'more' if better else 'less'}")
+    return Decision(better, f"fewer parameters explain {'more' if better else 'smaller'}")
 
 
 def _nearly_as_good_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
@@ -132,12 +132,12 @@ def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
         return
     best = current
     for name in sets.unexpected(current):
-        less = sets.without(current, name)
+        smaller = sets.without(current, name)
         if sets.library[name].shapes:
             best = min(best, sets.reshaped(current, name), key=_criterion)
-        for score in sets.test(less).ranking[:REPLACEMENTS]:
+        for score in sets.test(smaller).ranking[:REPLACEMENTS]:
             if score.effect.name != name:
-                other = sets.with_one(less, score)
+                other = sets.with_one(smaller, score)
                 best = min(best, other, key=_criterion) if sets.possible(other) else best
     if best is not current:
         yield Proposal(best)
@@ -153,7 +153,7 @@ def _closer(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decisi
 
 
 def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """The best set of the same or smaller size among all sets that were fitted in comparisons with alternatives."""
+    """The best of all fitted sets with at most as many effects; alternatives of each effect are fitted first."""
     fits = with_alternatives(sets, sets.predictive(current))
     known = current.key & sets.expected
     others = [
@@ -183,11 +183,11 @@ def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]
     chosen = sets.predictive(current)
     margin = indifference(sets.bare, chosen)
     for name in sets.unexpected(chosen):
-        less = sets.without(chosen, name)
-        test, plausibility_here = sets.test(less), plausibility(chosen.fit.estimate.params, name)
+        smaller = sets.without(chosen, name)
+        test, plausibility_here = sets.test(smaller), plausibility(chosen.fit.estimate.params, name)
         score = test.shaped[name][0]
         for other in test.ranking:
-            model = sets.fits.get(less.key | {other.effect.name})
+            model = sets.fits.get(smaller.key | {other.effect.name})
             if model is None or model.key == chosen.key or abs(model.cost - chosen.cost) > margin:
                 continue
             alike = min(test.cosine(score, other), test.cosine(other, score)) > THRESHOLDS.indistinguishable
@@ -208,13 +208,13 @@ def with_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset
     Alternatives are effects that the linear scores can hardly distinguish from the effect, or rank above it.
     """
     for name in chosen.effects:
-        less = sets.without(chosen, name)
-        test = sets.test(less)
+        smaller = sets.without(chosen, name)
+        test = sets.test(smaller)
         for score in _indistinguishable(test, name):
-            sets.escaped(sets.with_one(less, score))
+            sets.escaped(sets.with_one(smaller, score))
         for score in test.ranking[:REPLACEMENTS]:
-            if score.effect.name != name and less.cost - score.gain < chosen.cost:
-                sets.with_one(less, score)
+            if score.effect.name != name and smaller.cost - score.gain < chosen.cost:
+                sets.with_one(smaller, score)
     return sets.fits
 
 

@@ -48,7 +48,7 @@ def forward(
     *,
     max_effects: int = 4,
     expected: Iterable[str] = (),
-    unseen_chi2: Callable[[Hypothesis], float] | None = None,
+    held_out_chi2: Callable[[Hypothesis], float] | None = None,
     on_progress: Progress = lambda event: None,
 ) -> Draft:
     """Start the search by forward selection.
@@ -60,11 +60,11 @@ def forward(
         library: effects to choose from
         max_effects: maximum number of effects in a set
         expected: effects of the library that the rig is known to have
-        unseen_chi2: returns the sum of chi2 on held-out runs for a set; None without held-out runs
+        held_out_chi2: returns the sum of chi2 on held-out runs for a set; None without held-out runs
         on_progress: called at the start of each fit and score test
     """
     known = frozenset(expected) & set(library)
-    return _forward(FittedSets(recordings, problem, library, base, on_progress, known, unseen_chi2), max_effects)
+    return _forward(FittedSets(recordings, problem, library, base, on_progress, known, held_out_chi2), max_effects)
 
 
 def refined(draft: Draft) -> Selection:
@@ -159,8 +159,8 @@ def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]
         fitted=fits,
         final_test=sets.test(chosen),
         without=without,
-        lacking={name: sets.lacking(chosen, name) for name in chosen.effects},
-        tests_without={name: sets.test(less) for name, less in without.items()},
+        without_substitute={name: sets.without_substitute(chosen, name) for name in chosen.effects},
+        tests_without={name: sets.test(smaller) for name, smaller in without.items()},
         path=_path(sets, chosen),
         expected=sets.expected,
         impossible=frozenset(key for key, model in fits.items() if not sets.possible(model)),
@@ -174,8 +174,8 @@ def _path(sets: FittedSets, chosen: Hypothesis) -> tuple[tuple[str, Hypothesis],
     path: list[tuple[str, Hypothesis]] = []
     model = chosen
     while model.effects:
-        lacking = {name: sets.lacking(model, name) for name in model.effects}
-        weakest = min(lacking, key=lambda name: lacking[name].cost)
+        without_substitute = {name: sets.without_substitute(model, name) for name in model.effects}
+        weakest = min(without_substitute, key=lambda name: without_substitute[name].cost)
         path.append((weakest, model))
         model = sets.without(model, weakest)
     return tuple(reversed(path))

@@ -38,8 +38,8 @@ class Selection:
     """The score test of further effects on the selected set."""
     without: Mapping[str, Hypothesis]
     """The selected set without one of its effects, for each effect."""
-    lacking: Mapping[str, Hypothesis]
-    """The same, also without a curve that would imitate the removed effect (`thresholds.taking_over`)."""
+    without_substitute: Mapping[str, Hypothesis]
+    """The same, also without a curve that would imitate the removed effect (`thresholds.substitute_curve`)."""
     tests_without: Mapping[str, ScoreTest]
     """The score test on each set of `without`."""
     path: tuple[tuple[str, Hypothesis], ...]

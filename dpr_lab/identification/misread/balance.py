@@ -184,7 +184,10 @@ def _integral(t: Array, power: Array) -> Array:
 
 
 def _time_scale(kinetic: Array, potential: Array) -> float:
-    """Factor of the times for which the sum of kinetic and potential energy decreases slowly; nan if there is none."""
+    """Factor of the times at which kinetic and potential energy are exchanged without loss, trends removed.
+
+    Nan without an exchange.
+    """
     line = np.vander(np.linspace(-1, 1, len(kinetic)), 2)
     k, v = (x - line @ np.linalg.lstsq(line, x, rcond=None)[0] for x in (kinetic, potential))
     exchanged = -float(k @ v)

@@ -35,7 +35,7 @@ class LocalMotion:
     near: NDArray[np.intp]
     """(k,) rows."""
     t: Array
-    """(k,) s."""
+    """(k,) instants, s."""
     rods: Array
     """(k, 2) rad."""
     omega: Array

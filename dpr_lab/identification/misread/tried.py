@@ -81,8 +81,8 @@ class SecondLook:
     tried: tuple[BetterReading, ...]
     """Other interpretations that explain them better, best first."""
     energy_rise: float
-    """Increase of the rods' energy over its range, impossible for passive rods; used if no interpretation explains
-    it.
+    """Increase of the rods' energy relative to the range of the energy, impossible for passive rods; used if no
+    interpretation explains it.
     """
 
     @property

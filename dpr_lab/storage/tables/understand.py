@@ -271,7 +271,7 @@ def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> 
 
 
 def _scaled(column: NDArray[np.float64], axis: str, options: ImportOptions) -> NDArray[np.float64]:
-    """Values before removal of wraps, scale and offset."""
+    """A column of readings with wraps removed, multiplied by the scale and shifted by the offset."""
     if options.wrap is not None:
         column = np.unwrap(column, period=options.wrap)
     return column * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)

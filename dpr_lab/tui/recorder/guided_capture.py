@@ -32,7 +32,7 @@ def lost_since(before: Mapping[str, int], device: Device) -> dict[str, int]:
 
 
 class _GuidedCapture:
-    """The two callbacks of a capture to the operator."""
+    """Callbacks of a capture that report its progress to the operator and request the release."""
 
     def __init__(self, order: CaptureAttempt, device: Device, inbox: Inbox, outbox: Outbox) -> None:
         self._order, self._device, self._inbox, self._outbox = order, device, inbox, outbox

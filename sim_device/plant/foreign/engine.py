@@ -135,7 +135,7 @@ def at_joint2(torque: Callable[[float, float], float]) -> Torques:
 
 
 def at_joint1(torque: Callable[[float, float], float]) -> Torques:
-    """Torques of an element between arm and inner rod (angle from hanging, speed)."""
+    """Torques of an element between arm and inner rod, from its torque on the inner rod (angle from hanging, speed)."""
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
         return torque(theta1 - np.pi, omega1), 0.0

@@ -50,7 +50,7 @@ def power_drag_outer(body: Body, values: Values) -> EquationOfMotion:
 
 
 def tip_drag_outer(body: Body, values: Values) -> EquationOfMotion:
-    """Drag of something wide at the tip of the outer rod alone: F = -K |v| v against the speed of the tip."""
+    """Quadratic drag of a wide body at the tip of the outer rod, F = -K |v| v with the velocity v of the tip."""
     size = values["drag_N_s2_per_m2"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
