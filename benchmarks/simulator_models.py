@@ -28,7 +28,7 @@ from dpr_lab.identification.model import Model
 from dpr_lab.rig import load_rig
 from dpr_lab.shown import percent
 from dpr_lab.simulator_models import read_model
-from dpr_lab.simulator_models.chain import double_pendulum
+from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.workflows.rig_from import rig_from_model
 from tests.exports.planted_errors import controls, recordings, swing
 

@@ -54,7 +54,7 @@ class Run(Shown):
     torques: NDArray[np.float64] | None = None
     """(n, 2) known torques of joint 1 and 2, N m, each held until the next sample; None for a free swing."""
     torque_kind: str = ""
-    """Kind of `torques`, `measured` or `commanded`, if known."""
+    """Kind of `torques` or `arm_input`, `measured` or `commanded`, if known."""
     commanded: NDArray[np.float64] | None = None
     """(n, 2) commanded torques, if `torques` are the measured ones and both are known."""
     input_delay_s: float = 0.0
@@ -67,6 +67,8 @@ class Run(Shown):
     """Motion of the inner rod if joint 1 is prescribed; None for a free inner rod."""
     arm_input: NDArray[np.float64] | None = None
     """(n,) input of a driven arm in the unit of the rig's `[motor]` input, each held until the next sample."""
+    commanded_input: NDArray[np.float64] | None = None
+    """(n,) commanded input of the arm, if `arm_input` is the measured one and both are known."""
     complete: bool = True
     """Whether the recording was completed; false for a recovered or cut one."""
     lost: Mapping[str, int] = field(default_factory=dict)
@@ -102,21 +104,30 @@ class Run(Shown):
         return float(np.median(self.theta[:, 2] - self.theta[:, 1])) if clamped else 0.0
 
     def driven_by(self, kind: str | None) -> Run:
-        """The same run with torques of one kind, `measured` or `commanded`; None: the default kind.
+        """The same run with torques, or input of the arm, of one kind, `measured` or `commanded`; None: the default.
 
         Raises:
             RunError: it holds none of that kind.
         """
-        if kind is None or self.torques is None:
+        if kind is None or (self.torques is None and self.arm_input is None):
             return self
+        alone = {"torque_kind": kind, "commanded": None, "commanded_input": None}
         if kind == "commanded" and self.commanded is not None:
-            return replace(self, torques=self.commanded, torque_kind=kind, commanded=None)
+            return replace(self, torques=self.commanded, **alone)
+        if kind == "commanded" and self.commanded_input is not None:
+            return replace(self, arm_input=self.commanded_input, **alone)
         if kind != self.torque_kind:
+            what = "torques" if self.arm_input is None else "input of the arm"
             raise RunError(
-                f"{self.file or self.name}: contains no {kind} torques, only"
+                f"{self.file or self.name}: contains no {kind} {what}, only"
                 f" {self.torque_kind or 'unnamed'} ones: remove the option --torque"
             )
-        return replace(self, commanded=None)
+        return replace(self, **alone)
+
+    @property
+    def both_kinds(self) -> bool:
+        """Whether measured and commanded torques, or inputs of the arm, are known."""
+        return self.commanded is not None or self.commanded_input is not None
 
     @property
     def setup(self) -> Setup:
@@ -154,6 +165,8 @@ class Run(Shown):
         digest = hashlib.sha256()
         if self.arm_mode not in ("free", "driven"):
             unread += ("arm_mode", "arm_input")
+        if self.commanded_input is None:
+            unread += ("commanded_input",)
         if self.inner is None:
             unread += ("inner",)
         for member in fields(self):
@@ -169,6 +182,7 @@ class Run(Shown):
         torques = None if self.torques is None else self.torques[keep]
         commanded = None if self.commanded is None else self.commanded[keep]
         arm_input = None if self.arm_input is None else self.arm_input[keep]
+        commanded_input = None if self.commanded_input is None else self.commanded_input[keep]
         return replace(
             self,
             t=self.t[keep],
@@ -177,6 +191,7 @@ class Run(Shown):
             torques=torques,
             commanded=commanded,
             arm_input=arm_input,
+            commanded_input=commanded_input,
         )
 
 

@@ -33,7 +33,7 @@ def compare(
     from dpr_lab.workflows.compare_moving_arm import compare_moving_arm
 
     with Listener() as listener:
-        moving = compare_moving_arm(tuple(runs), model, out, any_clock, listener)
+        moving = compare_moving_arm(tuple(runs), model, out, any_clock, listener, torque)
     if moving is not None:
         if as_json:
             emit(moving)

@@ -45,7 +45,8 @@ def export(
         ),
     ] = None,
     joints: Annotated[
-        str | None, typer.Option(help="With --into: joints of the inner and the outer rod, separated by commas.")
+        str | None,
+        typer.Option(help="With --into: joints of the inner and the outer rod, and of an arm, separated by commas."),
     ] = None,
     ensemble: Annotated[
         int | None,
@@ -185,8 +186,8 @@ def show_replays(name: str, replays: "Sequence[FileReplay]") -> None:
             for replay in replays
         ]
         note = (
-            "Errors of free runs. An effect that the file cannot contain appears as the difference between the error"
-            " after the change and that of dpr-lab."
+            "Errors of free runs, or of segments of 1 s if the arm moves. An effect that the file cannot contain"
+            " appears as the difference between the error after the change and that of dpr-lab."
         )
         table(f"Replayed with the numbers of {name}", columns, rows, note=note)
 

@@ -360,8 +360,7 @@ def load_model(path: Path) -> Model:
         content = json.loads(regular(path, RunError).read_text(encoding="utf-8"))
         if isinstance(content, dict) and content.get("kind") == "moving_arm":
             raise RunError(
-                f"{path}: is a model of a rig with a free or driven arm, which only `compare`, and `export` with --to"
-                " or --ensemble take"
+                f"{path}: is a model of a rig with a free or driven arm, which only `compare` and `export` take"
             )
         model = Model.model_validate(_printable(content))
         refuse_unknown_effects(model.effects, path)

@@ -110,7 +110,7 @@ def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
     t, arm_input = swing.t, None
     if options.arm == "driven":
         assert torques is not None
-        torques, kind, commanded, arm_input = None, "", None, torques[:, 0]
+        torques, commanded, arm_input = None, None, torques[:, 0]
     turns = full_turns(rig, options.pose, t, swing.theta)
     return Run(
         name=table_name(path),

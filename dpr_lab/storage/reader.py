@@ -55,13 +55,15 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     summary = stored.summary
     torques, commanded = _torques(samples)
     mode = _arm_mode(stored)
-    arm_input = None
+    arm_input = commanded_input = None
     if mode == "driven":
         if torques is None:
             raise RunError(
                 f"{path}: its arm is driven, but the run contains no input of the arm: import the table again"
             )
-        torques, commanded, arm_input = None, None, torques[:, 0]
+        arm_input, commanded_input = torques[:, 0], None if commanded is None else commanded[:, 0]
+        torques = commanded = None
+    driven, extra = torques is not None or arm_input is not None, stored.metadata.extra
     run = Run(
         name=stored.path.stem,
         t=t,
@@ -72,12 +74,13 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         counts=samples.counts,
         torques=torques,
         commanded=commanded,
-        torque_kind="" if torques is None else stored.metadata.extra.get("torque_kind", ""),
+        torque_kind=extra.get("torque_kind", extra.get("input_kind", "")) if driven else "",
         input_delay_s=_delay(stored),
         arm=prescribed_arm(t, theta[:, 0], recorded_rig, str(path)) if mode == "prescribed" else None,
         arm_mode=mode,
         inner=prescribed_inner(t, theta[:, 1], str(path)) if _inner_mode(stored) == "prescribed" else None,
         arm_input=arm_input,
+        commanded_input=commanded_input,
         pose=stored.metadata.pose,
         rig_name=recorded_rig.name,
         rig_sha256=stored.rig_sha256,

@@ -14,7 +14,12 @@ if TYPE_CHECKING:
 
 
 def compare_moving_arm(
-    runs: tuple[Path, ...], model: Path, out: Path, any_clock: bool = False, on_event: OnEvent = ignore
+    runs: tuple[Path, ...],
+    model: Path,
+    out: Path,
+    any_clock: bool = False,
+    on_event: OnEvent = ignore,
+    torque: str | None = None,
 ) -> dict[str, Any] | None:
     """Residuals of runs relative to a model by segment; None if the model has no moving arm.
 
@@ -43,7 +48,8 @@ def compare_moving_arm(
     refuse_file(out)
     rigs = [stored_rig(file) for file in runs]
     recorded = [
-        read_runs([file], rig, on_event, any_clock, moving=True)[0] for file, rig in zip(runs, rigs, strict=True)
+        read_runs([file], rig, on_event, any_clock, torque, moving=True)[0]
+        for file, rig in zip(runs, rigs, strict=True)
     ]
     refuse_repeated(recorded)
     compare_run = compare_with_effects if loaded.effects else compare_bare

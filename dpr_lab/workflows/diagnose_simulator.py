@@ -94,7 +94,7 @@ def diagnose_simulator(
     from dpr_lab.exports.refit import fitted_in_words
     from dpr_lab.rig import load_rig
     from dpr_lab.simulator_models import read_model
-    from dpr_lab.simulator_models.chain import double_pendulum
+    from dpr_lab.simulator_models.double_pendulum import double_pendulum
     from dpr_lab.workflows.reading import read_runs
     from dpr_lab.workflows.rig_from import rig_from_model
 

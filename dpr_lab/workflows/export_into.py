@@ -68,17 +68,17 @@ def export_into(
     from dpr_lab.exports.into import into_file
     from dpr_lab.exports.into.replay import replay_files
     from dpr_lab.exports.mjcf import CALLBACK
-    from dpr_lab.identification.model import load_model
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.rig import load_rig
     from dpr_lab.whole_file import write_text
+    from dpr_lab.workflows.export import model_to_export
 
     refuse_file(out)
     file = out / into.name
     if file.resolve() == into.resolve():
         raise ConfigError(f"{out}: is the folder of {into.name}, which is not overwritten: choose another folder")
     loaded_rig = load_rig(rig)
-    loaded = load_model(model / "model.json" if model.is_dir() else model).scaled_ratios()
-    loaded.starting_point(loaded_rig)
+    loaded = model_to_export(model / "model.json" if model.is_dir() else model, loaded_rig)
     patched = into_file(loaded, loaded_rig, into, joints)
     text = patched.text.decode("utf-8")
     before, after = (part.splitlines(keepends=True) for part in (into.read_bytes().decode("utf-8"), text))
@@ -90,6 +90,6 @@ def export_into(
     module = out / CALLBACK if added.module else None
     if module is not None:
         write_text(module, added.module)
-    runs = read_runs(check, loaded_rig, on_event)
+    runs = read_runs(check, loaded_rig, on_event, moving=isinstance(loaded, MovingArmModel))
     replays = replay_files(into, patched, joints, loaded, loaded_rig, runs) if runs else []
     return ExportedInto(file, diff_file, diff, patched.changes, patched.lost, added.effects, module, tuple(replays))

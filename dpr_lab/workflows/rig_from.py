@@ -51,7 +51,7 @@ def rig_from_model(
     """
     from dpr_lab.rig import parse_rig
     from dpr_lab.simulator_models import read_model
-    from dpr_lab.simulator_models.chain import double_pendulum
+    from dpr_lab.simulator_models.double_pendulum import double_pendulum
 
     if file.suffix != ".toml":
         raise ConfigError(f"{file}: give the file a name that ends in .toml")

@@ -72,6 +72,12 @@ def test_what_the_driver_cuts_off_is_commanded_and_not_measured(furuta: Rig, tmp
     run = load_run(captured.run_file, furuta)
     assert run.arm_input is not None
     assert np.abs(run.arm_input).max() == pytest.approx(2.5)
+    commanded = run.driven_by("commanded")
+    assert (run.torque_kind, commanded.torque_kind, commanded.both_kinds) == ("measured", "commanded", False)
+    assert commanded.arm_input is not None
+    assert np.abs(commanded.arm_input).max() > 3.0
+    assert run.driven_by("measured").arm_input is run.arm_input
+    assert run.between(0.0, 1.0).commanded_input is not None
     model = identify_moving_arm([run], furuta)
     assert model.fit.chi2_per_dof < 1.2
 

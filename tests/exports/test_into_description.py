@@ -12,7 +12,7 @@ from dpr_lab.exports.into.replay import replay_files
 from dpr_lab.identification.model import EstimatedValue, Model
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.simulator_models import read_model
-from dpr_lab.simulator_models.chain import double_pendulum
+from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.workflows.rig_from import rig_from_model
 from tests.exports.models import model_of
 

@@ -12,7 +12,7 @@ from dpr_lab.exports.refit import fitted_in_words
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.simulator_models import read_model
-from dpr_lab.simulator_models.chain import double_pendulum
+from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.workflows.rig_from import rig_from_model
 from tests.thinned import thinned
 

@@ -6,7 +6,7 @@ import pytest
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.simulator_models import read_model
-from dpr_lab.simulator_models.chain import double_pendulum
+from dpr_lab.simulator_models.double_pendulum import double_pendulum
 
 pytest.importorskip("mujoco")
 pytest.importorskip("urdf_parser_py")

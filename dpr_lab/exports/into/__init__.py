@@ -1,23 +1,23 @@
-"""Write the corrected model into the user's own MJCF, URDF or SDFormat file; only numbers of both rods change."""
+"""Write the corrected model into the user's own MJCF, URDF or SDFormat file; only numbers of rods and arm change."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.into.description import into_description
 from dpr_lab.exports.into.mjcf import WORDS as MJCF_WORDS
 from dpr_lab.exports.into.mjcf import into_mjcf
 from dpr_lab.exports.into.sdf import SdfEditor
 from dpr_lab.exports.into.target import PatchedModel
 from dpr_lab.exports.into.urdf import UrdfEditor
-from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 from dpr_lab.simulator_models.sdf import read_sdf
 from dpr_lab.simulator_models.urdf import read_urdf
 from dpr_lab.simulator_models.xml_file import read_xml
 
-Writer = Callable[[Model, Rig, Path, Sequence[str]], PatchedModel]
+Writer = Callable[[AnyModel, Rig, Path, Sequence[str]], PatchedModel]
 
 WRITERS: dict[str, Writer] = {
     "mujoco": into_mjcf,
@@ -31,7 +31,7 @@ WORDS: dict[str, frozenset[str]] = {"MJCF": MJCF_WORDS, "URDF": UrdfEditor.words
 """Format -> elements of effects that its files can contain."""
 
 
-def into_file(model: Model, rig: Rig, path: Path, joints: Sequence[str] = ()) -> PatchedModel:
+def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ()) -> PatchedModel:
     """The file with the numbers of the corrected model; its root element determines the format.
 
     Args:

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.exports.bodies import bodies, in_words, left_out
+from dpr_lab.exports.bodies import AnyModel, bodies, in_words, left_out
 from dpr_lab.exports.into.passive import PassiveForces, passive_forces
 from dpr_lab.exports.into.target import (
     PatchedModel,
@@ -24,9 +24,10 @@ from dpr_lab.exports.into.target import (
     refuse_overridden,
     rod_targets,
 )
-from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
-from dpr_lab.simulator_models.chain import ModelChain, double_pendulum
+from dpr_lab.simulator_models.chain import ModelChain
+from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.simulator_models.tree import Part, SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_edit import XmlEdit
 
@@ -38,6 +39,8 @@ class Editor(Protocol):
 
     words: frozenset[str]
     """Elements of effects that it supports."""
+    export: str
+    """Name of the format in `export --to`."""
     joint_names: dict[str, str]
     """Quantity of a joint -> its name in the format."""
 
@@ -105,7 +108,7 @@ class _File:
 
 
 def into_description(
-    model: Model, rig: Rig, path: Path, joints: Sequence[str], name: str, read: Read, editor: Editor
+    model: AnyModel, rig: Rig, path: Path, joints: Sequence[str], name: str, read: Read, editor: Editor
 ) -> PatchedModel:
     """The file with the numbers of the corrected model.
 
@@ -119,8 +122,14 @@ def into_description(
         editor: functions that read and write its numbers
 
     Raises:
-        ConfigError: the file cannot be read or changed, or its L1 or g is not that of the rig.
+        ConfigError: the file cannot be read or changed, its L1 or g is not that of the rig, or the arm of the model
+            moves.
     """
+    if isinstance(model, MovingArmModel):
+        raise ConfigError(
+            f"{path}: the arm of the model moves, and only MJCF files of such a rig can be changed: write a new file"
+            f" with `export --to {editor.export}`"
+        )
     file = _File(path, name, read, editor, tuple(joints), model.rig.g)
     edit = file.editable(path.read_bytes())
     chain = file.chain(file.model(edit))
@@ -140,7 +149,7 @@ def into_description(
         edit = _with_body(file, edit, number, target)
         changes += edit.changes
         edit = file.editable(edit.text())
-        values = joint_values(chain, number, target)
+        values = joint_values(chain.rods[number], target)
         words = {editor.joint_names[key]: numbers([v]) for key, (_, v) in values.items() if key in editor.joint_names}
         joint = chain.rods[number].joint.name
         if words:

@@ -8,25 +8,34 @@ from pathlib import Path
 import numpy as np
 
 from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.effect import ARM
 from dpr_lab.errors import ConfigError
-from dpr_lab.exports.bodies import bodies, in_words, left_out
-from dpr_lab.exports.into.passive import passive_forces
+from dpr_lab.exports.bodies import AnyModel, bodies, in_words, left_out
+from dpr_lab.exports.into.passive import PassiveForces, passive_forces
 from dpr_lab.exports.into.target import (
     PATCH,
+    ArmTarget,
+    BodyChange,
     PatchedModel,
     RodTarget,
+    arm_change,
+    arm_target,
     body_change,
     joint_values,
+    moving_arm_of,
     numbers,
     refuse_other_rig,
     refuse_overridden,
     rod_targets,
 )
 from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
-from dpr_lab.simulator_models.chain import ModelChain, double_pendulum
+from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
+from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.simulator_models.mjcf import CompiledMjcf, compile_mjcf
-from dpr_lab.simulator_models.tree import SimulatorModel
+from dpr_lab.simulator_models.tree import SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_edit import XmlEdit
 
 WORDS = frozenset({"friction", "stiffness", "rest_angle", "armature", "offset", "added_length", "gear"})
@@ -46,13 +55,12 @@ class _File:
     chain: ModelChain
     joints: tuple[str, ...]
 
-    def tags(self, edit: XmlEdit, number: int) -> tuple[int, int]:
-        """Indices of the joint of a rod and of its body.
+    def tags(self, edit: XmlEdit, name: str) -> tuple[int, int]:
+        """Indices of a joint and of its body.
 
         Raises:
             ConfigError: the joint is not in the file itself.
         """
-        name = self.chain.rods[number].joint.name
         index = edit.find("joint", name=name)
         if index is None:
             raise ConfigError(
@@ -72,7 +80,7 @@ def _read(path: Path, joints: Sequence[str], text: bytes | None = None) -> _File
     return _File(path, compiled, read, chain, tuple(part.joint.name for part in parts))
 
 
-def into_mjcf(model: Model, rig: Rig, path: Path, joints: Sequence[str] = ()) -> PatchedModel:
+def into_mjcf(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ()) -> PatchedModel:
     """The file with the numbers of the corrected model.
 
     Args:
@@ -82,44 +90,62 @@ def into_mjcf(model: Model, rig: Rig, path: Path, joints: Sequence[str] = ()) ->
         joints: joints of inner rod, outer rod and optionally the arm; empty: detected
 
     Raises:
-        ConfigError: the file cannot be read or changed, or its L1 or g differs from that of the rig.
+        ConfigError: the file cannot be read or changed, its L1, g or L0 differs from that of the rig, or it has no arm
+            although that of the model moves.
     """
     file = _read(path, joints)
     refuse_other_rig(file.chain, model.rig.L1, model.rig.g, path)
+    arm = moving_arm_of(file.chain, rig, path) if isinstance(model, MovingArmModel) else None
     expressed = {
-        name: words
-        for name, words in in_words(model, rig, WORDS).items()
-        if "gear" not in words or file.chain.rods[EFFECTS[name].joints[0]].gear is not None
+        name: words for name, words in in_words(model, rig, WORDS).items() if "gear" not in words or _geared(file, name)
     }
     made = bodies(model, rig, expressed)
     edits = [XmlEdit(path.read_bytes(), str(path))]
     if longer := sum(words.get("added_length", 0.0) for words in expressed.values()):
-        _lengthen(edits[0], file, longer)
+        inner, outer = file.chain.rods
+        _move(edits[0], file, (inner.joint.name, outer.joint.name), longer * inner.along)
         file = _read(path, file.joints, edits[0].text())
         edits.append(XmlEdit(edits[0].text(), str(path)))
-    added = passive_forces(model, rig, expressed, file.chain, path.name)
+    added = PassiveForces()
+    if isinstance(model, Model):
+        added = passive_forces(model, rig, expressed, file.chain, path.name)
+    of_arm = arm_target(file.chain, arm, made, drive_gain(rig).value) if arm else None
+    if arm and of_arm and abs(of_arm.length - arm.length) > PATCH.negligible:
+        names = arm.joint.name, file.chain.rods[0].joint.name
+        _move(edits[-1], file, names, (arm.length - of_arm.length) * file.chain.axis)
+        file = _read(path, file.joints, edits[-1].text())
+        edits.append(XmlEdit(edits[-1].text(), str(path)))
     targets = rod_targets(file.chain, made, added.friction)
     for number, target in enumerate(targets):
-        _set_body(edits[-1], file, number, target)
-        _set_joint(edits[-1], file, number, target)
-        _set_gear(edits[-1], file, number, target)
+        rod = file.chain.rods[number]
+        _set_body(edits[-1], file, rod, body_change(file.read, file.chain, file.joints, number, target, path))
+        _set_joint(edits[-1], file, rod, target)
+    if file.chain.arm and of_arm:
+        _set_body(edits[-1], file, file.chain.arm, arm_change(file.read, file.chain.arm, of_arm, path))
+        _set_joint(edits[-1], file, file.chain.arm, of_arm)
     text = edits[-1].text()
     reason = (
         f"{path}: a <flag> switches off what would change, or its defaults or compiler options (inertiafromgeom,"
         " settotalmass) override the changed numbers: remove the flag, or save the compiled model with mj_saveLastXML,"
         " and change that"
     )
-    refuse_overridden(_read(path, file.joints, text).chain, targets, made.rods[0].length, WORDS, reason)
+    refuse_overridden(_read(path, file.joints, text).chain, targets, made.rods[0].length, WORDS, reason, of_arm)
     changes = tuple(change for edit in edits for change in edit.changes)
     return PatchedModel(text, changes, left_out(model, {*expressed, *added.effects}, "MJCF"), added)
 
 
-def _set_body(edit: XmlEdit, file: _File, number: int, target: RodTarget) -> None:
+def _geared(file: _File, effect: str) -> bool:
+    """Whether the joint of a torque constant has a motor whose gear can change."""
+    (joint,) = EFFECTS[effect].joints
+    part = file.chain.arm if joint == ARM else file.chain.rods[joint]
+    return part is not None and part.gear is not None
+
+
+def _set_body(edit: XmlEdit, file: _File, part: ChainRod | ChainArm, change: BodyChange) -> None:
     """Move the centroid of a body and scale its inertia."""
-    change = body_change(file.read, file.chain, file.joints, number, target, file.path)
     if not change.moves and not change.scales:
         return
-    frame, (_, body) = file.compiled.body(file.chain.rods[number].joint.name), file.tags(edit, number)
+    frame, (_, body) = file.compiled.body(part.joint.name), file.tags(edit, part.joint.name)
     place, label, inertial = (
         frame.local_centroid + frame.turned.T @ change.shift,
         f"body {frame.name}",
@@ -138,40 +164,43 @@ def _set_body(edit: XmlEdit, file: _File, number: int, target: RodTarget) -> Non
         edit.set(inertial, f"{label}, inertial", **{form: numbers(change.factor * values)})
 
 
-def _set_joint(edit: XmlEdit, file: _File, number: int, target: RodTarget) -> None:
-    """Set the attributes of a joint that differ from the target."""
+def _set_joint(edit: XmlEdit, file: _File, part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> None:
+    """Set the attributes of a joint and the gear of its motor that differ from the target."""
     turn = math.degrees(1.0) if file.compiled.degrees else 1.0
     changed = {
         ATTRIBUTES.get(name, name): numbers([turn * after if name == "rest" else after])
-        for name, (_, after) in joint_values(file.chain, number, target).items()
+        for name, (_, after) in joint_values(part, target).items()
     }
-    edit.set(file.tags(edit, number)[0], f"joint {file.chain.rods[number].joint.name}", **changed)
+    edit.set(file.tags(edit, part.joint.name)[0], f"joint {part.joint.name}", **changed)
+    _set_gear(edit, file, part, target.gear)
 
 
-def _set_gear(edit: XmlEdit, file: _File, number: int, target: RodTarget) -> None:
+def _set_gear(edit: XmlEdit, file: _File, part: ChainRod | ChainArm, gear: float | None) -> None:
     """Set the gear of the motor of a joint; the other five numbers of the attribute stay.
 
     Raises:
         ConfigError: the motor is not in the file itself.
     """
-    rod = file.chain.rods[number]
-    if rod.gear is None or target.gear is None or abs(target.gear - rod.gear) <= PATCH.negligible * abs(rod.gear):
+    if part.gear is None or gear is None or abs(gear - part.gear) <= PATCH.negligible * abs(part.gear):
         return
-    name = rod.joint.name
+    name = part.joint.name
     motors = (i for i, tag in enumerate(edit.tags) if tag.attributes.get("joint") == name)
     index = next((i for i in motors if edit.tags[edit.tags[i].parent].tag == "actuator"), None)
     if index is None:
         raise ConfigError(f"{file.path}: the motor of joint {name!r} is not in the file itself: move it into this file")
     further = edit.tags[index].attributes.get("gear", "").split()[1:]
-    edit.set(index, f"motor of joint {name}", gear=" ".join([numbers([target.gear]), *further]))
+    edit.set(index, f"motor of joint {name}", gear=" ".join([numbers([gear]), *further]))
 
 
-def _lengthen(edit: XmlEdit, file: _File, longer: float) -> None:
-    """Move the body of the outer rod along the inner rod."""
-    (_, inner), (_, outer) = file.tags(edit, 0), file.tags(edit, 1)
-    names = [rod.joint.name for rod in file.chain.rods]
-    if edit.tags[outer].parent != inner:
-        raise ConfigError(f"{file.path}: the body of {names[1]!r} is not a child of that of {names[0]!r}")
-    frame = file.compiled.body(names[1])
-    moved = file.compiled.body(names[0]).turned.T @ (longer * file.chain.rods[0].along)
-    edit.set(outer, f"body {frame.name}", pos=numbers(frame.local_place + moved))
+def _move(edit: XmlEdit, file: _File, joints: tuple[str, str], shift: Vector) -> None:
+    """Move the body of the second joint, on that of the first, by a shift, (3,) in the world, m.
+
+    Raises:
+        ConfigError: the second body is not a child of the first.
+    """
+    (_, carrier), (_, moved) = (file.tags(edit, name) for name in joints)
+    if edit.tags[moved].parent != carrier:
+        raise ConfigError(f"{file.path}: the body of {joints[1]!r} is not a child of that of {joints[0]!r}")
+    frame = file.compiled.body(joints[1])
+    place = frame.local_place + file.compiled.body(joints[0]).turned.T @ shift
+    edit.set(moved, f"body {frame.name}", pos=numbers(place))

@@ -3,6 +3,8 @@
 An MJCF file whose only joints are those of the rods is simulated itself, with its own integrator. Its time step is at
 most 0.5 ms, so that the error of the model dominates that of the step. Other files are simulated as two bodies with the
 numbers that were read, because MuJoCo cannot read SDFormat; further joints are fixed at zero.
+
+Recordings of a moving arm are replayed by segments of 1 s, with the recorded input of the drive as a torque on the arm.
 """
 
 import runpy
@@ -17,15 +19,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.into.target import PatchedModel
 from dpr_lab.exports.mjcf import CALLBACK
+from dpr_lab.exports.moving_arm.replay import arm_replays
 from dpr_lab.exports.programs import Replay
 from dpr_lab.exports.replay import release
-from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.simulator_models import read_model
-from dpr_lab.simulator_models.chain import ModelChain, double_pendulum
+from dpr_lab.simulator_models.chain import ModelChain
+from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.simulator_models.mjcf import compile_mjcf
 
 Array = NDArray[np.float64]
@@ -33,12 +39,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class FileReplay:
-    """Errors on one recording, root mean square over both rods up to the predictability horizon, rad."""
+    """Errors on one recording, root mean square over both rods up to the predictability horizon, rad.
+
+    Of a moving arm: over arm and rods, in segments of 1 s with fitted initial states.
+    """
 
     run: str
     """Name of the recording."""
     until_s: float
-    """Predictability horizon, s since the release."""
+    """Predictability horizon, or end of the last segment, s since the release."""
     before_rad: float
     """Error with the user's file, rad."""
     after_rad: float
@@ -50,31 +59,46 @@ class FileReplay:
 
 
 def replay_files(
-    before: Path, after: PatchedModel, joints: Sequence[str], model: Model, rig: Rig, runs: Sequence[Run]
+    before: Path, after: PatchedModel, joints: Sequence[str], model: AnyModel, rig: Rig, runs: Sequence[Run]
 ) -> list[FileReplay]:
     """Replay recordings with the user's file and with the changed one.
 
     Args:
         before: the user's file
         after: the changed file
-        joints: of the inner and the outer rod
+        joints: of the inner and the outer rod, and of a moving arm
         model: the corrected model, which determines initial states and horizons
         rig: its rig
         runs: the recordings
 
     Raises:
         ConfigError: MuJoCo is not installed, or cannot simulate a file.
+        RunError: the model cannot follow a recording.
     """
-    swings = [release(run, rig, model) for run in runs]
-    file, patched = (Simulation.of(before, text, joints, rig.g) for text in (None, after.text))
-    gain = patched.gear / file.gear  # the known torques are those of the user's file
+    moving = isinstance(model, MovingArmModel)
+    unit = drive_gain(rig).value if moving else 1.0  # torque per recorded input, as the user's file has it
+    file, patched = (Simulation.of(before, text, joints, rig.g, moving) for text in (None, after.text))
+    gain = unit * patched.gear / file.gear  # the known torques are those of the user's file
     forced = patched.with_module(after.passive.module, rig, gain) if after.passive.module else None
     replays = []
-    for swing in swings:
-        errors = swing.error(file.angles(swing)) ** 0.5, swing.error(patched.angles(swing, gain)) ** 0.5
-        passive = swing.error(forced(swing)) ** 0.5 if forced else None
-        replays.append(FileReplay(swing.run, float(swing.t[-1]), *errors, swing.lab**0.5, passive))
+    for run in runs:
+        swings = arm_replays(run, rig, model) if isinstance(model, MovingArmModel) else [release(run, rig, model)]
+        simulated = [
+            [swing.simulated for swing in swings],
+            [file.angles(swing, unit) for swing in swings],
+            [patched.angles(swing, gain) for swing in swings],
+            *([[forced(swing) for swing in swings]] if forced else []),
+        ]
+        lab, *errors = (_rms(swings, angles) for angles in simulated)
+        passive = errors[2] if forced else None
+        replays.append(FileReplay(swings[0].run, float(swings[-1].t[-1]), errors[0], errors[1], lab, passive))
     return replays
+
+
+def _rms(swings: Sequence[Replay], simulated: Sequence[Array]) -> float:
+    """Root mean square error over all segments of a recording, rad."""
+    squares = [swing.error(angles) for swing, angles in zip(swings, simulated, strict=True)]
+    return float(np.average(squares, weights=[np.isfinite(swing.measured).sum() for swing in swings]) ** 0.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,51 +106,65 @@ class Simulation:
     """A file loaded in MuJoCo."""
 
     model: Any
-    joints: tuple[str, str]
+    joints: tuple[str, ...]
+    """Names of the joints of the rods, after that of a moving arm."""
     zero: Array
-    """(2,) angles of the joints with the rods hanging, rad."""
+    """(n,) angles of these joints with the rods hanging and the arm at zero, rad."""
     direction: Array
-    """(2,) signs of the joints, 1 or -1."""
+    """(n,) signs of the joints, 1 or -1."""
     gear: Array
-    """(2,) gears of the motors; 1 without a motor."""
+    """Gears of the motors, 1 without a motor: (2,) of the rods, or (1,) of a moving arm."""
     longest_step_s: float = 5e-4
 
     @classmethod
-    def of(cls, path: Path, text: bytes | None, joints: Sequence[str], g: float) -> "Simulation":
-        """Load the user's file, or a changed text of it."""
+    def of(cls, path: Path, text: bytes | None, joints: Sequence[str], g: float, moving: bool = False) -> "Simulation":
+        """Load the user's file, or a changed text of it; with its arm, if this moves.
+
+        Raises:
+            ConfigError: MuJoCo is not installed; or an arm moves in a file with further joints.
+        """
         read = read_model(path, text)
         chain = double_pendulum(read, joints, g if read.gravity is None else None)
-        names = chain.rods[0].joint.name, chain.rods[1].joint.name
-        zero = np.array([rod.hanging for rod in chain.rods])
-        direction = np.array([float(rod.direction) for rod in chain.rods])
-        gear = np.array([rod.gear or 1.0 for rod in chain.rods])
+        parts = [*([chain.arm] if moving and chain.arm else []), *chain.rods]
+        names = tuple(part.joint.name for part in parts)
+        zero = np.array([part.hanging for part in parts])
+        direction = np.array([float(part.direction) for part in parts])
+        gear = np.array([part.gear or 1.0 for part in (parts[:1] if moving else parts)])
         if read.format == "MJCF":
             model = compile_mjcf(path, text).model
-            if model.nv == 2:
+            if model.nv == len(parts):
                 return cls(model, names, zero, direction, gear)
+        if moving:
+            raise ConfigError(f"{path}: its further joints would move in the replay: remove them, or omit --check")
         return cls(_compiled(_planar(chain)), ("joint1", "joint2"), np.array([np.pi, 0.0]), np.ones(2), gear)
 
     def angles(self, swing: Replay, gain: Array | float = 1.0) -> Array:
-        """(n, 2) angles of the rods at the instants of a replay, rad; (2,) `gain` multiplies the known torques."""
+        """(n, 2) angles of the rods, or (n, 3) of arm and rods, at the instants of a replay, rad.
+
+        `gain` multiplies the known torques, or is the torque per input of the arm's drive.
+        """
         mujoco = import_module("mujoco")
         data = mujoco.MjData(self.model)
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)  # the torques are applied here
         step = min(float(self.model.opt.timestep), self.longest_step_s)
         self.model.opt.timestep = step
         addresses = [int(self.model.joint(name).qposadr[0]) for name in self.joints]
-        theta1, theta2, omega1, omega2 = swing.x0.tolist()
-        data.qpos[addresses] = self.zero + self.direction * [theta1 - np.pi, theta2 - theta1]
-        data.qvel[addresses] = self.direction * [omega1, omega2 - omega1]
+        count = len(self.joints)
+        hanging, to_joints = np.full(count, np.pi), np.eye(count)
+        hanging[:-2], to_joints[-1, -2] = 0.0, -1.0
+        theta, omega = swing.x0[:count], swing.x0[count:]
+        data.qpos[addresses] = self.zero + self.direction * (to_joints @ (theta - hanging))
+        data.qvel[addresses] = self.direction * (to_joints @ omega)
         n = int(np.ceil((swing.t[-1] - swing.start) / step)) + 1
-        path = np.empty((n + 1, 2))
+        path, driven = np.empty((n + 1, count)), addresses[: len(self.gear)]
         for i in range(n + 1):
             path[i] = data.qpos[addresses]
-            data.qfrc_applied[addresses] = self.direction * gain * swing.driven(swing.start + i * step, None)
+            torques = gain * np.array(swing.driven(swing.start + i * step, None))
+            data.qfrc_applied[driven] = self.direction[: len(driven)] * torques
             mujoco.mj_step(self.model, data)
-        relative = self.direction * (path - self.zero)
+        rods = hanging + (self.direction * (path - self.zero)) @ np.linalg.inv(to_joints).T
         times = swing.start + step * np.arange(n + 1)
-        theta = np.column_stack([np.pi + relative[:, 0], np.pi + relative.sum(axis=1)])
-        return np.column_stack([np.interp(swing.t, times, column) for column in theta.T])
+        return np.column_stack([np.interp(swing.t, times, column) for column in rods.T])
 
     def with_module(self, module: str, rig: Rig, gain: Array) -> Callable[[Replay], Array]:
         """Function that simulates as `angles` does, with a module of passive forces."""

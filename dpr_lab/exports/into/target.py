@@ -1,4 +1,4 @@
-"""Target values of the rods in the user's file, and the change of a body that reaches them.
+"""Target values of rods and arm in the user's file, and the change of a body that reaches them.
 
 The swing determines inertias, first moments and friction of the rods, but not their masses. Therefore the masses of the
 file are kept, and centroid, inertia, damping, Coulomb friction, armature, spring and length are set. Terms that the
@@ -16,7 +16,9 @@ from dpr_lab.effects.effect import Words
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports.bodies import Bodies
 from dpr_lab.exports.into.passive import PassiveForces
-from dpr_lab.simulator_models.chain import ModelChain, double_pendulum
+from dpr_lab.rig import Rig
+from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
+from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.simulator_models.tree import SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_edit import ChangedAttribute
 
@@ -48,6 +50,20 @@ class RodTarget:
     """Distance of the centroid across the rod."""
     inertia: float
     """Inertia about the centroid."""
+    damping: float
+    words: Words
+    gear: float | None
+    """Gear of the motor of its joint; None without one."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmTarget:
+    """Target values of the arm in the changed file; SI."""
+
+    length: float
+    """Distance of the rods' plane from the axis of the arm."""
+    inertia: float
+    """Inertia about the axis of the arm with the rotor, without the rods."""
     damping: float
     words: Words
     gear: float | None
@@ -103,6 +119,26 @@ def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None
             )
 
 
+def moving_arm_of(chain: ModelChain, rig: Rig, path: Path) -> ChainArm:
+    """The arm of a file, for a model whose arm moves.
+
+    Raises:
+        ConfigError: the file has none, the arm carries only one rod, or its L0 is not that of the rig.
+    """
+    if chain.arm is None:
+        raise ConfigError(
+            f"{path}: the arm of the model moves, but the file has none: name its joint as the third of --joints"
+        )
+    if rig.rods.mounted != "both":
+        raise ConfigError(f"{path}: the model has the inner rod only: a file with one rod is not supported")
+    if abs(chain.arm.length - rig.L0) > PATCH.same * rig.L0:
+        raise ConfigError(
+            f"{path}: its L0 is {chain.arm.length:.6g}, but that of the rig is {rig.L0:.6g}: start from the rig file"
+            f" that `dpr-lab rig from {path.name}` writes"
+        )
+    return chain.arm
+
+
 def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> tuple[RodTarget, RodTarget]:
     """Centroids and inertias that give the moments of the corrected model with the masses of the file.
 
@@ -123,6 +159,42 @@ def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> t
         words = {**rod.words, "friction": rod.words.get("friction", 0.0) + held} if held else rod.words
         targets.append(RodTarget(centroid, offset, inertia, rod.damping, words, gear))
     return targets[0], targets[1]
+
+
+def arm_target(chain: ModelChain, in_file: ChainArm, made: Bodies, nominal_gain: float) -> ArmTarget:
+    """Inertia of the arm that gives the total one of the corrected model with the masses of the file.
+
+    Args:
+        chain: the double pendulum of the file
+        in_file: its arm
+        made: bodies of the corrected model, with an arm
+        nominal_gain: torque per input in the rig file; the gear of the motor changes by the ratio of both gains
+    """
+    arm = made.arm
+    assert arm is not None
+    total = arm.inertia + sum(rod.mass for rod in made.rods) * arm.length**2
+    carried = sum(rod.mass for rod in chain.rods) + chain.elbow_mass
+    gear = None if in_file.gear is None else in_file.gear * (arm.gain / nominal_gain if arm.input else 1.0)
+    words = {**arm.words, "armature": in_file.joint.armature}
+    return ArmTarget(arm.length, total - carried * arm.length**2, arm.damping, words, gear)
+
+
+def arm_change(read: SimulatorModel, in_file: ChainArm, target: ArmTarget, path: Path) -> BodyChange:
+    """Scale the inertia of the body of the arm's joint to reach the target of the whole arm.
+
+    Raises:
+        ConfigError: no positive inertia gives the target.
+    """
+    part = next(part for part in read.parts if part.joint is not None and part.joint.name == in_file.joint.name)
+    axis = in_file.joint.axis
+    inertia = float(axis @ part.inertia @ axis)
+    needed = target.inertia - (in_file.inertia - inertia)
+    if not (inertia > 0 and needed > 0):
+        raise ConfigError(
+            f"{path}: with the masses and the armature of the file, body {part.name!r} of the arm would need the"
+            f" inertia {needed:.3g} kg m^2: correct the masses first"
+        )
+    return BodyChange(part.name, part.mass, np.zeros(3), needed / inertia)
 
 
 def body_change(
@@ -157,10 +229,9 @@ def body_change(
     return BodyChange(part.name, part.mass, shift, factor)
 
 
-def joint_values(chain: ModelChain, number: int, target: RodTarget) -> dict[str, tuple[float, float]]:
+def joint_values(part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> dict[str, tuple[float, float]]:
     """Quantity of a joint -> its values in the file and in the target, if they differ; SI."""
-    rod, words = chain.rods[number], target.words
-    joint = rod.joint
+    joint, words = part.joint, target.words
     values = {
         "damping": (joint.damping, target.damping),
         "friction": (joint.friction, words.get("friction", 0.0)),
@@ -168,7 +239,7 @@ def joint_values(chain: ModelChain, number: int, target: RodTarget) -> dict[str,
         "stiffness": (joint.stiffness, words.get("stiffness", 0.0)),
     }
     if "stiffness" in words:
-        values["rest"] = joint.rest, rod.hanging + rod.direction * words["rest_angle"]
+        values["rest"] = joint.rest, part.hanging + part.direction * words["rest_angle"]
     return {
         name: (before, after)
         for name, (before, after) in values.items()
@@ -177,7 +248,12 @@ def joint_values(chain: ModelChain, number: int, target: RodTarget) -> dict[str,
 
 
 def refuse_overridden(
-    chain: ModelChain, targets: tuple[RodTarget, RodTarget], length: float, words: frozenset[str], reason: str
+    chain: ModelChain,
+    targets: tuple[RodTarget, RodTarget],
+    length: float,
+    words: frozenset[str],
+    reason: str,
+    of_arm: ArmTarget | None = None,
 ) -> None:
     """Compare the changed file, read again, with the target values.
 
@@ -187,6 +263,7 @@ def refuse_overridden(
         length: length of the inner rod, m
         words: elements of the format
         reason: the message if they differ
+        of_arm: target values of its arm, if it moves
 
     Raises:
         ConfigError: something in the file overrides the numbers.
@@ -194,9 +271,14 @@ def refuse_overridden(
     pairs = [(chain.rods[0].length or 0.0, length)]
     for rod, target in zip(chain.rods, targets, strict=True):
         pairs += [(math.hypot(rod.centroid, rod.offset), math.hypot(target.centroid, target.offset))]
-        pairs += [(rod.inertia, target.inertia), (rod.joint.damping, target.damping)]
-        pairs += [(rod.gear or 0.0, target.gear or 0.0)]
-        of_joint = {name: float(getattr(rod.joint, name)) for name in ("friction", "armature", "stiffness")}
+    hinges: list[tuple[ChainRod | ChainArm, RodTarget | ArmTarget]] = list(zip(chain.rods, targets, strict=True))
+    if chain.arm and of_arm:
+        pairs += [(chain.arm.length, of_arm.length)]
+        hinges += [(chain.arm, of_arm)]
+    for hinge, target in hinges:
+        pairs += [(hinge.inertia, target.inertia), (hinge.joint.damping, target.damping)]
+        pairs += [(hinge.gear or 0.0, target.gear or 0.0)]
+        of_joint = {name: float(getattr(hinge.joint, name)) for name in ("friction", "armature", "stiffness")}
         pairs += [(in_file, target.words.get(name, 0.0)) for name, in_file in of_joint.items() if name in words]
     if any(abs(in_file - wanted) > PATCH.reached * abs(wanted) for in_file, wanted in pairs):
         raise ConfigError(reason)

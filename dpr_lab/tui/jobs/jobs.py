@@ -17,12 +17,14 @@ from dpr_lab.workflows.compare import compare as compare_runs
 from dpr_lab.workflows.compare_moving_arm import compare_moving_arm
 from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult
 from dpr_lab.workflows.diagnose import diagnose as diagnose_runs
+from dpr_lab.workflows.events import ArmRunCompared
 from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult, MovingArmResult, identify_any_arm
 from dpr_lab.workflows.plan import PlanRequest, PlanResult
 from dpr_lab.workflows.plan import plan as plan_recordings
 
 if TYPE_CHECKING:
-    from dpr_lab.identification.compare import FreeRun
+    from dpr_lab.identification.compare import Comparison, FreeRun
+    from dpr_lab.identification.moving_arm.identify import ArmComparison
     from dpr_lab.storage.inspect import RunInfo
 
 
@@ -69,17 +71,30 @@ def compare(control: JobControl, *, request: CompareRequest, keep: KeptCompariso
 
     A model with a moving arm is compared by segment only.
     """
-    folder = request.out
-    if folder and compare_moving_arm(request.runs, request.model, folder, request.any_clock, control.report):
+    folder, of_arm = request.out, []
+
+    def report(event: object) -> None:
+        if isinstance(event, ArmRunCompared):
+            of_arm.append(event.comparison)
+        control.report(event)
+
+    if folder and compare_moving_arm(request.runs, request.model, folder, request.any_clock, report, request.torque):
+        _keep(keep, of_arm)
         control.report(ComparisonSaved(()))
         return
     result = compare_runs(request, control.report)
-    if keep is not None and not result.left_out:
-        with suppress(DprError):  # for convenience only: comparisons that are not stored are simulated again
-            keep.save(result.comparisons)
+    if not result.left_out:
+        _keep(keep, result.comparisons)
     control.report(ComparisonSaved(result.left_out))
     for start in control.questions():
         control.report(FreeRunFrom(start, result.free_run(start.run, start.at_s)))
+
+
+def _keep(keep: KeptComparison | None, comparisons: "Sequence[Comparison] | Sequence[ArmComparison]") -> None:
+    """Store comparisons, for convenience only: those that are not stored are simulated again."""
+    if keep is not None:
+        with suppress(DprError):
+            keep.save(comparisons)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """Stored comparisons, which need not be simulated again for display."""
 
+import json
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -12,6 +13,7 @@ from dpr_lab.whole_file import write_whole
 
 if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison
+    from dpr_lab.identification.moving_arm.identify import ArmComparison
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,14 +24,14 @@ class KeptComparison:
     subject: str
     """Current model and runs: stored comparisons of others are ignored."""
 
-    def save(self, comparisons: "Sequence[Comparison]") -> None:
+    def save(self, comparisons: "Sequence[Comparison] | Sequence[ArmComparison]") -> None:
         """Save the comparisons in one file, atomically.
 
         Raises:
             DprError: they cannot be written.
         """
         arrays: dict[str, Any] = {
-            f"{number}.{field.name}": np.array("" if (value := getattr(comparison, field.name)) is None else value)
+            f"{number}.{field.name}": _array(getattr(comparison, field.name))
             for number, comparison in enumerate(comparisons)
             for field in fields(comparison)
         }
@@ -40,26 +42,35 @@ class KeptComparison:
 
         write_whole(self.file, write)
 
-    def load(self) -> "list[Comparison]":
+    def load(self) -> "list[Comparison] | list[ArmComparison]":
         """Saved comparisons of the same subject; empty if there are none or the file has another content."""
         from dpr_lab.identification.compare import Comparison
+        from dpr_lab.identification.moving_arm.identify import ArmComparison
 
         try:
             with np.load(self.file) as arrays:
                 if str(arrays["subject"]) != self.subject:
                     return []
+                kind = ArmComparison if "0.rms_rad" in arrays else Comparison
                 rows = [
-                    {field.name: arrays[f"{number}.{field.name}"] for field in fields(Comparison)}
+                    {field.name: _plain(arrays[f"{number}.{field.name}"]) for field in fields(kind)}
                     for number in range(int(arrays["count"]))
                 ]
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return []
-        return [_comparison(row) for row in rows]
+        if kind is ArmComparison:
+            return [ArmComparison(**row) for row in rows]
+        for row in rows:
+            row["pose"] = row["pose"] or None
+        return [Comparison(**row) for row in rows]
 
 
-def _comparison(values: dict[str, Any]) -> "Comparison":
-    from dpr_lab.identification.compare import Comparison
+def _array(value: Any) -> Any:
+    """A field of a comparison as an array; values by joint as JSON."""
+    return np.array("" if value is None else json.dumps(value) if isinstance(value, dict) else value)
 
-    plain: dict[str, Any] = {name: value.item() if value.ndim == 0 else value for name, value in values.items()}
-    plain["pose"] = plain["pose"] or None
-    return Comparison(**plain)
+
+def _plain(array: Any) -> Any:
+    """The field of an array."""
+    value = array.item() if array.ndim == 0 else array
+    return json.loads(value) if isinstance(value, str) and value.startswith("{") else value

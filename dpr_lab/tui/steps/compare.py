@@ -218,9 +218,12 @@ workspace, as by `dpr-lab compare`.
         """Start the free run earlier or later."""
         self.query_one(Slider).action_move(steps)
 
-    def show(self, comparisons: "list[Comparison]") -> None:
+    def show(self, comparisons: "list[Comparison] | list[ArmComparison]") -> None:
         """Draw the current selection."""
-        self._comparisons = list(comparisons)
+        from dpr_lab.identification.compare import Comparison
+
+        self._comparisons = [comparison for comparison in comparisons if isinstance(comparison, Comparison)]
+        self._of_arm = [comparison for comparison in comparisons if not isinstance(comparison, Comparison)]
         self._offer_runs()
 
     @on(Select.Changed)

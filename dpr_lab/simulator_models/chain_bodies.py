@@ -1,0 +1,106 @@
+"""Rods and arm of a double pendulum from the parts that move with each joint."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.simulator_models.chain import CHAIN, ChainArm, ChainRod
+from dpr_lab.simulator_models.joint_choice import carrier, refuse_tilted
+from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel, Vector
+
+
+def fixed_to(model: SimulatorModel, index: int, chain: set[int]) -> list[Part]:
+    """Parts that move with a joint of the chain, the part of the joint first."""
+    fixed = [i for i in range(len(model.parts)) if i not in chain and carrier(model, i, chain) == index]
+    return [model.parts[index], *(model.parts[i] for i in fixed)]
+
+
+def sum_of(parts: Sequence[Part]) -> tuple[float, Vector, Vector]:
+    """Mass, centroid and (3, 3) inertia about the centroid.
+
+    Raises:
+        ConfigError: no mass.
+    """
+    mass = sum(part.mass for part in parts)
+    if not mass > 0 or not math.isfinite(mass):
+        raise ConfigError(f"the part {parts[0].name!r} and all parts fixed to it have no mass")
+    centroid = sum((part.mass * part.centroid for part in parts), np.zeros(3)) / mass
+    inertia = np.zeros((3, 3))
+    for part in parts:
+        r = part.centroid - centroid
+        inertia += part.inertia + part.mass * (r @ r * np.eye(3) - np.outer(r, r))
+    return mass, centroid, inertia
+
+
+def parts_at_elbow(parts: Sequence[Part], joint: ModelJoint, next_joint: ModelJoint, plane: Vector) -> list[Part]:
+    """Parts of the inner rod, except its own body, with their centroid on the axis of joint 2."""
+    length = float(np.linalg.norm(plane @ (next_joint.anchor - joint.anchor)))
+    if not length > 1e-6:
+        raise ConfigError(f"the axes of {joint.name!r} and {next_joint.name!r} coincide: L1 would be zero")
+    near = CHAIN.elbow * length
+    return [p for p in parts[1:] if p.mass > 0 and np.linalg.norm(plane @ (p.centroid - next_joint.anchor)) < near]
+
+
+def inner_rod(
+    parts: Sequence[Part], at_elbow: Sequence[Part], joints: tuple[ModelJoint, ModelJoint], plane: Vector, e: Vector
+) -> tuple[ChainRod, float]:
+    """The inner rod, and its angle at zero of its joint."""
+    joint, next_joint = joints
+    towards = plane @ (next_joint.anchor - joint.anchor)
+    length = float(np.linalg.norm(towards))
+    mass, centroid, inertia = sum_of(parts)
+    place = plane @ (centroid - joint.anchor)
+    distance, offset = float(place @ towards) / length, float(towards[0] * place[1] - towards[1] * place[0]) / length
+    if not distance > 0:
+        raise ConfigError(
+            f"the centroid of the inner rod is {-distance:.3g} m behind {joint.name!r}: l1 must be above zero"
+        )
+    inertia_about_joint = float(e @ (inertia + sum((part.inertia for part in at_elbow), np.zeros((3, 3)))) @ e)
+    angle, side = math.atan2(towards[1], towards[0]), 1 if joint.axis @ e > 0 else -1
+    hanging = _wrapped(side * (math.pi - angle))
+    return ChainRod(
+        joint, mass, distance, inertia_about_joint, length, hanging, side, plane.T @ towards / length, offset
+    ), angle
+
+
+def outer_rod(parts: Sequence[Part], joint: ModelJoint, plane: Vector, e: Vector, inner: float) -> ChainRod:
+    """The outer rod, whose direction is that of its centroid; `inner` is the angle of the inner rod, rad."""
+    mass, centroid, inertia = sum_of(parts)
+    towards = plane @ (centroid - joint.anchor)
+    distance = float(np.linalg.norm(towards))
+    if not distance > 1e-6:
+        raise ConfigError(f"the centroid of the outer rod is on the axis of {joint.name!r}: it does not swing")
+    reach = [float(plane @ (end - joint.anchor) @ towards) / distance for part in parts for end in part.ends]
+    length, side = max(reach, default=0.0), 1 if joint.axis @ e > 0 else -1
+    hanging = _wrapped(side * (inner - math.atan2(towards[1], towards[0])))
+    inertia_about_joint = float(e @ inertia @ e)
+    tip = length if length > distance else None
+    return ChainRod(joint, mass, distance, inertia_about_joint, tip, hanging, side, plane.T @ towards / distance)
+
+
+def _wrapped(angle: float) -> float:
+    """Angle in (-pi, pi], rad."""
+    return -((-angle + math.pi) % (2 * math.pi) - math.pi)
+
+
+def arm_of(
+    joints: tuple[ModelJoint, ModelJoint], groups: Sequence[Sequence[Part]], up: Vector, e: Vector, notes: list[str]
+) -> ChainArm:
+    """The arm with the rods at its end, from its joint and that of the inner rod; `e` is the axis of the rods."""
+    joint, inner = joints
+    refuse_tilted(joint, up, "the vertical", notes)
+    mass, centre, inertia = sum_of(groups[2])
+    r = centre - joint.anchor
+    inertia_about_axis = joint.armature + float(up @ inertia @ up + mass * (r @ r - (r @ up) ** 2))
+    length = float(abs((sum_of([*groups[0], *groups[1]])[1] - joint.anchor) @ e))
+    if not length > 1e-6:
+        raise ConfigError(f"the rods are on the axis of the arm {joint.name!r}: L0 would be zero")
+    sideways = float(abs((inner.anchor - joint.anchor) @ np.cross(e, up)))
+    if sideways > 1e-3 * length:
+        notes.append(f"the rods are {1e3 * sideways:.3g} mm away from the radius of the arm: treated as zero")
+    apart = float(abs((sum_of(groups[0])[1] - sum_of(groups[1])[1]) @ e))
+    if apart > 1e-3 * length:
+        notes.append(f"the rods are {1e3 * apart:.3g} mm apart along the arm: L0 is the distance of their centroid")
+    return ChainArm(joint, length, inertia_about_axis, 1 if joint.axis @ up > 0 else -1)

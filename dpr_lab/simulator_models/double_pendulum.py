@@ -1,0 +1,122 @@
+"""Double pendulum of a model, with the terms and parts that a rig file cannot contain."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.simulator_models.chain import CHAIN, JointTerm, ModelChain
+from dpr_lab.simulator_models.chain_bodies import arm_of, fixed_to, inner_rod, outer_rod, parts_at_elbow, sum_of
+from dpr_lab.simulator_models.joint_choice import carrier, joint_of, named, only_choice, refuse_tilted
+from dpr_lab.simulator_models.tree import ModelJoint, SimulatorModel, Vector
+
+
+def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: float | None = None) -> ModelChain:
+    """Find the rods and the arm with their values.
+
+    Args:
+        model: the model
+        names: joints of the inner rod, the outer rod and optionally the arm; empty if there is only one choice
+        gravity: m/s^2, downwards along z, instead of that of the model
+
+    Raises:
+        ConfigError: unknown joints, several choices, or axes that are not parallel.
+    """
+    notes = list(model.notes)
+    indices = named(model, names) if names else only_choice(model)
+    pull = _pull(model, gravity, notes)
+    joints = [joint_of(model, index) for index in indices]
+    _others(model, indices, notes)
+    groups = [fixed_to(model, index, set(indices)) for index in indices]
+    inner, outer = joints[:2]
+    refuse_tilted(outer, inner.axis, f"the axis of {inner.name!r}", notes)
+    e, arm = inner.axis, None
+    if len(joints) == 3:
+        arm = arm_of((joints[2], inner), groups, -pull / np.linalg.norm(pull), e, notes)
+        if (joints[2].anchor - sum_of(groups[0] + groups[1])[1]) @ e < 0:
+            e = -e  # the axis of the rods points from them to the axis of the arm
+    down = pull - (pull @ e) * e
+    g = float(np.linalg.norm(down))
+    if not g > 0.1:
+        raise ConfigError(f"gravity across the axis of {inner.name!r} is {g:.3g} m/s^2: a pendulum needs at least 0.1")
+    inclination = math.asin(min(1.0, abs(pull @ e) / float(np.linalg.norm(pull))))
+    if inclination > CHAIN.noticed:
+        notes.append(
+            f"the axis of {inner.name!r} is inclined by {math.degrees(inclination):.3g} degrees: g is the component of"
+            " gravity in the plane of the swing"
+        )
+    up = -down / g
+    plane = np.array([up, np.cross(e, up)])
+    at_elbow = parts_at_elbow(groups[0], inner, outer, plane)
+    inner_parts = [part for part in groups[0] if part not in at_elbow]
+    terms = [
+        *_terms(inner),
+        *_terms(outer),
+        *(_spring_rest(joint) for joint in joints[2:] if joint.stiffness and joint.rest),
+    ]
+    rod1, angle1 = inner_rod(inner_parts, at_elbow, (inner, outer), plane, e)
+    if abs(rod1.offset) > CHAIN.offset:
+        terms.append(JointTerm(inner.name, "distance of the centroid from the axis of the inner rod", rod1.offset, "m"))
+    rod2 = outer_rod(groups[1], outer, plane, e, angle1)
+    _driven(model, joints, notes)
+    rod1, rod2 = (replace(rod, gear=_gear(model, rod.joint)) for rod in (rod1, rod2))
+    arm = arm and replace(arm, gear=_gear(model, arm.joint))
+    elbow_mass = float(sum(part.mass for part in at_elbow))
+    return ModelChain((rod1, rod2), elbow_mass, g, e, arm, tuple(terms), tuple(notes))
+
+
+def _pull(model: SimulatorModel, gravity: float | None, notes: list[str]) -> Vector:
+    if gravity is not None:
+        return np.array([0.0, 0.0, -gravity])
+    if model.gravity is None:
+        notes.append(
+            f"{model.format} contains no gravity: g = {CHAIN.gravity} m/s^2 downwards along z (--g changes it)"
+        )
+        return np.array([0.0, 0.0, -CHAIN.gravity])
+    if model.gravity.shape != (3,) or not np.linalg.norm(model.gravity) > 0:
+        raise ConfigError("the model has no gravity, and a pendulum needs it: give --g 9.81")
+    return model.gravity
+
+
+def _others(model: SimulatorModel, indices: Sequence[int], notes: list[str]) -> None:
+    """Notes on joints that are fixed at zero."""
+    for index, part in enumerate(model.parts):
+        if part.joint is not None and index not in indices:
+            below = carrier(model, index, set(indices)) >= 0
+            location = f"; {part.mass:.6g} kg turn with the rods" if below and part.mass else ""
+            notes.append(f"joint {part.joint.name!r} ({part.joint.kind}) is treated as fixed at zero{location}")
+
+
+def _terms(joint: ModelJoint) -> list[JointTerm]:
+    values = (
+        ("Coulomb friction", joint.friction, "N m"),
+        ("rotor inertia (armature)", joint.armature, "kg m^2"),
+        ("spring stiffness", joint.stiffness, "N m/rad"),
+    )
+    terms = [JointTerm(joint.name, quantity, value, unit) for quantity, value, unit in values if value]
+    return [*terms, _spring_rest(joint)] if joint.stiffness else terms
+
+
+def _spring_rest(joint: ModelJoint) -> JointTerm:
+    return JointTerm(joint.name, "joint angle with the spring relaxed", joint.rest, "rad")
+
+
+def _driven(model: SimulatorModel, joints: Sequence[ModelJoint], notes: list[str]) -> None:
+    names = {joint.name for joint in joints}
+    for actuator in model.actuators:
+        if actuator.joint in names:
+            gear = f", gear {actuator.gear:.6g}" if actuator.gear != 1.0 else ""
+            notes.append(f"actuator {actuator.name!r} on joint {actuator.joint!r}: {actuator.kind}{gear}")
+    for joint in joints:
+        notes += [f"joint {joint.name!r}: {text} {numbers}" for text, numbers in joint.other.items()]
+        if joint.limits is not None:
+            lower, upper = joint.limits
+            notes.append(f"joint {joint.name!r}: stops at {lower:.6g} and {upper:.6g} rad")
+
+
+def _gear(model: SimulatorModel, joint: ModelJoint) -> float | None:
+    actuators = [actuator for actuator in model.actuators if actuator.joint == joint.name]
+    motor = len(actuators) == 1 and actuators[0].kind == "motor"
+    return actuators[0].gear if motor and actuators[0].gear and math.isfinite(actuators[0].gear) else None

@@ -1,0 +1,121 @@
+"""Which hinges of a model are the joints of inner rod, outer rod and arm."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.simulator_models.chain import CHAIN
+from dpr_lab.simulator_models.tree import ModelJoint, SimulatorModel, Vector
+
+
+def joint_of(model: SimulatorModel, index: int) -> ModelJoint:
+    """Joint of a part that has one."""
+    joint = model.parts[index].joint
+    assert joint is not None
+    return joint
+
+
+def _hinges(model: SimulatorModel) -> list[int]:
+    return [i for i, part in enumerate(model.parts) if part.joint is not None and part.joint.kind == "hinge"]
+
+
+def carrier(model: SimulatorModel, index: int, among: set[int]) -> int:
+    """Next of these parts towards the world; -1: none."""
+    above = model.parts[index].parent
+    while above >= 0 and above not in among:
+        above = model.parts[above].parent
+    return above
+
+
+def _names(model: SimulatorModel, indices: Sequence[int]) -> str:
+    return ", ".join(repr(joint_of(model, index).name) for index in indices) or "none"
+
+
+def named(model: SimulatorModel, names: Sequence[str]) -> list[int]:
+    """Parts of the named joints.
+
+    Raises:
+        ConfigError: unknown joint, not two or three joints, or joints that are not in a chain.
+    """
+    hinges = _hinges(model)
+    by_name = {joint_of(model, index).name: index for index in hinges}
+    if len(names) not in (2, 3) or len(set(names)) != len(names):
+        raise ConfigError(
+            "--joints names two joints, of the inner and of the outer rod, and optionally that of the arm"
+        )
+    if unknown := [name for name in names if name not in by_name]:
+        raise ConfigError(f"no hinge is named {unknown[0]!r}; hinges of the model: {_names(model, hinges)}")
+    if common := [name for name in names if sum(joint_of(model, index).name == name for index in hinges) > 1]:
+        raise ConfigError(f"several hinges are named {common[0]!r}: rename them, or keep one model in the file")
+    indices = [by_name[name] for name in names]
+    shoulder, elbow, *arm = indices
+    chain = set(indices)
+    if carrier(model, elbow, chain) != shoulder:
+        raise ConfigError(f"joint {names[1]!r} is not on the rod of {names[0]!r}: give the inner joint first")
+    if arm and carrier(model, shoulder, chain) != arm[0]:
+        raise ConfigError(f"joint {names[0]!r} is not on the arm of {names[2]!r}")
+    return indices
+
+
+def only_choice(model: SimulatorModel) -> list[int]:
+    """Inner rod, outer rod and optionally arm of a model without other hinges.
+
+    Raises:
+        ConfigError: not two or three hinges, or hinges that are not in a chain with parallel axes.
+    """
+    hinges = _hinges(model)
+    if len(hinges) < 2:
+        have = f"only one hinge, {_names(model, hinges)}" if hinges else "no hinge"
+        kinds = sorted({part.joint.kind for part in model.parts if part.joint is not None} - {"hinge"})
+        others = f" (joints of other kinds: {', '.join(kinds)})" if kinds else ""
+        raise ConfigError(f"the model has {have}{others}; a double pendulum has two in a chain")
+    if len(hinges) > 3:
+        raise ConfigError(
+            f"the model has {len(hinges)} hinges, {_names(model, hinges)}: choose two with --joints INNER,OUTER"
+        )
+    chain = set(hinges)
+    ordered = sorted(hinges, key=lambda index: _depth(model, index))
+    if any(carrier(model, outer, chain) != inner for inner, outer in pairwise(ordered)):
+        raise ConfigError(f"the hinges {_names(model, hinges)} are not in a chain: not a double pendulum")
+    if len(ordered) == 2:
+        return ordered
+    arm, shoulder, elbow = ordered
+    if _between(joint_of(model, arm).axis, joint_of(model, shoulder).axis) < math.pi / 4:
+        raise ConfigError(
+            f"the model has three hinges, {_names(model, ordered)}, and the first has the same axis as the"
+            f" second: choose two with --joints INNER,OUTER"
+        )
+    return [shoulder, elbow, arm]
+
+
+def _depth(model: SimulatorModel, index: int) -> int:
+    depth = 0
+    while index >= 0:
+        index, depth = model.parts[index].parent, depth + 1
+    return depth
+
+
+def _between(first: Vector, second: Vector) -> float:
+    """Angle between two axes without direction, rad."""
+    return math.atan2(float(np.linalg.norm(np.cross(first, second))), abs(float(first @ second)))
+
+
+def refuse_tilted(joint: ModelJoint, axis: Vector, what: str, notes: list[str]) -> None:
+    """Compare the axis of a joint with `axis`, which `what` describes; a small angle is added to the notes.
+
+    Raises:
+        ConfigError: they are not parallel.
+    """
+    angle = _between(joint.axis, axis)
+    if angle > CHAIN.parallel:
+        raise ConfigError(
+            f"the axis of {joint.name!r} is {math.degrees(angle):.3g} degrees away from {what}: dpr-lab models parallel"
+            " rod axes, and an arm about the vertical"
+        )
+    if angle > CHAIN.noticed:
+        notes.append(
+            f"the axis of {joint.name!r} is {math.degrees(angle):.3g} degrees away from {what}: treated as parallel"
+        )
