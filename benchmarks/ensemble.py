@@ -43,7 +43,7 @@ def bands(fitted: list[Run], held_out: list[Run], rig: Rig, members: int, seed: 
     print(f"# {diagnosis.verdict}: {'; '.join(sets)}", flush=True)
     made = [predictive_band(model, ensemble, run, rig, seed) for run in held_out]
     for band in made:
-        within = f"{100 * band.covered:.1f} % of {band.measured.size}"
+        within = f"{100 * band.covered:.1f} % of {band.readings}"
         print(
             f"#   {band.run}: {within}, until {band.horizon_s:.2f} s, {1e3 * band.width_rad:.3g} mrad wide", flush=True
         )
@@ -79,8 +79,8 @@ def real(folder: Path, members: int) -> dict[str, list[PredictiveBand]]:
 
 def pooled(name: str, some: list[PredictiveBand]) -> Bar:
     """Coverage of all readings."""
-    hits = sum(band.covered * band.measured.size for band in some if band.measured.size)
-    share = 100 * hits / max(sum(band.measured.size for band in some), 1)
+    hits = sum(band.covered * band.readings for band in some if band.readings)
+    share = 100 * hits / max(sum(band.readings for band in some), 1)
     return Bar(f"{name}: 90 % bands cover, %", "86 .. 94", share, bool(86 <= share <= 94))
 
 

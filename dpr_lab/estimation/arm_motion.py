@@ -57,5 +57,5 @@ def refuse_still_arm(theta0: NDArray[np.float64], mode: str, path: object, least
     if np.ptp(theta0) < least_rad:
         raise RunError(
             f"{path}: the arm moves by {np.ptp(theta0):.2g} rad only although it is {mode}: check its encoder, and the"
-            " column and unit of theta0 in a table; an arm that was held is --arm clamped"
+            " column and unit of theta0 in a table; an arm that was held, or pressed against a stop, is --arm clamped"
         )

@@ -1,8 +1,9 @@
-"""Process noise: measurement noise of known torques and of the arm's prescribed motion.
+"""Process noise: measurement noise of known torques and of the prescribed motion of the arm or the inner rod.
 
 An error v of a torque reading that holds for h is an impulse v h that did not act on the rods. For white v this is
 white noise of intensity std^2 h, propagated along the swing like any torque (`dpr_lab.fitting.response`). The same
-applies to the noise of an arm's angle, whose second derivative drives the rods.
+applies to the noise of a prescribed angle, whose second derivative drives the rods. The simulated inner rod follows its
+own readings, so that their noise appears in those of joint 2 alone.
 """
 
 from collections.abc import Callable
@@ -23,7 +24,7 @@ from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import Trajectory, trajectory
 from dpr_lab.fitting.spread import NORMAL_MAD
 from dpr_lab.fitting.whitening import Disturbance
-from dpr_lab.setup import Setup, Torques
+from dpr_lab.setup import PRESCRIBED, ArmMotion, Setup, Torques
 
 Array = NDArray[np.float64]
 
@@ -63,17 +64,20 @@ def disturbance(
     """
     setups = problem.segments.setups
     spread = np.array([_spread(setup, most_Nm) for setup in setups])
-    arm = np.array([_of_arm(setup) for setup in setups])
-    if not (spread.any() or arm.any()):
+    arm = np.array([_of_motion(setup.arm) for setup in setups])
+    inner = np.array([_of_motion(setup.inner) for setup in setups])
+    if not (spread.any() or arm.any() or inner.any()):
         return None
     reference = trajectory(problem, estimate, begins)
     into = reference.into @ spread[reference.run]
     rate, shared = into @ into.transpose(0, 2, 1), np.zeros((len(problem.t), 2))
-    if arm.any():
-        slope, bend = _response_to_arm(reference, problem)
-        rate += (arm[reference.run] ** 2)[:, None, None] * bend[:, :, None] * bend[:, None, :]
-        shared_std = arm[problem.segments.run[problem.owner]] / float(np.median(np.diff(problem.t))) ** 0.5
-        shared = np.einsum("nja,na->nj", reference.out, _at(slope, reference.at)) * shared_std[:, None]
+    for noise, push in ((arm, _push_of_arm), (inner, _push_of_inner)):
+        if noise.any():
+            slope, bend = _derivatives(push(reference, problem), reference)
+            rate += (noise[reference.run] ** 2)[:, None, None] * bend[:, :, None] * bend[:, None, :]
+            shared_std = noise[problem.segments.run[problem.owner]] / float(np.median(np.diff(problem.t))) ** 0.5
+            shared += np.einsum("nja,na->nj", reference.out, _at(slope, reference.at)) * shared_std[:, None]
+    shared[inner[problem.segments.run[problem.owner]] > 0.0, 0] = 0.0
     between = np.diff(reference.t)[:, None, None] * 0.5 * (rate[1:] + rate[:-1])
     between[reference.edges[1:-1] - 1] = 0.0
     walk = np.diff(
@@ -139,16 +143,25 @@ def _at(values: Array, place: Array) -> Array:
     return (1 - share) * values[lower] + share * values[lower + 1]
 
 
-def _response_to_arm(reference: Trajectory, problem: Problem) -> tuple[Array, Array]:
-    """(n, 4) each: first and second time derivative of the arm's input vector, in initial-state coordinates.
-
-    An error e of the arm's angle acts through its second derivative. Integration by parts gives -out slope e in the
-    readings at the same instant, and the integral of bend e afterwards.
-    """
+def _push_of_arm(reference: Trajectory, problem: Problem) -> Array:
+    """(n, 4) change of the initial state equivalent to a unit acceleration of the arm."""
     rig = problem.model.constants
     d, e1 = reference.bases[reference.run][:, 2], reference.bases[reference.run][:, 3]
     levers = -rig.L0 / rig.g * np.stack([e1, d * rig.g / rig.L1], axis=1) * np.cos(reference.theta)
-    push = (reference.into @ levers[:, :, None])[:, :, 0]
+    return (reference.into @ levers[:, :, None])[:, :, 0]
+
+
+def _push_of_inner(reference: Trajectory, problem: Problem) -> Array:
+    """(n, 4) the same for the inner rod."""
+    return PRESCRIBED.inertia * reference.into[:, :, 0]
+
+
+def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
+    """(n, 4) each: first and second time derivative of such a change.
+
+    An error e of a prescribed angle acts through its second derivative. Integration by parts gives -out slope e in the
+    readings at the same instant, and the integral of bend e afterwards.
+    """
     slope, bend = np.empty_like(push), np.empty_like(push)
     for first, last in pairwise(reference.edges):
         slope[first:last] = np.gradient(push[first:last], reference.t[first:last], axis=0)
@@ -156,9 +169,9 @@ def _response_to_arm(reference: Trajectory, problem: Problem) -> tuple[Array, Ar
     return slope, bend
 
 
-def _of_arm(setup: Setup) -> float:
-    """Root of the intensity of the noise of an arm's angle, rad s^(1/2)."""
-    return 0.0 if setup.arm is None else setup.arm.noise * float(np.median(np.diff(setup.arm.t))) ** 0.5
+def _of_motion(motion: ArmMotion | None) -> float:
+    """Root of the intensity of the noise of a prescribed angle, rad s^(1/2)."""
+    return 0.0 if motion is None else motion.noise * float(np.median(np.diff(motion.t))) ** 0.5
 
 
 def _spread(setup: Setup, most_Nm: ArrayLike) -> Array:

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
     from dpr_lab.exports.bodies import AnyModel
     from dpr_lab.exports.ensemble.bands import PredictiveBand
+    from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.gap.result.posterior import PosteriorComponent
     from dpr_lab.identification.model import Model
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
 
@@ -86,11 +89,8 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         DprError: a file cannot be written.
     """
     from dpr_lab.exports import FORMATS
-    from dpr_lab.exports.ensemble.bands import PredictiveBand, predictive_band
-    from dpr_lab.exports.ensemble.calibrate import calibrated, widened
-    from dpr_lab.exports.ensemble.sampled import diagnosed_posterior, posterior_of, sampled_models
+    from dpr_lab.exports.ensemble.sampled import posterior_of
     from dpr_lab.exports.ensemble.scatter import scatter_of_ratios
-    from dpr_lab.exports.moving_arm.ensemble import sampled_arm_models
     from dpr_lab.gap.result.diagnosis import load_diagnosis
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.report.saving import write_export
@@ -104,21 +104,14 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     file = request.model / "model.json" if request.model.is_dir() else request.model
     model, record = model_to_export(file, rig), file.with_name(RECORD)
     diagnosis = load_diagnosis(record) if record.is_file() else None
-    models: Sequence[AnyModel]
-    bands, factor, scatter = list[PredictiveBand](), 1.0, None
+    runs = read_runs(request.check, rig, on_event, moving=isinstance(model, MovingArmModel))
+    scatter = None
     if isinstance(model, MovingArmModel):
-        if request.check:
-            raise RunError(f"{file}: its arm moves: --check calibrates ensembles of a clamped arm only, remove --check")
-        of_diagnosis = diagnosed_posterior(diagnosis) if diagnosis is not None else []
-        models = sampled_arm_models(model, of_diagnosis, rig, request.size, request.seed)
+        models, factor, bands = _of_arm(model, diagnosis, runs, rig, request)
     else:
         if diagnosis is None and (fitted_runs := _fitted_runs(model, rig)):
             scatter = scatter_of_ratios(model, fitted_runs, rig)
-        posterior = posterior_of(model, diagnosis, scatter)
-        runs = read_runs(request.check, rig, on_event)
-        factor = calibrated(model, posterior, runs, rig, request.seed).factor if runs else 1.0
-        models = sampled_models(model, widened(posterior, factor), request.size, request.seed)
-        bands = [predictive_band(model, models, run, rig, request.seed) for run in runs]
+        models, factor, bands = _of_rods(model, posterior_of(model, diagnosis, scatter), runs, rig, request)
     folders = []
     for number, member in enumerate(models if request.formats else ()):
         folder = request.out / f"{number:03}"
@@ -136,6 +129,48 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         from_diagnosis=diagnosis is not None,
         scatter=diagnosis is not None or scatter is not None,
     )
+
+
+def _of_rods(
+    model: "Model", posterior: "list[PosteriorComponent]", runs: "Sequence[Run]", rig: "Rig", request: EnsembleRequest
+) -> "tuple[Sequence[AnyModel], float, list[PredictiveBand]]":
+    """Models of rods on a clamped arm, the factor on their standard deviations, and their bands for the runs."""
+    from dpr_lab.exports.ensemble.bands import predictive_band
+    from dpr_lab.exports.ensemble.calibrate import calibrated, widened
+    from dpr_lab.exports.ensemble.sampled import sampled_models
+
+    def drawn(factor: float, count: int) -> "list[Model]":
+        return sampled_models(model, widened(posterior, factor), count, request.seed)
+
+    def band(members: "Sequence[Model]", run: "Run") -> "PredictiveBand":
+        return predictive_band(model, members, run, rig, request.seed)
+
+    factor = calibrated(drawn, band, runs).factor if runs else 1.0
+    models = drawn(factor, request.size)
+    return models, factor, [band(models, run) for run in runs]
+
+
+def _of_arm(
+    model: "MovingArmModel", diagnosis: "Diagnosis | None", runs: "Sequence[Run]", rig: "Rig", request: EnsembleRequest
+) -> "tuple[Sequence[AnyModel], float, list[PredictiveBand]]":
+    """The same of models with a moving arm."""
+    from dpr_lab.exports.ensemble.calibrate import calibrated, widened
+    from dpr_lab.exports.ensemble.sampled import diagnosed_posterior
+    from dpr_lab.exports.moving_arm.bands import predictive_arm_band
+    from dpr_lab.exports.moving_arm.ensemble import sampled_arm_models, widened_model
+
+    posterior = diagnosed_posterior(diagnosis) if diagnosis is not None else []
+
+    def drawn(factor: float, count: int) -> "list[MovingArmModel]":
+        wide = widened_model(model, factor)
+        return sampled_arm_models(wide, widened(posterior, factor), rig, count, request.seed)
+
+    def band(members: "Sequence[MovingArmModel]", run: "Run") -> "PredictiveBand":
+        return predictive_arm_band(members, run, rig, request.seed)
+
+    factor = calibrated(drawn, band, runs).factor if runs else 1.0
+    models = drawn(factor, request.size)
+    return models, factor, [band(models, run) for run in runs]
 
 
 def _fitted_runs(model: "Model", rig: "Rig") -> "list[Run]":

@@ -143,6 +143,10 @@ def test_bands_cover_the_readings_of_the_true_model_and_a_wrong_one_is_widened()
     assert 0.84 < covered < 0.98
     off = {**exact.ratios, "a/b": 1.002 * exact.ratios["a/b"]}
     wrong = exact.model_copy(update={"ratios": off, "covariance": [[(5e-4 * off["a/b"]) ** 2]]})
-    calibration = calibrated(truth, [wrong], runs, rig, 0)
+    calibration = calibrated(
+        lambda factor, count: sampled_models(truth, widened([wrong], factor), count, 0),
+        lambda members, run: predictive_band(truth, members, run, rig, 0),
+        runs,
+    )
     assert calibration.factor > 1.0
     assert calibration.covered > 0.85

@@ -128,9 +128,12 @@ def test_export_checks_a_captured_run(tmp_path):
     fitted = CliRunner().invoke(app, ["identify", str(run), "--rig", str(rig_file), "--out", str(tmp_path / "m.json")])
     assert fitted.exit_code == 0, fitted.output
     of_model = ["export", str(tmp_path / "m.json"), "--rig", str(rig_file)]
-    refused = CliRunner().invoke(app, [*of_model, "--ensemble", "3", "--check", str(run)])
-    assert refused.exit_code != 0
-    assert "its arm moves" in str(refused.exception)
+    args = [*of_model, "--ensemble", "20", "--check", str(run), "--out", str(tmp_path / "wide"), "--json"]
+    checked = CliRunner().invoke(app, args)
+    assert checked.exit_code == 0, checked.output
+    (band,) = json.loads(checked.stdout)["bands"]
+    assert band["covered"] > 0.8
+    assert 0.5 < band["until_s"] < 1.0
     drawn = CliRunner().invoke(app, [*of_model, "--ensemble", "3", "--to", "python", "--out", str(tmp_path / "many")])
     assert drawn.exit_code == 0, drawn.output
     assert len({(tmp_path / "many" / f"00{i}" / "corrected_model.py").read_text() for i in range(3)}) == 3

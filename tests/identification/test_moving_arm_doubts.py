@@ -113,6 +113,19 @@ def test_an_arm_that_hits_its_stop_is_named():
     assert any("hits a stop at theta0" in failure for failure in identify_moving_arm([run], rig).failures)
 
 
+def test_an_arm_that_is_pressed_against_its_stop_is_named_and_one_that_friction_holds_is_not():
+    t, rng = np.arange(0, 4, 0.002), np.random.default_rng(2)
+    noise = rng.normal(0, NOISE, len(t))
+    pressed = np.minimum(4.0 * t, 0.5) + noise  # meets the stop at 4 rad/s and stays there
+    ((end, angle, contacts),) = stops(t, pressed)
+    assert (end, len(contacts)) == ("largest", 1)
+    assert angle == pytest.approx(0.5, abs=0.01)
+    assert contacts[0] == pytest.approx(0.125, abs=0.01)
+    braked = np.where(t < 1.0, 2.0 * t - t**2, 1.0)  # a constant friction brings it to rest within a second
+    assert not stops(t, braked + noise)
+    assert not stops(t, 0.5 * np.sin(2 * t) + noise)
+
+
 def test_an_input_is_scaled_in_a_table(tmp_path):
     rig = rig_with("driven", "current", "inner", kt=KT)
     t = np.arange(0, 2, 0.01)

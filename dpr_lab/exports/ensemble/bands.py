@@ -43,26 +43,32 @@ class PredictiveBand:
 
     run: str
     horizon_s: float
-    """End of the comparison, s since the release."""
+    """End of the comparison, s since the release: of a moving arm that of the last window."""
     t: Array
     """(n,) s since the release."""
     measured: Array
-    """(n, 2) rad."""
+    """(n, 2) rad; (n, 3) of a moving arm, as its joints are read, nan where nothing is read."""
     low: Array
-    """(n, 2) rad."""
+    """The same shape, rad."""
     high: Array
-    """(n, 2) rad."""
+    """The same shape, rad."""
+
+    @property
+    def readings(self) -> int:
+        """Number of compared readings."""
+        return int(np.isfinite(self.measured).sum())
 
     @property
     def covered(self) -> float:
         """Share of the readings within the band; nan without a reading."""
         inside = (self.measured >= self.low) & (self.measured <= self.high)
-        return float(inside.mean()) if inside.size else float("nan")
+        return float(inside.sum()) / self.readings if self.readings else float("nan")
 
     @property
     def width_rad(self) -> float:
         """Mean width of the band."""
-        return float((self.high - self.low).mean()) if self.low.size else float("nan")
+        read = np.isfinite(self.measured)
+        return float((self.high - self.low)[read].mean()) if read.any() else float("nan")
 
 
 def predictive_band(
@@ -89,10 +95,16 @@ def predictive_band(
     t = swing.t[(swing.t > first + settings.start_s) & (swing.t <= end)][::stride]
     head = run.only(run.t < first + settings.start_s + 1e-9)
     drawn = np.array([_swing(follow(head, rig, member), first, t, rng) for member in members])
-    tail = (1 - settings.level) / 2
-    low, high = np.nanquantile(drawn, [tail, 1 - tail], axis=0)
+    low, high = quantiles_of(drawn, settings)
     measured = run.theta[np.searchsorted(run.t, t), 1:]
     return PredictiveBand(run.name, end, t, measured, low, high)
+
+
+def quantiles_of(drawn: Array, settings: BandSettings = BANDS) -> tuple[Array, Array]:
+    """Lower and upper bound (n, joints) of readings (models, n, joints); models that fail are ignored."""
+    tail = (1 - settings.level) / 2
+    low, high = np.nanquantile(np.where(np.isfinite(drawn), drawn, np.nan), [tail, 1 - tail], axis=0)
+    return low, high
 
 
 def _swing(followed: Followed, first: float, t: Array, rng: np.random.Generator) -> Array:

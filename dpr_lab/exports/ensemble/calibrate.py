@@ -4,15 +4,15 @@ The standard deviations of the posterior are multiplied by the smallest factor f
 required share of the readings of calibration runs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
-from dpr_lab.exports.ensemble.bands import BANDS, PredictiveBand, predictive_band
-from dpr_lab.exports.ensemble.sampled import sampled_models
+from dpr_lab.exports.ensemble.bands import BANDS, PredictiveBand
 from dpr_lab.gap.result.posterior import PosteriorComponent
-from dpr_lab.identification.model import Model
-from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+
+M = TypeVar("M")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,24 +43,22 @@ class EnsembleWidth:
 
 
 def calibrated(
-    model: Model, components: Sequence[PosteriorComponent], runs: Sequence[Run], rig: Rig, seed: int
+    drawn: Callable[[float, int], Sequence[M]], band: Callable[[Sequence[M], Run], PredictiveBand], runs: Sequence[Run]
 ) -> EnsembleWidth:
     """Find the factor.
 
     Args:
-        model: the corrected model
-        components: its posterior
+        drawn: models, from the factor on the standard deviations of the posterior and their number
+        band: band of models for a run
         runs: the calibration runs
-        rig: the rig
-        seed: seed of the random models
 
     Raises:
         RunError: the model cannot follow a run.
     """
 
     def tried(factor: float) -> EnsembleWidth:
-        members = sampled_models(model, widened(components, factor), CALIBRATED.members, seed)
-        return EnsembleWidth(factor, pooled([predictive_band(model, members, run, rig, seed) for run in runs]))
+        members = drawn(factor, CALIBRATED.members)
+        return EnsembleWidth(factor, pooled([band(members, run) for run in runs]))
 
     low, enough = tried(1.0), None
     for factor in CALIBRATED.factors:
@@ -87,6 +85,6 @@ def widened(components: Sequence[PosteriorComponent], factor: float) -> list[Pos
 
 def pooled(bands: Sequence[PredictiveBand]) -> float:
     """Share of all readings that the bands cover; nan without a reading."""
-    counts = [band.measured.size for band in bands]
+    counts = [band.readings for band in bands]
     covered = sum(band.covered * count for band, count in zip(bands, counts, strict=True) if count)
     return covered / sum(counts) if sum(counts) else float("nan")

@@ -63,6 +63,14 @@ def sampled_arm_models(
     return models
 
 
+def widened_model(model: MovingArmModel, factor: float) -> MovingArmModel:
+    """The model with the standard deviations of its ratios and of its scale multiplied by a factor."""
+    covariance = (factor**2 * np.array(model.covariance)).tolist()
+    scale = model.absolute[model.scale]
+    absolute = dict(model.absolute) | {model.scale: scale.model_copy(update={"std": factor * scale.std})}
+    return model.model_copy(update={"covariance": covariance, "absolute": absolute})
+
+
 def _possible(model: MovingArmModel, rig: Rig) -> bool:
     """Whether bodies with the values of a model exist; an arm whose inertia is not determined stays as it is."""
     if "A" not in {name.split("/")[0] for name in model.ratios}:

@@ -11,6 +11,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.exports.programs import REPLAY, Replay
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import descend
+from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
@@ -57,11 +58,11 @@ class FollowedSegments:
     """(3,) noise of a reading, rad; nan where nothing is read."""
 
 
-def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> FollowedSegments:
-    """Simulate a run by segments; only initial states are fitted.
+def run_problem(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> tuple[Problem, Array]:
+    """A run in segments with the constants of a model, and (segments, 6) initial states from the readings.
 
     Raises:
-        RunError: the arm of the run does not move as the model's, or the model cannot follow the readings.
+        RunError: the arm of the run does not move as the model's.
     """
     name = str(run.file or run.name)
     if run.arm_mode not in ("free", "driven"):
@@ -70,14 +71,22 @@ def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float)
         raise RunError(f"{name}: its arm is driven by an acceleration, which the replay does not support")
     if run.arm_mode == "driven" and model.input != (rig.motor.input if rig.motor else ""):
         raise RunError(f"{name}: its arm is driven, but the model has no such input")
-    recordings = Recordings((record(run, rig),), rig)
-    problem, initial = recordings.cut(segment_s)
-    problem = replace(problem, model=RodsWithEffects(engine_constants(model, rig)))
+    problem, initial = Recordings((record(run, rig),), rig).cut(segment_s)
+    return replace(problem, model=RodsWithEffects(engine_constants(model, rig))), initial
+
+
+def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> FollowedSegments:
+    """Simulate a run by segments; only initial states are fitted.
+
+    Raises:
+        RunError: the arm of the run does not move as the model's, or the model cannot follow the readings.
+    """
+    problem, initial = run_problem(run, rig, model, segment_s)
     unknown, params = engine_values(model, rig)
     fitted = descend(problem, Estimate.of(unknown, params, initial), (), iterations=ARM_REPLAY.iterations).estimate
     simulated, read = problem.predict(fitted), problem.read
     if not np.isfinite(simulated).all():
-        raise RunError(f"{name}: the model cannot follow these readings")
+        raise RunError(f"{run.file or run.name}: the model cannot follow these readings")
     order, weights = [2, 0, 1], (column[column > 0] for column in problem.weight.T)
     noise = np.array([1.0 / np.median(column) if len(column) else np.nan for column in weights])
     return FollowedSegments(

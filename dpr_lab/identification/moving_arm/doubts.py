@@ -43,6 +43,8 @@ class DoubtSettings:
     """The same relative to the largest speed."""
     apart: float = 0.02
     """Distance of the arm from the end of its range at a stop, relative to the range."""
+    held_s: float = 0.2
+    """Time that an arm stays at a stop after a single contact if it is pressed against it."""
 
 
 DOUBTS = DoubtSettings()
@@ -165,17 +167,24 @@ def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
 
 
 def stop_sentence(recording: ArmRecording) -> str:
-    """A sentence if the arm's speed jumps twice or more at the same end of its range; otherwise empty."""
+    """Sentence on an arm whose speed jumps at one end of its range twice, or once before it stays there; else empty."""
     run = recording.run
     if run.arm_mode == "clamped" or np.ptp(run.theta[:, 0]) < DOUBTS.hardly_rad:
         return ""
     for end, angle, contacts in stops(run.t, run.theta[:, 0]):
+        often = f"{len(contacts)} times" if len(contacts) > 1 else "and stays there"
         return (
             f"{run.file or run.name}: the arm hits a stop at theta0 = {angle:.3g} rad, its {end} angle,"
-            f" {len(contacts)} times: its speed changes abruptly there, first at {contacts[0]:.2f} s. Record"
+            f" {often}: its speed changes abruptly there, first at {contacts[0]:.2f} s. Record"
             f" smaller motions, or import the part before it (--duration-s {max(contacts[0] - 0.01, 0.0):.2f})"
         )
     return ""
+
+
+def _stays(t: Array, theta0: Array, contact: int, angle: float, reach: float) -> bool:
+    """Whether the arm stays within `reach` of an angle after the sample of a contact, rad."""
+    after = (t >= t[contact]) & (t < t[contact] + DOUBTS.held_s)
+    return bool(t[-1] - t[contact] > DOUBTS.held_s and (np.abs(theta0[after] - angle) < reach).all())
 
 
 def stops(t: Array, theta0: Array) -> list[tuple[str, float, list[float]]]:
@@ -186,7 +195,7 @@ def stops(t: Array, theta0: Array) -> list[tuple[str, float, list[float]]]:
         theta0: (n,) rad
     """
     dt = float(np.median(np.diff(t)))
-    k = max(1, round(DOUBTS.contact_s / dt / 2))
+    k = max(1, round(DOUBTS.contact_s / dt / 2 + 1e-6))
     speed = (theta0[k:] - theta0[:-k]) / (t[k:] - t[:-k])
     change = np.abs(speed[k:] - speed[:-k])  # at the samples k ... n - k
     limit = max(DOUBTS.sudden * float(np.quantile(change, 0.9)), DOUBTS.strong * float(np.abs(speed).max()))
@@ -195,6 +204,6 @@ def stops(t: Array, theta0: Array) -> list[tuple[str, float, list[float]]]:
     for end, angle in (("largest", float(theta0.max())), ("smallest", float(theta0.min()))):
         sudden = np.flatnonzero((change > limit) & (np.abs(theta0[k : k + len(change)] - angle) < reach))
         first = sudden[np.diff(sudden, prepend=-10 * k) > 4 * k] if len(sudden) else sudden
-        if len(first) >= 2:
+        if len(first) >= 2 or (len(first) == 1 and _stays(t, theta0, int(first[0]) + k, angle, reach)):
             contacts_of_ends.append((end, angle, t[first + k].tolist()))
     return contacts_of_ends

@@ -176,15 +176,14 @@ def fit_segments(
         return total if np.isfinite(total) and (trial[positive] > 0).all() else np.inf
 
     residuals = problem.residuals(p, initial)
-    now = cost(p, residuals)
-    if not np.isfinite(now):
+    now, slopes = cost(p, residuals), _slopes(problem, p, initial)
+    if slopes is None or not np.isfinite(now):
         raise IdentificationError(
             "the arm and rods of the rig file cannot be simulated over a quarter of a second: check [arm], [motor] and"
             " [parameters], and the units of the angles"
         )
-    by_unknowns, by_states = problem.slopes(p, initial)
     for _ in range(settings.iterations):
-        linear = _Eliminated(problem, residuals, by_unknowns, by_states, damping)
+        linear = _Eliminated(problem, residuals, *slopes, damping)
         step = np.zeros(len(p))
         if places:
             H = linear.information + np.diag(prior**2)
@@ -193,10 +192,10 @@ def fit_segments(
         trial, states = p + step, initial + linear.states(step[problem.unknowns.places])
         new = problem.residuals(trial, states)
         then = cost(trial, new)
-        if then < now:
+        next_slopes = _slopes(problem, trial, states) if then < now else None
+        if next_slopes is not None:
             gained = (now - then) / max(now, 1e-300)
-            p, initial, residuals, now = trial, states, new, then
-            by_unknowns, by_states = problem.slopes(p, initial)
+            p, initial, residuals, now, slopes = trial, states, new, then, next_slopes
             # a small reduction by a damped step is no sign of convergence: the valley of a long segment is curved
             if damping <= settings.damping and gained < settings.converged * len(step) / max(problem.dof, 1):
                 converged = True
@@ -207,8 +206,16 @@ def fit_segments(
             if damping > settings.most_damping:
                 converged = True  # no step reduces the cost: minimum within rounding
                 break
-    linear = _Eliminated(problem, residuals, by_unknowns, by_states, 0.0)
+    linear = _Eliminated(problem, residuals, *slopes, 0.0)
     return ArmFit(problem, p, initial, converged, linear.information + np.diag(prior**2), linear.scores)
+
+
+def _slopes(problem: ArmProblem, p: Array, initial: Array) -> tuple[Array, Array] | None:
+    """Derivatives by unknowns and by initial states; None if they are too large for normal equations."""
+    by_unknowns, by_states = problem.slopes(p, initial)
+    with np.errstate(over="ignore", invalid="ignore"):
+        sizes = np.sum(by_unknowns**2), np.sum(by_states**2)
+    return (by_unknowns, by_states) if np.isfinite(sizes).all() else None
 
 
 class _Eliminated:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dpr_lab.errors import IdentificationError, RunError
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
-from dpr_lab.identification.moving_arm.doubts import failures
+from dpr_lab.identification.moving_arm.doubts import failures, stop_sentence
 from dpr_lab.identification.moving_arm.fit import ArmFit, covariance_of, fit_moving_arm, fit_segments
 from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel
 from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
@@ -48,7 +48,12 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
         IdentificationError: the rig file's values cannot be simulated, or the fit determines nothing.
     """
     recordings = recordings_of(runs, rig)
-    fit = fit_moving_arm(recordings, rig)
+    try:
+        fit = fit_moving_arm(recordings, rig)
+    except IdentificationError as error:
+        if stop := next(filter(None, map(stop_sentence, recordings)), ""):
+            raise IdentificationError(stop) from error
+        raise
     covariance = covariance_of(fit)
     if not (np.isfinite(covariance).all() and np.isfinite(fit.values).all()):
         raise IdentificationError(

@@ -1,0 +1,89 @@
+"""Predictive bands of an ensemble of models with a moving arm.
+
+As for rods on a clamped arm (`dpr_lab.exports.ensemble.bands`), but by windows: an arm under rods soon moves
+chaotically. In each window every model starts from an initial state drawn from its distribution given the first
+readings; the readings after them are compared.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError
+from dpr_lab.exports.ensemble.bands import BANDS, PredictiveBand, quantiles_of
+from dpr_lab.exports.moving_arm.replay import ARM_REPLAY, run_problem
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.gauss_newton import descend
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.rods_with_effects import RodsWithEffects
+from dpr_lab.identification.moving_arm.engine import engine_constants, engine_values
+from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ArmBandSettings:
+    """Settings of the comparison, besides those of a clamped arm."""
+
+    start_s: float = 0.5
+    """Part of a window to which its initial states are fitted."""
+    window_s: float = 1.5
+    """Duration of a window."""
+
+
+ARM_BANDS = ArmBandSettings()
+
+
+def predictive_arm_band(members: Sequence[MovingArmModel], run: Run, rig: Rig, seed: int) -> PredictiveBand:
+    """The band of an ensemble for one recording.
+
+    Args:
+        members: the ensemble
+        run: the recording
+        rig: its rig
+        seed: seed of initial states and noise
+
+    Raises:
+        RunError: the arm of the run does not move as that of the models, or no model can follow the readings.
+    """
+    rng = np.random.default_rng(seed)
+    problem, initial = run_problem(run, rig, members[0], ARM_BANDS.window_s)
+    segments = problem.segments
+    first = segments.t[segments.offsets[:-1]][problem.owner]
+    head = segments.t < first + ARM_BANDS.start_s
+    stride = max(1, round(1.0 / max(float(np.median(np.diff(segments.t))) * BANDS.rate_hz, 1e-9)))
+    compared = ~head & (segments.t <= segments.t[0] + BANDS.length_s) & (np.arange(len(head)) % stride == 0)
+    started = replace(problem, weight=np.where(head[:, None], problem.weight, 0.0))
+    drawn = np.array([_readings(member, started, initial, rig, compared, rng) for member in members])
+    noise = 1.0 / np.array([np.median(column[column > 0]) if column.any() else np.inf for column in problem.weight.T])
+    drawn += noise * rng.standard_normal(drawn.shape)
+    if not np.isfinite(drawn).all(axis=(1, 2)).any():
+        raise RunError(f"{run.file or run.name}: no model of the ensemble can follow these readings")
+    order = [2, 0, 1]
+    low, high = (bound[:, order] for bound in quantiles_of(drawn))
+    measured = np.where(problem.read, problem.measured, np.nan)[compared][:, order]
+    t = segments.t[compared]
+    return PredictiveBand(run.name, float(t[-1]) if len(t) else 0.0, t, measured, low, high)
+
+
+def _readings(
+    member: MovingArmModel,
+    started: Problem,
+    initial: Array,
+    rig: Rig,
+    compared: NDArray[np.bool_],
+    rng: np.random.Generator,
+) -> Array:
+    """(n, 3) readings of one model from drawn initial states, without noise, rad."""
+    problem = replace(started, model=RodsWithEffects(engine_constants(member, rig)))
+    unknown, params = engine_values(member, rig)
+    fit = descend(problem, Estimate.of(unknown, params, initial), (), iterations=ARM_REPLAY.iterations)
+    inflated = max(1.0, fit.linear.chi2 / max(problem.evidence, 1)) ** 0.5
+    steps = np.linalg.solve(fit.linear.R, rng.standard_normal((len(initial), initial.shape[1], 1)))[:, :, 0]
+    states = fit.estimate.initial + inflated * steps
+    return problem.predict(fit.estimate.changed(initial=states))[compared]
