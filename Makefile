@@ -17,14 +17,16 @@ SPREAD  := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 # Without it every process that tests compiles all tests again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all check docs bench fuzz format clean
+.PHONY: demo test test-fast test-all check docs bench fuzz format clean
 
 demo: $(CORE)  ## record a simulated pendulum through the real protocol, identify it, compare, draw; then a blind trial
 	$(BIN)/dpr-lab demo --out $(OUT)
 
-test: $(DEV)  ## fast tests first, then the slow ones
+test: $(DEV)  ## all tests but the long ones; one run, because each process needs ten seconds to load all test files
+	$(BIN)/pytest -m "not long and not hardware" $(SPREAD)
+
+test-fast: $(DEV)  ## the fast tests alone
 	$(BIN)/pytest -m "not slow and not hardware" $(SPREAD)
-	$(BIN)/pytest -m "slow and not long and not hardware" $(SPREAD)
 
 test-all: test  ## and the long ones: every case of every table, before a release
 	DPR_LAB_FULL=1 $(BIN)/pytest -m "slow and not hardware" $(SPREAD)

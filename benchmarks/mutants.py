@@ -29,8 +29,8 @@ from _bars import Bar, options, show
 
 ROOT = Path(__file__).parents[1]
 KILLED = 0.8
-TIMEOUT_S = 900.0
-TEST_TIMEOUT_S = 90
+TIMEOUT_S = 3600.0
+TEST_TIMEOUT_S = 300
 SEED = 20261123
 COMPILED = {"njit", "subroutine", "inlined"}
 OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
@@ -75,6 +75,8 @@ AREAS = {
     "dynamics": Area("dpr_lab/dynamics", ("tests/dynamics/test_*.py",), 10),
     "estimation": Area("dpr_lab/estimation", ("tests/estimation/test_*.py",), 10),
     "fitting": Area("dpr_lab/fitting", ("tests/fitting/test_*.py",), 10),
+    "effects": Area("dpr_lab/effects", ("tests/effects/test_*.py", "tests/dynamics/test_dr*.py"), 12),
+    "search": Area("dpr_lab/search", ("tests/search/test_*.py",), 6),
     "protocol": Area(
         "firmware_protocol", ("tests/firmware_protocol/test_*.py", "tests/firmware_c/test_c_generated.py"), 12
     ),

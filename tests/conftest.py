@@ -8,6 +8,7 @@ import gc
 import shutil
 import signal
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -39,18 +40,20 @@ STOP_TIMEOUT_S = 60.0
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark long tests as slow, compile kernels for all processes, validate written results, and sort the files.
 
-    Files with the longest time limits come first: no process then works on one of them while the others are finished.
+    Files with the longest time limits come first, then those with the most slow tests: no process then works on one of
+    them while the others are finished.
     """
     import_module("tests.one_compiler")
     import_module("tests.valid_files")
     for item in items:
         if item.get_closest_marker("long") is not None:
             item.add_marker(pytest.mark.slow)
-    limits: dict[Path, float] = {}
+    limits, slow = dict[Path, float](), Counter[Path]()
     for item in items:
         marker = item.get_closest_marker("timeout")
         limits[item.path] = max(limits.get(item.path, 0.0), marker.args[0] if marker else 0.0)
-    items.sort(key=lambda item: -limits[item.path])
+        slow[item.path] += item.get_closest_marker("slow") is not None
+    items.sort(key=lambda item: (-limits[item.path], -slow[item.path]))
 
 
 def pytest_collection_finish() -> None:

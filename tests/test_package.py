@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tarfile
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -27,7 +28,26 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_the_wheel_works_in_an_empty_place(built: Path, tmp_path: Path) -> None:
+EVERYTHING = """
+import pkgutil
+from importlib import import_module
+import dpr_lab, firmware_protocol, sim_device
+for package in (dpr_lab, firmware_protocol, sim_device):
+    print(package.__file__)
+    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        if not module.name.endswith("__main__"):
+            import_module(module.name)
+from sim_device.firmware.c_firmware import load
+from sim_device.plant.config import load_plant
+load()
+load_plant("paper")
+"""
+"""Loads every module, the C sources and the plants; prints where the packages are."""
+
+
+@pytest.fixture
+def installed(built: Path, tmp_path: Path) -> tuple[Path, Callable[..., str]]:
+    """A folder with the content of the wheel, and (what follows `python`) -> its output with nothing but that."""
     (wheel,) = built.glob("*.whl")
     place = tmp_path / "place"
     with zipfile.ZipFile(wheel) as archive:
@@ -35,25 +55,32 @@ def test_the_wheel_works_in_an_empty_place(built: Path, tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(place), "PYTHONSAFEPATH": "1"}
 
     def run(*words: str) -> str:
-        command = [sys.executable, "-m", *words]
+        command = [sys.executable, *words]
         done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    where = (
-        "import dpr_lab, sim_device, firmware_protocol as f; print(dpr_lab.__file__, sim_device.__file__, f.__file__)"
-    )
-    python = subprocess.run(
-        [sys.executable, "-c", where], cwd=tmp_path, env=environment, capture_output=True, text=True
-    )
-    assert python.stdout.count(str(place)) == 3
-    (tmp_path / "mine.toml").write_text(run("dpr_lab", "rig", "show", "paper"), encoding="utf-8")
-    link = "sim://?clock=fast&firmware=c"  # from the C sources of the wheel
-    run("dpr_lab", "capture", "--rig", "mine.toml", "--link", link, "--pose", "X1", "--duration", "1", "--out", "runs")
-    assert len(list((tmp_path / "runs").glob("*.mcap"))) == 1
+    return place, run
+
+
+def test_the_wheel_works_in_an_empty_place(installed: tuple[Path, Callable[..., str]]) -> None:
+    place, run = installed
+    assert run("-c", EVERYTHING).count(str(place)) == 3
+    assert "[rig]" in run("-m", "dpr_lab", "rig", "show", "paper")
     builtin = place / "dpr_lab" / "builtin"
     assert {"effects.md", "rig-file.md"} <= {file.name for file in builtin.iterdir()}
-    assert json.loads(run("dpr_lab", "schema", "model")) == json.loads((builtin / "schemas" / "model.json").read_text())
+    printed = json.loads(run("-m", "dpr_lab", "schema", "model"))
+    assert printed == json.loads((builtin / "schemas" / "model.json").read_text())
+
+
+@pytest.mark.long
+def test_the_wheel_captures_in_an_empty_place(installed: tuple[Path, Callable[..., str]], tmp_path: Path) -> None:
+    """Numba compiles the kernels of each place anew."""
+    _, run = installed
+    (tmp_path / "mine.toml").write_text(run("-m", "dpr_lab", "rig", "show", "paper"), encoding="utf-8")
+    words = ("--rig", "mine.toml", "--link", "sim://?clock=fast&firmware=c", "--pose", "X1", "--duration", "1")
+    run("-m", "dpr_lab", "capture", *words, "--out", "runs")
+    assert len(list((tmp_path / "runs").glob("*.mcap"))) == 1
 
 
 def test_the_source_archive_holds_what_builds_and_tests_it(built: Path) -> None:

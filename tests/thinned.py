@@ -1,11 +1,22 @@
-"""Tables of cases too long for every day."""
+"""Tables of cases and libraries of effects too long for every day."""
 
+import os
 from collections.abc import Iterable
 from typing import Any
 
 import pytest
 
+from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.effect import Effect
+
+FULL = os.environ.get("DPR_LAB_FULL") == "1"
+
 
 def thinned(cases: Iterable[Any], each: int) -> list[Any]:
     """Cases to parametrise by, of which `make test` takes every so manieth; `make test-all` takes them all."""
     return [pytest.param(case, marks=[pytest.mark.long] * (k % each > 0)) for k, case in enumerate(cases)]
+
+
+def candidates(*kinds: str) -> dict[str, Effect]:
+    """Effects to choose from: in `make test` those whose names begin so, in `make test-all` all that there are."""
+    return {name: effect for name, effect in EFFECTS.items() if FULL or name.startswith(kinds)}

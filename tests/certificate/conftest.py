@@ -7,9 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dpr_lab.certificate import files
 from dpr_lab.certificate.document import load_certificate
 from dpr_lab.rig import Rig
+from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.storage.reader import load_run
 from dpr_lab.workflows import certify as workflow
 from dpr_lab.workflows.certify import certify
 from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
@@ -39,10 +42,17 @@ def _diagnosed(request: DiagnoseRequest) -> object:
     return diagnose(request)
 
 
+@cache
+def _read(content: bytes, name: str, folder: Path) -> Run:
+    (folder / name).write_bytes(content)
+    return load_run(folder / name)
+
+
 @pytest.fixture
-def remembered(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Diagnose each request only once."""
+def remembered(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Diagnose each request only once, and decode each recording only once: most verifications have the same ones."""
     monkeypatch.setattr(workflow, "diagnose", lambda request, on_event: _diagnosed(request))
+    monkeypatch.setattr(files, "load_run", lambda path: _read(path.read_bytes(), path.name, tmp_path))
 
 
 def reseal(path: Path) -> None:

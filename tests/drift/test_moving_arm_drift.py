@@ -14,7 +14,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.run import Run
 from tests.identification.test_moving_arm_fit import NOISE, rig_with
 
-T = np.arange(0, 3, 0.005)
+T = np.arange(0, 3, 0.01)
 PUSH = 0.25 * np.sin(4 * T) + 0.2 * np.sin(7.3 * T + 1)
 
 
@@ -27,7 +27,7 @@ def runs_of(rig, c0, rng, name):
         noise = rng.normal(0, NOISE, angles.shape)
         noise[:, 2] += noise[:, 1]
         runs.append(
-            Run(f"{name}{k}", T, angles + noise, None, "X1", rig.name, "", 200.0, arm_mode="driven", arm_input=PUSH)
+            Run(f"{name}{k}", T, angles + noise, None, "X1", rig.name, "", 100.0, arm_mode="driven", arm_input=PUSH)
         )
     return runs
 

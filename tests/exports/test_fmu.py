@@ -54,7 +54,7 @@ def start_values(x0):
 def test_the_unit_swings_and_reads_as_the_lab_does(unit, paper: Rig):
     path, chosen = unit
     found = simulate(
-        path, stop_time=2.0, step_size=0.01, output_interval=0.01, output=OUTPUTS, start_values=start_values(X0)
+        path, stop_time=1.0, step_size=0.01, output_interval=0.01, output=OUTPUTS, start_values=start_values(X0)
     )
     t = found["time"]
     states = np.column_stack([found[name] for name in OUTPUTS[:4]])

@@ -19,6 +19,7 @@ from tests.thinned import thinned
 pytest.importorskip("mujoco")
 from tests.exports.planted_errors import ELBOW, PLANTED, ROBOT, SHOULDER, SOFTENED, held_out_error, recordings
 
+SECONDS = 5.0
 ATTRIBUTES = {
     "Coulomb friction": "frictionloss",
     "rotor inertia (armature)": "armature",
@@ -36,7 +37,7 @@ def corrected(
     (folder / "robot.xml").write_text(file, encoding="utf-8")
     rig_from_model(folder / "robot.xml", folder / "rig.toml")
     rig = load_rig(folder / "rig.toml")
-    runs = recordings(truth, rig, gears=gears)
+    runs = recordings(truth, rig, SECONDS, gears=gears)
     diagnosis = diagnose(runs, rig)
     chain = double_pendulum(read_model(folder / "robot.xml"))
     model = fitted_in_words(corrected_model(diagnosis, runs, rig), WORDS["MJCF"], runs, rig)

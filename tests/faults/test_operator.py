@@ -15,8 +15,8 @@ import pytest
 from dpr_lab.storage.inspect import info, recover, verify
 
 FULL = os.environ.get("DPR_LAB_FULL") == "1"
-KILLS = 50 if FULL else 1
-"""Rounds of four processes and two signals each."""
+KILLS, AT_A_TIME = (50, 2) if FULL else (1, 1)
+"""Rounds, and processes of each signal in a round."""
 LINKS = {"serial": "sim://?seed=5&clock={clock}", "CAN": "sim://?seed=5&clock={clock}&bus=can"}
 pytestmark = pytest.mark.slow
 SMALL_DISK = 40_000
@@ -127,11 +127,11 @@ def test_a_disk_without_room(operate, serve, matrix) -> None:
 @pytest.mark.parametrize("seed", range(KILLS))
 def test_stopped_at_any_instant(seed: int, number: signal.Signals, link: str, tmp_path: Path, wrong_samples) -> None:
     rng = np.random.default_rng([seed, number, len(link)])
-    folders = [tmp_path / str(k) for k in range(2)]
+    folders = [tmp_path / str(k) for k in range(AT_A_TIME)]
     processes = [start(out, link, "--duration", "0.7", "--repeat", "100", clock="fast") for out in folders]
     for out, process in zip(folders, processes, strict=True):
         await_file(out, process, 0)
-    for process, delay in zip(processes, rng.uniform(0, 1.5, 2), strict=True):
+    for process, delay in zip(processes, rng.uniform(0, 1.5, AT_A_TIME), strict=True):
         time.sleep(delay)
         process.send_signal(number)
     for out, process in zip(folders, processes, strict=True):

@@ -5,7 +5,7 @@ import pytest
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.rig import Rig
 from tests.closed_loop import ClosedLoop
-from tests.thinned import thinned
+from tests.thinned import candidates, thinned
 
 CASES = {
     "backlash_joint2, 20 mrad": ClosedLoop(play=20e-3),
@@ -17,6 +17,8 @@ CASES = {
     "torque_scale_joint2": ClosedLoop(gain=(1.0, 1.08)),
 }
 """Cause -> the loop."""
+DURATION_S = 3.0
+LIKELY = ("backlash", "coulomb", "torque_", "latency", "hysteresis", "encoder_offset")
 
 
 @pytest.mark.slow
@@ -24,7 +26,7 @@ CASES = {
 @pytest.mark.parametrize("case", thinned([(cause, seed) for cause in CASES for seed in (0, 1)], 8))
 def test_a_cause_in_a_closed_loop_is_named(paper: Rig, case: tuple[str, int]) -> None:
     cause, seed = case
-    found = diagnose(CASES[cause].runs(paper, seed), paper)
+    found = diagnose(CASES[cause].runs(paper, seed, duration=DURATION_S), paper, library=candidates(*LIKELY))
     assert found.verdict in ("named", "partly_explained")
     assert cause.split(",")[0] in found.effects[0].members
     assert any("Noise of the measured torques" in sentence for sentence in found.assumptions)
@@ -33,5 +35,5 @@ def test_a_cause_in_a_closed_loop_is_named(paper: Rig, case: tuple[str, int]) ->
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_a_closed_loop_without_a_cause_has_no_gap(paper: Rig) -> None:
-    found = diagnose(ClosedLoop().runs(paper, 1), paper)
+    found = diagnose(ClosedLoop().runs(paper, 1, duration=DURATION_S), paper, library=candidates(*LIKELY))
     assert (found.verdict, found.model_effects) == ("no_gap", {})

@@ -18,7 +18,7 @@ from sim_device.trials.draw import draw_plant
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import weighed
 from sim_device.trials.request import parse_request
-from tests.thinned import thinned
+from tests.thinned import candidates, thinned
 
 KNOWN = ("geared", "rezeroed", "masses")
 DRIVE = {
@@ -29,6 +29,7 @@ DRIVE = {
     "rotor_inertia_joint2.inertia_kgm2": (2e-5, 1e-3),
 }
 """Effect and amplitude -> range of its size."""
+LIKELY = ("coulomb", "load_friction", "rotor_inertia", "encoder_offset", "stribeck")
 ZERO_STD = 0.02
 """Of the zeros of the encoders in each recording, rad."""
 WORSE, NOISE = 1.25, 1e-3
@@ -68,7 +69,7 @@ def bare_error(rig: Rig, fitted: list[Run], unseen: list[Run]) -> float:
 
 def diagnosed_error(rig: Rig, fitted: list[Run], unseen: list[Run]) -> float:
     """Rms of the free runs of a diagnosis along the recordings that were not fitted, rad."""
-    errors = diagnose(fitted, rig, held_out=unseen).gap.free_run_rad
+    errors = diagnose(fitted, rig, library=candidates(*LIKELY), held_out=unseen).gap.free_run_rad
     return float(np.sqrt(np.mean([errors[run.name]["after"] ** 2 for run in unseen])))
 
 

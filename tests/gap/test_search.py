@@ -82,7 +82,7 @@ def test_nor_does_it_in_longer_recordings(paper: Rig, recorded: Callable[..., li
     assert_order_does_not_matter(recorded(TRUTHS[truth], duration=4.0), paper, seed=2)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(600)
 def test_nor_does_it_on_a_drawn_rig_with_two_effects() -> None:
     seed = 910_027
