@@ -1,9 +1,11 @@
 """Closed loops by scipy, for tests: rods under PD control on encoder counts; shares no code with what it tests."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import cos, sin, tanh
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import odeint
 
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.rig import Rig
@@ -12,6 +14,8 @@ from dpr_lab.run import Run
 COUNT = 2 * np.pi / 16384
 """Step of the encoders, rad."""
 RATE_HZ = 500.0
+Slope = tuple[float, float, float, float]
+"""Rates of two angles and of their rates."""
 
 
 @dataclass(frozen=True)
@@ -52,22 +56,20 @@ class ClosedLoop:
             speed, before = (read[k] - before) * RATE_HZ * (k > 0), read[k]
             torques[k] = stiffness * (target[k] - read[k]) - damping * speed
             acting = torques[k] * self.gain
-            x = solve_ivp(self._slope, (0, 1 / RATE_HZ), x, "LSODA", args=(base, rig, acting), rtol=1e-9, atol=1e-10).y[
-                :, -1
-            ]
+            arguments = tuple(base), rig, tuple(acting)
+            x = odeint(self._slope, x, (0, 1 / RATE_HZ), arguments, rtol=1e-9, atol=1e-10, tfirst=True)[-1]
         theta = np.column_stack([np.zeros(len(t)), read[:, 0] + np.pi, read.sum(axis=1) + np.pi])
         measured = torques + rng.normal(0, self.noise_Nm, torques.shape)
         run = Run(name, t, theta, None, None, rig.name, "", RATE_HZ)
         return replace(run, torques=measured, torque_kind="measured")
 
-    def _slope(self, _: float, x: np.ndarray, base: np.ndarray, rig: Rig, torque: np.ndarray) -> np.ndarray:
+    def _slope(self, _: float, x: Sequence[float], base: Sequence[float], rig: Rig, torque: Sequence[float]) -> Slope:
         a, b, d, e1, c1, c2 = base
-        (p, q), (u, v) = x[:2], x[2:]
-        joints = np.array([u, v - u])
-        on = torque - np.array([c1, c2]) * joints - np.array(self.friction) * np.tanh(joints / 1e-3)
-        cross = d * np.cos(p - q)
-        force = [
-            -d * np.sin(p - q) * v**2 + e1 * np.sin(p) + on[0] - on[1],
-            d * np.sin(p - q) * u**2 + d * rig.g / rig.L1 * np.sin(q) + on[1],
-        ]
-        return np.array([u, v, *np.linalg.solve([[a, cross], [cross, b]], force)])
+        p, q, u, v = x
+        on1 = torque[0] - c1 * u - self.friction[0] * tanh(u / 1e-3)
+        on2 = torque[1] - c2 * (v - u) - self.friction[1] * tanh((v - u) / 1e-3)
+        cross, turned = d * cos(p - q), d * sin(p - q)
+        inner = -turned * v**2 + e1 * sin(p) + on1 - on2
+        outer = turned * u**2 + d * rig.g / rig.L1 * sin(q) + on2
+        determinant = a * b - cross**2
+        return u, v, (b * inner - cross * outer) / determinant, (a * outer - cross * inner) / determinant
