@@ -14,7 +14,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.run import Run
 from tests.identification.test_moving_arm_fit import NOISE, rig_with
 
-T = np.arange(0, 3, 0.01)
+T = np.arange(0, 3, 0.005)
 PUSH = 0.25 * np.sin(4 * T) + 0.2 * np.sin(7.3 * T + 1)
 
 
@@ -27,7 +27,7 @@ def runs_of(rig, c0, rng, name):
         noise = rng.normal(0, NOISE, angles.shape)
         noise[:, 2] += noise[:, 1]
         runs.append(
-            Run(f"{name}{k}", T, angles + noise, None, "X1", rig.name, "", 100.0, arm_mode="driven", arm_input=PUSH)
+            Run(f"{name}{k}", T, angles + noise, None, "X1", rig.name, "", 200.0, arm_mode="driven", arm_input=PUSH)
         )
     return runs
 
@@ -35,10 +35,10 @@ def runs_of(rig, c0, rng, name):
 @pytest.mark.slow
 def test_friction_of_the_arm_that_rises_is_named():
     rng, rig = np.random.default_rng(2), rig_with("driven", "torque")
-    runs = runs_of(rig, 0.02, rng, "monday") + runs_of(rig, 0.026, rng, "friday")
+    runs = runs_of(rig, 0.02, rng, "monday")[:2] + runs_of(rig, 0.026, rng, "friday")[:2]
     estimates = estimate_each_arm(runs, rig)
     assert {"A/b", "c0/b", "1/b"} <= set(estimates.names)
-    drift = changes(estimates, [0, 0, 0, 1, 1, 1], ["monday", "friday"])
+    drift = changes(estimates, [0, 0, 1, 1], ["monday", "friday"])
     (moved,) = drift.moved
     assert moved.name == "c0/b"
     b = 1 / estimates.values[:, estimates.names.index("1/b")].mean()

@@ -110,6 +110,7 @@ def test_an_arm_whose_inertia_is_unknown_is_no_body():
     assert "simulate" in str(FORMATS["python"].written(model, rig))
 
 
+@pytest.mark.slow
 def test_export_checks_a_captured_run(tmp_path):
     from dpr_lab.storage.csv_import import import_csv
     from dpr_lab.storage.tables.options import ImportOptions

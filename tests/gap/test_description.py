@@ -39,7 +39,8 @@ def swings(recorded: Callable[..., list[Run]]) -> list[Run]:
 
 @pytest.fixture(scope="module")
 def driven(paper: Rig) -> list[Run]:
-    return driven_runs(paper, 0, duration=1.5)[1]
+    slower = paper.model_copy(update={"link": paper.link.model_copy(update={"rate_hz": 250})})
+    return driven_runs(slower, 0, duration=1.5)[1]
 
 
 def with_signs(runs: list[Run], signs: tuple[int, int]) -> list[Run]:

@@ -176,6 +176,6 @@ def test_modes_that_cannot_be_together_are_refused():
 def test_an_order_of_cogging_that_a_short_arc_hides_is_found_and_no_spring_invented():
     options = Options(rig="furuta", plant="furuta", arm="free", draw_effects="single:clear:detent_joint0", seed=5002)
     trial = drawn_trial(options, load_rig("furuta"))
-    done = diagnose(record(trial.plant, trial.rig, drives=trial.drives), trial.rig)
+    done = diagnose(record(trial.plant, trial.rig, 6.0, 250, drives=trial.drives), trial.rig)
     assert [effect.name for effect in done.effects] == ["detent_joint0"]
     assert done.effects[0].parameters["order"].value == trial.plant.effects["detent_joint0"]["order"]

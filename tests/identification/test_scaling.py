@@ -34,6 +34,7 @@ def scale(rig: Rig, unknown: np.ndarray) -> Scale:
     return scale_of(base["b"], unknown, rig)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "weighed"), [("paper", ()), ("paper", ("m1", "m2", "mb")), ("multiarm", ())])
 def test_the_interval_of_the_scale_holds_the_true_b_in_nine_rigs_of_ten(name: str, weighed: tuple[str, ...]) -> None:
     rig, rng, held = load_rig(name), np.random.default_rng(5), []

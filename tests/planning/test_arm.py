@@ -67,6 +67,7 @@ def test_the_rig_file_and_the_limits_say_what_the_arm_may_do() -> None:
     assert arm_states(paper, PlanLimits()) == ("held",)
 
 
+@pytest.mark.slow
 def test_a_plan_drives_the_arm_within_its_limits_and_writes_what_a_device_needs(tmp_path: Path) -> None:
     rig = load_rig("driven_double")
     limits = tmp_path / "limits.toml"

@@ -141,6 +141,7 @@ def test_each_release_says_what_it_adds(paper: Rig) -> None:
     assert third.reason == f"standard deviations of the ratios fall to {np.exp(np.log(shares).mean()):.2g} times"
 
 
+@pytest.mark.slow
 def test_once_the_causes_are_decided_nothing_is_planned_without_a_budget(
     two_runs: list[Run], two_found: Diagnosis, paper: Rig
 ) -> None:

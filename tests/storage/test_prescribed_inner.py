@@ -9,6 +9,7 @@ from dpr_lab.storage.tables.options import ImportOptions
 from tests.gap.test_moving_arm import prescribed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hanging", [False, True])
 def test_its_table_is_not_compared_with_a_free_swing(tmp_path, hanging):
     rig, run, _ = prescribed(seconds=4.0)
@@ -24,6 +25,7 @@ def test_its_table_is_not_compared_with_a_free_swing(tmp_path, hanging):
     assert not [note for note in read.notes if "times as fast" in note or "energy" in note]
 
 
+@pytest.mark.slow
 def test_the_energy_that_its_motor_supplies_is_no_mistake():
     rig, run, _ = prescribed(seconds=4.0, friction=0.004)
     assert second_look([run], rig).energy_rise == 0.0
