@@ -12,7 +12,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.fitting.spread import NORMAL_MAD
 from dpr_lab.joint_angles import JointAngles
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run
+from dpr_lab.run import FilmNoise, Run
 
 NORMAL_Q90 = 1.6448536269514722
 """90 % quantile of the absolute value of a standard normal variable."""
@@ -46,8 +46,8 @@ class NoiseFloor:
 
     std_joint: NDArray[np.float64]
     """(2,) joint 1 and joint 2 as read by its encoder (relative to rod 1, or absolute), rad."""
-    source: Literal["rest", "differences", "quantisation"]
-    """Source: the rest before the release, the swing, or the size of a count."""
+    source: Literal["rest", "differences", "quantisation", "film"]
+    """Source: the rest before the release, the swing, the size of a count, or the lengths of the rods in a film."""
     joints: JointAngles
     """Mounting of the encoder of joint 2."""
 
@@ -70,7 +70,7 @@ def noise_floor(run: Run, rig: Rig) -> NoiseFloor:
     """Noise of a recording.
 
     Estimated from the rest before the release if it is long enough, otherwise from high-order differences of the swing;
-    at least the quantisation, count / sqrt(12), for a recording in counts.
+    at least the quantisation, count / sqrt(12), for a recording in counts, and at least the noise of a film.
 
     Raises:
         RunError: too few samples.
@@ -85,7 +85,17 @@ def noise_floor(run: Run, rig: Rig) -> NoiseFloor:
     # A table of angles may come from other encoders; the rig's quantisation is used only without noise.
     floor = quantised if run.counts is not None else np.where(std > SETTINGS.rounding_rad, 0.0, quantised)
     std_joint = np.maximum(std, floor)
+    if run.film_noise is not None:
+        film = _film_std(run.film_noise, joints)
+        return NoiseFloor(np.maximum(std_joint, film), "film" if (film > std_joint).any() else source, joints)
     return NoiseFloor(std_joint, source if (std > floor).any() else "quantisation", joints)
+
+
+def _film_std(film: FilmNoise, joints: JointAngles) -> NDArray[np.float64]:
+    """(2,) standard deviation of the joint angles of a film, rad; a single rod is both rods."""
+    rods = np.asarray(film.std) * np.ones(2)
+    to_joints = np.linalg.inv(joints.to_rods_matrix)
+    return np.sqrt(to_joints**2 @ rods**2)
 
 
 def arm_noise(run: Run, rig: Rig) -> float:
@@ -146,8 +156,11 @@ def difference_weights(windows: NDArray[np.float64], period: float) -> NDArray[n
 def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> NDArray[np.float64]:
     """(2,) autocorrelation of the errors of joint 1 and 2 at rest, at a lag in samples; 0 if it is not significant.
 
-    For white noise it is 0 +- 1 / sqrt(n); a tracker or a filter causes a larger one.
+    For white noise it is 0 +- 1 / sqrt(n); a tracker or a filter causes a larger one. For a film it is that of the
+    lengths of the rods, a process of first order.
     """
+    if run.film_noise is not None:
+        return np.full(2, run.film_noise.correlation**apart)
     rest = rig.encoders.joint_angles.of_rods(run.rest[:, 1:])
     if len(rest) < max(SETTINGS.rest_samples, 2 * apart):
         return np.zeros(2)

@@ -94,6 +94,7 @@ def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
             "input_delay_s": repr(swing.options.input_delay_s),
             "arm": options.arm or rig.arm.mode,
             "inner": options.inner or rig.joints.inner,
+            "film_noise": "" if swing.film_noise is None else json.dumps(asdict(swing.film_noise)),
             "options": json.dumps(asdict(options) | {name: dict(getattr(options, name)) for name in as_dicts}),
         },
     )
@@ -133,6 +134,7 @@ def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
         recorded_utc=swing.recorded_at,
         keep_rest=options.keep_rest,
         arm_read="theta0" in swing.columns,
+        film_noise=swing.film_noise,
         notes=swing.remarks,
     )
 

@@ -12,7 +12,7 @@ from dpr_lab.estimation.arm_motion import prescribed_arm, prescribed_inner
 from dpr_lab.estimation.held_rods import free_part_of
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import ArmMode, InnerMode
-from dpr_lab.run import Run, as_mounted
+from dpr_lab.run import FilmNoise, Run, as_mounted
 from dpr_lab.storage.metadata import RunMetadata, numbers
 from dpr_lab.storage.samples import STRANGE, Samples, json_object
 from dpr_lab.storage.scan import Scan, scan
@@ -98,12 +98,25 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     return released(run) if run.keep_rest is False and t[0] == 0 else run
 
 
-def of_a_table(metadata: RunMetadata) -> dict[str, bool]:
-    """Fields of a run that only imported tables have: `keep_rest` and `arm_read`."""
+def of_a_table(metadata: RunMetadata) -> dict[str, Any]:
+    """Fields of a run that only imported tables have: `keep_rest`, `arm_read` and `film_noise`."""
     if metadata.time_source != "table":
         return {}
-    options, columns = (_object(metadata.extra.get(key, "")) for key in ("options", "columns"))
-    return {"keep_rest": options.get("keep_rest") is True, "arm_read": not columns or "theta0" in columns}
+    options, columns, film = (_object(metadata.extra.get(key, "")) for key in ("options", "columns", "film_noise"))
+    return {
+        "keep_rest": options.get("keep_rest") is True,
+        "arm_read": not columns or "theta0" in columns,
+        "film_noise": _film_noise(film),
+    }
+
+
+def _film_noise(stored: dict[str, Any]) -> FilmNoise | None:
+    try:
+        std, correlation = tuple(float(value) for value in stored["std"]), float(stored["correlation"])
+    except (KeyError, TypeError, ValueError):
+        return None
+    valid = 1 <= len(std) <= 2 and all(0.0 < value < np.inf for value in std) and 0.0 <= correlation < 1.0
+    return FilmNoise(std, correlation) if valid else None
 
 
 def _object(text: str) -> dict[str, Any]:

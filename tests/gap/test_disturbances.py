@@ -55,6 +55,14 @@ def test_a_hand_that_pushes_at_the_beginning_is_left_out(tmp_path):
     assert found == ("first", pytest.approx(0.0, abs=0.04))
 
 
+def test_a_hand_that_still_brakes_at_the_beginning_is_left_out(tmp_path):
+    rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.1, 0.01, push=(0.12, 15.0)))
+    screened = Recordings(tuple(record(run, rig) for run in runs), rig)
+    cleaned, *_ = fit_bare_model(screened, nominal_ratios(rig))
+    assert 0.05 < cleaned.records[0].t[0] < 0.2
+    assert cleaned.records[1].t[0] < 0.05
+
+
 def filmed(folder: Path, rod: Rod) -> tuple[Rig, list[Run]]:
     """A rod in a film of 30 frames per second, whose points scatter by a hundredth of its length."""
     rng = np.random.default_rng(1)

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dpr_lab.gap.screen.implausible import repeated
 from dpr_lab.gap.screen.record import _blocks
 from dpr_lab.gap.screen.sensor_faults import screen
 from dpr_lab.rig import Rig
@@ -65,6 +66,16 @@ def test_repeated_samples_are_found(clean: Run, paper: Rig):
     theta[fast] = theta[fast - 1]
     found = [f for f in screen(changed(clean, paper, theta), paper).findings if f.name == "repeated_sample"]
     assert {f.at_s for f in found if f.axis == "joint1"} >= set(clean.t[fast].tolist())
+
+
+def test_two_equal_readings_at_a_turning_point_that_ends_the_record_are_no_fault():
+    t = np.arange(600) * 0.01
+    count = 2 * np.pi / 1200
+    turning = np.flatnonzero(np.diff(np.sign(np.diff(np.cos(6 * t)))))
+    for last in turning[turning > 300]:  # the record ends at a turning point
+        angle = np.round(np.cos(6 * t[: last + 2]) / count) * count
+        joints = np.column_stack([angle, angle])
+        assert not repeated(t[: last + 2], joints, np.full(2, count / np.sqrt(12)), 0.0, 0.01)[-4:].any()
 
 
 def test_missing_samples_are_counted(clean: Run, paper: Rig, rng: np.random.Generator):

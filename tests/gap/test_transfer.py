@@ -63,7 +63,7 @@ def test_an_effect_that_misleads_on_held_out_runs_is_left_out_of_the_model(dry: 
 
 
 def test_a_gap_that_grows_is_not_said_to_close() -> None:
-    grown = Transfer("held-out runs", GapReduction(-0.51, (-0.74, -0.22)), 1.0, (), {}, {}, {}, (), (), (), None)
+    grown = Transfer("held-out runs", True, GapReduction(-0.51, (-0.74, -0.22)), 1.0, (), {}, {}, {}, (), (), (), None)
     assert how_far(grown) == "On held-out runs the gap does not close (-51 %, 90 % interval -74 % to -22 %)."
 
 

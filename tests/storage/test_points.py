@@ -1,5 +1,6 @@
 """Points of a video tracker as a recording."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dpr_lab.errors import RunError
+from dpr_lab.estimation.noise import noise_floor, rest_correlation
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.readers.points import read_text
 from tests.storage.swing_files import GUESSED, RIG, THETA1, THETA2, N, T, is_the_swing, read, text
@@ -54,6 +56,22 @@ def test_points_of_deeplabcut_and_their_noise(tmp_path: Path) -> None:
     assert noise == pytest.approx([0.5 / L1, 0.5 * np.sqrt(2) / L2], rel=0.3)
     with pytest.raises(RunError, match=r"changes its length by .* these points are not its ends"):
         read(file, rate_hz=200.0, take=("pivot", "tip", "elbow"))
+
+
+@pytest.mark.parametrize("alike", [0.0, 0.8])
+def test_the_scatter_of_the_lengths_is_the_noise_of_the_run(tmp_path: Path, alike: float) -> None:
+    shaken = np.random.default_rng(3).normal(0, 1, (N, 2))
+    for before, after in pairwise(range(N)):
+        shaken[after] = alike * shaken[before] + np.sqrt(1 - alike**2) * shaken[after]
+    tip = PIVOT + L1 * np.column_stack([-np.sin(THETA1), np.cos(THETA1)]) + 0.5 * shaken
+    rods = RIG.model_copy(update={"rods": RIG.rods.model_copy(update={"mounted": "inner"})})
+    file = text(tmp_path / "a.csv", np.column_stack([T, tip * (1, -1)]), head="t,x,y\n")
+    for run in (import_csv(file, rods), import_csv(file, rods, out=tmp_path / "a.mcap")):
+        assert run.film_noise is not None
+        assert run.film_noise.std == pytest.approx([0.5 / L1], rel=0.2)
+        assert run.film_noise.correlation == pytest.approx(alike, abs=0.1)
+        assert noise_floor(run, rods).std_joint[0] == pytest.approx(0.5 / L1, rel=0.2)
+        assert rest_correlation(run, rods, 2) == pytest.approx(alike**2, abs=0.15)
 
 
 def test_columns_of_x_and_y_are_points_too(tmp_path: Path) -> None:

@@ -51,6 +51,7 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
         verdict=kind,
         sentence=sentence(kind, state.selection, state.posteriors, state.transfer, minimum_sizes, state.description)
         + families_sentence(named_families)
+        + _other_sizes(state)
         + _remainder(state, kind),
         hints=[state.description.hint] if state.description.hint else [],
         basis=state.transfer.basis,
@@ -105,6 +106,19 @@ def _search_step(step: TracedTrial) -> SearchStep:
         change=step.change if np.isfinite(step.change) else None,
         accepted=step.accepted,
         reason=step.reason,
+    )
+
+
+def _other_sizes(state: Advised) -> str:
+    """Effects that do not carry over because each recording has its own size; empty if there are none."""
+    budget = state.gap.budget
+    if budget is None or budget.basis != "recordings" or state.description.withholds:
+        return ""
+    varying = [parameter for parameter in budget.parameters if parameter.effect in state.transfer.withdrawn]
+    return "".join(
+        f" {parameter.effect} explains each recording with its own size: {parameter.name} is"
+        f" {listed([f'{value:.3g} in {run}' for run, value in parameter.values.items()])}."
+        for parameter in varying
     )
 
 

@@ -84,7 +84,7 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], transf
     complete = share >= RULES.named_share or at_noise_floor(chosen)
     most = max(posterior.probability for posterior in posteriors)
     sure = most >= RULES.sure
-    tested = transferred.basis != "one release"
+    tested = transferred.tested and transferred.basis != "one release"
     transfers = not tested or (not transferred.withdrawn and transferred.closed.estimate >= RULES.closes)
     transfers = transfers and not transferred.worse_free_run
     if chosen.residuals.z < RULES.noise and complete and sure and transfers and not transferred.oversized:
@@ -98,6 +98,8 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], transf
 
 def _fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) -> bool:
     """Whether the effects reduce the gap of the fitted recordings only."""
+    if not transferred.tested:
+        return False
     tested = transferred.basis != "one release"
     improbable = max(posterior.probability for posterior in posteriors) < RULES.rather
     no_reduction = transferred.closed.estimate <= 0 and (tested or improbable)
@@ -198,6 +200,8 @@ def _no_gap(base: Hypothesis) -> str:
 
 def how_far(transferred: Transfer) -> str:
     """Reduction of the gap on held-out data, and the kind of these data."""
+    if not transferred.tested:
+        return "The recordings are too short to predict one part from another, so no data tested this."
     estimate, (low, high) = transferred.closed.estimate, transferred.closed.interval90
     closes = (
         f"the gap closes by {percent(estimate)}" if estimate > 0 else f"the gap does not close ({percent(estimate)}"

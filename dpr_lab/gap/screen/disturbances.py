@@ -5,6 +5,8 @@ Both are visible after the bare model has been fitted to short segments with fre
 kick        A single segment fits far worse than all others. If it is cut where the speed jumps, both parts fit as well
             as the other segments. An effect of the rig acts along the whole segment; a cut then leaves at least a
             sixteenth of its chi2.
+hold        The first segment fits worse than all others, but not without its first readings: a hand or a latch still
+            acts.
 push        A segment fits worse by orders of magnitude and no cut helps, or the energy of the rods, computed with the
             fitted ratios, rises at the beginning: without a drive the energy only decreases.
 
@@ -50,6 +52,8 @@ class DisturbanceRules:
     first: float = 3.0
     """Chi2 per reading of the first segment, and its ratio to that of the worst other one, above which free rods do not
     follow its readings."""
+    held: float = 0.8
+    """Maximum part of the first segment in which the rods may still be held."""
     scatters: float = 5.0
     """Minimum rise of the energy in standard deviations of its noise."""
     smoothed: int = 5
@@ -90,6 +94,12 @@ def _undisturbed(recordings: Recordings, recording: Record, ratios: Array) -> Re
     if until is not None:
         evidence = f"the rods gain energy until {until:.2g} s: a hand still pushes, so these readings are excluded"
         return _with(recording.only(recording.t >= until), [Disturbed(float(recording.t[0]), until, evidence)])
+    until = _held_until(alone, ratios)
+    if until is not None:
+        evidence = f"until {until:.2g} s the rods do not move as free rods: a hand or a latch still acts; excluded"
+        held = Disturbed(float(recording.t[0]), until, evidence)
+        recording = _with(recording.only(recording.t >= until), [held])
+        alone = alone.only([recording])
     disturbed = _outstanding(alone, ratios)
     # A kick at the start of a segment is not visible in any segment, so the recording is also cut at other instants.
     later = recording.only(recording.t >= recording.t[0] + 0.5 * LENGTHS.first)
@@ -161,6 +171,28 @@ def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float |
     smooth, scatter = _smoothed(energy), _scatter(energy)
     top = int(np.argmax(energy >= smooth.max() - 2 * scatter))
     return float(begins[top]) if _only_rose_before(energy, smooth, top, begins, scatter) else None
+
+
+def _held_until(recordings: Recordings, ratios: Array) -> float | None:
+    """Instant in the first segment from which free rods follow the readings as well as elsewhere; None: its start."""
+    (recording,) = recordings.records
+    problem, followed = _followed(recordings, ratios)
+    level = followed.linear.chi2_by_segment / np.diff(problem.segments.offsets)
+    if len(level) < 4 or not np.isfinite(level).all():
+        return None
+    usual = max(float(level[1:].max()), 1.0)
+    if level[0] < RULES.first * usual:
+        return None
+    first = np.flatnonzero(recording.t < recording.t[0] + RULES.held * LENGTHS.first)[1:]
+    for i in first.tolist():
+        begin = float(recording.t[i])
+        free = recording.only((recording.t >= begin) & (recording.t < begin + LENGTHS.first))
+        if len(free.t) < MIN_SAMPLES:
+            return None
+        part, fitted = _followed(recordings.only([free]), ratios)
+        if float(fitted.linear.chi2_by_segment.sum()) < usual * len(part.t):
+            return begin
+    return None
 
 
 def _only_rose_before(energy: Array, later: Array, top: int, begins: Array, scatter: float) -> bool:

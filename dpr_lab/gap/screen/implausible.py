@@ -56,7 +56,7 @@ def repeated(
     if len(t) <= 2 * reach:
         return np.zeros(joints.shape, dtype=bool)
     across = (joints[2 * reach :] - joints[: -2 * reach]) / (t[2 * reach :] - t[: -2 * reach])[:, None]
-    velocity = np.pad(across, ((reach, reach), (0, 0)), mode="edge")
+    velocity = np.pad(across, ((reach, reach), (0, 0)), mode="reflect", reflect_type="odd")  # falls to a turning point
     path = velocity * np.diff(t, prepend=t[0] - period)[:, None]
     speed, moved = np.abs(velocity), np.abs(path)
     step = np.diff(joints, axis=0, prepend=np.nan)

@@ -338,6 +338,8 @@ def _colour(run: Run, rig: Rig, joints: Array, settings: ScreenSettings) -> tupl
     factor, findings = np.ones(2), []
     if run.rate_hz < settings.colour_hz:
         evidence = "neighbouring readings at rest have correlated errors (correlation {:.2f}): a filter or a tracker"
+        if run.film_noise is not None:
+            evidence = "the lengths of the rods in neighbouring frames have correlated errors (correlation {:.2f})"
         shared = rest_correlation(run, rig).tolist()
         return factor, [
             Finding("non_white_noise", run.name, name, None, evidence.format(alike))

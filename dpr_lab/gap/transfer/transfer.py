@@ -9,6 +9,7 @@ d is significantly positive (by its sum or by its signed ranks); d is significan
 closes at least half of the share of the gap that it closes in the fitted recordings. Effects that worsen the free run
 of held-out runs are not confirmed. An effect that does not carry over explains the fitted recordings only. If there is
 a single release, its quarters are held out in turn, and an effect that fails is not withdrawn, but not sure either.
+Fewer segments than quarters predict nothing from each other: nothing is then refuted, and nothing is sure.
 
 The sum alone has little power if the reduction is largest in a few segments, because its scatter is then as large as
 the sum. The signed ranks detect a reduction in all segments.
@@ -27,6 +28,7 @@ from dpr_lab.effects.limits import at_limit
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.classes.posterior import EffectPosterior
+from dpr_lab.gap.hypothesis.cross_validation import FOLDS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FreeRuns
@@ -68,6 +70,8 @@ class Transfer:
     """Performance of the named effects on held-out recordings."""
 
     basis: Basis
+    tested: bool
+    """Whether the recordings have enough segments to predict some from others."""
     closed: GapReduction
     """Share of the gap closed by all effects together."""
     gap_ratio: float
@@ -96,7 +100,7 @@ class Transfer:
     def judged(self, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
         """Probabilities of the effects; not above one half for effects that fail the test."""
         doubtful = {*self.withdrawn, *self.unproven, *self.oversized}
-        if self.worse_free_run:
+        if self.worse_free_run or not self.tested:
             doubtful |= {posterior.name for posterior in posteriors}
         return tuple(
             replace(posterior, probability=TRANSFER.unproven * posterior.probability)
@@ -128,6 +132,7 @@ def transfer(
     if not held_out and len(recordings.records) == 1:
         basis = "one release"
     test = held_out or left_out(recordings, problem)
+    tested = held_out is not None or len(test.dof) >= FOLDS.quarters
     noise = np.asarray(selection.chosen.residuals.level * test.dof, dtype=np.float64)
     models: dict[str, Hypothesis] = {"": selection.base, **selection.without_substitute}
     chi2 = {name: _bounded(test.chi2(model)) for name, model in models.items()}
@@ -142,10 +147,13 @@ def transfer(
         helps = _helps(test, chi2[name] - chosen)
         return helps and _keeps(above_noise[name], noise, smaller, selection.chosen, least_kept)
 
-    failed = tuple(name for name, smaller in selection.without_substitute.items() if not carries_over(name, smaller))
+    failed = tuple(
+        name for name, smaller in selection.without_substitute.items() if tested and not carries_over(name, smaller)
+    )
     before, after = (runs_by_model[name].errors_rad for name in ("before", "after"))
     return Transfer(
         basis=basis,
+        tested=tested,
         closed=closed,
         gap_ratio=float(np.sqrt(max(float(above_noise[""][0].sum()), 0.0) / max(float(noise.sum()), 1.0))),
         closing=tuple(_closing(test, selection, above_noise[""], noise)),

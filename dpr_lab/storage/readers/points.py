@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.progress import OnImport, unwatched
+from dpr_lab.run import FilmNoise
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import is_time
 from dpr_lab.storage.tables.table import Table, read_table
@@ -40,6 +41,14 @@ class PointSettings:
     """Scatter of the distance to the origin relative to that to the fitted centre of the circle, up to which the origin
     is the pivot: users of Tracker place the axes there.
     """
+    frames_of_speed: int = 8
+    """Ratio of an interval of motion to half the interval over which its speeds are measured."""
+    wild: float = 4.0
+    """Deviation of a length, in standard deviations, beyond which it is limited."""
+    correlated: float = 4.0
+    """Standard errors above which the autocorrelation of the lengths is significant."""
+    most_alike: float = 0.98
+    """Maximum autocorrelation of the lengths of neighbouring frames."""
 
 
 SETTINGS = PointSettings()
@@ -135,8 +144,13 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
         rods = [rod * (1, -1) for rod in rods]
     used = ", ".join(f"{part} {point.name}" for part, point in zip(PARTS[len(ends)], [pivot, *ends], strict=True))
     axes = ("theta1", "theta2")[: len(rods)]
+    noise = [_noise(table, axis, rod) for axis, rod in zip(axes, rods, strict=True)]
     notes = [f"points used: {used}; --take names others"]
-    notes += [_noise_note(table, axis, rod) for axis, rod in zip(axes, rods, strict=True)]
+    notes += [
+        f"{axis}: noise {std:.2g} rad, from the scatter of the rod's length in the picture"
+        for axis, (std, _) in zip(axes, noise, strict=True)
+    ]
+    std, alike = zip(*noise, strict=True)
     time = [k for k, name in enumerate(table.names) if is_time(name)]
     columns = [table.values[k] for k in time[:1]] + [_direction(rod) for rod in rods]
     return replace(
@@ -146,23 +160,34 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
         strange=("",) * len(columns),
         notes=(*table.notes, *notes),
         settled=True,
+        film_noise=FilmNoise(std, float(np.mean(alike))) if min(std) > 0 else None,
     )
 
 
 def _upside_down(rods: list[NDArray[np.float64]]) -> bool:
-    """Whether y points downwards instead of upwards, because points that swing are fastest where they are lowest.
+    """Whether y points downwards instead of upwards, because points that fall become faster.
 
-    The covariance of squared speed and height of the ends of the rods is negative if y points upwards, also for rods
-    that swing from near upright or turn over. Points that do not move hang.
+    Over an interval too short for friction, the increments of squared speed and of height of the ends of the rods are
+    negatively correlated if y points upwards, also for rods that swing from near upright or turn over. The noise hides
+    this over short intervals, the exchange of energy between the rods over others: the interval with the largest
+    correlation decides. Points that do not move hang.
     """
     points = np.cumsum(rods, axis=0)  # (rods, n, xy)
-    speed2 = (((points[:, 2:] - points[:, :-2]) / 2) ** 2).sum(axis=2)
-    height = points[:, 1:-1, 1]
-    valid = np.isfinite(speed2) & np.isfinite(height)
-    fast = sum(
-        float(np.cov(v[ok], y[ok])[0, 1]) for v, y, ok in zip(speed2, height, valid, strict=True) if ok.sum() > 2
-    )
-    return fast > 0 if fast else bool(np.nanmedian(points[:, :, 1]) > 0)
+    lags = [2**k for k in range(points.shape[1].bit_length()) if 4 * 2**k < points.shape[1]]
+    correlations = [_falling(points, lag) for lag in lags]
+    largest = max(correlations, key=abs, default=0.0)
+    return largest > 0 if largest else bool(np.nanmedian(points[:, :, 1]) > 0)
+
+
+def _falling(points: NDArray[np.float64], lag: int) -> float:
+    """Correlation of the increments of squared speed and of height over an interval in frames."""
+    half = max(1, lag // SETTINGS.frames_of_speed)
+    speed2 = ((points[:, 2 * half :] - points[:, : -2 * half]) ** 2).sum(axis=2)
+    faster, higher = (values[:, lag:] - values[:, :-lag] for values in (speed2, points[:, half:-half, 1]))
+    valid = np.isfinite(faster) & np.isfinite(higher)
+    faster, higher = faster[valid], higher[valid]
+    power = float(np.sqrt((faster**2).sum() * (higher**2).sum()))
+    return float((faster * higher).sum()) / power if power > 0 else 0.0
 
 
 def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Point]:
@@ -215,7 +240,11 @@ def _direction(rod: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.pi + swung
 
 
-def _noise_note(table: Table, axis: str, rod: NDArray[np.float64]) -> str:
+def _noise(table: Table, axis: str, rod: NDArray[np.float64]) -> tuple[float, float]:
+    """Standard deviation of the angle of a rod, rad, and autocorrelation of its errors in neighbouring frames.
+
+    Both are those of the length of the rod: errors along and across the rod have the same size and colour.
+    """
     from scipy.special import ndtri
     from scipy.stats import median_abs_deviation
 
@@ -230,4 +259,8 @@ def _noise_note(table: Table, axis: str, rod: NDArray[np.float64]) -> str:
             f"{table.path}: the rod of {axis} changes its length by {percent(scatter / length)}: these points"
             f" are not its ends; select them with --take {WANTED}"
         )
-    return f"{axis}: noise {scatter / length:.2g} rad, from the scatter of the rod's length in the picture"
+    away = np.clip(lengths - length, -SETTINGS.wild * scatter, SETTINGS.wild * scatter)
+    products, power = away[1:] * away[:-1], float(np.nanmean(away**2))
+    alike = float(np.nanmean(products)) / power if power > 0 and np.isfinite(products).any() else 0.0
+    significant = alike > SETTINGS.correlated / np.sqrt(len(valid))
+    return scatter / length, min(alike, SETTINGS.most_alike) if significant else 0.0

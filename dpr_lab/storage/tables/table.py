@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError, printable
 from dpr_lab.progress import OnImport, unwatched
+from dpr_lab.run import FilmNoise
 from dpr_lab.storage.tables.clean import NOT_A_VALUE, clean_rows
 from dpr_lab.storage.tables.content import Content, Line, TableLimits
 
@@ -42,6 +43,8 @@ class Table:
     """Ignored columns with another number of values, and this number."""
     settled: bool = False
     """Whether the angles are absolute, 0 = upright, rad, independent of the options."""
+    film_noise: FilmNoise | None = None
+    """Noise of angles from points in a film."""
 
     def column(self, name: str) -> NDArray[np.float64]:
         """(n,) values of one column; NaN for missing values.

@@ -18,7 +18,7 @@ from dpr_lab.estimation.held_rods import FreePart, RodMotion, free_part, rest_fa
 from dpr_lab.estimation.repeated_readings import new_readings
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
-from dpr_lab.run import as_mounted
+from dpr_lab.run import FilmNoise, as_mounted
 from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.tables.arm_input import find_input, gain_note, refuse_silent, stated_arm, unused_input
 from dpr_lab.storage.tables.clock_wrap import continues_across, unwrapped_times, wrap_behind
@@ -61,6 +61,8 @@ class Understood:
     """Doubts about the interpretation."""
     recorded_at: str = ""
     """ISO 8601 date, or date and time in UTC; empty if unknown."""
+    film_noise: FilmNoise | None = None
+    """Noise of angles from points in a film."""
 
     @property
     def t(self) -> NDArray[np.float64]:
@@ -138,7 +140,7 @@ def understand(
     notes = [*table.notes, *columns.notes, *notes, *outliers, *unrecorded]
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
     read = _Rows(path, rows, t, values, torques, named, options, _ignored(table, names, options, rows))
-    return _understood(read, notes, rig, table.kind, driving)
+    return replace(_understood(read, notes, rig, table.kind, driving), film_noise=table.film_noise)
 
 
 @dataclass(frozen=True, slots=True)
