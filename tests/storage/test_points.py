@@ -74,6 +74,26 @@ def test_the_scatter_of_the_lengths_is_the_noise_of_the_run(tmp_path: Path, alik
         assert rest_correlation(run, rods, 2) == pytest.approx(alike**2, abs=0.15)
 
 
+def test_frames_that_repeat_the_one_before_are_removed(tmp_path: Path) -> None:
+    noise = np.random.default_rng(4).normal(0, 0.05, (2, N, 2))
+    shown = np.arange(N) - (np.arange(N) % 3 == 2)  # every third frame repeats the second
+    points = [(point[shown] + shaken) * (1, -1) for point, shaken in zip((ELBOW, TIP), noise, strict=True)]
+    run = read(text(tmp_path / "a.csv", np.column_stack([T, *points]), head="t,x1,y1,x2,y2\n"))
+    assert 0.62 * N < len(run.t) < 0.72 * N
+    np.testing.assert_allclose(run.theta[:, 1], THETA1[np.searchsorted(T, run.t + 1e-9) - 1], atol=0.01)
+    assert any("of the frames repeat the frame before them" in note for note in run.notes)
+
+
+@pytest.mark.parametrize("up", [1.0, -1.0])
+def test_y_of_a_rod_whose_swing_decays_is_recognised(tmp_path: Path, up: float) -> None:
+    t = np.arange(240) / 12
+    angle = 0.8 * np.exp(-t / 6) * np.cos(4.7 * t)
+    tip = 500 * np.column_stack([np.sin(angle), up * np.cos(angle)])
+    rods = RIG.model_copy(update={"rods": RIG.rods.model_copy(update={"mounted": "inner"})})
+    run = import_csv(text(tmp_path / "a.csv", np.column_stack([t, tip]), head="t,x,y\n"), rods)
+    assert np.median(np.abs(run.theta[:, 1] - np.pi)) < 0.5
+
+
 def test_columns_of_x_and_y_are_points_too(tmp_path: Path) -> None:
     rows = np.column_stack([T, *pixels(up=-1.0)])
     file = text(tmp_path / "a.csv", rows, head="t_s,x0_px,y0_px,x1_px,y1_px,x2_px,y2_px\n")

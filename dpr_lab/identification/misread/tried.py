@@ -211,12 +211,14 @@ def fitted(
 
 
 def residual(ratio_fit: RatioFit) -> float:
-    """Rms residual over the standard deviation of the angle within a run, for the worse rod."""
-    segments, t = ratio_fit.problem.segments, ratio_fit.problem.segments
-    owner = np.repeat(segments.run, np.diff(t.offsets))
-    measured = ratio_fit.problem.joints.to_rods(ratio_fit.problem.measured)
+    """Rms residual above the noise over the standard deviation of the angle within a run, for the worse rod."""
+    problem, segments = ratio_fit.problem, ratio_fit.problem.segments
+    owner = np.repeat(segments.run, np.diff(segments.offsets))
+    measured = problem.joints.to_rods(problem.measured)
     spread = np.std(np.concatenate([measured[owner == i] - measured[owner == i].mean(axis=0) for i in set(owner)]), 0)
-    rms = np.sqrt(np.mean((measured - ratio_fit.predicted) ** 2, axis=0))
+    noise = [float(np.median(weight[weight > 0])) ** -2 if (weight > 0).any() else 0.0 for weight in problem.weight.T]
+    above = np.mean((measured - ratio_fit.predicted) ** 2, axis=0) - problem.joints.to_rods_matrix**2 @ noise
+    rms = np.sqrt(np.maximum(above, 0.0))
     both_rods = not all(setup.alone for setup in segments.setups)
     return float(np.max((rms / np.maximum(spread, 1e-12))[: 1 + both_rods]))
 

@@ -41,6 +41,10 @@ class PointSettings:
     """Scatter of the distance to the origin relative to that to the fitted centre of the circle, up to which the origin
     is the pivot: users of Tracker place the axes there.
     """
+    repeats: float = 0.2
+    """Motion in a frame relative to that in the frames before and after it, below which it repeats the frame before."""
+    share_of_repeats: float = 0.1
+    """Share of such frames from which they are repeated frames: the noise of a slow motion imitates a few."""
     frames_of_speed: int = 8
     """Ratio of an interval of motion to half the interval over which its speeds are measured."""
     wild: float = 4.0
@@ -140,7 +144,20 @@ def _upwards(table: Table, columns: list[tuple[str, str]], first: int, up: float
 def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     pivot, *ends = _chosen(table, points, take)
     rods = [end.at - start.at for start, end in pairwise([pivot, *ends])]
-    if table.kind == PLAIN and _upside_down(rods):
+    upside_down = table.kind == PLAIN and _upside_down(rods)
+    if (again := _repeats(ends)).any():
+        table = replace(
+            table,
+            values=tuple(column[~again] for column in table.values),
+            lines=table.lines[~again],
+            notes=(
+                *table.notes,
+                f"{percent(float(again.mean()))} of the frames repeat the frame before them while the rods move, as in"
+                " a film that was converted from fewer frames per second: these frames are removed",
+            ),
+        )
+        rods = [rod[~again] for rod in rods]
+    if upside_down:
         rods = [rod * (1, -1) for rod in rods]
     used = ", ".join(f"{part} {point.name}" for part, point in zip(PARTS[len(ends)], [pivot, *ends], strict=True))
     axes = ("theta1", "theta2")[: len(rods)]
@@ -162,6 +179,21 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
         settled=True,
         film_noise=FilmNoise(std, float(np.mean(alike))) if min(std) > 0 else None,
     )
+
+
+def _repeats(ends: list[_Point]) -> NDArray[np.bool_]:
+    """(n,) frames that repeat the frame before them, apart from the noise of the tracker; none if they are few.
+
+    The points hardly move in such a frame, although they move in the same direction before and after it.
+    """
+    steps = np.diff(np.concatenate([end.at for end in ends], axis=1), axis=0)
+    sizes = np.sqrt((steps**2).sum(axis=1))
+    again = np.zeros(len(ends[0].at), dtype=np.bool_)
+    if len(steps) < 3:
+        return again
+    onwards = (steps[:-2] * steps[2:]).sum(axis=1) > 0
+    again[2:-1] = onwards & (sizes[1:-1] < SETTINGS.repeats * np.minimum(sizes[:-2], sizes[2:]))
+    return again if again.mean() > SETTINGS.share_of_repeats else np.zeros_like(again)
 
 
 def _upside_down(rods: list[NDArray[np.float64]]) -> bool:
