@@ -12,11 +12,12 @@ from dpr_lab.errors import IdentificationError
 from dpr_lab.identification.identify import identify
 from dpr_lab.identification.misread.energy import SETTINGS as ENERGY
 from dpr_lab.identification.misread.energy import energy_rise
+from dpr_lab.identification.misread.readings import readings
 from dpr_lab.identification.misread.refuse import refuse_misread
 from dpr_lab.identification.misread.tried import fitted, impossible, second_look
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run
+from dpr_lab.run import FilmNoise, Run
 from sim_device.plant.config import ArmConfig, load_plant
 from sim_device.trials.driven import driven_runs
 from sim_device.trials.offline_recorder import record
@@ -233,3 +234,23 @@ def test_ratios_of_positive_masses_are_possible_and_others_not(paper: Rig, rng: 
         assert impossible(np.asarray(ratios(base_parameters(Z, paper.L1, paper.g))), paper) == ""
     for wrong in ([-1.0, 1, 100, 0, 0], [2, 1.6, 100, 0, 0], [10, 1.6, 20, 0, 0], [np.nan, 1, 1, 1, 1]):
         assert impossible(np.array(wrong, dtype=float), paper) != ""
+
+
+@pytest.mark.slow
+def test_a_noisy_film_in_slow_motion_is_named(paper: Rig, tmp_path: Path) -> None:
+    """Its segments contain so little of the swing that unlikely masses fit them nearly as well."""
+    noise, t = 5e-3, np.arange(0.0, 1.1, 1 / 240)
+    rods = {"a": 2.4, "b": 1.0, "d": 1.0, "e1": 170.0, "e2": 70.0, "c1": 0.0, "c2": 0.0, "f1": 0.0, "f2": 0.0}
+    rods |= {"drag": 0.0, "drag2": 0.0, "rotor": 0.0}
+    swung = rods_swing(rods, [1.2, 1.3], t) + np.random.default_rng(2).normal(0, noise, (len(t), 2))
+    rig = paper.model_copy(update={"rig": paper.rig.model_copy(update={"L1": 9.81 * rods["d"] / rods["e2"]})})
+    columns = {"t_s": 4 * t, "theta1_rad": swung[:, 0], "theta2_rad": swung[:, 1]}
+    film = replace(table(tmp_path, "film", rig, columns), film_noise=FilmNoise((noise, noise), 0.0))
+    assert "the swing is four times as fast" in second_look([film], rig).sentence
+
+
+def test_angles_of_points_in_a_film_have_no_factor(swings, paper: Rig) -> None:
+    film = replace(swings[0], film_noise=FilmNoise((1e-3, 1e-3), 0.0))
+    scaled = [reading for reading in readings(paper) if "times the reading" in reading.cause]
+    assert scaled
+    assert all(reading.read(film) is None for reading in scaled)

@@ -47,7 +47,8 @@ ZEROS = ZeroSettings()
 
 def readings(rig: Rig) -> tuple[Misreading, ...]:
     """All other interpretations to try for the runs of a rig."""
-    return (*_ANGLES, *_scaled(rig), *_TIMES, *_TORQUES, _arm(rig))
+    scaled = (replace(reading, read=_of_encoders(reading)) for reading in _scaled(rig))
+    return (*_ANGLES, *scaled, *_TIMES, *_TORQUES, _arm(rig))
 
 
 def other_zeros(runs: Sequence[Run], rig: Rig, settings: ZeroSettings = ZEROS) -> Iterator[Misreading]:
@@ -175,6 +176,11 @@ def _times(s1: float, s2: float, relative: bool = False) -> Angles:
 def _of_tables(reading: Misreading) -> Callable[[Run], Run | None]:
     """The same interpretation for runs with angles and without counts."""
     return lambda run: reading.read(run) if run.counts is None else None
+
+
+def _of_encoders(reading: Misreading) -> Callable[[Run], Run | None]:
+    """The same interpretation except for films: the angles of points in a picture have no factor."""
+    return lambda run: reading.read(run) if run.film_noise is None else None
 
 
 def _in_time(factor: float) -> Callable[[Run], Run | None]:
