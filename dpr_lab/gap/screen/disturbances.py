@@ -52,6 +52,8 @@ class DisturbanceRules:
     first: float = 3.0
     """Chi2 per reading of the first segment, and its ratio to that of the worst other one, above which free rods do not
     follow its readings."""
+    at_rest: float = 0.3
+    """Maximum speed of rods that a hand holds, relative to their maximum speed: a record may begin in mid-swing."""
     held: float = 0.8
     """Maximum part of the first segment in which the rods may still be held."""
     scatters: float = 5.0
@@ -181,7 +183,8 @@ def _held_until(recordings: Recordings, ratios: Array) -> float | None:
     if len(level) < 4 or not np.isfinite(level).all():
         return None
     usual = max(float(level[1:].max()), 1.0)
-    if level[0] < RULES.first * usual:
+    speed = np.abs(followed.estimate.initial[:, 2:]).max(axis=1)
+    if level[0] < RULES.first * usual or speed[0] > RULES.at_rest * speed.max():
         return None
     first = np.flatnonzero(recording.t < recording.t[0] + RULES.held * LENGTHS.first)[1:]
     for i in first.tolist():
