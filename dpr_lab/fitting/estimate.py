@@ -29,7 +29,7 @@ FRICTION = tuple(i for i, name in enumerate(RATIOS) if name.startswith("c"))
 """Indices of c1/b and c2/b, which cannot be negative."""
 
 
-STRAIGHT = 0.15
+STRAIGHT = 0.05
 """Sine of an elbow's angle up to which the rods are treated as aligned, so that their gravity torques are parallel."""
 
 

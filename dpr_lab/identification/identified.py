@@ -160,11 +160,14 @@ def _ratio(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, name: str, pro
 
 
 def _scale(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, b: ParameterValue) -> Scale:
-    """Scale of absolute sizes: determined by the runs, or by the rig file."""
+    """Scale of absolute sizes: determined by the runs, or by the rig file.
+
+    Bounds of the rig file may move b away from the runs' estimate. The interval then reaches from one to the other.
+    """
     if SCALE not in ratio_fit.visible:
         return scale_of(b, ratio_fit.fit.estimate.ratios, rig, ratio_fit.visible)
     low, high = sure.interval90(list(ratio_fit.visible).index(SCALE))
-    return Scale(b=b.value, interval90=(max(low, 1e-3 * b.value), high), fixed_by="data")
+    return Scale(b=b.value, interval90=(max(min(low, b.value), 1e-3 * b.value), max(high, b.value)), fixed_by="data")
 
 
 def _profile(ratio_fit: RatioFit, sure: RatioUncertainty, index: int) -> tuple[float | None, float | None]:

@@ -86,7 +86,10 @@ def analysed(table: MutatedTable, paper: Rig, clean: Path, tmp_path: Path) -> di
     model = tmp_path / "model.json"
     settings = str(clean / "quick.toml")
     if answer(lambda: identify(IdentifyRequest((run,), "paper", model, settings=settings))):
-        assert finite(json.loads(model.read_text()))
+        written = json.loads(model.read_text())
+        low, high = written["scale"]["interval90"]
+        assert finite(written)
+        assert low <= written["scale"]["b"] <= high
     if known := answer(lambda: identifiability(IdentifiabilityRequest("paper", (run,)))):
         as_json(known.identifiability.to_json())
     if compared := answer(lambda: compare(CompareRequest((run,), clean / "model.json", tmp_path / "compared"))):
