@@ -72,7 +72,9 @@ MOTORS = '</worldbody><actuator><motor joint="shoulder" gear="10"/><motor joint=
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize(("joint", "before", "true"), [("shoulder", "10", "11.8"), ("elbow", "5", "4.2")])
+@pytest.mark.parametrize(
+    ("joint", "before", "true"), [pytest.param("shoulder", "10", "11.8", marks=pytest.mark.long), ("elbow", "5", "4.2")]
+)
 def test_a_wrong_gear_is_the_only_change(tmp_path: Path, joint: str, before: str, true: str) -> None:
     """Both drives are in the recordings, so that only the ratio of their torque constants is identifiable."""
     file = ROBOT.replace("</worldbody>", MOTORS)
