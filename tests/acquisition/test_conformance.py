@@ -14,7 +14,7 @@ PATIENT = ConformanceSettings(patience_s=60.0, rate_off=0.5, reports_hz=(1.0, 30
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("firmware", ["python", "c"])
 def test_the_reference_devices_conform(simulated, firmware: str) -> None:
     link = open_transport(simulated(clock="realtime", firmware=firmware).url)
@@ -41,7 +41,7 @@ class Otherwise:
         return replace(came, frames=tuple(encode(self.change(decode(f)), f.node) for f in came.frames))
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 def test_what_a_device_does_otherwise_is_named(simulated) -> None:
     def change(message):
         if isinstance(message, Nak):

@@ -115,7 +115,7 @@ def test_other_programs_excite_the_arm_too(furuta: Rig, tmp_path: Path, bench, a
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("firmware", ["python", "c"])
 def test_a_device_whose_arm_has_a_drive_conforms(simulated, firmware: str) -> None:
     link = open_transport(simulated(**FURUTA, clock="realtime", firmware=firmware).url)

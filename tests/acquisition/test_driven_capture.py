@@ -96,7 +96,7 @@ def test_a_driven_rig_is_identified_in_absolute_numbers_over_either_link(
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("firmware", ["python", "c"])
 def test_a_device_with_drives_conforms(simulated, table: Path, firmware: str) -> None:
     from dpr_lab.acquisition.conformance import ConformanceSettings

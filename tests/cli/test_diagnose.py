@@ -17,7 +17,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.gap.tables import sentence
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 KEYS = {
     "verdict", "sentence", "gap", "where", "effects", "rivals", "probabilities", "detectable", "sensor_findings",

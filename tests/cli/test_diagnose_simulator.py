@@ -36,7 +36,7 @@ RUNS = ("runs/r0.mcap", "runs/r1.mcap", "runs/r2.mcap")
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 def test_the_damping_of_the_file_is_changed_and_nothing_else(cli, bench: tuple[Path, Rig]) -> None:
     folder, rig = bench
     done = cli("diagnose", *RUNS, "--simulator", "robot.xml", "--out", "out", "--json", cwd=folder)
@@ -56,7 +56,7 @@ def test_the_damping_of_the_file_is_changed_and_nothing_else(cli, bench: tuple[P
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 def test_it_speaks_the_names_of_the_file(cli, bench: tuple[Path, Rig]) -> None:
     folder, _ = bench
     done = cli("diagnose", *RUNS, "--rig", "rig.toml", "--simulator", "robot.xml", cwd=folder)
@@ -78,7 +78,7 @@ def test_what_does_not_fit_is_refused_first(cli, bench: tuple[Path, Rig], paper:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 def test_a_urdf_is_compared_and_changed(cli, bench: tuple[Path, Rig]) -> None:
     pytest.importorskip("urdf_parser_py")
     folder, rig = bench
@@ -107,7 +107,7 @@ OWN = """<mujoco model="own"><worldbody><body name="upper">
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 def test_an_effect_that_the_file_cannot_contain_is_written_as_passive_forces(cli, tmp_path: Path) -> None:
     (tmp_path / "own.xml").write_text(OWN, encoding="utf-8")
     link = "sim://?clock=fast&seed=1&plant=tilted"

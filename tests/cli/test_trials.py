@@ -22,7 +22,7 @@ def opens_and_stays_open(folder: Path, hidden: str, cli) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(900)
 def test_a_trial_is_drawn_diagnosed_opened_and_scored_in_this_order(tmp_path: Path, cli) -> None:
     folder = tmp_path / "my trial"
     drawn = cli("trials", "draw", "--kind", "single", "--seed", 5, "--out", folder, "--json")
@@ -52,7 +52,7 @@ def test_a_trial_is_drawn_diagnosed_opened_and_scored_in_this_order(tmp_path: Pa
 
 
 @pytest.mark.long
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(900)
 def test_a_campaign_ends_with_scores_and_a_page(tmp_path: Path, cli) -> None:
     words = ("trials", "campaign", "--n", 2, "--kind", "clean", "--kind", "single", "--jobs", 1, "--out", tmp_path)
     done = cli(*words, "--json")
@@ -71,7 +71,7 @@ def test_a_campaign_ends_with_scores_and_a_page(tmp_path: Path, cli) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(900)
 def test_a_trial_that_fails_is_told_and_the_others_stand(tmp_path: Path, cli) -> None:
     done = cli("trials", "campaign", "--n", 1, "--kind", "clean", "--plant", "none", "--jobs", 1, "--out", tmp_path)
     assert done.code == 1
@@ -81,7 +81,7 @@ def test_a_trial_that_fails_is_told_and_the_others_stand(tmp_path: Path, cli) ->
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(900)
 def test_the_demo_ends_near_the_plant_and_with_a_hidden_effect_opened_and_scored(tmp_path: Path, cli) -> None:
     done = cli("demo", "--seed", 5, "--out", tmp_path, "--json")
     assert done.code == 0, done.err

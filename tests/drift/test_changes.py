@@ -85,7 +85,7 @@ def test_days_sessions_and_labels() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(500)  # kernels may have to be compiled
+@pytest.mark.timeout(900)  # kernels may have to be compiled
 def test_sizes_of_named_effects_are_estimated_too() -> None:
     rig = load_rig("paper")
     runs = record(load_plant("paper", 1), rig, 2.0, 250)

@@ -130,7 +130,7 @@ def test_a_diagnosis_without_a_posterior_is_refused(model: Model) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 def test_bands_cover_the_readings_of_the_true_model_and_a_wrong_one_is_widened() -> None:
     plant, rig = weighed(load_plant("paper", 5), load_rig("paper"))
     runs = record(plant, rig, duration=2.0)

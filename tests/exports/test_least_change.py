@@ -54,7 +54,7 @@ def changed(before: str, after: str) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", thinned([name for name in PLANTED if name != SOFTENED], 4))
 def test_a_planted_error_is_the_first_cause_and_the_corrected_file_closes_the_gap(tmp_path: Path, name: str) -> None:
     planted = PLANTED[name]
@@ -71,7 +71,7 @@ MOTORS = '</worldbody><actuator><motor joint="shoulder" gear="10"/><motor joint=
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize(
     ("joint", "before", "true"), [pytest.param("shoulder", "10", "11.8", marks=pytest.mark.long), ("elbow", "5", "4.2")]
 )
@@ -96,7 +96,7 @@ RIGHT = {
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", thinned(RIGHT, 2))
 def test_a_right_model_stays_as_it_is(tmp_path: Path, name: str) -> None:
     least, text, _ = corrected(tmp_path, RIGHT[name], RIGHT[name])
@@ -105,7 +105,7 @@ def test_a_right_model_stays_as_it_is(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.long
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 def test_a_law_that_no_attribute_holds_is_replaced_by_a_simpler_one(tmp_path: Path) -> None:
     """The file gets the Coulomb friction of what the diagnosis names as Stribeck friction."""
     planted = PLANTED[SOFTENED]

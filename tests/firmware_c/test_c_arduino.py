@@ -42,7 +42,7 @@ def build(*words: str, cwd: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 def test_the_sketch_keeps_to_the_protocol(sketch: Path) -> None:
     master, slave = pty.openpty()
     tty.setraw(slave)

@@ -37,7 +37,7 @@ def diagnosis() -> Diagnosis:
     return diagnose(recorded(3), load_rig("paper"), library={name: EFFECTS[name] for name in FEW})
 
 
-@pytest.mark.timeout(500)  # kernels may have to be compiled
+@pytest.mark.timeout(900)  # kernels may have to be compiled
 def test_twins_are_split_by_measurements_with_ids(diagnosis: Diagnosis) -> None:
     assert {TILT, OFFSET} <= set(diagnosis.effects[0].members)
     measured = {check.measures: check for check in diagnosis.checks}
@@ -83,7 +83,7 @@ def open_between(diagnosis: Diagnosis, other: str) -> Diagnosis:
     return Diagnosis.model_validate(said)
 
 
-@pytest.mark.timeout(500)
+@pytest.mark.timeout(900)
 def test_a_recording_decides(diagnosis: Diagnosis) -> None:
     before = open_between(diagnosis, "com_offset_link1")
     found = update(before, before.checks[0], CheckAnswer(tuple(recorded(8)[:1]), load_rig("paper")))
@@ -92,7 +92,7 @@ def test_a_recording_decides(diagnosis: Diagnosis) -> None:
     assert after["com_offset_link1"] < 0.1
 
 
-@pytest.mark.timeout(500)
+@pytest.mark.timeout(900)
 def test_forms_of_one_are_told_apart_by_what_the_wider_adds() -> None:
     """Dry friction with a rise towards rest or without: short releases leave both, and checks that split are told."""
     names = ("coulomb_joint2", "stribeck_joint2")

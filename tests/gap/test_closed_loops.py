@@ -22,7 +22,7 @@ LIKELY = ("backlash", "coulomb", "torque_", "latency", "hysteresis", "encoder_of
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("case", thinned([(cause, seed) for cause in CASES for seed in (0, 1)], 8))
 def test_a_cause_in_a_closed_loop_is_named(paper: Rig, case: tuple[str, int]) -> None:
     cause, seed = case
@@ -33,7 +33,7 @@ def test_a_cause_in_a_closed_loop_is_named(paper: Rig, case: tuple[str, int]) ->
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 def test_a_closed_loop_without_a_cause_has_no_gap(paper: Rig) -> None:
     found = diagnose(ClosedLoop().runs(paper, 1, duration=DURATION_S), paper, library=candidates(*LIKELY))
     assert (found.verdict, found.model_effects) == ("no_gap", {})

@@ -84,7 +84,7 @@ def test_zeros_of_each_recording_do_not_worsen_the_prediction(seed: int, zero_st
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("seed", thinned(range(12), 12))
 def test_what_is_known_of_a_rig_never_makes_its_prediction_worse(seed: int) -> None:
     weighed_rig, runs = plant_runs(seed, DRIVE, ZERO_STD)

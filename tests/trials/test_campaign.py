@@ -247,7 +247,7 @@ def members(group: int) -> list[int]:
 
 
 @pytest.mark.long
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(900)
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc to see what a kill leaves running")
 def test_a_killed_campaign_leaves_no_process_and_goes_on_where_it_was(tmp_path: Path) -> None:
     file, temporary = tmp_path / "trials.jsonl", tmp_path / "temporary"
@@ -292,7 +292,7 @@ def dask(*words: str) -> Iterator[subprocess.Popen[str]]:
 
 
 @pytest.mark.long
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(900)
 def test_two_workers_of_a_scheduler_do_what_one_machine_does(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
     where = tmp_path / "scheduler.json"
@@ -319,7 +319,7 @@ if __name__ == "__main__":
 
 
 @pytest.mark.long
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(900)
 def test_a_local_cluster_does_it_too(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
     script = tmp_path / "local.py"

@@ -67,7 +67,7 @@ def listeners(group: int) -> set[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs /proc to see who listens")
 def test_the_recipe_listens_on_this_machine_alone(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
