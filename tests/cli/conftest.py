@@ -95,6 +95,9 @@ def validate_printed(words: list[str], out: str) -> None:
         return
     if set(printed) != {"error", "exit_code"}:
         validator(name).validate(printed)
+        required = validator(name).schema.get("required", [])  # of a model there are two kinds
+        changed = [printed | {"misspelt": 1}, *({k: v for k, v in printed.items() if k != key} for key in required)]
+        assert not any(map(validator(name).is_valid, changed)), f"the schema {name} accepts other keys"
 
 
 def _of_loading() -> dict[str, str]:

@@ -73,6 +73,8 @@ def test_foxglove_finds_what_its_panels_ask_for() -> None:
             assert panel["topicPath"] in SCHEMAS
             continue
         assert kind == "Plot"
+        assert panel["foxglovePanelTitle"]  # a panel without it has the name of its kind
+        assert "title" not in panel
         assert panel["xAxisVal"] == "timestamp"
         assert {path["timestampMethod"] for path in panel["paths"]} == {"receiveTime"}
 

@@ -33,7 +33,7 @@ def _plot(title: str, curves: tuple[tuple[str, str, int | None], ...]) -> dict[s
         }
         for number, (topic, key, element) in enumerate(curves)
     ]
-    return {"title": title, "paths": paths, "xAxisVal": "timestamp", "isSynced": True, "showLegend": True}
+    return {"foxglovePanelTitle": title, "paths": paths, "xAxisVal": "timestamp", "isSynced": True, "showLegend": True}
 
 
 def _column(panels: list[str]) -> Any:
