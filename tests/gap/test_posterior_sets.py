@@ -44,6 +44,10 @@ def test_a_set_of_lower_cost_is_more_probable_unless_its_sizes_are_impossible(
     both = replace(found, fitted={chosen.key: chosen, OTHER: other})
     made = components(problem, both, paper, None)
     assert [one.probability for one in made] == pytest.approx([0.8, 0.2])
+    gap = replace(base.residuals, chi2=1e4 * base.residuals.dof, autocorrelation=0.99)
+    lacking = costing(replace(base, residuals=gap), chosen.cost + 20 * unit + gap.inflation * base.penalty)
+    assert lacking.cost_at(gap.inflation) < chosen.cost_at(gap.inflation)
+    assert of(replace(found, fitted={chosen.key: chosen, lacking.key: lacking})) == {chosen.key: 1.0}
     impossible = replace(both, impossible=frozenset({OTHER}))
     assert of(impossible) == {chosen.key: 1.0}
     larger = costing(replace(chosen, effects=(*chosen.effects, "base_tilt")), chosen.cost - unit)
