@@ -42,6 +42,8 @@ class Statement:
     """Share of the excess that stays unexplained."""
     remainder: float
     """The same in units of the noise, rms."""
+    unique: float
+    """Share of the excess that only this effect explains."""
     closed: bool
     """Whether nothing but noise is left."""
     true: bool
@@ -54,16 +56,16 @@ def statements(done: Sequence[Scored]) -> list[Statement]:
 
 def _of(scored: Scored) -> list[Statement]:
     said, true = scored.said, scored.true
-    outside = said["probabilities"]["unexplained"]
+    closed = said["verdict"] == "named"
+    left = max(1 - said["gap"]["explained_share"], CALIBRATION.least_left)
+    remainder = math.sqrt(max(said["chi2_per_dof"] - 1, 0.0))
     made: list[Statement] = []
     for effect, is_cause in zip(said["effects"], true, strict=True):
         rivals = [rival["probability"] for rival in said["rivals"] if rival["instead_of"] == effect["name"]]
+        outside = _outside(left, remainder, effect["share"], closed, CALIBRATION)
         without = max(0.0, 1 - outside - effect["probability"] - sum(rivals))
         odds = tuple(math.log(max(p, 1e-12) / max(effect["probability"], 1e-12)) for p in (*rivals, without))
-        closed = outside <= CALIBRATION.outside_when_closed * (1 + 1e-9)
-        left = max(1 - said["gap"]["explained_share"], CALIBRATION.least_left)
-        remainder = math.sqrt(max(said["chi2_per_dof"] - 1, 0.0))
-        made.append(Statement(odds, left, remainder, closed, is_cause))
+        made.append(Statement(odds, left, remainder, effect["share"], closed, is_cause))
     return made
 
 
@@ -71,11 +73,16 @@ def probability(statement: Statement, tried: Calibration) -> float:
     """What a statement's probability is under other constants."""
     colder = CALIBRATION.temperature / tried.temperature
     within = 1 / (1 + sum(math.exp(min(odds * colder, 50.0)) for odds in statement.log_odds))
-    odds = odds_outside(statement.left, statement.remainder, tried)
-    outside = tried.outside_when_closed
-    if not statement.closed:
-        outside = max(outside, odds / (1 + odds))
+    outside = _outside(statement.left, statement.remainder, statement.unique, statement.closed, tried)
     return within * (1 - outside)
+
+
+def _outside(left: float, remainder: float, unique: float, closed: bool, tried: Calibration) -> float:
+    """Probability of a cause outside the library in place of an effect."""
+    if closed:
+        return tried.outside_when_closed
+    odds = odds_outside(left, remainder, unique, tried)
+    return max(tried.outside_when_closed, odds / (1 + odds))
 
 
 def loss(numbers: np.ndarray, made: Sequence[Statement], start: np.ndarray) -> float:
@@ -87,14 +94,15 @@ def loss(numbers: np.ndarray, made: Sequence[Statement], start: np.ndarray) -> f
 
 
 def constants(numbers: np.ndarray) -> Calibration:
-    """Calibration from four free numbers."""
-    temperature, half, steepness = np.exp(numbers[:3]).tolist()
+    """Calibration from five free numbers."""
+    temperature, half, steepness, imitates = np.exp(numbers[:4]).tolist()
     return replace(
         CALIBRATION,
         temperature=temperature,
         half_unexplained=half,
         steepness=steepness,
-        outside_when_closed=MOST / (1 + math.exp(-float(numbers[3]))),
+        imitates=imitates,
+        outside_when_closed=MOST / (1 + math.exp(-float(numbers[4]))),
     )
 
 
@@ -102,7 +110,7 @@ def fitted(made: Sequence[Statement]) -> Calibration:
     """The constants with the least loss, from those in use."""
     now = CALIBRATION
     share = min(now.outside_when_closed / MOST, 0.99)
-    logs = np.log([now.temperature, now.half_unexplained, now.steepness])
+    logs = np.log([now.temperature, now.half_unexplained, now.steepness, now.imitates])
     start = np.array([*logs, math.log(share / (1 - share))])
     return constants(minimize(loss, start, args=(made, start), method="Nelder-Mead").x)
 

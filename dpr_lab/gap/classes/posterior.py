@@ -8,13 +8,15 @@ with this record. Within a class, the probability is divided according to the pr
 The probability of a class is the softmax of the predictive costs of the sets in which it replaces the named effect,
 multiplied by the probability that the cause is in the library at all. The odds of a cause outside are
 
-    (unexplained / half)^steepness * min(remainder / noise, far)
+    (unexplained / half)^steepness * m + imitates * unexplained / unique * m / far,  m = min(remainder / noise, far)
 
-with the share `unexplained` of the excess. A law that the library lacks leaves a share of its own gap, however far
-that is above the noise. The small causes of every rig leave about as much as the noise, for any size of the gap, unless
-the noise is so small that it is no measure of them.
+with the share `unexplained` of the excess and the share `unique` that only this effect explains. First term: a law that
+the library lacks leaves a share of its own gap, however far that is above the noise. The small causes of every rig
+leave about as much as the noise, for any size of the gap, unless the noise is so small that it is no measure of them.
+Second term: an effect that explains no more than what remains may imitate a part of the same unknown cause.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -44,7 +46,7 @@ class Calibration:
 
     temperature: float = 3.0
     """Divisor of differences of the log predictive density."""
-    half_unexplained: float = 0.2
+    half_unexplained: float = 0.35
     """Remaining share of the excess at which a cause outside the library is as probable as one inside, where the
     remainder equals the noise.
     """
@@ -52,8 +54,10 @@ class Calibration:
     """Remainder, in units of the noise, beyond which a larger one is no further evidence of an outside cause. On real
     rigs, small causes change the readings by more than the noise of the encoders.
     """
-    steepness: float = 2.0
+    steepness: float = 4.0
     """Exponent with which that probability increases with the remaining share."""
+    imitates: float = 0.25
+    """Odds that an effect that explains as much as what remains, far above the noise, imitates an unknown cause."""
     sure: float = 0.98
     """Probability of the result if there is no gap, or no effect that explains it."""
     outside_when_closed: float = 0.02
@@ -142,7 +146,7 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
     )
     scaled = -added_cost / (2 * chosen.residuals.inflation * calibration.temperature)
     weights = np.exp(np.clip(scaled, -NEGLIGIBLE, NEGLIGIBLE))
-    weights *= (1 - outside(selection, calibration)) / weights.sum()
+    weights *= (1 - outside(selection, name, calibration)) / weights.sum()
     return EffectPosterior(
         name=name,
         members=(name, *indistinguishable),
@@ -212,26 +216,37 @@ def _cost(selection: Selection, without: Hypothesis, score: Score) -> float:
     return max(without.cost - score.gain + price, near)
 
 
-def outside(selection: Selection, calibration: Calibration = CALIBRATION) -> float:
-    """Probability that the cause of the gap is not in the library."""
+def outside(selection: Selection, name: str = "", calibration: Calibration = CALIBRATION) -> float:
+    """Probability of a cause outside the library: of the gap, or in place of one effect of the set.
+
+    Args:
+        selection: the selected set and all fitted sets
+        name: the effect; empty for the gap
+        calibration: of the probabilities
+    """
     if at_noise_floor(selection.chosen):
         return calibration.outside_when_closed
     unexplained = max(1 - selection.share_explained, calibration.least_left)
-    odds = odds_outside(unexplained, selection.chosen.residuals.noise_ratio, calibration)
+    unique = selection.unique_share(name) if name else math.inf
+    odds = odds_outside(unexplained, selection.chosen.residuals.noise_ratio, unique, calibration)
     return max(odds / (1 + odds), calibration.outside_when_closed)
 
 
-def odds_outside(unexplained: float, remainder: float, calibration: Calibration = CALIBRATION) -> float:
+def odds_outside(
+    unexplained: float, remainder: float, unique: float = math.inf, calibration: Calibration = CALIBRATION
+) -> float:
     """Odds of a cause outside the library.
 
     Args:
         unexplained: share of the excess that is not explained
         remainder: rms of what is not explained, in units of the noise
+        unique: share of the excess that only the effect explains; infinite for the gap as a whole
         calibration: of the probabilities
     """
-    return float(
-        (unexplained / calibration.half_unexplained) ** calibration.steepness * min(remainder, calibration.far)
-    )
+    size = min(remainder, calibration.far)
+    of_gap = (unexplained / calibration.half_unexplained) ** calibration.steepness * size
+    imitated = unexplained / max(unique, calibration.least_left)
+    return float(of_gap + calibration.imitates * imitated * size / calibration.far)
 
 
 def probabilities(selection: Selection, posteriors: tuple[EffectPosterior, ...], kind: str) -> Mapping[str, float]:

@@ -19,9 +19,6 @@ Array = NDArray[np.float64]
 def named_effect(state: Advised, posterior: EffectPosterior) -> NamedEffect:
     """One effect of the selected set with its class, sizes, and share of the excess chi-square."""
     selection = state.selection
-    excess_without = selection.without_substitute[posterior.name].residuals.excess
-    returned = excess_without - max(selection.chosen.residuals.excess, 0.0)
-    total = selection.base.residuals.excess
     values = named_params(selection.chosen.fit.estimate.params).get(posterior.name, {})
     errors = {name: state.intervals.get((posterior.name, name), 0.0) for name in values}
     assumed = state.scale
@@ -35,7 +32,7 @@ def named_effect(state: Advised, posterior: EffectPosterior) -> NamedEffect:
                 name: _size(assumed, posterior.name, name, value, errors[name]) for name, value in values.items()
             }
             | _implied(EFFECTS[posterior.name], values, errors),
-            "share": float(np.clip(returned / total, 0.0, 1.0)) if total > 0 else float(returned > 0),
+            "share": selection.unique_share(posterior.name),
         }
     )
 

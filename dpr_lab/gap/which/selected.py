@@ -58,3 +58,9 @@ class Selection:
         """Fraction of the bare model's excess chi2 that the selected effects remove, 0 to 1."""
         before, after = self.base.residuals.excess, self.chosen.residuals.excess
         return float(np.clip(1 - max(after, 0.0) / before, 0.0, 1.0)) if before > 0 else 0.0
+
+    def unique_share(self, name: str) -> float:
+        """Fraction of the bare model's excess chi2 that only this effect of the set removes, 0 to 1."""
+        before, after = self.base.residuals.excess, max(self.chosen.residuals.excess, 0.0)
+        returned = self.without_substitute[name].residuals.excess - after
+        return float(np.clip(returned / before, 0.0, 1.0)) if before > 0 else float(returned > 0)
