@@ -48,15 +48,15 @@ class ArrivalFit:
 class Arrivals:
     """Newest tick of each read and the host time of the read; one read per bin is kept."""
 
-    def __init__(self, rate_hz: float, settings: ArrivalSettings = ARRIVALS) -> None:
-        self._rate_hz, self._settings = rate_hz, settings
+    def __init__(self, rate_hz: float) -> None:
+        self._rate_hz = rate_hz
         self._ticks, self._times = array("d"), array("d")
         self._bin_end = -np.inf
 
     def add(self, tick: int, host_time: float) -> None:
         """Store that the sample of `tick` was the newest one in a read at `host_time`, s."""
         if host_time >= self._bin_end:
-            self._bin_end = host_time + self._settings.bin_s
+            self._bin_end = host_time + ARRIVALS.bin_s
             self._ticks.append(tick)
             self._times.append(host_time)
         elif tick - self._ticks[-1] >= (host_time - self._times[-1]) * self._rate_hz:
@@ -64,7 +64,7 @@ class Arrivals:
 
     def fit(self) -> ArrivalFit | None:
         """Current estimate of the clock rate; None if the data are not sufficient."""
-        s = self._settings
+        s = ARRIVALS
         device, host = np.array(self._ticks) / self._rate_hz, np.array(self._times)
         if len(host) < s.blocks[0] or host[-1] - host[0] < s.shortest_s or device[-1] <= device[0]:
             return None

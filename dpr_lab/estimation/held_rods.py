@@ -101,7 +101,7 @@ class FreePart:
     """Index after the last sample before the rods are held again; the number of samples if they are not."""
 
 
-def free_part(motion: RodMotion, name: str, settings: HeldSettings = HELD) -> FreePart:
+def free_part(motion: RodMotion, name: str) -> FreePart:
     """Part of a recording in which the rods swing freely.
 
     Rods are held if both are at rest and then move without a known torque, or if they are at rest away from hanging.
@@ -110,7 +110,6 @@ def free_part(motion: RodMotion, name: str, settings: HeldSettings = HELD) -> Fr
     Args:
         motion: the recording
         name: name of the recording for messages
-        settings: thresholds for held rods
 
     Raises:
         RunError: the rods are at rest throughout, or are held between several swings; the message names the options
@@ -119,14 +118,12 @@ def free_part(motion: RodMotion, name: str, settings: HeldSettings = HELD) -> Fr
     t, n = motion.t, len(motion.t)
     if n < 2:
         return FreePart(0, 0, n)
-    band, excursion = still_band(motion, settings), float(np.ptp(motion.rods, axis=0).max())
-    if excursion > 0 and band > settings.unclear * excursion:
+    band, excursion = still_band(motion), float(np.ptp(motion.rods, axis=0).max())
+    if excursion > 0 and band > HELD.unclear * excursion:
         return FreePart(0, 0, n)
-    held = _held_stretches(motion, band, settings)
+    held = _held_stretches(motion, band)
     edges = [(0, 0), *held, (n, n)]
-    swings = [
-        (first, stop) for (_, first), (stop, _) in pairwise(edges) if _swings(motion, first, stop, band, settings)
-    ]
+    swings = [(first, stop) for (_, first), (stop, _) in pairwise(edges) if _swings(motion, first, stop, band)]
     if not swings:
         raise RunError(
             f"{name}: the rods are at rest throughout ({t[-1] - t[0]:.4g} s), but a swing is needed. Check"
@@ -142,18 +139,18 @@ def free_part(motion: RodMotion, name: str, settings: HeldSettings = HELD) -> Fr
     ((first, stop),) = swings
     rest = next((begin for begin, end in held if end == first), first)
     if first == 0:
-        rest, first = 0, _short_rest(motion, band, settings)
-    start = _onset(motion, rest, first, settings)
-    return FreePart(rest, start, stop) if start - rest >= settings.fewest else FreePart(first, first, stop)
+        rest, first = 0, _short_rest(motion, band)
+    start = _onset(motion, rest, first)
+    return FreePart(rest, start, stop) if start - rest >= HELD.fewest else FreePart(first, first, stop)
 
 
-def free_part_of(run: Run, settings: HeldSettings = HELD) -> FreePart:
+def free_part_of(run: Run) -> FreePart:
     """Part of a run in which the rods swing freely; errors as for `free_part`."""
     arm = run.theta[:, 0] if run.arm_mode != "clamped" else None
-    return free_part(RodMotion(run.t, run.theta[:, 1:], run.torques, arm), str(run.file or run.name), settings)
+    return free_part(RodMotion(run.t, run.theta[:, 1:], run.torques, arm), str(run.file or run.name))
 
 
-def refuse_held(runs: Sequence[Run], settings: HeldSettings = HELD) -> None:
+def refuse_held(runs: Sequence[Run]) -> None:
     """Check that the rods of no imported table are held within its swing.
 
     Raises:
@@ -161,45 +158,43 @@ def refuse_held(runs: Sequence[Run], settings: HeldSettings = HELD) -> None:
     """
     for run in runs:
         if run.keep_rest is False:
-            free_part_of(run.swing, settings)
+            free_part_of(run.swing)
 
 
-def rest_fault(motion: RodMotion, part: FreePart, settings: HeldSettings = HELD) -> str:
+def rest_fault(motion: RodMotion, part: FreePart) -> str:
     """Reason why the rest before the release does not determine the noise of the readings; empty if it does."""
     t, rods = motion.t[part.rest : part.start], motion.rods[part.rest : part.start]
-    if len(t) < settings.fewest:
+    if len(t) < HELD.fewest:
         return "too short"
     noise = np.sqrt(np.mean(np.diff(rods, axis=0) ** 2, axis=0) / 2)
     if not noise.all():
         return "its readings do not change, so they do not show their noise"
     line = np.vander(t - t.mean(), 2)
     spread = np.std(rods - line @ np.linalg.lstsq(line, rods, rcond=None)[0], axis=0)
-    return "" if (spread <= settings.restless * noise).all() else "the rods moved in it"
+    return "" if (spread <= HELD.restless * noise).all() else "the rods moved in it"
 
 
-def still_band(motion: RodMotion, settings: HeldSettings = HELD) -> float:
+def still_band(motion: RodMotion) -> float:
     """Excursion within which rods count as at rest, rad."""
     excursion = float(np.ptp(motion.rods, axis=0).max()) if len(motion.t) else 0.0
-    noise = float(_noise(motion, settings).max())
-    return max(min(settings.still_rad, settings.of_motion * excursion), settings.noise * noise)
+    noise = float(_noise(motion).max())
+    return max(min(HELD.still_rad, HELD.of_motion * excursion), HELD.noise * noise)
 
 
-def _noise(motion: RodMotion, settings: HeldSettings) -> Array:
+def _noise(motion: RodMotion) -> Array:
     """(2,) standard deviation of the readings, rad."""
-    samples = slice(settings.readings)
+    samples = slice(HELD.readings)
     return difference_std(motion.t[samples], motion.rods[samples]) if len(motion.t) > ORDER else np.zeros(2)
 
 
-def _held_stretches(motion: RodMotion, band: float, settings: HeldSettings) -> list[tuple[int, int]]:
+def _held_stretches(motion: RodMotion, band: float) -> list[tuple[int, int]]:
     """First sample, and index after the last, of each interval in which the rods are held."""
     return [
         (first, stop)
-        for first, stop in _still_stretches(motion, band, settings)
-        if not (_known_input(motion, first, stop, band, settings))
-        and not (band > settings.still_rad and _turns(motion, first, stop, settings))
-        and (
-            not _hangs(motion.rods[first:stop], settings) or (_free(motion) and _restarts(motion, stop, band, settings))
-        )
+        for first, stop in _still_stretches(motion, band)
+        if not (_known_input(motion, first, stop, band))
+        and not (band > HELD.still_rad and _turns(motion, first, stop))
+        and (not _hangs(motion.rods[first:stop]) or (_free(motion) and _restarts(motion, stop, band)))
     ]
 
 
@@ -212,11 +207,11 @@ def _highest(values: NDArray[Any], width: int) -> NDArray[Any]:
     return np.maximum(of_halves[: len(of_halves) - width + half], of_halves[width - half :])
 
 
-def _still_stretches(motion: RodMotion, band: float, settings: HeldSettings) -> list[tuple[int, int]]:
+def _still_stretches(motion: RodMotion, band: float) -> list[tuple[int, int]]:
     n = len(motion.t)
-    half_width = round(settings.stretch_s / float(np.median(np.diff(motion.t))) / 2)
+    half_width = round(HELD.stretch_s / float(np.median(np.diff(motion.t))) / 2)
     width = 2 * half_width + 1
-    if not settings.fewest <= width <= n:
+    if not HELD.fewest <= width <= n:
         return []
     ranges = _highest(motion.rods, width) + _highest(-motion.rods, width)
     still = np.pad(ranges.max(axis=1) <= band, 2 * half_width)
@@ -225,66 +220,66 @@ def _still_stretches(motion: RodMotion, band: float, settings: HeldSettings) -> 
     return [(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]
 
 
-def _turns(motion: RodMotion, first: int, stop: int, settings: HeldSettings) -> bool:
+def _turns(motion: RodMotion, first: int, stop: int) -> bool:
     """Whether the readings of an interval show the turning point of a swing: a significant parabola towards hanging.
 
     In noisy readings of a slow rod, for example of a film, a turning point lies within the band for a long time.
     """
     t, rods = motion.t[first:stop], motion.rods[first:stop]
-    if not _free(motion) or len(t) < settings.fewest:
+    if not _free(motion) or len(t) < HELD.fewest:
         return False
     powers = np.vander(t - t.mean(), 3)
     (curvature, _, middle), precision = np.linalg.lstsq(powers, rods, rcond=None)[0], np.linalg.inv(powers.T @ powers)
     towards_hanging = curvature * np.sin(middle) > 0  # 0 is upright, so that sin falls through hanging
-    significant = np.abs(curvature) > settings.bent * np.sqrt(precision[0, 0]) * _noise(motion, settings)
+    significant = np.abs(curvature) > HELD.bent * np.sqrt(precision[0, 0]) * _noise(motion)
     return bool((towards_hanging & significant).any())
 
 
-def _restarts(motion: RodMotion, stop: int, band: float, settings: HeldSettings) -> bool:
+def _restarts(motion: RodMotion, stop: int, band: float) -> bool:
     """Whether rods that hang at rest swing later, which is impossible for a decaying swing."""
     later = motion.rods[stop:]
-    return bool(len(later)) and float(np.ptp(later, axis=0).max()) > settings.restart * band
+    return bool(len(later)) and float(np.ptp(later, axis=0).max()) > HELD.restart * band
 
 
 def _free(motion: RodMotion) -> bool:
     return motion.torques is None and motion.arm is None
 
 
-def _hangs(rods: Array, settings: HeldSettings) -> bool:
+def _hangs(rods: Array) -> bool:
     away = (np.median(rods, axis=0) + 2 * np.pi) % (2 * np.pi) - np.pi
-    return bool((np.abs(away) <= settings.hanging_rad).all())
+    return bool((np.abs(away) <= HELD.hanging_rad).all())
 
 
-def _known_input(motion: RodMotion, first: int, stop: int, band: float, settings: HeldSettings) -> bool:
+def _known_input(motion: RodMotion, first: int, stop: int, band: float) -> bool:
     """Whether a known torque acts in an interval, or its arm moves."""
     pushed = False
     if motion.torques is not None:
         largest = np.abs(motion.torques).max(axis=1)
-        pushed = bool(np.median(largest[first:stop]) > settings.driven_share * largest.max())
+        pushed = bool(np.median(largest[first:stop]) > HELD.driven_share * largest.max())
     return pushed or (motion.arm is not None and float(np.ptp(motion.arm[first:stop])) > band)
 
 
-def _swings(motion: RodMotion, first: int, stop: int, band: float, settings: HeldSettings) -> bool:
+def _swings(motion: RodMotion, first: int, stop: int, band: float) -> bool:
     """Whether the rods move between two held intervals."""
     whole = first == 0 and stop == len(motion.t)
-    if stop - first < (2 if whole else settings.fewest):
+    if stop - first < (2 if whole else HELD.fewest):
         return False
     moved = float(np.ptp(motion.rods[first:stop], axis=0).max())
     known = motion.torques is not None or motion.arm is not None
-    return moved > settings.swing * band or (whole and known and moved > 0)
+    return moved > HELD.swing * band or (whole and known and moved > 0)
 
 
-def _short_rest(motion: RodMotion, band: float, settings: HeldSettings) -> int:
+def _short_rest(motion: RodMotion, band: float) -> int:
     """Number of samples before the release in a rest at the beginning that is shorter than a held interval.
 
     Rods that are released at t0 fall by alpha (t - t0)^2 / 2. The times t1 and t2 at which they have fallen by d and 4
     d give t0 = 2 t1 - t2.
     """
     t, n = motion.t, len(motion.t)
-    waits = not _free(motion) and _hangs(motion.rods[:1], settings)
-    if n < 3 * settings.fewest or waits or band > settings.still_rad:
+    waits = not _free(motion) and _hangs(motion.rods[:1])
+    if n < 3 * HELD.fewest or waits or band > HELD.still_rad:
         return 0
-    fallen = np.abs(motion.rods - motion.rods[: settings.fewest].mean(axis=0)).max(axis=1)
+    fallen = np.abs(motion.rods - motion.rods[: HELD.fewest].mean(axis=0)).max(axis=1)
     exceeded = [int(np.argmax(fallen > depth)) for depth in (band, 4 * band)]
     if not 0 < exceeded[0] < exceeded[1]:
         return 0
@@ -293,27 +288,27 @@ def _short_rest(motion: RodMotion, band: float, settings: HeldSettings) -> int:
         for depth, i in zip((band, 4 * band), exceeded, strict=True)
     )
     t0 = 2 * t1 - t2
-    if t0 < max(settings.shortest_rest_s, settings.sure * (t1 - t0)):
+    if t0 < max(HELD.shortest_rest_s, HELD.sure * (t1 - t0)):
         return 0
     samples = int(np.searchsorted(t, t[0] + t0))
     quiet = motion.rods[: max(2, int(0.8 * samples))]
-    trembles = (np.ptp(quiet, axis=0) > settings.trembles * _noise(motion, settings)).any()
-    if samples < settings.fewest or trembles or _known_input(motion, 0, samples, band, settings):
+    trembles = (np.ptp(quiet, axis=0) > HELD.trembles * _noise(motion)).any()
+    if samples < HELD.fewest or trembles or _known_input(motion, 0, samples, band):
         return 0
     return samples
 
 
-def _onset(motion: RodMotion, rest: int, first: int, settings: HeldSettings) -> int:
+def _onset(motion: RodMotion, rest: int, first: int) -> int:
     """First sample of the motion, if the rods rest from sample `rest` on and have moved at sample `first`."""
     t, rods = motion.t, motion.rods
-    if first - rest < settings.fewest:
+    if first - rest < HELD.fewest:
         return first
-    near = max(rest, int(np.searchsorted(t, t[first - 1] - settings.stretch_s)))
-    quiet = rods[near : near + max(settings.fewest, (first - near) // 2)]
+    near = max(rest, int(np.searchsorted(t, t[first - 1] - HELD.stretch_s)))
+    quiet = rods[near : near + max(HELD.fewest, (first - near) // 2)]
     away = np.abs(rods[near:first] - quiet.mean(axis=0))
-    limit = np.maximum(settings.onset * quiet.std(axis=0), 1.5 * np.abs(quiet - quiet.mean(axis=0)).max(axis=0))
+    limit = np.maximum(HELD.onset * quiet.std(axis=0), 1.5 * np.abs(quiet - quiet.mean(axis=0)).max(axis=0))
     resting = np.flatnonzero((away <= limit).all(axis=1))
     start = near + int(resting[-1]) + 1 if len(resting) else first
-    if t[rest] < 0 <= t[start] <= settings.own_zero_s:
+    if t[rest] < 0 <= t[start] <= HELD.own_zero_s:
         return int(np.searchsorted(t, 0.0))
     return start

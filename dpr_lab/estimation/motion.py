@@ -41,7 +41,7 @@ class MotionSettings:
 SETTINGS = MotionSettings()
 
 
-def refuse_without_motion(run: Run, rig: Rig, settings: MotionSettings = SETTINGS) -> None:
+def refuse_without_motion(run: Run, rig: Rig) -> None:
     """Check that a run contains a swing of all joints that can turn.
 
     Raises:
@@ -49,23 +49,23 @@ def refuse_without_motion(run: Run, rig: Rig, settings: MotionSettings = SETTING
     """
     swing, name = run.swing, run.file or run.name
     duration = float(np.ptp(swing.t)) if len(swing.t) else 0.0
-    if len(swing.t) < settings.samples or duration < settings.duration_s:
+    if len(swing.t) < SETTINGS.samples or duration < SETTINGS.duration_s:
         raise RunError(
-            f"{name}: {len(swing.t)} samples over {duration:.3g} s after the release: at least {settings.samples}"
-            f" samples over {settings.duration_s:g} s are needed. Record a longer swing, and check the unit of time"
+            f"{name}: {len(swing.t)} samples over {duration:.3g} s after the release: at least {SETTINGS.samples}"
+            f" samples over {SETTINGS.duration_s:g} s are needed. Record a longer swing, and check the unit of time"
         )
     if not np.isfinite(swing.theta[:, 1:]).all():
         raise RunError(f"{name}: an angle is not a finite number: remove such rows from the table")
-    rods = _ranges(swing.theta[:, 1:], settings)
-    _refuse_still(str(name), run, rods, settings)
+    rods = _ranges(swing.theta[:, 1:])
+    _refuse_still(str(name), run, rods)
     noise = float(noise_floor(run, rig).std_joint[0])
-    if settings.above_noise * noise > rods[0]:
+    if SETTINGS.above_noise * noise > rods[0]:
         raise RunError(
             f"{name}: the noise of joint 1 is {noise:.2g} rad and the range of its motion {rods[0]:.2g} rad, so the"
             " noise hides the swing: check the unit of the angles and the order of the rows, or record a larger swing"
         )
-    elbow = float(_ranges(swing.theta[:, 2] - swing.theta[:, 1], settings))
-    if not run.setup.held and run.torques is None and elbow < settings.elbow * rods[0]:
+    elbow = float(_ranges(swing.theta[:, 2] - swing.theta[:, 1]))
+    if not run.setup.held and run.torques is None and elbow < SETTINGS.elbow * rods[0]:
         raise RunError(
             f"{name}: joint 2 does not turn: theta2 - theta1 changes by {elbow:.2g} rad while theta1 changes by"
             f' {rods[0]:.2g} rad. If the elbow is clamped, import with --elbow clamped, or set elbow = "clamped" in'
@@ -74,8 +74,8 @@ def refuse_without_motion(run: Run, rig: Rig, settings: MotionSettings = SETTING
         )
 
 
-def _refuse_still(name: str, run: Run, rods: Array, settings: MotionSettings) -> None:
-    still = [f"theta{i + 1}" for i, size in enumerate(rods.tolist()) if size < settings.turn_rad]
+def _refuse_still(name: str, run: Run, rods: Array) -> None:
+    still = [f"theta{i + 1}" for i, size in enumerate(rods.tolist()) if size < SETTINGS.turn_rad]
     if run.setup.alone:
         still = [axis for axis in still if axis == "theta1"]
     if not still:
@@ -93,10 +93,10 @@ def _refuse_still(name: str, run: Run, rods: Array, settings: MotionSettings) ->
         cure = "record a release, or check the columns (--columns) and the unit of the angles (--unit)"
     raise RunError(
         f"{name}: {' and '.join(still)} {'is' if len(still) == 1 else 'are'} at rest after the release (range below"
-        f" {settings.turn_rad:g} rad), so there is no motion to analyse: {cure}"
+        f" {SETTINGS.turn_rad:g} rad), so there is no motion to analyse: {cure}"
     )
 
 
-def _ranges(values: Array, settings: MotionSettings) -> Array:
+def _ranges(values: Array) -> Array:
     """Range of each column without its tails."""
-    return np.ptp(np.quantile(values, [settings.tail, 1 - settings.tail], axis=0), axis=0)
+    return np.ptp(np.quantile(values, [SETTINGS.tail, 1 - SETTINGS.tail], axis=0), axis=0)

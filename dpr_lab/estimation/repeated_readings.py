@@ -43,22 +43,19 @@ class RepeatSettings:
 SETTINGS = RepeatSettings()
 
 
-def new_readings(
-    t: Array, columns: Sequence[Array], settings: RepeatSettings = SETTINGS
-) -> tuple[NDArray[np.intp], str]:
+def new_readings(t: Array, columns: Sequence[Array]) -> tuple[NDArray[np.intp], str]:
     """Indices of the rows with a new reading, and a note if there are others.
 
     Args:
         t: (n,) increasing times, s
         columns: (n,) readings of each axis
-        settings: limits
     """
-    middle, bursts = _bursts(t, settings)
+    middle, bursts = _bursts(t)
     if bursts:
         note = f"the rows come in {len(middle)} bursts of about {len(t) / len(middle):.0f}: one row of each is used"
         return middle, note
     again = np.append(False, np.logical_and.reduce([np.diff(column) == 0 for column in columns]))
-    if not _held(again, columns, settings):
+    if not _held(again, columns):
         return np.arange(len(t)), ""
     note = (
         f"{percent(float(again.mean()))} of the rows repeat the reading before them while the rods move, because the"
@@ -67,29 +64,29 @@ def new_readings(
     return np.flatnonzero(~again), note
 
 
-def _bursts(t: Array, settings: RepeatSettings) -> tuple[NDArray[np.intp], bool]:
+def _bursts(t: Array) -> tuple[NDArray[np.intp], bool]:
     """Middle row of each burst, and whether the rows come in bursts."""
     steps = np.diff(t)
-    if len(steps) < settings.bursts * settings.rows:
+    if len(steps) < SETTINGS.bursts * SETTINGS.rows:
         return np.arange(len(t)), False
-    last = np.flatnonzero(steps > settings.apart * np.median(steps))
-    if len(last) < settings.bursts or len(t) < settings.rows * (len(last) + 1):
+    last = np.flatnonzero(steps > SETTINGS.apart * np.median(steps))
+    if len(last) < SETTINGS.bursts or len(t) < SETTINGS.rows * (len(last) + 1):
         return np.arange(len(t)), False
     edges = np.array([0, *(last + 1), len(t)])
     middle = (edges[:-1] + edges[1:] - 1) // 2
     apart = np.diff(t[middle])
     low, usual, high = np.quantile(apart, [0.25, 0.5, 0.75])
-    even = high - usual <= settings.even * usual and usual - low <= settings.even * usual
+    even = high - usual <= SETTINGS.even * usual and usual - low <= SETTINGS.even * usual
     return middle, bool(even)
 
 
-def _held(again: NDArray[np.bool_], columns: Sequence[Array], settings: RepeatSettings) -> bool:
+def _held(again: NDArray[np.bool_], columns: Sequence[Array]) -> bool:
     """Whether most equal rows are held readings: the next reading is far away, in the direction of the motion."""
     starts = np.flatnonzero(np.diff(again.astype(int), prepend=0) == 1) - 1
     ends = np.flatnonzero(np.diff(again.astype(int), append=0) == -1)
     inside = (starts > 0) & (ends < len(again) - 1)
     starts, ends = starts[inside], ends[inside]
-    if settings.share * len(again) > again.sum() or not len(starts):
+    if SETTINGS.share * len(again) > again.sum() or not len(starts):
         return False
     held = np.zeros(len(starts), dtype=bool)
     for column in columns:
@@ -97,5 +94,5 @@ def _held(again: NDArray[np.bool_], columns: Sequence[Array], settings: RepeatSe
         if changes.any():
             before, after = column[starts] - column[starts - 1], column[ends + 1] - column[ends]
             least = float(changes[changes > 0].min())
-            held |= (before * after > 0) & (np.abs(before + after) > settings.counts * least)
-    return float((ends - starts)[held].sum()) > settings.share * len(again)
+            held |= (before * after > 0) & (np.abs(before + after) > SETTINGS.counts * least)
+    return float((ends - starts)[held].sum()) > SETTINGS.share * len(again)

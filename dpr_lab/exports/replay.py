@@ -11,7 +11,7 @@ from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.exports import FORMATS
 from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.moving_arm.replay import arm_replays
-from dpr_lab.exports.programs import REPLAY, Replay, ReplaySettings
+from dpr_lab.exports.programs import REPLAY, Replay
 from dpr_lab.identification.compare import follow, free_run_from
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.model import MovingArmModel
@@ -21,16 +21,16 @@ from dpr_lab.run import Run
 Array = NDArray[np.float64]
 
 
-def release(run: Run, rig: Rig, model: Model, until: float | None = None, settings: ReplaySettings = REPLAY) -> Replay:
+def release(run: Run, rig: Rig, model: Model, until: float | None = None) -> Replay:
     """Fit an initial state and simulate, until an instant or the predictability horizon."""
     followed = follow(run, rig, model)
     first = float(followed.preprocessed.run.t[0])
     freely = free_run_from(followed, first)
-    end = min(freely.horizon_s, first + settings.length_s) if until is None else until
-    stride = max(1, round(followed.preprocessed.run.rate_hz / settings.rate_hz))
+    end = min(freely.horizon_s, first + REPLAY.length_s) if until is None else until
+    stride = max(1, round(followed.preprocessed.run.rate_hz / REPLAY.rate_hz))
     samples = np.flatnonzero(freely.t <= end)[::stride]
     start = segment_start(first) if model.effects else first
-    steps = start + settings.step_s * np.arange(np.ceil((end - start) / settings.step_s) + 2)
+    steps = start + REPLAY.step_s * np.arange(np.ceil((end - start) / REPLAY.step_s) + 2)
     drives = followed.preprocessed.run.setup.torques
     pushed = np.zeros((len(steps), 2)) if drives is None else drives.mean_before(steps)
     return Replay(

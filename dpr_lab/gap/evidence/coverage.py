@@ -28,7 +28,7 @@ class MapSettings:
 MAP = MapSettings()
 
 
-def coverage(fitted: Recordings, held_out: Recordings, settings: MapSettings = MAP) -> dict[str, Occupancy]:
+def coverage(fitted: Recordings, held_out: Recordings) -> dict[str, Occupancy]:
     """Seconds that each rod spent at each angle and speed, by rod; rods that never swung freely are omitted."""
     joints = fitted.rig.encoders.joint_angles
     spent = [[_spent(record, joints.to_rods) for record in part.records] for part in (fitted, held_out)]
@@ -37,7 +37,7 @@ def coverage(fitted: Recordings, held_out: Recordings, settings: MapSettings = M
         of_rod = [list(_of(rod, part)) for part in spent]
         fastest = max((float(np.abs(speed).max(initial=0.0)) for part in of_rod for _, speed, _ in part), default=0.0)
         if fastest > 0.0:
-            edges = (np.linspace(0, 2 * np.pi, settings.angles + 1), fastest * np.linspace(-1, 1, settings.speeds + 1))
+            edges = (np.linspace(0, 2 * np.pi, MAP.angles + 1), fastest * np.linspace(-1, 1, MAP.speeds + 1))
             maps = [_seconds(part, edges) for part in of_rod]
             occupancy[rod] = Occupancy(
                 angle_edges_rad=edges[0].tolist(),

@@ -33,19 +33,18 @@ class LookSettings:
 LOOK = LookSettings()
 
 
-def residual_look(problem: Problem, models: Mapping[str, Hypothesis], settings: LookSettings = LOOK) -> ResidualLook:
+def residual_look(problem: Problem, models: Mapping[str, Hypothesis]) -> ResidualLook:
     """Residuals of each joint under each model.
 
     Args:
         problem: the segments of the fitted runs
         models: before and after
-        settings: lags and quantiles
     """
-    chances = (np.arange(settings.quantiles) + 0.5) / settings.quantiles
+    chances = (np.arange(LOOK.quantiles) + 0.5) / LOOK.quantiles
     joints: dict[str, dict[str, Whiteness]] = {}
     for j, axis in enumerate(ALL_AXES[: problem.axes]):
         if problem.read[:, j].any():
-            joints[axis] = {name: _look(problem, model, j, chances, settings) for name, model in models.items()}
+            joints[axis] = {name: _look(problem, model, j, chances) for name, model in models.items()}
     owner = problem.owner
     within = np.diff(owner) == 0
     return ResidualLook(
@@ -56,13 +55,13 @@ def residual_look(problem: Problem, models: Mapping[str, Hypothesis], settings: 
     )
 
 
-def _look(problem: Problem, model: Hypothesis, joint: int, chances: Array, settings: LookSettings) -> Whiteness:
+def _look(problem: Problem, model: Hypothesis, joint: int, chances: Array) -> Whiteness:
     r = np.nan_to_num(problem.by_sample(model.fit.linear.residual)[:, joint], posinf=0.0)
     read = problem.read[:, joint]
     return Whiteness(
-        autocorrelation=_autocorrelation(np.where(read, r, 0.0), read, problem.owner, settings.lags).tolist(),
+        autocorrelation=_autocorrelation(np.where(read, r, 0.0), read, problem.owner, LOOK.lags).tolist(),
         quantiles=np.quantile(r[read], chances).tolist(),
-        beyond3=float(np.mean(np.abs(r[read]) > settings.far)),
+        beyond3=float(np.mean(np.abs(r[read]) > LOOK.far)),
     )
 
 

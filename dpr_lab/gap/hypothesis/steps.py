@@ -76,24 +76,24 @@ def _visible(records: Sequence[Record], steps: list[ReadingStep]) -> list[tuple[
     return [(step.joint, step.run, step.at) for step in islice(shown, STEPS.kept)]
 
 
-def shows_step(record: Record, step: ReadingStep, settings: StepSettings = STEPS) -> bool:
+def shows_step(record: Record, step: ReadingStep) -> bool:
     """Whether the readings about an instant can contain a step: a polynomial with a step is fitted to them.
 
     A step with fewer readings before or after it is no step but a zero of the recording.
     """
-    after, side = int(np.searchsorted(record.t, step.at)), settings.side
+    after, side = int(np.searchsorted(record.t, step.at)), STEPS.side
     around = np.arange(-side, side)
-    smooth = np.linalg.qr(np.vander((around + 0.5) / side, settings.degree + 1))[0]
+    smooth = np.linalg.qr(np.vander((around + 0.5) / side, STEPS.degree + 1))[0]
     shape = (around >= 0).astype(np.float64)
     shape -= smooth @ (smooth.T @ shape)
     power = float(shape @ shape)
-    for first in range(after - settings.reach, after + settings.reach + 1):
+    for first in range(after - STEPS.reach, after + STEPS.reach + 1):
         if first < side or first + side > len(record.t):
             continue
         window = slice(first - side, first + side)
         projection = float(shape @ record.joints[window, step.joint]) / power
         error = float(np.median(record.sigma[window, step.joint])) / power**0.5
-        if np.sign(step.size) * projection + settings.errors * error >= settings.part * abs(step.size):
+        if np.sign(step.size) * projection + STEPS.errors * error >= STEPS.part * abs(step.size):
             return True
     return False
 

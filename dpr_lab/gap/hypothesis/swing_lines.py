@@ -33,14 +33,13 @@ class LineSettings:
 SETTINGS = LineSettings()
 
 
-def on_swing_line(problem: Problem, effect: str, estimate: Estimate, settings: LineSettings = SETTINGS) -> bool:
+def on_swing_line(problem: Problem, effect: str, estimate: Estimate) -> bool:
     """Whether an effect is a force of fixed frequency at a multiple of the frequency of the swing.
 
     Args:
         problem: segments of free swings of a rod alone; other swings have no such frequency
         effect: name of the effect
         estimate: with its frequency
-        settings: limits
     """
     spec = EFFECTS[effect]
     if not any(p.name == FREQUENCY for p in spec.shapes) or len(spec.shapes) > 1:
@@ -48,15 +47,15 @@ def on_swing_line(problem: Problem, effect: str, estimate: Estimate, settings: L
     if not all(setup.alone and setup.free for setup in problem.segments.setups):
         return False
     frequency = float(estimate.params[param_index(effect, FREQUENCY)])
-    lines = [line for run in np.unique(problem.segments.run) if (line := _line(problem, int(run), settings))]
+    lines = [line for run in np.unique(problem.segments.run) if (line := _line(problem, int(run)))]
     if not lines:
         return False
     low, high = min(line[0] for line in lines), max(line[1] for line in lines)
-    width = settings.resolution / max(line[2] for line in lines)
-    return any(n * low - width <= frequency <= n * high + width for n in range(1, settings.harmonics + 1))
+    width = SETTINGS.resolution / max(line[2] for line in lines)
+    return any(n * low - width <= frequency <= n * high + width for n in range(1, SETTINGS.harmonics + 1))
 
 
-def _line(problem: Problem, run: int, settings: LineSettings) -> tuple[float, float, float] | None:
+def _line(problem: Problem, run: int) -> tuple[float, float, float] | None:
     """Lowest and highest frequency of the swing of one run about hanging, Hz, and its duration, s."""
     offsets = problem.segments.offsets
     segments = [
@@ -68,7 +67,7 @@ def _line(problem: Problem, run: int, settings: LineSettings) -> tuple[float, fl
     crossings = t[before_crossing] - from_hanging[before_crossing] * (t[before_crossing + 1] - t[before_crossing]) / (
         from_hanging[before_crossing + 1] - from_hanging[before_crossing]
     )
-    if len(crossings) <= settings.swings:
+    if len(crossings) <= SETTINGS.swings:
         return None
     intervals = crossings[2:] - crossings[:-2]  # whole periods, which a zero error does not change
     usual = float(np.median(intervals))

@@ -65,7 +65,6 @@ def noise_by_speed(
     floor: Array,
     period: float,
     keep: NDArray[np.bool_] | None = None,
-    settings: SpeedNoiseSettings = SPEED_NOISE,
 ) -> tuple[float, float]:
     """Timing error s of sigma^2 = sigma_0^2 + (s omega)^2, and the significance of s^2 in standard errors.
 
@@ -76,25 +75,21 @@ def noise_by_speed(
         period: nominal sampling interval, s; neighbourhoods with a gap are excluded
         keep: (n, 2) readings without a fault: with them the level is a root mean square, which rare large time-stamp
         errors increase; without, it is a robust level
-        settings: bins of speed and limits
 
     Returns:
         s (s), and its significance
     """
-    if len(t) < settings.fewest * settings.bins:
+    if len(t) < SPEED_NOISE.fewest * SPEED_NOISE.bins:
         return 0.0, 0.0
     windows, angles = sliding_window_view(t, ORDER + 1), sliding_window_view(joints, ORDER + 1, axis=0)
-    evenly_spaced = np.abs(np.diff(windows, axis=1) - period).max(axis=1) < settings.uneven * period
+    evenly_spaced = np.abs(np.diff(windows, axis=1) - period).max(axis=1) < SPEED_NOISE.uneven * period
     speed2 = ((joints[ORDER:] - joints[:-ORDER]) / np.ptp(windows, axis=1)[:, None]) ** 2
     residual = np.einsum("wmj,wj->wm", angles, difference_weights(windows, period))
     level = spread
     if keep is not None:
         evenly_spaced &= sliding_window_view(keep.all(axis=1), ORDER + 1).all(axis=1)
         level = tamed_rms
-    lines = [
-        _line(speed2[evenly_spaced, axis], residual[evenly_spaced, axis], floor[axis], level, settings)
-        for axis in range(2)
-    ]
+    lines = [_line(speed2[evenly_spaced, axis], residual[evenly_spaced, axis], floor[axis], level) for axis in range(2)]
     weights = [1 / error**2 for _, error in lines]
     if not any(weights):
         return 0.0, 0.0
@@ -102,21 +97,19 @@ def noise_by_speed(
     return math.sqrt(max(slope, 0.0)), float(slope / error)
 
 
-def _line(
-    speed2: Array, residual: Array, floor: float, level: Callable[[Array], float], settings: SpeedNoiseSettings
-) -> tuple[float, float]:
+def _line(speed2: Array, residual: Array, floor: float, level: Callable[[Array], float]) -> tuple[float, float]:
     """Slope of the variance of `residual` over `speed2`, and its standard error, from levels in bins of speed."""
-    in_bin = len(residual) / settings.bins
-    if in_bin < settings.fewest:
+    in_bin = len(residual) / SPEED_NOISE.bins
+    if in_bin < SPEED_NOISE.fewest:
         return 0.0, math.inf
-    groups = np.array_split(np.argsort(speed2), settings.bins)
+    groups = np.array_split(np.argsort(speed2), SPEED_NOISE.bins)
     x = np.array([speed2[group].mean() for group in groups])
     y = np.array([max(level(residual[group]), floor) ** 2 for group in groups])
     if y.max() == 0.0 or x.max() == 0.0:
         return 0.0, math.inf
-    relative = np.sqrt(settings.relative_variance * settings.overlap / in_bin)
-    weights = 1 / (np.maximum(y, settings.least_level * y.max()) * relative)
-    A = np.stack([np.ones(settings.bins), x], axis=1) * weights[:, None]
+    relative = np.sqrt(SPEED_NOISE.relative_variance * SPEED_NOISE.overlap / in_bin)
+    weights = 1 / (np.maximum(y, SPEED_NOISE.least_level * y.max()) * relative)
+    A = np.stack([np.ones(SPEED_NOISE.bins), x], axis=1) * weights[:, None]
     covariance = np.linalg.pinv(A.T @ A)
     slope = (covariance @ A.T @ (y * weights))[1]
     return float(slope), float(np.sqrt(covariance[1, 1]))

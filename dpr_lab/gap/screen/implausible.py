@@ -25,16 +25,14 @@ class ImplausibleSettings:
 IMPLAUSIBLE = ImplausibleSettings()
 
 
-def too_fast(t: Array, joints: Array, settings: ImplausibleSettings = IMPLAUSIBLE) -> NDArray[np.bool_]:
+def too_fast(t: Array, joints: Array) -> NDArray[np.bool_]:
     """(n, 2) readings, single or in bursts, that are too far from both neighbours for a rod."""
-    jumps = np.abs(np.diff(joints, axis=0)) > settings.fastest * np.diff(t)[:, None]
+    jumps = np.abs(np.diff(joints, axis=0)) > IMPLAUSIBLE.fastest * np.diff(t)[:, None]
     edge = np.zeros((1, joints.shape[1]), dtype=bool)
     return np.concatenate([edge, jumps]) & np.concatenate([jumps, edge])
 
 
-def repeated(
-    t: Array, joints: Array, std: Array, jitter: float, period: float, settings: ImplausibleSettings = IMPLAUSIBLE
-) -> NDArray[np.bool_]:
+def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) -> NDArray[np.bool_]:
     """Readings equal to the previous one although the rod moves by many standard deviations per sample.
 
     Wrong instants may make the readings of one axis equal by chance, but hardly of both; and at a turning point, two
@@ -47,12 +45,11 @@ def repeated(
         std: (2,) standard deviation of a reading at rest, rad
         jitter: standard deviation of an instant, s
         period: nominal sampling interval, s
-        settings: limits of the motion
 
     Returns:
         (n, 2)
     """
-    reach = settings.reach
+    reach = IMPLAUSIBLE.reach
     if len(t) <= 2 * reach:
         return np.zeros(joints.shape, dtype=bool)
     across = (joints[2 * reach :] - joints[: -2 * reach]) / (t[2 * reach :] - t[: -2 * reach])[:, None]
@@ -61,15 +58,15 @@ def repeated(
     speed, moved = np.abs(velocity), np.abs(path)
     step = np.diff(joints, axis=0, prepend=np.nan)
     stands = step == 0.0
-    goes_on = _before(step) * _before(step[::-1])[::-1] > (settings.goes_on * moved) ** 2
-    alone = stands & goes_on & (moved > settings.moved * np.hypot(std, jitter * speed))
+    goes_on = _before(step) * _before(step[::-1])[::-1] > (IMPLAUSIBLE.goes_on * moved) ** 2
+    alone = stands & goes_on & (moved > IMPLAUSIBLE.moved * np.hypot(std, jitter * speed))
     all_axes = stands.all(axis=1)
     last_new = np.maximum.accumulate(np.where(all_axes, 0, np.arange(len(t))))
     travelled = np.cumsum(path, axis=0)
     significance = np.sqrt(np.sum(((travelled - travelled[last_new]) / std) ** 2, axis=1))
     highest = np.zeros(len(t))
     np.maximum.at(highest, last_new, significance)
-    return alone | (all_axes & (highest[last_new] > settings.moved))[:, None]
+    return alone | (all_axes & (highest[last_new] > IMPLAUSIBLE.moved))[:, None]
 
 
 def _before(step: Array) -> Array:

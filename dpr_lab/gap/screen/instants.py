@@ -81,7 +81,7 @@ class PeriodicDelay:
     """(n,) whether a reading is late."""
 
 
-def even_instants(t: Array, joints: Array, settings: InstantSettings = INSTANTS) -> Array | None:
+def even_instants(t: Array, joints: Array) -> Array | None:
     """Even instants in place of stamps with jitter, if the angles prefer them.
 
     Each window of seven samples is judged twice, by the sixth divided difference on its stamps and on even instants.
@@ -89,16 +89,15 @@ def even_instants(t: Array, joints: Array, settings: InstantSettings = INSTANTS)
     Args:
         t: (n,) stamps, s
         joints: (n, m) angles, rad
-        settings: limits of the test
 
     Returns:
         (n,) s; None if the stamps are even, or correct
     """
-    if len(t) < 4 * settings.drift:
+    if len(t) < 4 * INSTANTS.drift:
         return None
-    period, even, continuous = _even_clock(t, settings)
-    near = continuous | (np.abs(t - even) < settings.widest * period)
-    if not near.any() or np.std((t - even)[near]) < settings.uneven * period:
+    period, even, continuous = _even_clock(t)
+    near = continuous | (np.abs(t - even) < INSTANTS.widest * period)
+    if not near.any() or np.std((t - even)[near]) < INSTANTS.uneven * period:
         return None
     windows = sliding_window_view(t, ORDER + 1)
     angles = sliding_window_view(joints, ORDER + 1, axis=0)
@@ -106,40 +105,40 @@ def even_instants(t: Array, joints: Array, settings: InstantSettings = INSTANTS)
     on_even = np.abs(angles @ difference_weights(np.arange(ORDER + 1.0)[None], 1.0)[0])
     speed = np.abs(joints[ORDER:] - joints[:-ORDER]) / (ORDER * period)
     without_loss = sliding_window_view(continuous, ORDER + 1).all(axis=1)
-    without_loss |= np.abs(np.diff(windows, axis=1) - period).max(axis=1) < settings.widest * period
-    counts = without_loss[:, None] & (speed > 0.0) & (speed >= np.quantile(speed, 1 - settings.fast, axis=0))
+    without_loss |= np.abs(np.diff(windows, axis=1) - period).max(axis=1) < INSTANTS.widest * period
+    counts = without_loss[:, None] & (speed > 0.0) & (speed >= np.quantile(speed, 1 - INSTANTS.fast, axis=0))
     votes = np.where(counts, np.sign(on_stamps - on_even), 0.0)
     # the windows overlap: one in seven is independent
-    if votes.sum() < settings.preferred * np.sqrt((ORDER + 1) * max(counts.sum(), 1)):
+    if votes.sum() < INSTANTS.preferred * np.sqrt((ORDER + 1) * max(counts.sum(), 1)):
         return None
-    block = np.arange(len(t)) // settings.block
+    block = np.arange(len(t)) // INSTANTS.block
     of_window = block[ORDER // 2 : len(t) - ORDER // 2]
     for_even, voters = (np.bincount(of_window, per_window.sum(axis=1), block[-1] + 1) for per_window in (votes, counts))
-    right = for_even < -settings.contrary * np.sqrt((ORDER + 1) * voters)
+    right = for_even < -INSTANTS.contrary * np.sqrt((ORDER + 1) * voters)
     instants = np.where(near & ~right[block], even, t)
     return instants if (np.diff(instants) > 0.0).all() else even if (np.diff(even) > 0.0).all() else None
 
 
-def _even_clock(t: Array, settings: InstantSettings) -> tuple[float, Array, Flags]:
+def _even_clock(t: Array) -> tuple[float, Array, Flags]:
     """An even clock near stamps (n,): its period, s, its instants (n,), s, and (n,) where no sample is lost nearby.
 
     Stamps may come in bursts, so the period is that over many samples. A lost sample moves the clock by a period. Where
     none is lost and the clock does not wander, a straight line through all stamps has the least noise.
     """
-    index, drift = np.arange(len(t)), settings.drift
+    index, drift = np.arange(len(t)), INSTANTS.drift
     period = float(np.median(t[drift:] - t[:-drift])) / drift
     offset = t - index * period
     wandering = _median_of_neighbours(offset, drift)
     jitter = NORMAL_MAD * float(np.median(np.abs(offset - wandering)))
-    usual = np.abs(offset - wandering) <= settings.usual_jitter * jitter
+    usual = np.abs(offset - wandering) <= INSTANTS.usual_jitter * jitter
     steady = np.polyval(np.polyfit(index[usual], offset[usual], 1), index)
-    if np.std(wandering - steady) < settings.wander * jitter:
+    if np.std(wandering - steady) < INSTANTS.wander * jitter:
         return period, index * period + steady, np.ones(len(t), dtype=bool)
     windows = sliding_window_view(np.pad(wandering, drift, mode="edge"), 2 * drift + 1)
-    return period, index * period + wandering, np.asarray(np.ptp(windows, axis=1) < settings.widest * period)
+    return period, index * period + wandering, np.asarray(np.ptp(windows, axis=1) < INSTANTS.widest * period)
 
 
-def periodic_delay(t: Array, joints: Array, settings: InstantSettings = INSTANTS) -> PeriodicDelay | None:
+def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
     """The cycle with the most significant late readings; None without any.
 
     With the divided differences r = W theta of windows of seven and a reading i late by d, r = W_i d omega_i. Therefore
@@ -152,9 +151,8 @@ def periodic_delay(t: Array, joints: Array, settings: InstantSettings = INSTANTS
     Args:
         t: (n,) instants, s
         joints: (n, m) angles, rad
-        settings: limits of the test
     """
-    if len(t) < 4 * settings.cycle:
+    if len(t) < 4 * INSTANTS.cycle:
         return None
     windows, period = sliding_window_view(t, ORDER + 1), float(np.median(np.diff(t)))
     dense = np.ptp(windows, axis=1) < 1.5 * ORDER * period
@@ -167,26 +165,26 @@ def periodic_delay(t: Array, joints: Array, settings: InstantSettings = INSTANTS
         std = NORMAL_MAD * float(np.median(np.abs(differences[dense]))) if dense.any() else 0.0
         if std <= 0.0:
             continue
-        speed = _speed(t, angle, settings.reach)
+        speed = _speed(t, angle, INSTANTS.reach)
         usable.append((differences / std, speed / std))
         error = _to_samples(weights * differences[:, None], len(t))
-        most = np.maximum(settings.wild * std * np.sqrt(power), np.quantile(np.abs(error), settings.usual))
+        most = np.maximum(INSTANTS.wild * std * np.sqrt(power), np.quantile(np.abs(error), INSTANTS.usual))
         score += speed * np.clip(error, -most, most) / std**2
         information += speed**2 * power / std**2
     ticks = _ticks(t, period)
-    by_cycle = {cycle: _by_place(ticks % cycle, cycle, score, information) for cycle in range(2, settings.cycle + 1)}
+    by_cycle = {cycle: _by_place(ticks % cycle, cycle, score, information) for cycle in range(2, INSTANTS.cycle + 1)}
     # random jitter increases the scatter at the positions of all cycles, a late reading only that of related cycles
     spreads = [NORMAL_MAD * np.median(np.abs(z - np.median(z))) for cycle, z in by_cycle.items() if cycle > ORDER]
-    spread = max(1.0, float(np.quantile(spreads, settings.unshared)))
-    places = {cycle: _standing_out(z, settings.contrast) for cycle, z in by_cycle.items()}
+    spread = max(1.0, float(np.quantile(spreads, INSTANTS.unshared)))
+    places = {cycle: _standing_out(z, INSTANTS.contrast) for cycle, z in by_cycle.items()}
     largest = max(size for size, _ in places.values())
-    if largest < settings.significance * spread:
+    if largest < INSTANTS.significance * spread:
         return None
     # a late reading also affects the windows of its neighbours, and so other cycles: the best fit is the right one
-    likely = [(cycle, first) for cycle, (size, first) in places.items() if size > settings.likely * largest]
+    likely = [(cycle, first) for cycle, (size, first) in places.items() if size > INSTANTS.likely * largest]
     fits = [_delayed(cycle, ticks % cycle == first, usable, weights) for cycle, first in likely]
     best = max(fits, key=lambda fit: abs(fit.delay_s) / fit.std_s)
-    return best if abs(best.delay_s) >= settings.least * period else None
+    return best if abs(best.delay_s) >= INSTANTS.least * period else None
 
 
 def _ticks(t: Array, period: float) -> NDArray[np.int64]:

@@ -64,7 +64,6 @@ def local_faults(
     keep: NDArray[np.bool_],
     noise: tuple[float, float],
     period: float,
-    settings: LocalFaultSettings = LOCAL_FAULTS,
 ) -> LocalFaults:
     """Outliers and steps of one encoder.
 
@@ -74,15 +73,14 @@ def local_faults(
         keep: (n,) whether a reading is plausible at all
         noise: standard deviation of a reading at rest (rad) and of an instant (s)
         period: nominal sampling interval, s
-        settings: detection limits
     """
-    half = int(np.clip(round(settings.half_window_s / period), settings.fewest_half, settings.most_half))
+    half = int(np.clip(round(LOCAL_FAULTS.half_window_s / period), LOCAL_FAULTS.fewest_half, LOCAL_FAULTS.most_half))
     outliers: list[int] = []
     steps: list[tuple[int, float]] = []
     if keep.sum() >= 4 * half:
         grid = np.arange(t[0], t[-1] + 0.5 * period, period)
-        z = _standing_out(_spline(t[keep], angle[keep], grid), half, noise, period, settings)
-        for instant_near in grid[_peaks(z, half, settings)]:
+        z = _standing_out(_spline(t[keep], angle[keep], grid), half, noise, period)
+        for instant_near in grid[_peaks(z, half)]:
             window = (half + 0.5) * period
             first, last = (
                 np.searchsorted(t, instant_near - window, side="right"),
@@ -91,7 +89,7 @@ def local_faults(
             near = first + np.flatnonzero(keep[first:last])
             if len(near) < half:
                 continue
-            instant, size = _step_or_outlier(t[near], angle[near], instant_near, period, settings)
+            instant, size = _step_or_outlier(t[near], angle[near], instant_near, period)
             if size is None:
                 outliers.append(int(near[instant]))
             else:
@@ -99,18 +97,18 @@ def local_faults(
     return LocalFaults(np.array(outliers, dtype=np.int64), tuple(steps))
 
 
-def _standing_out(
-    even: Array, half: int, noise: tuple[float, float], period: float, settings: LocalFaultSettings
-) -> Array:
+def _standing_out(even: Array, half: int, noise: tuple[float, float], period: float) -> Array:
     """(n,) significance of a step or an outlier at each sample, in standard deviations; 0 at the ends.
 
     A swing that is too fast for the polynomial leaves residuals of its own; only larger deviations are accepted.
     """
-    reach = settings.smooth
+    reach = LOCAL_FAULTS.smooth
     level = np.convolve(np.pad(even, reach, mode="edge"), np.full(2 * reach + 1, 1 / (2 * reach + 1)), mode="valid")
     speed = _highest(np.abs(np.gradient(level, period)), half)[half:-half]
-    responses = [np.abs(np.convolve(even, filter_[::-1], mode="valid")) for filter_ in _filters(half, settings.degree)]
-    bent = settings.bends * (speed * half * period) ** (settings.degree + 1) * np.sqrt(2 * half + 1)
+    responses = [
+        np.abs(np.convolve(even, filter_[::-1], mode="valid")) for filter_ in _filters(half, LOCAL_FAULTS.degree)
+    ]
+    bent = LOCAL_FAULTS.bends * (speed * half * period) ** (LOCAL_FAULTS.degree + 1) * np.sqrt(2 * half + 1)
     return np.pad(np.maximum(*responses) / np.sqrt(noise[0] ** 2 + (noise[1] * speed) ** 2 + bent**2), half)
 
 
@@ -138,10 +136,10 @@ def _highest(values: Array, half: int) -> Array:
     return highest
 
 
-def _peaks(z: Array, half: int, settings: LocalFaultSettings) -> Indices:
+def _peaks(z: Array, half: int) -> Indices:
     """Local maxima that exceed zero and their surroundings significantly."""
-    highest = np.flatnonzero((z > settings.stands_out) & (z >= _highest(z, half)))
-    return highest[z[highest] > settings.above_surroundings * _usual(z, highest, half, settings.usual)]
+    highest = np.flatnonzero((z > LOCAL_FAULTS.stands_out) & (z >= _highest(z, half)))
+    return highest[z[highest] > LOCAL_FAULTS.above_surroundings * _usual(z, highest, half, LOCAL_FAULTS.usual)]
 
 
 def _usual(z: Array, centres: Indices, half: int, share: float) -> Array:
@@ -155,9 +153,7 @@ def _usual(z: Array, centres: Indices, half: int, share: float) -> Array:
     return np.where(np.isfinite(low), low + (high - low) * (share * last - below), 0.0)
 
 
-def _step_or_outlier(
-    t: Array, angle: Array, centre: float, period: float, settings: LocalFaultSettings
-) -> tuple[int, float | None]:
+def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tuple[int, float | None]:
     """The most likely fault in a few samples: an outlier (its index), or a step at a sample.
 
     Args:
@@ -165,19 +161,18 @@ def _step_or_outlier(
         angle: (n,) readings, rad
         centre: instant of the detected deviation, s
         period: sampling interval, s
-        settings: the polynomial, and the search range
 
     Returns:
         index of the sample, and the size of the step, rad; no size for an outlier
     """
     away, candidates = np.abs(t - centre), np.arange(len(t))[:, None]
-    near = int((away < (settings.reach + 0.5) * period).sum())
+    near = int((away < (LOCAL_FAULTS.reach + 0.5) * period).sum())
     places = np.argsort(away, kind="stable")[: max(near, 1)]
-    smooth = np.linalg.qr(np.vander((t - centre) / np.ptp(t), settings.degree + 1))[0]
+    smooth = np.linalg.qr(np.vander((t - centre) / np.ptp(t), LOCAL_FAULTS.degree + 1))[0]
     shapes = np.hstack([candidates == places, candidates >= places]).astype(np.float64)
     shapes -= smooth @ (smooth.T @ shapes)
     power, projections = (shapes**2).sum(axis=0), (angle - smooth @ (smooth.T @ angle)) @ shapes
-    detectable = power > settings.least_seen
+    detectable = power > LOCAL_FAULTS.least_seen
     explained = np.where(detectable, projections**2, 0.0) / np.where(detectable, power, 1.0)
     # A single reading on one side of a step is also an outlier, and few readings contain no more information: among
     # equals, the nearest is chosen.

@@ -101,34 +101,34 @@ class Record:
         return replace(self, t=self.t[samples], joints=self.joints[samples], sigma=self.sigma[samples])
 
 
-def record(run: Run, rig: Rig, settings: ThinningSettings = THINNING) -> Record:
+def record(run: Run, rig: Rig) -> Record:
     """Screen a run and thin it to about 200 Hz.
 
     Raises:
         RunError: fewer samples after the release, or in a row, than a segment needs.
     """
-    if (run.t >= settings.after_release_s).sum() < MIN_SAMPLES:
+    if (run.t >= THINNING.after_release_s).sum() < MIN_SAMPLES:
         raise RunError(f"{run.name}: fewer than {MIN_SAMPLES} samples after the release: nothing to diagnose")
     screened = screen(run, rig)
     setup = setup_of(screened.run, rig)
     if setup.arm_moves:
         screened = with_arm(screened, rig)
     run = screened.run
-    fastest = _fastest(screened, settings.fastest)
-    rate_hz = _block_rate(screened, fastest, run.rate_hz, settings)
-    t, joints, sigma = _as_read(screened) if rate_hz is None else _blocks(screened, rate_hz, settings.least_kept)
-    valid = np.isfinite(joints).all(axis=1) & (t >= settings.after_release_s)
+    fastest = _fastest(screened, THINNING.fastest)
+    rate_hz = _block_rate(screened, fastest, run.rate_hz)
+    t, joints, sigma = _as_read(screened) if rate_hz is None else _blocks(screened, rate_hz, THINNING.least_kept)
+    valid = np.isfinite(joints).all(axis=1) & (t >= THINNING.after_release_s)
     t, joints, sigma = t[valid], joints[valid], sigma[valid]
     intervals = np.diff(t)
     median_interval = float(np.median(intervals)) if len(intervals) else 0.0
-    holes = np.flatnonzero(intervals > max(settings.gap_s, settings.gap_spacings * median_interval))
+    holes = np.flatnonzero(intervals > max(THINNING.gap_s, THINNING.gap_spacings * median_interval))
     breaks = np.sort(np.concatenate([[instant for instant, _ in screened.breaks], t[holes] + 1e-6]))
     if not cut(t, np.inf, breaks):
         raise RunError(f"{run.name}: no sequence of {MIN_SAMPLES} valid samples without a gap: nothing to diagnose")
-    step = min(STEP, settings.turn / max(fastest, 1e-3))
+    step = min(STEP, THINNING.turn / max(fastest, 1e-3))
     thinned = max(1, round(run.rate_hz / (rate_hz or run.rate_hz)))
     correlation = float(rest_correlation(run, rig, thinned).mean())
-    moves = True if setup.arm_moves else _arm_moves(run, settings.arm_moves)
+    moves = True if setup.arm_moves else _arm_moves(run, THINNING.arm_moves)
     return Record(run, screened, t, joints, sigma, breaks, moves, correlation, step, setup)
 
 
@@ -142,12 +142,12 @@ def _fastest(screened: Screened, quantile: float) -> float:
     return float(np.quantile(np.abs(np.diff(joints, axis=0) / np.diff(instants)[:, None]), quantile, axis=0).max())
 
 
-def _block_rate(screened: Screened, fastest: float, rate_hz: float, settings: ThinningSettings) -> float | None:
+def _block_rate(screened: Screened, fastest: float, rate_hz: float) -> float | None:
     """The lowest rate at which the bias of a block mean is below its noise, in factors of two; None: as read."""
     blocks = RATE_HZ
-    while rate_hz >= settings.averaged_from * blocks:
+    while rate_hz >= THINNING.averaged_from * blocks:
         noise = np.sqrt(screened.noise**2 * blocks / rate_hz + (screened.jitter_s * fastest) ** 2).min()
-        if settings.bent * (fastest / blocks) ** 4 <= settings.seen * noise:
+        if THINNING.bent * (fastest / blocks) ** 4 <= THINNING.seen * noise:
             return blocks
         blocks *= 2
     return None

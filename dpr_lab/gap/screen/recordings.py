@@ -192,14 +192,14 @@ class Recordings:
         return replace(self, records=tuple(chosen))
 
 
-def _initial_states(record: Record, stretches: Sequence[slice], relative2: bool, guess: InitialGuess = GUESS) -> Array:
+def _initial_states(record: Record, stretches: Sequence[slice], relative2: bool) -> Array:
     """(stretches, states) initial states of segments from cubics through the readings; at rest after a release.
 
     Returns:
         theta1, theta2, omega1, omega2, rad and rad/s
     """
     begins = np.array([segment_start(float(record.t[s.start])) for s in stretches])
-    near = [_near(record, s.start, begin, guess) for s, begin in zip(stretches, begins, strict=True)]
+    near = [_near(record, s.start, begin) for s, begin in zip(stretches, begins, strict=True)]
     axes = record.joints.shape[1]
     states = np.empty((len(stretches), 2 * axes))
     sizes = np.array([len(window) for window in near])
@@ -231,13 +231,13 @@ def _with_arm(record: Record, stretches: Sequence[slice], relative2: bool) -> Ar
     return np.column_stack([states, np.full(len(states), held), np.zeros(len(states))])
 
 
-def _near(record: Record, start: int, begin: float, guess: InitialGuess) -> NDArray[np.int64]:
+def _near(record: Record, start: int, begin: float) -> NDArray[np.int64]:
     """Readings near an instant, on the same side of breaks; or those near the first of its segment if there are few."""
     first, last = np.searchsorted(record.t, _between(record.breaks, float(record.t[start]))).tolist()
-    i = max(first, int(np.searchsorted(record.t, begin - guess.near_s, side="right")))
-    j = min(last, int(np.searchsorted(record.t, begin + guess.near_s)))
-    if j - i < guess.fewest:
-        i, j = max(first, start - guess.before), min(last, start + guess.fewest)
+    i = max(first, int(np.searchsorted(record.t, begin - GUESS.near_s, side="right")))
+    j = min(last, int(np.searchsorted(record.t, begin + GUESS.near_s)))
+    if j - i < GUESS.fewest:
+        i, j = max(first, start - GUESS.before), min(last, start + GUESS.fewest)
     return np.arange(i, j)
 
 

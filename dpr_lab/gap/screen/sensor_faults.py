@@ -115,7 +115,7 @@ class Screened:
     findings: tuple[Finding, ...]
 
 
-def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
+def screen(run: Run, rig: Rig) -> Screened:
     """Detect the sensor faults of one run.
 
     Raises:
@@ -124,22 +124,22 @@ def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
     run, stamped = _on_true_instants(run, rig)
     swing, period = run.swing, 1.0 / run.rate_hz
     t, joints = swing.t, rig.encoders.joint_angles.of_rods(swing.theta[:, 1:])
-    late, delayed = _late(run, t, joints, settings)
+    late, delayed = _late(run, t, joints)
     count = _count_size(run, rig)
-    dithered, on_grid = _dithered(run, rig, count, settings), _on_grid(run, rig, joints, settings)
+    dithered, on_grid = _dithered(run, rig, count), _on_grid(run, rig, joints)
     in_time = run.only(~np.pad(late, (len(run.t) - len(t), 0)))
     at_rest = np.maximum(noise_floor(in_time, rig).std_joint, count / np.sqrt(12))
-    colour, coloured = _colour(run, rig, joints, settings)
+    colour, coloured = _colour(run, rig, joints)
     noise = at_rest * colour  # filtered noise is visible only over wider spacings
-    jitter, jittered = _jitter(run, t[~late], joints[~late], noise, settings)
+    jitter, jittered = _jitter(run, t[~late], joints[~late], noise)
     wild, stale = too_fast(t, joints), np.zeros(joints.shape, dtype=np.bool_)
     stale[~late] = repeated(t[~late], joints[~late], noise, jitter, period)
     keep = ~(wild | stale | late[:, None])
     findings = [
         *stamped,
         *delayed,
-        *_gaps(run.name, t, period, settings),
-        *_levels(run, rig, at_rest, dithered, settings),
+        *_gaps(run.name, t, period),
+        *_levels(run, rig, at_rest, dithered),
     ]
     breaks: list[tuple[float, int]] = []
     for axis, name in enumerate(AXES):
@@ -152,13 +152,13 @@ def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
             ("repeated_sample", t[stale[:, axis]], "the reading is constant while the rod moves"),
             ("outlier", t[faults.outliers], "one reading deviates from the polynomial through its neighbours"),
         ):
-            findings += _events(Finding(kind, run.name, name, None, evidence), instant.tolist(), settings)
+            findings += _events(Finding(kind, run.name, name, None, evidence), instant.tolist())
         for i, size in steps:
             evidence = f"the reading steps by {size / abs(rig.radians_per_count[1 + axis]):+.1f} counts"
             findings.append(Finding(MISSED_COUNTS.name, run.name, name, float(t[i]), evidence, step=size))
     if jitter:  # without the repeated readings, which look like wrong instants
         trusted, significance = noise_by_speed(t, joints, noise, period, keep)
-        refuted = 0.0 != significance < settings.significance  # zero: too few readings without a fault
+        refuted = 0.0 != significance < SCREEN.significance  # zero: too few readings without a fault
         jitter, jittered = (0.0, []) if refuted else (max(jitter, trusted), jittered)
     findings += [*jittered, *coloured]
     screened = Screened(
@@ -210,7 +210,7 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
     return replace(run, t=even), [Finding("stamp_jitter", run.name, None, None, evidence)]
 
 
-def _late(run: Run, t: Array, joints: Array, settings: ScreenSettings) -> tuple[NDArray[np.bool_], list[Finding]]:
+def _late(run: Run, t: Array, joints: Array) -> tuple[NDArray[np.bool_], list[Finding]]:
     """(n,) readings that are late or repeated in a cycle, perhaps in a stretch of the recording only."""
     read = joints[:, :1] if run.setup.alone else joints
     delay, repeated = periodic_delay(t, read), np.append(False, (read[1:] == read[:-1]).all(axis=1))
@@ -220,9 +220,9 @@ def _late(run: Run, t: Array, joints: Array, settings: ScreenSettings) -> tuple[
     places = [delay.late] if 2 * delay.delay_s * run.rate_hz > 1 else [delay.late, np.roll(delay.late, 1)]
     place = max(places, key=lambda place: float(np.mean(repeated[place])))
     name, share, elsewhere = "repeated_sample", np.mean(repeated[place]), np.mean(repeated[~place])
-    if share > settings.repeating:
+    if share > SCREEN.repeating:
         late, evidence = place, f"one reading in {delay.cycle} repeats the previous one"
-    elif share > elsewhere + settings.stretch:
+    elif share > elsewhere + SCREEN.stretch:
         late = place & repeated
         first, last = np.quantile(t[late], [0.1, 0.9])  # by chance, a few others are equal too
         evidence = f"mostly between {first:.2f} and {last:.2f} s, one reading in {delay.cycle} repeats the previous one"
@@ -232,9 +232,9 @@ def _late(run: Run, t: Array, joints: Array, settings: ScreenSettings) -> tuple[
         precision = f"{1e3 * size:.3g} +- {1e3 * delay.std_s:.1g} ms"
         evidence = f"one reading in {delay.cycle} is taken {precision} {side} its stamp"
     finding = Finding(name, run.name, None, float(t[late][0]), f"{evidence}; these readings are excluded")
-    if share > settings.repeating or name == "periodic_delay":
+    if share > SCREEN.repeating or name == "periodic_delay":
         return late, [finding]
-    others, findings = _late(run, t[~late], joints[~late], settings)  # a delay that repeated readings hide
+    others, findings = _late(run, t[~late], joints[~late])  # a delay that repeated readings hide
     late[~late] = others
     return late, [finding, *findings]
 
@@ -256,19 +256,19 @@ def _without_joint2(screened: Screened) -> Screened:
     )
 
 
-def _events(finding: Finding, instants: list[float], settings: ScreenSettings) -> list[Finding]:
+def _events(finding: Finding, instants: list[float]) -> list[Finding]:
     """A finding for each instant, or for the first one with their number if there are many."""
-    if len(instants) > settings.shown:
+    if len(instants) > SCREEN.shown:
         return [
             replace(finding, at_s=instants[0], evidence=f"{finding.evidence}; {len(instants)} times; this is the first")
         ]
     return [replace(finding, at_s=s) for s in instants]
 
 
-def _gaps(name: str, t: Array, period: float, settings: ScreenSettings) -> list[Finding]:
-    spacing, behind, near = np.diff(t), t - period * np.arange(len(t)), settings.gap_near
+def _gaps(name: str, t: Array, period: float) -> list[Finding]:
+    spacing, behind, near = np.diff(t), t - period * np.arange(len(t)), SCREEN.gap_near
     missing = np.rint(spacing / period) - 1
-    wide = np.flatnonzero(spacing > settings.gap_periods * period)
+    wide = np.flatnonzero(spacing > SCREEN.gap_periods * period)
     # after a lost sample all stamps are late; after a late reading they are not
     stays = [np.median(behind[i + 1 : i + 1 + near]) - np.median(behind[max(0, i + 1 - near) : i + 1]) for i in wide]
     wide = wide[np.array(stays) > 0.5 * period]
@@ -290,24 +290,24 @@ def _count_size(run: Run, rig: Rig) -> Array:
     return np.asarray(np.maximum(steps, 1) * np.abs(rig.radians_per_count[1:]), dtype=np.float64)
 
 
-def _on_grid(run: Run, rig: Rig, joints: Array, settings: ScreenSettings) -> NDArray[np.bool_]:
+def _on_grid(run: Run, rig: Rig, joints: Array) -> NDArray[np.bool_]:
     """Whether the readings of each joint differ by whole counts; an interpolated or fused table contains no counts."""
     if run.counts is not None:
         return np.ones(2, dtype=bool)
     turns = np.exp(2j * np.pi * joints / np.abs(rig.radians_per_count[1:]))
-    return np.asarray(np.abs(turns.mean(axis=0)) > settings.on_grid)
+    return np.asarray(np.abs(turns.mean(axis=0)) > SCREEN.on_grid)
 
 
-def _dithered(run: Run, rig: Rig, count: Array, settings: ScreenSettings) -> NDArray[np.bool_]:
+def _dithered(run: Run, rig: Rig, count: Array) -> NDArray[np.bool_]:
     """Whether the noise before rounding reaches a fifth of a count at rest; assumed if there was no rest."""
     rest = rig.encoders.joint_angles.of_rods(run.rest[:, 1:])
-    if run.counts is None or len(rest) < settings.fewest_at_rest:
+    if run.counts is None or len(rest) < SCREEN.fewest_at_rest:
         return np.ones(2, dtype=bool)
     moved = np.std(np.diff(rest, axis=0), axis=0) / np.sqrt(2)
-    return moved > settings.still_counts * count
+    return moved > SCREEN.still_counts * count
 
 
-def _levels(run: Run, rig: Rig, std: Array, dithered: NDArray[np.bool_], settings: ScreenSettings) -> list[Finding]:
+def _levels(run: Run, rig: Rig, std: Array, dithered: NDArray[np.bool_]) -> list[Finding]:
     if run.counts is None:
         return []
     nominal = np.sqrt(rig.encoders.noise_counts**2 + 1 / 12)
@@ -317,15 +317,15 @@ def _levels(run: Run, rig: Rig, std: Array, dithered: NDArray[np.bool_], setting
         if not dithered[axis]:
             evidence = "the counts are constant at rest: the noise before rounding is below a fifth of a count"
             findings.append(Finding("undithered_quantisation", run.name, name, None, evidence))
-        elif not 1 / settings.noise_ratio < counts[axis] / nominal < settings.noise_ratio:
+        elif not 1 / SCREEN.noise_ratio < counts[axis] / nominal < SCREEN.noise_ratio:
             evidence = f"{counts[axis]:.2f} counts rms, the rig file gives {nominal:.2f} with rounding"
             findings.append(Finding("noise_level", run.name, name, None, evidence))
     return findings
 
 
-def _jitter(run: Run, t: Array, joints: Array, std: Array, settings: ScreenSettings) -> tuple[float, list[Finding]]:
+def _jitter(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, list[Finding]]:
     jitter, significance = noise_by_speed(t, joints, std, 1.0 / run.rate_hz)
-    if significance < settings.significance:
+    if significance < SCREEN.significance:
         return 0.0, []
     evidence = (
         f"noise increases with speed, as errors of the sampling instants of {1e3 * jitter:.2g} ms rms would cause"
@@ -333,10 +333,10 @@ def _jitter(run: Run, t: Array, joints: Array, std: Array, settings: ScreenSetti
     return jitter, [Finding("jitter", run.name, None, None, evidence)]
 
 
-def _colour(run: Run, rig: Rig, joints: Array, settings: ScreenSettings) -> tuple[Array, list[Finding]]:
+def _colour(run: Run, rig: Rig, joints: Array) -> tuple[Array, list[Finding]]:
     """(2,) factor from the noise of neighbours to that of wider spacings, 1 for white noise; and the findings."""
     factor, findings = np.ones(2), []
-    if run.rate_hz < settings.colour_hz:
+    if run.rate_hz < SCREEN.colour_hz:
         evidence = "neighbouring readings at rest have correlated errors (correlation {:.2f}): a filter or a tracker"
         if run.film_noise is not None:
             evidence = "the lengths of the rods in neighbouring frames have correlated errors (correlation {:.2f})"
@@ -348,7 +348,7 @@ def _colour(run: Run, rig: Rig, joints: Array, settings: ScreenSettings) -> tupl
         ]
     for axis, name in enumerate(AXES):
         ratio = stride_ratio(joints[:, axis])
-        if ratio > settings.noise_ratio:
+        if ratio > SCREEN.noise_ratio:
             factor[axis] = ratio
             evidence = f"every third sample has {ratio:.2g} times the noise of neighbours: filtered before recording"
             findings.append(Finding("non_white_noise", run.name, name, None, evidence))

@@ -83,9 +83,7 @@ def periods(rig: Rig) -> tuple[float, float]:
     return tuple(sorted((2 * np.pi / np.sqrt(np.abs(squares))).tolist(), reverse=True))  # type: ignore[return-value]
 
 
-def energy_fit(
-    t: Array, rods: Array, torques: Array | None, rig: Rig, settings: EnergySettings = ENERGY
-) -> EnergyFit | None:
+def energy_fit(t: Array, rods: Array, torques: Array | None, rig: Rig) -> EnergyFit | None:
     """Energy balance of one interpretation of a table; None if the motion is too small.
 
     Args:
@@ -93,42 +91,37 @@ def energy_fit(
         rods: (n, 2) absolute angles, rad
         torques: (n, 2) known torques of the joints, N m; None for a free swing
         rig: the recorded rig
-        settings: settings of the test
     """
-    moving = local_motion(t, rods, periods(rig)[1], settings.motion)
-    return None if moving is None else _balance(moving, torques, rig, settings)
+    moving = local_motion(t, rods, periods(rig)[1], ENERGY.motion)
+    return None if moving is None else _balance(moving, torques, rig)
 
 
-def energy_zeros(t: Array, rods: Array, rig: Rig, settings: EnergySettings = ENERGY) -> tuple[float, float] | None:
+def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
     """Angles to add to both rods, within a turn, so that a free swing conserves its energy best; None without motion.
 
     Args:
         t: (n,) s
         rods: (n, 2) absolute angles, rad
         rig: the recorded rig
-        settings: settings of the test
     """
-    stride = max(1, len(rods) // settings.zero_rows)
-    moving = local_motion(t[::stride], rods[::stride], periods(rig)[1], settings.motion)
+    stride = max(1, len(rods) // ENERGY.zero_rows)
+    moving = local_motion(t[::stride], rods[::stride], periods(rig)[1], ENERGY.motion)
     if moving is None:
         return None
 
     def residual(added: Array) -> float:
-        fit = _balance(replace(moving, rods=moving.rods + added), None, rig, settings)
+        fit = _balance(replace(moving, rods=moving.rods + added), None, rig)
         return np.inf if fit is None else fit.residual
 
-    return best_zeros(residual, rig, settings)
+    return best_zeros(residual, rig)
 
 
-def best_zeros(
-    residual: Callable[[Array], float], rig: Rig, settings: EnergySettings = ENERGY, *, nearest: bool = False
-) -> tuple[float, float]:
+def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = False) -> tuple[float, float]:
     """Angles to add to both rods, within a turn, with the smallest residual; equal angles for one degree of freedom.
 
     Args:
         residual: residual of a balance as a function of the (2,) added angles, rad
         rig: the recorded rig
-        settings: number of starts
         nearest: whether to search from the given zeros only
     """
     from scipy.optimize import minimize
@@ -138,9 +131,9 @@ def best_zeros(
     def of_joints(added: Array) -> float:
         return residual(np.broadcast_to(added, 2))
 
-    steps = np.zeros(1) if nearest else np.arange(settings.zeros) * 2 * np.pi / settings.zeros
-    starts = sorted((np.array(zeros) for zeros in product(steps, repeat=joints)), key=of_joints)[: settings.refined]
-    simplex = settings.zero_step_rad * np.eye(joints + 1, joints)
+    steps = np.zeros(1) if nearest else np.arange(ENERGY.zeros) * 2 * np.pi / ENERGY.zeros
+    starts = sorted((np.array(zeros) for zeros in product(steps, repeat=joints)), key=of_joints)[: ENERGY.refined]
+    simplex = ENERGY.zero_step_rad * np.eye(joints + 1, joints)
     searches = (
         minimize(of_joints, start, method="Nelder-Mead", options={"initial_simplex": start + simplex})
         for start in starts
@@ -150,7 +143,7 @@ def best_zeros(
     return inner, outer
 
 
-def _balance(moving: LocalMotion, torques: Array | None, rig: Rig, settings: EnergySettings) -> EnergyFit | None:
+def _balance(moving: LocalMotion, torques: Array | None, rig: Rig) -> EnergyFit | None:
     near, t, rods, omega = moving.near, moving.t, moving.rods, moving.omega
     a, b, d, e1, c1, c2 = mounted_base(rig, rig.nominal).tolist()
     (th1, th2), (w1, w2) = rods.T, omega.T
@@ -164,16 +157,16 @@ def _balance(moving: LocalMotion, torques: Array | None, rig: Rig, settings: Ene
         return None
     columns = np.column_stack([kinetic[0], kinetic[1], kinetic[2] + potential[1], *gained])
     columns, target = columns - columns.mean(axis=0), potential[0].mean() - potential[0]
-    residual = _bounded(columns / size, target / size, settings)
+    residual = _bounded(columns / size, target / size)
     scale = _time_scale(kinetic.sum(axis=0), potential.sum(axis=0))
     return EnergyFit(residual, scale, float(np.sqrt(np.mean(kinetic.sum(axis=0)) / size)))
 
 
-def _bounded(columns: Array, target: Array, settings: EnergySettings) -> float:
+def _bounded(columns: Array, target: Array) -> float:
     """Rms residual of a fit within the bounds, columns scaled by the values of the rig file."""
     driven = columns.shape[1] - 5
-    least = [1 / settings.slack] * 3 + [0.0] * 2 + [1 / settings.slack] * driven
-    most = [settings.slack] * 3 + [settings.friction] * 2 + [settings.slack] * driven
+    least = [1 / ENERGY.slack] * 3 + [0.0] * 2 + [1 / ENERGY.slack] * driven
+    most = [ENERGY.slack] * 3 + [ENERGY.friction] * 2 + [ENERGY.slack] * driven
     H = columns.T @ columns
     x = bounded_solution(H + RIDGE * np.trace(H) * np.eye(len(H)), columns.T @ target, np.array(least), np.array(most))
     return float(np.sqrt(np.mean((columns @ x - target) ** 2)))

@@ -51,7 +51,7 @@ def readings(rig: Rig) -> tuple[Misreading, ...]:
     return (*_ANGLES, *scaled, *_TIMES, *_TORQUES, _arm(rig))
 
 
-def other_zeros(runs: Sequence[Run], rig: Rig, settings: ZeroSettings = ZEROS) -> Iterator[Misreading]:
+def other_zeros(runs: Sequence[Run], rig: Rig) -> Iterator[Misreading]:
     """Interpretations with other zeros of the rods, from the energy balance of each free swing."""
     tried: list[Array] = []
     for run in (run.swing for run in runs):
@@ -59,8 +59,8 @@ def other_zeros(runs: Sequence[Run], rig: Rig, settings: ZeroSettings = ZEROS) -
             continue
         zeros = energy_zeros(run.t, run.theta[:, 1:], rig)
         added = np.array([round(float(np.degrees(zero)), 1) + 0.0 for zero in zeros or (0.0, 0.0)])  # no -0
-        known = any(np.abs(added - other).max() < settings.alike_deg for other in tried)
-        if known or np.abs(added).max() < settings.least_deg:
+        known = any(np.abs(added - other).max() < ZEROS.alike_deg for other in tried)
+        if known or np.abs(added).max() < ZEROS.least_deg:
             continue
         tried.append(added)
         inner, outer = added.tolist()

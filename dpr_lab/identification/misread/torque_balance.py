@@ -52,7 +52,6 @@ class TorqueBalance:
     torques: Array | None
     """(k, 2) known torques of the joints, N m; None for a free swing."""
     rig: Rig
-    settings: TorqueBalanceSettings
 
     def residual(self, added: Array | tuple[float, float] = (0.0, 0.0)) -> float:
         """Rms error of both equations relative to the torques of gravity; infinite without motion.
@@ -102,7 +101,7 @@ class TorqueBalance:
         e2 = d * self.rig.g / self.rig.L1
         (th1, th2), (w1, w2), (al1, al2) = rods.T, self.moving.omega.T, self.moving.alpha.T
         cos, sin, zeros, turning = np.cos(th1 - th2), np.sin(th1 - th2), np.zeros_like(th1), w2 - w1
-        slip1, slip2 = np.tanh(w1 / self.settings.slipping), np.tanh(turning / self.settings.slipping)
+        slip1, slip2 = np.tanh(w1 / TORQUES.slipping), np.tanh(turning / TORQUES.slipping)
         pairs = [
             (a * al1, zeros),
             (zeros, b * al2),
@@ -113,7 +112,7 @@ class TorqueBalance:
             (-e2 * slip2, e2 * slip2),
         ]
         least, most = [1 / ENERGY.slack] * 3 + [0.0] * 4, [ENERGY.slack] * 3 + [ENERGY.friction] * 2
-        most += [self.settings.coulomb] * 2
+        most += [TORQUES.coulomb] * 2
         if self.torques is not None:
             pairs.append((self.torques[:, 1] - self.torques[:, 0], -self.torques[:, 1]))
             least, most = [*least, 1 / ENERGY.slack], [*most, ENERGY.slack]
@@ -167,9 +166,7 @@ def inertia_bounds(rig: Rig, elbow: float) -> tuple[Array, Array]:
     return ratios.min(axis=0), ratios.max(axis=0)
 
 
-def torque_balance(
-    t: Array, rods: Array, torques: Array | None, rig: Rig, settings: TorqueBalanceSettings = TORQUES
-) -> TorqueBalance | None:
+def torque_balance(t: Array, rods: Array, torques: Array | None, rig: Rig) -> TorqueBalance | None:
     """Torque balance of one interpretation of a table; None if its rows are too few for accelerations.
 
     Args:
@@ -177,12 +174,11 @@ def torque_balance(
         rods: (n, 2) absolute angles, rad
         torques: (n, 2) known torques of the joints, N m; None for a free swing
         rig: the recorded rig
-        settings: settings of the balance
     """
     fast = periods(rig)[1]
-    if len(t) < settings.motion.fewest or not fast / float(np.median(np.diff(t))) >= settings.fewest_a_period:
+    if len(t) < TORQUES.motion.fewest or not fast / float(np.median(np.diff(t))) >= TORQUES.fewest_a_period:
         return None
-    moving = local_motion(t, rods, fast, settings.motion)
+    moving = local_motion(t, rods, fast, TORQUES.motion)
     if moving is None:
         return None
-    return TorqueBalance(moving, None if torques is None else torques[moving.near], rig, settings)
+    return TorqueBalance(moving, None if torques is None else torques[moving.near], rig)
