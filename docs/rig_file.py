@@ -35,15 +35,15 @@ text. This page is written by `docs/rig_file.py` from the model that reads the f
 """
 
 TAILS = {
-    "parameters": "A free swing fixes five ratios; which measured value would fix more,"
-    " `dpr-lab identifiability --rig my_rig.toml` says.",
-    "poses": "A rig without poses takes imported tables, but `capture` has nothing to release from.",
-    "rods": "`dpr-lab capture` and `dpr-lab import` take it as `--rods` and `--elbow` too, and keep it with the run:"
-    " runs of one rig with both rods, with one alone and with the elbow clamped go into one `identify` or `diagnose`,"
-    ' with the same rig file. A rig that has one rod only says `mounted = "inner"` in its rig file; of the parameters'
-    " `l1`, `m1`, `c1` and `J1` are then enough, its poses need no `theta2`, and a table needs no column of it.",
-    "added_mass": "Recordings with it and without it together fix the scale of all masses. Give those recordings a rig"
-    " file of their own, the same but for this table.",
+    "parameters": "A free swing determines five ratios. `dpr-lab identifiability --rig my_rig.toml` lists the bench"
+    " measurements that determine more.",
+    "poses": "Without poses, tables can be imported, but `capture` cannot release the rods.",
+    "rods": "`dpr-lab capture` and `dpr-lab import` also accept it as `--rods` and `--elbow` and store it in the run."
+    " One `identify` or `diagnose` accepts runs of one rig with both rods, with one rod and with a clamped elbow,"
+    ' with the same rig file. A rig with one rod only has `mounted = "inner"` in its rig file. It needs only the'
+    " parameters `l1`, `m1`, `c1` and `J1`; its poses and tables need no `theta2`.",
+    "added_mass": "Recordings with and without the mass together determine the scale of all masses. Recordings with it"
+    " need a rig file that differs only by this table.",
 }
 
 

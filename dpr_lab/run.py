@@ -105,9 +105,9 @@ class Run(Shown):
 
     def _heading(self) -> str:
         pose = f", pose {self.pose}" if self.pose else ""
-        whole = "" if self.complete else ", not complete"
+        incomplete = "" if self.complete else ", not complete"
         length = f"{len(self.t)} samples at {self.rate_hz:g} Hz, {self.duration:.3g} s of swing"
-        return f"Run {self.name} of rig {self.rig_name}{pose}: {length}{whole}"
+        return f"Run {self.name} of rig {self.rig_name}{pose}: {length}{incomplete}"
 
     @property
     def elbow(self) -> float:

@@ -75,8 +75,8 @@ def hypotheses(diagnosis: Diagnosis, about: str) -> dict[str, float]:
         return dict(done[-1].after)
     probabilities = candidates(diagnosis, about)
     outside = max(1.0 - sum(probabilities.values()), SETTINGS.outside)
-    whole = sum(probabilities.values()) + outside
-    return {name: p / whole for name, p in (*probabilities.items(), (NONE_OF_THEM, outside))}
+    total = sum(probabilities.values()) + outside
+    return {name: p / total for name, p in (*probabilities.items(), (NONE_OF_THEM, outside))}
 
 
 def _done(diagnosis: Diagnosis, about: str) -> list[CheckDone]:
@@ -144,8 +144,8 @@ def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
 
     For an ideal measurement this is the remaining entropy. Other checks keep their fraction of the ideal information.
     """
-    left = [_reweighed(check, done) for check in diagnosis.checks if check.id != done.check.id]
-    return sorted(left, key=lambda check: -check.expected_bits)
+    open_checks = [_reweighed(check, done) for check in diagnosis.checks if check.id != done.check.id]
+    return sorted(open_checks, key=lambda check: -check.expected_bits)
 
 
 def _reweighed(check: AdvisedCheck, done: CheckDone) -> AdvisedCheck:
@@ -184,8 +184,8 @@ def _standing(
 ) -> tuple[list[NamedEffect], list[RivalEffect]]:
     """Named effects and alternatives; members of a class that a check separated become alternatives."""
     named = _named(diagnosis, about)
-    whole = sum(after[name] for name in named.members)
-    members = [name for name in named.members if after[name] > SETTINGS.dropped * whole]
+    total = sum(after[name] for name in named.members)
+    members = [name for name in named.members if after[name] > SETTINGS.dropped * total]
     members = members if about in members else [about]
     split = [name for name in named.members if name not in members]
     standing = named.model_copy(update={"members": members, "probability": sum(after[name] for name in members)})

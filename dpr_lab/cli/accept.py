@@ -41,13 +41,13 @@ def accept(
 
     with Listener() as listener:
         request = DiagnoseRequest(tuple(runs), rig, out=out, any_clock=any_clock, torque=torque)
-        done = accept_runs(request, limits, listener)
-    acceptance = done.acceptance
+        accepted = accept_runs(request, limits, listener)
+    acceptance = accepted.acceptance
     if as_json:
-        emit(done.to_json())
+        emit(accepted.to_json())
     else:
         show(acceptance)
-        for name, path in done.files.items():
+        for name, path in accepted.files.items():
             say(f"{name}: {path}")
     raise typer.Exit(EXIT_CODES[acceptance.answer])
 

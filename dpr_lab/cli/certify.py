@@ -64,11 +64,11 @@ def certify(
         torque=torque,
     )
     with Listener() as listener:
-        made = certify_runs(request, out, listener, sign, _ask_passphrase if sys.stdin.isatty() else None, limits)
+        certified = certify_runs(request, out, listener, sign, _ask_passphrase if sys.stdin.isatty() else None, limits)
     if as_json:
-        emit(made.certificate.model_dump(mode="json"))
+        emit(certified.certificate.model_dump(mode="json"))
         return
-    _show_certified(made)
+    _show_certified(certified)
     line(f"certificate: {out}")
 
 
@@ -118,16 +118,16 @@ def verify(
     from dpr_lab.workflows.certify import verify as verify_certificate
 
     with Listener() as listener:
-        done = verify_certificate(
+        verification = verify_certificate(
             certificate, listener, signed_by, other_code=other_code, same_libraries=same_libraries
         )
     if as_json:
         from dataclasses import asdict
 
-        emit({"schema": 2, "holds": done.holds, **asdict(done)})
+        emit({"schema": 2, "holds": verification.holds, **asdict(verification)})
     else:
-        _show_verified(done)
-    if not done.holds:
+        _show_verified(verification)
+    if not verification.holds:
         raise typer.Exit(1)
 
 

@@ -72,13 +72,13 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], 
     if widths is None:
         _list(title, columns, cells, console.width)
     else:
-        made = Table(title=title, title_justify="left", title_style="bold")
+        grid = Table(title=title, title_justify="left", title_style="bold")
         for index, (column, width) in enumerate(zip(down, widths, strict=True)):
             numbers = index > 0 and set("".join(column[1:]).replace(" to ", "")) <= NUMERIC
-            made.add_column(column[0], justify="right" if numbers else "left", width=width)
+            grid.add_column(column[0], justify="right" if numbers else "left", width=width)
         for row in cells:
-            made.add_row(*map(escape, row))
-        console.print(made)
+            grid.add_row(*map(escape, row))
+        console.print(grid)
     if note:
         console.print(escape(printable(note)), style="dim")
 
@@ -89,13 +89,13 @@ def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
 
     widths = [max(cell_len(word) for cell in column for word in [*cell.split(), ""]) for column in columns]
     wanted = [max(cell_len(part) for cell in column for part in cell.split("\n")) for column in columns]
-    left = room - sum(widths)
-    if left < 0:
+    spare = room - sum(widths)
+    if spare < 0:
         return None
     missing = sorted(range(len(columns)), key=lambda i: wanted[i] - widths[i])
-    for done, i in enumerate(missing):  # narrow columns first; the others share the remaining width
-        given = min(wanted[i] - widths[i], left // (len(columns) - done))
-        widths[i], left = widths[i] + given, left - given
+    for narrower, i in enumerate(missing):  # narrow columns first; the others share the remaining width
+        given = min(wanted[i] - widths[i], spare // (len(columns) - narrower))
+        widths[i], spare = widths[i] + given, spare - given
     return widths
 
 

@@ -45,11 +45,11 @@ def demo(
     from dpr_lab.workflows.demo import demo as run_demo
 
     with Listener() as listener:
-        done = run_demo(DemoRequest(out or Path("out/demo"), seed, realtime=realtime), listener)
+        outcome = run_demo(DemoRequest(out or Path("out/demo"), seed, realtime=realtime), listener)
     if as_json:
-        emit(_record(done))
+        emit(_record(outcome))
     else:
-        _show(done)
+        _show(outcome)
 
 
 def _write_tables(out: Path, as_json: bool) -> None:

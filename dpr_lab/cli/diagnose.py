@@ -116,20 +116,20 @@ def diagnose(
             from dpr_lab.workflows.diagnose_simulator import diagnose_simulator
 
             changed = diagnose_simulator(request, simulator, names_in(joints) or (), listener)
-            done = changed.result
+            diagnosed = changed.result
         else:
-            done = diagnose_runs(request, listener)
+            diagnosed = diagnose_runs(request, listener)
     if as_json:
-        emit((changed or done).to_json())
+        emit((changed or diagnosed).to_json())
     else:
-        show(done.diagnosis)
+        show(diagnosed.diagnosis)
         if explain:
-            show_search(done.diagnosis)
+            show_search(diagnosed.diagnosis)
         if changed is not None:
             show_simulator(changed, request.out)
-        for name, path in done.files.items():
+        for name, path in diagnosed.files.items():
             say(f"{name}: {path}")
-    if failed := failures(done.diagnosis, names_in(fail_on) or ()):
+    if failed := failures(diagnosed.diagnosis, names_in(fail_on) or ()):
         for sentence in failed:
             say(sentence)
         raise typer.Exit(1)

@@ -65,11 +65,11 @@ class Listener:
             case events.TrialSealed():
                 say(f"sealed as {event.seal}")
             case events.TrustTrialDone():
-                left = f"about {math.ceil(event.left_s / 60)} min" if event.done else ""
+                remaining = f"about {math.ceil(event.left_s / 60)} min" if event.done else ""
                 if event.done == 1:
-                    say(f"the first blind trial took {event.elapsed_s:.0f} s: {left} for the others")
+                    say(f"the first blind trial took {event.elapsed_s:.0f} s: {remaining} for the others")
                 text = (
-                    f"{event.done} of {event.of}, {left} left"
+                    f"{event.done} of {event.of}, {remaining} left"
                     if event.done
                     else "the first trial determines the estimate"
                 )

@@ -41,12 +41,12 @@ def paper(
     if quick:
         seeds, generations = min(seeds, QUICK["seeds"]), min(generations, QUICK["generations"])
     with Listener() as listener:
-        done = run_again(PaperRequest(out, seeds, generations, workers or os.cpu_count() or 1), listener)
+        reproduction = run_again(PaperRequest(out, seeds, generations, workers or os.cpu_count() or 1), listener)
     if as_json:
-        emit(done.record | {"page": str(done.page)})
+        emit(reproduction.record | {"page": str(reproduction.page)})
         return
-    for shown in done.reproduction.tables:
+    for shown in reproduction.reproduction.tables:
         table(shown.title, shown.columns, shown.rows)
-    for sentence in done.reproduction.verdicts:
+    for sentence in reproduction.reproduction.verdicts:
         line(sentence)
-    line(f"page: {done.page}")
+    line(f"page: {reproduction.page}")

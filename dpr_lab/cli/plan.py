@@ -56,12 +56,12 @@ def plan(
 
     request = PlanRequest(rig, tuple(runs or ()), diagnosis, limits, budget, seed, out, any_clock, torque)
     with Listener() as listener:
-        done = plan_recordings(request, listener)
+        planned = plan_recordings(request, listener)
     if as_json:
-        emit(done.to_json())
+        emit(planned.to_json())
         return
-    show(done.plan)
-    for name, file in done.files.items():
+    show(planned.plan)
+    for name, file in planned.files.items():
         line(f"{name}: {file}")
 
 

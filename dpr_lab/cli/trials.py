@@ -118,12 +118,12 @@ def run(folder: Folder, as_json: Json = False) -> None:
     from dpr_lab.workflows.trial import DiagnoseTrialRequest, diagnose_trial
 
     with Listener() as listener:
-        done = diagnose_trial(DiagnoseTrialRequest(folder), listener)
+        trial = diagnose_trial(DiagnoseTrialRequest(folder), listener)
     if as_json:
-        emit(done.diagnosis.to_json() | {"files": done.files})
+        emit(trial.diagnosis.to_json() | {"files": trial.files})
         return
-    show(done.diagnosis)
-    line(f"report: {done.files['report']}")
+    show(trial.diagnosis)
+    line(f"report: {trial.files['report']}")
     line(f"next: dpr-lab trials open {folder}")
 
 

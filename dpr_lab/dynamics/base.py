@@ -82,10 +82,10 @@ def loaded(Z: ArrayLike, added: AddedMass) -> NDArray[np.float64]:
 
 
 def _joined(length: float, mass: float, inertia: float, added: AddedMass) -> tuple[float, float, float]:
-    whole = mass + added.mass
-    centroid = (mass * length + added.mass * added.position) / whole
+    mass_with_added = mass + added.mass
+    centroid = (mass * length + added.mass * added.position) / mass_with_added
     about_pivot = inertia + mass * length**2 + added.mass * added.position**2
-    return centroid, whole, about_pivot - whole * centroid**2
+    return centroid, mass_with_added, about_pivot - mass_with_added * centroid**2
 
 
 def added_base(added: AddedMass | None, L1: float, g: float) -> NDArray[np.float64]:

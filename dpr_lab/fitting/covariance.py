@@ -32,16 +32,16 @@ def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Arr
     for change in changes:
         shift = _shift(inner, A, change)
         covariance += np.outer(shift, shift)
-    whole = np.zeros((len(fit.free), len(fit.free)))
-    whole[np.ix_(fit.inside, fit.inside)] = covariance
-    return whole
+    covariance_of_all = np.zeros((len(fit.free), len(fit.free)))
+    covariance_of_all[np.ix_(fit.inside, fit.inside)] = covariance
+    return covariance_of_all
 
 
 def shifted(fit: Fit, change: Array) -> Array:
     """(free,) change of the fitted values if the model's readings change by (segments, m) whitened."""
-    A, whole = fit.linear.A[:, :, fit.inside], np.zeros(len(fit.free))
-    whole[fit.inside] = -_shift(_inner(fit, 1.0), A, change)
-    return whole
+    A, change_of_all = fit.linear.A[:, :, fit.inside], np.zeros(len(fit.free))
+    change_of_all[fit.inside] = -_shift(_inner(fit, 1.0), A, change)
+    return change_of_all
 
 
 def _inner(fit: Fit, inflation: float) -> Array:

@@ -44,8 +44,8 @@ def torque_noise(torques: Torques) -> Array:
     joints = torques.joints[torques.t >= 0.0]
     if torques.kind != "measured" or len(joints) <= max(ORDERS):
         return np.zeros(2)
-    left = [np.median(np.abs(np.diff(joints, n, axis=0)), axis=0) / comb(2 * n, n) ** 0.5 for n in ORDERS]
-    return NORMAL_MAD * np.min(left, axis=0)
+    estimates = [np.median(np.abs(np.diff(joints, n, axis=0)), axis=0) / comb(2 * n, n) ** 0.5 for n in ORDERS]
+    return NORMAL_MAD * np.min(estimates, axis=0)
 
 
 def disturbance(

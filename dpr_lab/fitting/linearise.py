@@ -101,8 +101,8 @@ class Linearisation:
     def initial_steps(self, step: Array) -> Array:
         """(segments, 4) least-squares steps of the initial states for a given step of the free parameters."""
         residual = np.where(np.isfinite(self.residual), self.residual, 0.0)[:, :, None]
-        left = self.Q.transpose(0, 2, 1) @ residual - (self.initial_state_coefficients @ step)[:, :, None]
-        return np.asarray(np.linalg.solve(self.R, left)[:, :, 0], dtype=np.float64)
+        remaining = self.Q.transpose(0, 2, 1) @ residual - (self.initial_state_coefficients @ step)[:, :, None]
+        return np.asarray(np.linalg.solve(self.R, remaining)[:, :, 0], dtype=np.float64)
 
 
 def linearise(

@@ -80,11 +80,11 @@ class ColumnSpace:
         out = np.linalg.solve(_ridged(self.H), np.column_stack([flat, self.gradient]))
         taken = np.einsum("ksi,ksj->sij", across, out[:, :-1].reshape(across.shape))
         H = within * scale[:, :, None] * scale[:, None] - taken + RIDGE * np.eye(within.shape[1])
-        left = gradient * scale - np.einsum("ksi,k->si", across, out[:, -1])
-        x = np.linalg.solve(H, left[:, :, None])[:, :, 0]
+        remaining = gradient * scale - np.einsum("ksi,k->si", across, out[:, -1])
+        x = np.linalg.solve(H, remaining[:, :, None])[:, :, 0]
         if positive:
             x = np.maximum(x, 0.0)
-        return np.asarray(2 * np.einsum("si,si->s", x, left) - np.einsum("si,sij,sj->s", x, H, x))
+        return np.asarray(2 * np.einsum("si,si->s", x, remaining) - np.einsum("si,sij,sj->s", x, H, x))
 
     def solution(self, bounds: Array | None = None, damping: float = 0.0) -> Array:
         """(k,) least-squares solution within its lower and upper bounds (2, k)."""
@@ -108,16 +108,16 @@ class ColumnSpace:
         A column of which only rounding remains is not used in the projection of later ones. Without such columns,
         these shares are the squared diagonal of the Cholesky factor.
         """
-        H, left = self.H.copy(), np.zeros(len(self))
+        H, remaining = self.H.copy(), np.zeros(len(self))
         with suppress(np.linalg.LinAlgError):
-            left[order] = np.diag(np.linalg.cholesky(H[np.ix_(order, order)])) ** 2
-            if left.min(initial=np.inf) > 2.0 * rounding:
-                return left
+            remaining[order] = np.diag(np.linalg.cholesky(H[np.ix_(order, order)])) ** 2
+            if remaining.min(initial=np.inf) > 2.0 * rounding:
+                return remaining
         for i in order:
-            left[i] = max(H[i, i], 0.0)
-            if left[i] > rounding:
+            remaining[i] = max(H[i, i], 0.0)
+            if remaining[i] > rounding:
                 H -= np.outer(H[:, i], H[i]) / H[i, i]
-        return left
+        return remaining
 
     def covariance(self) -> Array:
         """(k, k) covariance of the solution under unit white noise."""

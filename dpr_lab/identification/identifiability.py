@@ -316,14 +316,14 @@ def bench_sequence(
     names: Sequence[str] = PARAMETERS,
 ) -> tuple[Advice, ...]:
     """Sequence of best measurements until all parameters are determined; arguments as above."""
-    left, taken = dict(answers), []
-    while left and np.isinf(spread(known)).any():
-        advice = _advice(left, known, bounds, names)
+    open_measurements, taken = dict(answers), []
+    while open_measurements and np.isinf(spread(known)).any():
+        advice = _advice(open_measurements, known, bounds, names)
         best = max(advice, key=lambda instrument: _worth(advice[instrument]))
         if advice[best].gain_bits < SETTINGS.worthwhile_bits:
             break
         taken.append(advice[best])
-        known = np.vstack([known, left.pop(best)])
+        known = np.vstack([known, open_measurements.pop(best)])
     return tuple(taken)
 
 

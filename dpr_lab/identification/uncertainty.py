@@ -66,8 +66,8 @@ class RatioUncertainty:
         """(n,) Cramér-Rao bound of the standard deviation, with the prior; zero for unknowns fixed at zero."""
         free = self.values > 0
         std = np.zeros(len(free))
-        whole = self.information if self.prior is None else self.information + self.prior
-        std[free] = np.sqrt(np.diag(np.linalg.inv(whole[np.ix_(free, free)])))
+        information = self.information if self.prior is None else self.information + self.prior
+        std[free] = np.sqrt(np.diag(np.linalg.inv(information[np.ix_(free, free)])))
         return std
 
     @property

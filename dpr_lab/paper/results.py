@@ -66,12 +66,12 @@ def reproduce(
     if seeds < 1 or not readings or not set(readings) <= set(READINGS):
         raise ValueError(f"needs at least one seed and readings among {', '.join(READINGS)}")
     wanted = search_cases(seeds, readings)
-    done: dict[SearchCase, Found] = {}
+    finished: dict[SearchCase, Found] = {}
     for search in run_searches(wanted, rig, settings, min(workers, len(wanted))):
-        done[search.case] = search
+        finished[search.case] = search
         if on_search:
             on_search(search)
-    results = [done[case] for case in wanted]
+    results = [finished[case] for case in wanted]
     ours = recompute(rig)
     return Reproduction(
         settings=settings,

@@ -27,7 +27,7 @@ class Search:
     best: int = 3
     """Number of poses that are refined."""
     neighbours: int = 4
-    """Number of neighbours of each of them."""
+    """Number of neighbours of each refined pose."""
     near_rad: float = 0.3
     """Standard deviation of the angles between a pose and its neighbours, rad; halved in the second round."""
     finalists: int = 2

@@ -117,11 +117,11 @@ def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> 
     """(releases, n, 4) states at `path_hz` from the release on, with effects, rad and rad/s; 6 with a moving arm."""
     t = np.arange(round(batch[0].duration_s * SWING.path_hz) + 1) / SWING.path_hz
     read = t > PAD  # readings before this would start their segment before the release
-    whole = segments([t[read]] * len(batch), range(len(batch)), [release.setup for release in batch], SWING.step_s)
+    swings = segments([t[read]] * len(batch), range(len(batch)), [release.setup for release in batch], SWING.step_s)
     still = model.estimate.params.copy()
     still[ENCODER_AMPLITUDES] = 0.0
     starts = np.array([release.start for release in batch])
-    joints = predict(model.estimate.whole, still, model.rods.constants, whole, starts, arm=whole.arm_moves)
+    joints = predict(model.estimate.whole, still, model.rods.constants, swings, starts, arm=swings.arm_moves)
     axes = joints.shape[1]
     read_joints = joints.reshape(len(batch), -1, axes)
     read_joints[:, :, 1] += model.rods.constants.relative2 * read_joints[:, :, 0]
@@ -177,13 +177,13 @@ def _without_zeros(A: Array, linear: Linearisation, problem: Problem, releases: 
 def _horizons(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
     """(releases,) predictability horizons, s."""
     t = np.arange(1, round(batch[0].duration_s * SWING.horizon_hz) + 1) / SWING.horizon_hz
-    whole = segments([t] * len(batch), range(len(batch)), [release.setup for release in batch], SWING.step_s)
+    swings = segments([t] * len(batch), range(len(batch)), [release.setup for release in batch], SWING.step_s)
     starts = np.array([release.start for release in batch])
     nudged = np.tile(starts, (3, 1, 1))
     nudged[1, :, 0] += SWING.nudge_rad
     nudged[2, :, 1] += SWING.nudge_rad
     bases, params = np.tile(model.estimate.whole, (3, 1)), np.tile(model.estimate.params, (3, 1))
-    angles = predict_batch(bases, params, model.rods.constants, whole, nudged, arm=whole.arm_moves)
+    angles = predict_batch(bases, params, model.rods.constants, swings, nudged, arm=swings.arm_moves)
     by_pose = (angles[1:] - angles[0]).reshape(2, len(batch), len(t), -1) / SWING.nudge_rad
     spread = model.placement_rad * np.sqrt(np.sum(by_pose**2, axis=0)).max(axis=2)
     lost = ~(spread < SWING.lost_rad)

@@ -87,8 +87,8 @@ class Planner:
         """
         known = self.objective.known
         pool, steps = self._pool(), list[SequenceStep]()
-        left = np.inf if budget_min is None else budget_min
-        now = SequenceSoFar(known.information, known.made, mounted_now(known.rig), left)
+        remaining_min = np.inf if budget_min is None else budget_min
+        now = SequenceSoFar(known.information, known.made, mounted_now(known.rig), remaining_min)
         for _ in range(count):
             chosen = self._best(pool, now)
             if chosen is None:

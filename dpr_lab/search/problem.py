@@ -80,9 +80,9 @@ class SearchProblem:
 
     def candidates(self, genes: Floats) -> Floats:
         """(size, n) free genes -> (size, d) with the fixed genes inserted."""
-        whole = np.tile(self.bounds[0], (len(genes), 1))
-        whole[:, self.free] = genes
-        return whole
+        genes_of_all = np.tile(self.bounds[0], (len(genes), 1))
+        genes_of_all[:, self.free] = genes
+        return genes_of_all
 
     def costs(self, genes: Floats) -> Floats:
         """(size, n) free genes -> (size,) H, `inf` for a candidate that failed; raises as `errors` does."""

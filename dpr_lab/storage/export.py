@@ -132,7 +132,7 @@ def write_hdf5(run: Run, path: Path) -> None:
 def write_netcdf(run: Run, path: Path) -> None:
     """Write NetCDF 4; `xarray.open_dataset` returns one variable per column over the coordinate `t_s`.
 
-    The file is created in memory, as that of HDF5 is.
+    The file is created in memory, as for HDF5.
     """
     with extra("netcdf"):
         import_module("h5netcdf")

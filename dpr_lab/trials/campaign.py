@@ -171,12 +171,12 @@ def read_trials(folder: Path) -> dict[int, TrialOutcome]:
     if not file.is_file():
         return {}
     content = file.read_bytes()
-    whole = content[: content.rfind(b"\n") + 1]
-    if whole != content:
+    complete_lines = content[: content.rfind(b"\n") + 1]
+    if complete_lines != content:
         with file.open("r+b") as trials:
-            trials.truncate(len(whole))
+            trials.truncate(len(complete_lines))
     outcomes: dict[int, TrialOutcome] = {}
-    for number, line in enumerate(whole.splitlines(), 1):
+    for number, line in enumerate(complete_lines.splitlines(), 1):
         try:
             record = json.loads(line)
             outcomes[record["number"]] = read_outcome(record["outcome"])

@@ -20,19 +20,21 @@ COLUMNS = ("hidden effect", "true size", "diagnosis", "estimated size, 90 % inte
 def comparison_rows(opened: Opened, rig: Rig) -> list[tuple[str, ...]]:
     """One row for each hidden effect, and one for each effect named wrongly."""
     truth, diagnosis = opened.truth, Diagnosis.model_validate(opened.diagnosis)
-    left = [effect for effect in diagnosis.effects if effect.name in opened.outcome.named]
+    unmatched = [effect for effect in diagnosis.effects if effect.name in opened.outcome.named]
     sizes = truth.sizes(rig, assumed_inertia(opened.diagnosis, rig))
     rows: list[tuple[str, ...]] = []
     for number, right in enumerate(truth.answers):
-        hit = next((effect for effect in left if cause_named(effect.model_dump(by_alias=True), truth) == number), None)
-        left = [effect for effect in left if effect is not hit]
+        hit = next(
+            (effect for effect in unmatched if cause_named(effect.model_dump(by_alias=True), truth) == number), None
+        )
+        unmatched = [effect for effect in unmatched if effect is not hit]
         known = list(truth.effects)[number] if number < len(truth.effects) else ""
         label = named(known) if known else f"{truth.foreign} (any of {', '.join(map(named, right))})"
         true = true_sizes_cell(diagnosis, known, sizes[known]) if known else NONE
         rows.append((label, true, *_diagnosed(diagnosis, hit)))
     if truth.outside:
         rows.append((f"{truth.foreign} (not in the library)", NONE, diagnosis.verdict.replace("_", " "), NONE, NONE))
-    return rows + [(NONE, NONE, *_diagnosed(diagnosis, effect)) for effect in left]
+    return rows + [(NONE, NONE, *_diagnosed(diagnosis, effect)) for effect in unmatched]
 
 
 def _diagnosed(diagnosis: Diagnosis, effect: NamedEffect | None) -> tuple[str, str, str]:

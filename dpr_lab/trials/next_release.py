@@ -47,9 +47,9 @@ Chooser = Callable[[Situation], tuple[CandidateRelease, Plan | None]]
 
 def planned(now: Situation) -> tuple[CandidateRelease, Plan | None]:
     """The first release of a plan."""
-    made = plan(now.rig, now.runs, now.diagnosis, limits=LIMITS, count=2)
-    first = made.releases[0]
-    return CandidateRelease(first.theta1_rad, first.theta2_rad, SEQUENTIAL.duration_s), made
+    the_plan = plan(now.rig, now.runs, now.diagnosis, limits=LIMITS, count=2)
+    first = the_plan.releases[0]
+    return CandidateRelease(first.theta1_rad, first.theta2_rad, SEQUENTIAL.duration_s), the_plan
 
 
 def from_menu(now: Situation) -> tuple[CandidateRelease, Plan | None]:

@@ -124,9 +124,9 @@ class _Plan:
         truth = _another(diagnosis, library, rng) if truth is None else truth
         params = effect_params(truth)
         recorded = [_recorded_again(original, rig, diagnosis.unknowns, params, rng) for original in self.originals]
-        whole = {"library": library, "max_effects": self.max_effects, "start": diagnosis.unknowns, "seed": self.seed}
+        options = {"library": library, "max_effects": self.max_effects, "start": diagnosis.unknowns, "seed": self.seed}
         try:
-            diagnosis = diagnose(recorded, rig, **whole)
+            diagnosis = diagnose(recorded, rig, **options)
         except DprError:  # if a diagnosis fails for one plant, the other trials still count
             diagnosis = None
         return _judged(kind if truth else "clean", truth, diagnosis, time.perf_counter() - began)

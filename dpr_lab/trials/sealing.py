@@ -181,16 +181,16 @@ def ask(*words: str) -> dict[str, Any]:
         ConfigError: the device refuses a file or an argument; with its message.
         DprError: the device failed; with its message.
     """
-    done = subprocess.run(
+    child = subprocess.run(
         [sys.executable, "-m", "sim_device", *words],
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
         check=False,
     )
-    if done.returncode != 0:
-        raise _refusal(done.returncode, done.stderr)
-    return json.loads(done.stdout)
+    if child.returncode != 0:
+        raise _refusal(child.returncode, child.stderr)
+    return json.loads(child.stdout)
 
 
 def _refusal(code: int, output: str) -> DprError:

@@ -22,9 +22,9 @@ def reliability(claims: Sequence[Claim], bins: int = 10) -> list[dict[str, float
     The bins are of equal width. `low` and `high` are the 90 % interval of the share of true claims.
     """
     table: list[dict[str, float]] = []
-    place = np.minimum((np.array([claim.probability for claim in claims]) * bins).astype(int), bins - 1)
+    bin_of = np.minimum((np.array([claim.probability for claim in claims]) * bins).astype(int), bins - 1)
     for number in range(bins):
-        inside = [claim for claim, bin_number in zip(claims, place, strict=True) if bin_number == number]
+        inside = [claim for claim, bin_number in zip(claims, bin_of, strict=True) if bin_number == number]
         if inside:
             stated, true = (float(np.mean(v)) for v in zip(*((c.probability, c.true) for c in inside), strict=True))
             low, high = wilson90(sum(claim.true for claim in inside), len(inside))

@@ -79,9 +79,9 @@ def _with_recordings(
     if acceptance.answer != "not decidable":
         return acceptance
     open_ones = {limit.quantity for limit in acceptance.limits if limit.answer == "not decidable"}
-    made = plan(rig, runs, diagnosis, limits=PlanLimits(effects=wanted.effects, ratios=wanted.ratios))
-    decides = tuple(release.quantity for release in made.limits if release.decides and release.quantity in open_ones)
-    texts = tuple(release.text for release in made.releases) if decides else ()
+    planned = plan(rig, runs, diagnosis, limits=PlanLimits(effects=wanted.effects, ratios=wanted.ratios))
+    decides = tuple(release.quantity for release in planned.limits if release.decides and release.quantity in open_ones)
+    texts = tuple(release.text for release in planned.releases) if decides else ()
     return replace(acceptance, recordings=texts, would_decide=decides)
 
 

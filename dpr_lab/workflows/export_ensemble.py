@@ -174,7 +174,7 @@ def _of_arm(
 
 
 def _fitted_runs(model: "Model", rig: "Rig") -> "list[Run]":
-    """The recordings of an identification; none if one of them is no longer at its place, or another file."""
+    """The recordings of an identification; none if one of them was moved or replaced."""
     files = [Path(used.file) for used in model.runs]
     if model.effects or not files or not all(file.is_file() for file in files):
         return []

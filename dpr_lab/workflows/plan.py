@@ -93,8 +93,8 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
             wanted = DiagnoseRequest(request.runs, request.rig, any_clock=request.any_clock, torque=request.torque)
             diagnosis = diagnose(wanted, on_event).diagnosis
             runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque, moving=True)
-    made = plan_runs(rig, runs, diagnosis, limits=limits, budget_min=budget, seed=request.seed)
-    return _kept(made, rig, request.out)
+    planned = plan_runs(rig, runs, diagnosis, limits=limits, budget_min=budget, seed=request.seed)
+    return _kept(planned, rig, request.out)
 
 
 def minutes(text: str) -> float:

@@ -87,7 +87,7 @@ def diagnose_trial(request: DiagnoseTrialRequest, on_event: OnEvent = ignore) ->
 
     trial = read_trial(request.folder)
     refuse_opened(trial)
-    done = diagnose(
+    diagnosed = diagnose(
         DiagnoseRequest(
             runs=trial.runs,
             rig=str(request.folder / RIG_FILE),
@@ -96,8 +96,8 @@ def diagnose_trial(request: DiagnoseTrialRequest, on_event: OnEvent = ignore) ->
         ),
         on_event,
     )
-    keep_diagnosis(trial, done.diagnosis.to_json())
-    return DiagnoseTrialResult(done.diagnosis, {**done.files, "diagnosis": str(trial.diagnosis)})
+    keep_diagnosis(trial, diagnosed.diagnosis.to_json())
+    return DiagnoseTrialResult(diagnosed.diagnosis, {**diagnosed.files, "diagnosis": str(trial.diagnosis)})
 
 
 def _pass_on(event: Event, on_event: OnEvent) -> None:

@@ -70,7 +70,7 @@ def test_a_stopped_capture_finishes_its_file(
     assert about.damage == ""
     assert about.clock["n"] >= 5
     assert wrong_samples(path) == 0
-    matrix.show(f"{number.name} in the swing", link, said, process.returncode, UNTIL)
+    matrix.show(f"{number.name} during the swing", link, said, process.returncode, UNTIL)
 
 
 @pytest.mark.parametrize("link", ["serial", pytest.param("CAN", marks=pytest.mark.long)])
@@ -106,7 +106,9 @@ def test_a_disk_that_fills_up(link: str, tmp_path: Path, wrong_samples, matrix) 
     assert wrong_samples(path) == 0
     assert recover(path, tmp_path / "saved.mcap") > 500
     assert verify(tmp_path / "saved.mcap").ok
-    matrix.show("the disk fills up in the swing", link, said, 3, "every sample until then, in a file to be recovered")
+    matrix.show(
+        "the disk fills up during the swing", link, said, 3, "every sample until then, in a file to be recovered"
+    )
 
 
 def test_a_folder_that_cannot_be_written(operate, serve, matrix) -> None:

@@ -1,10 +1,10 @@
 """Corrected models sampled from the posterior of parameters and causes, for domain randomisation.
 
 A set of effects is drawn by its probability, then its values from their joint normal distribution for another
-recording: the covariance of the fit, and that between recordings (`dpr_lab.gap.conclusion.scatter`). A friction or an
-amplitude that cannot be negative and is drawn so is zero; inertias that no bodies have are drawn again. The scale b,
-which a free swing does not show, is drawn log-normally within its interval: all masses, inertias and torques follow it,
-and the swing stays as it is.
+recording: the covariance of the fit, and that between recordings (`dpr_lab.gap.conclusion.scatter`). Negative
+draws of quantities that cannot be negative are set to zero; physically impossible inertias are drawn again. The scale
+b, which a free swing does not determine, is drawn log-normally within its interval. All masses, inertias and torques
+are proportional to it, so it does not change the swing.
 """
 
 from collections.abc import Mapping, Sequence

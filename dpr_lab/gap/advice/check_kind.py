@@ -108,11 +108,11 @@ def expected_bits(probabilities: Sequence[float], separation: float) -> float:
     z = np.linspace(-6, 6, 241)
     weight = np.exp(-(z**2) / 2) / np.exp(-(z**2) / 2).sum()
     odds = np.log(p / (1 - p))
-    left = [
+    entropies = [
         _entropy(1 / (1 + np.exp(-np.clip(odds + sign * separation**2 / 2 + separation * z, -500, 500))))
         for sign in (1, -1)
     ]
-    return float(either * max(before - weight @ (p * left[0] + (1 - p) * left[1]), 0.0))
+    return float(either * max(before - weight @ (p * entropies[0] + (1 - p) * entropies[1]), 0.0))
 
 
 def log_mean(log_densities: Array, weights: Array) -> float:

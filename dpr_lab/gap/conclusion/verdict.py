@@ -8,6 +8,7 @@ from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.detectable import visible
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
+from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.tried import Description
@@ -37,8 +38,6 @@ class VerdictRules:
     """Ratio to the noise from which a remainder that no effect explains is a gap."""
     held_out_gap: float = 1.0
     """Ratio to the noise from which held-out recordings show a gap that the fitted ones do not show."""
-    listed: float = 0.05
-    """Probability below which an effect is not listed as a cause."""
     visible: float = 0.5
     """Share of the effects that must be detectable at their typical size for the verdict "no gap". Three releases of
     4 s at 1 kHz reach 0.99, one of 1 s at 30 Hz reaches 0.4.
@@ -74,7 +73,7 @@ def verdict(
 
 def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
     """Effects whose probability is not close to zero."""
-    return tuple(posterior for posterior in posteriors if posterior.probability >= RULES.listed)
+    return tuple(posterior for posterior in posteriors if posterior.probability >= PROBABLE)
 
 
 def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], transferred: Transfer) -> Verdict:

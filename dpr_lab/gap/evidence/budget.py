@@ -91,9 +91,9 @@ def sources(problem: Problem, model: Hypothesis, rig: Rig) -> list[_Source]:
     description = "halving the step of the Runge-Kutta method, the values refitted"
     listed = [_Source("integrator", "numerical", description, finer)]
     for name, description, constants in _inputs(problem.model.constants, rig, problem.always):
-        step, left = fitted_anew(replace(problem, model=problem.model.with_constants(constants)))
-        moves = moved(step, left, lambda swings, c=constants: swings.otherwise(c))
-        listed.append(_Source(name, "input", description, moves, left))
+        step, reduction = fitted_anew(replace(problem, model=problem.model.with_constants(constants)))
+        moves = moved(step, reduction, lambda swings, c=constants: swings.otherwise(c))
+        listed.append(_Source(name, "input", description, moves, reduction))
     level, rho = model.residuals.level, model.residuals.noise_correlation
     noise = level * (1 + rho) / (1 - rho)
     spread = considered(model.fit, noise)

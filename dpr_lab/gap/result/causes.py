@@ -4,6 +4,9 @@ from pydantic import Field
 
 from dpr_lab.gap.result.saved import Interval, Number, Saved
 
+PROBABLE = 0.05
+"""Probability below which an effect is not listed as a cause."""
+
 
 class EffectSize(Interval):
     """A parameter of an effect: `value` and `interval90` at the assumed b, ratio to b, and absolute interval.

@@ -76,8 +76,8 @@ class GapBudget(Saved):
     @property
     def of_reproducible(self) -> float | None:
         """Explained share of its reproducible part; None if no part is known to be reproducible."""
-        whole = self.explained + self.unmodelled
-        return self.explained / whole if whole > 0 and not self.undecided else None
+        reproducible = self.explained + self.unmodelled
+        return self.explained / reproducible if reproducible > 0 and not self.undecided else None
 
     @property
     def changed_ratio(self) -> VaryingParameter | None:

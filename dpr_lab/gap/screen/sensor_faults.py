@@ -218,12 +218,12 @@ def _late(run: Run, t: Array, joints: Array) -> tuple[NDArray[np.bool_], list[Fi
         return np.zeros(len(t), dtype=np.bool_), []
     # a reading that is late by a whole period equals the next one; where it is late by less, the next is a repeated one
     places = [delay.late] if 2 * delay.delay_s * run.rate_hz > 1 else [delay.late, np.roll(delay.late, 1)]
-    place = max(places, key=lambda place: float(np.mean(repeated[place])))
-    name, share, elsewhere = "repeated_sample", np.mean(repeated[place]), np.mean(repeated[~place])
+    cycle_position = max(places, key=lambda place: float(np.mean(repeated[cycle_position])))
+    name, share, elsewhere = "repeated_sample", np.mean(repeated[cycle_position]), np.mean(repeated[~cycle_position])
     if share > SCREEN.repeating:
-        late, evidence = place, f"one reading in {delay.cycle} repeats the previous one"
+        late, evidence = cycle_position, f"one reading in {delay.cycle} repeats the previous one"
     elif share > elsewhere + SCREEN.stretch:
-        late = place & repeated
+        late = cycle_position & repeated
         first, last = np.quantile(t[late], [0.1, 0.9])  # by chance, a few others are equal too
         evidence = f"mostly between {first:.2f} and {last:.2f} s, one reading in {delay.cycle} repeats the previous one"
     else:

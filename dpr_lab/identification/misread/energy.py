@@ -43,7 +43,7 @@ class EnergyRiseSettings:
 SETTINGS = EnergyRiseSettings()
 
 
-def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig) -> float:
+def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseSettings = SETTINGS) -> float:
     """Smallest sum of energy increases over the energy's range for any ratios; 0 for passive rods or if unknown.
 
     Runs with a moving arm, with a single rod, or with much noise are ignored.
@@ -55,10 +55,10 @@ def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig) -> float:
         for prepared in runs
         if prepared.run.arm is None
         and not prepared.run.setup.held
-        and prepared.noise.std_joint.max() < SETTINGS.quiet_rad
+        and prepared.noise.std_joint.max() < settings.quiet_rad
     ]
     parts = [_terms(prepared, rig) for prepared in free]
-    means = [_means(terms, prepared.run.t, SETTINGS.apart_s) for terms, prepared in zip(parts, free, strict=True)]
+    means = [_means(terms, prepared.run.t, settings.apart_s) for terms, prepared in zip(parts, free, strict=True)]
     rises = np.concatenate([np.diff(mean, axis=0) for mean in means]) if means else np.zeros((0, 5))
     if not len(rises) or not np.isfinite(rises).all():
         return 0.0
@@ -67,20 +67,20 @@ def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig) -> float:
         np.concatenate([np.zeros(4), np.ones(count)]),
         A_ub=np.hstack([rises[:, [1, 2, 3, 4]], -np.eye(count)]),
         b_ub=-rises[:, 0],
-        bounds=[(SETTINGS.least_ratio, None)] * 3 + [(0.0, None if driven else 0.0)] + [(0.0, None)] * count,
+        bounds=[(settings.least_ratio, None)] * 3 + [(0.0, None if driven else 0.0)] + [(0.0, None)] * count,
         method="highs",
     )
     if not solution.success:
         return 0.0
     normalised = np.concatenate([[1.0], solution.x[:4]])
-    spread = sum(_range(terms[:, :4] * normalised[:4]) for terms in parts)
+    spread = sum(_range(terms[:, :4] * normalised[:4], settings) for terms in parts)
     return float(solution.fun / spread) if spread > 0 else 0.0
 
 
-def _range(terms: Array) -> float:
+def _range(terms: Array, settings: EnergyRiseSettings) -> float:
     """Range of the sum of the terms, or the least range if it is larger."""
     exchanged = float(np.ptp(terms, axis=0).max())
-    return max(float(np.ptp(terms.sum(axis=1))), SETTINGS.least_exchange * exchanged)
+    return max(float(np.ptp(terms.sum(axis=1))), settings.least_exchange * exchanged)
 
 
 def _terms(prepared: PreprocessedRun, rig: Rig) -> Array:

@@ -129,12 +129,14 @@ class OpenPairs:
                     continue
                 columns_of_row = [places[k] for k in free]
                 cross = G[np.ix_(other, columns_of_row)]
-                left = (
+                remaining = (
                     G[np.ix_(columns_of_row, columns_of_row)]
                     - cross.T @ np.linalg.pinv(G[np.ix_(other, other)], 1e-12, True) @ cross
                 )
                 size = self.sizes[i][free]
-                squared[i, j] = max(size @ left @ size + np.sum(left * self.spreads[i][np.ix_(free, free)]), 0.0)
+                squared[i, j] = max(
+                    size @ remaining @ size + np.sum(remaining * self.spreads[i][np.ix_(free, free)]), 0.0
+                )
         return squared
 
     def gained(self, before: Array, F: Array) -> Array:
@@ -235,9 +237,9 @@ def detectable(
     for name in known.places if names is None else names:
         places = known.places.get(name, ())
         fitted = [i for i in known.fitted if i not in places]
-        left = np.diag(given(F, fitted, list(places)))
+        remaining = np.diag(given(F, fitted, list(places)))
         prior = np.diag(known.prior)[list(places)]
-        for place, power, before in zip(places, left.tolist(), prior.tolist(), strict=True):
+        for place, power, before in zip(places, remaining.tolist(), prior.tolist(), strict=True):
             column = known.model.columns[place]
             visible = power - before > max(WORTH.seen * F[place, place], before)
             sizes.setdefault(name, {})[column.name] = float(sigmas / np.sqrt(power - before)) if visible else None

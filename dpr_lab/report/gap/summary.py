@@ -2,11 +2,12 @@
 
 from itertools import pairwise
 
+from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.gap_budget import VaryingParameter
 from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.digits import three
-from dpr_lab.report.gap.tables import PROBABLE, causes, steps
+from dpr_lab.report.gap.tables import causes, steps
 from dpr_lab.report.pages.page import ShareBar
 from dpr_lab.report.words import named, parameter_words, size_words
 from dpr_lab.shown import listed, percent

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.gap.result.causes import NamedEffect, RivalEffect
+from dpr_lab.gap.result.causes import PROBABLE, NamedEffect, RivalEffect
 from dpr_lab.gap.result.checks import NONE_OF_THEM
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.gap_size import Where
@@ -65,9 +65,6 @@ ALONE = "none"
 """Cell of an effect that is distinguishable from all others."""
 
 SPLIT = "these recordings"
-
-PROBABLE = 0.05
-"""Probability below which an effect is not listed as a cause."""
 
 
 @dataclass(frozen=True, slots=True)

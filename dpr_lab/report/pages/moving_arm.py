@@ -76,13 +76,13 @@ def _panels(runs: Sequence[ArmComparison]) -> tuple[Figure, list[tuple[Any, ArmC
     rows = [(run, joint) for run in runs for joint, name in enumerate(JOINTS_READ) if name in run.rms_rad]
     figure = new_figure(0.6 + 1.5 * len(rows))
     panels = figure.subplots(len(rows), squeeze=False)[:, 0]
-    made = [(axes, run, joint) for axes, (run, joint) in zip(panels, rows, strict=True)]
-    for axes, run, joint in made:
+    rows_of_axes = [(axes, run, joint) for axes, (run, joint) in zip(panels, rows, strict=True)]
+    for axes, run, joint in rows_of_axes:
         if joint == 0 or JOINTS_READ[0] not in run.rms_rad:
             axes.set_title(run.run, parse_math=False)
         axes.set_xlim(float(run.t[0]), float(run.t[-1]))
     panels[-1].set_xlabel("time since the release (s)")
-    return figure, made
+    return figure, rows_of_axes
 
 
 def _responses(runs: Sequence[ArmComparison]) -> Figure:

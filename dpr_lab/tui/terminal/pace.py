@@ -10,7 +10,7 @@ class PaceSettings:
     bytes_per_cell_s: float = 3.5
     """Maximum rate for animations, bytes/s: 6.7 kB/s at 80x24, below the capacity of 115200 baud."""
     burst_per_cell: float = 6.0
-    """Amount that is sent at once before this limit applies: a whole screen in colours."""
+    """Number of bytes per cell that may be sent before this limit applies: a whole screen in colours."""
     lost_after_s: float = 2.0
     """Time after which an unconfirmed frame no longer delays the next one, s."""
 

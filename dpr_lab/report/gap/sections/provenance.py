@@ -8,9 +8,9 @@ from dpr_lab.report.gap.section import EvidenceSection, FoldedTable, evidence_of
 def provenance_words(diagnosis: Diagnosis) -> list[str]:
     """Date, version and rig."""
     evidence = evidence_of(diagnosis)
-    made = evidence.made_utc.replace("T", " ").removesuffix("+00:00")
+    time = evidence.made_utc.replace("T", " ").removesuffix("+00:00")
     return [
-        f"Created on {made} UTC by dpr-lab {evidence.version}, in {diagnosis.seconds:.0f} s. Rig “{evidence.rig}”,"
+        f"Created on {time} UTC by dpr-lab {evidence.version}, in {diagnosis.seconds:.0f} s. Rig “{evidence.rig}”,"
         f" SHA-256 {evidence.rig_sha256 or 'unknown'}.",
         "The diagnosis is reproducible from the same files: `dpr-lab certify` writes a certificate, `dpr-lab verify`"
         " repeats the diagnosis.",
