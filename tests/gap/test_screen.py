@@ -8,6 +8,8 @@ from dpr_lab.gap.screen.record import _blocks
 from dpr_lab.gap.screen.sensor_faults import screen
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+from sim_device.plant.config import load_plant
+from sim_device.trials.offline_recorder import record
 
 
 @pytest.fixture(scope="module")
@@ -175,3 +177,14 @@ def test_a_burst_of_impossible_readings_is_masked(clean: Run, paper: Rig, rng: n
     assert "outlier" in {finding.name for finding in screened.findings}
     within = (screened.t >= clean.t[burst.start]) & (screened.t < clean.t[burst.stop])
     assert not screened.keep[within, 0].any()
+
+
+@pytest.mark.parametrize(("rate_hz", "planted", "found"), [(40, 0, False), (100, 0, False), (100, 40, True)])
+def test_a_swing_sampled_at_a_low_rate_contains_no_missed_counts(
+    paper: Rig, rate_hz: int, planted: int, found: bool
+) -> None:
+    swing = record(load_plant("paper", 2), paper, 5.0, rate_hz)[1].swing
+    theta = swing.theta.copy()
+    theta[swing.t >= 2.0, 2] += planted * 2 * np.pi / 16384
+    findings = screen(replace(swing, theta=theta, counts=None), paper).findings
+    assert any(finding.name == "missed_counts" for finding in findings) == found

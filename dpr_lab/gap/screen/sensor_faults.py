@@ -67,6 +67,10 @@ class ScreenSettings:
     """Fraction of the readings of a cycle equal to the previous reading, from which they are repeated and not late."""
     stretch: float = 0.05
     """The same minus that fraction of the other readings, if readings are repeated in a part of the recording only."""
+    slowest_period_s: float = 0.012
+    """Sampling interval above which steps of two free rods are not sought: below 80 Hz, every large swing of rods
+    without a fault contains steps of 12 to 700 counts for the local polynomial; from 100 Hz on, none does.
+    """
     shown: int = 20
     """Number of findings of one kind on one axis that are listed individually."""
 
@@ -142,10 +146,11 @@ def screen(run: Run, rig: Rig) -> Screened:
         *_levels(run, rig, at_rest, dithered),
     ]
     breaks: list[tuple[float, int]] = []
+    smooth = run.setup.one_degree or period <= SCREEN.slowest_period_s
     for axis, name in enumerate(AXES):
         faults = local_faults(t, joints[:, axis], keep[:, axis], (float(noise[axis]), jitter), period)
         keep[faults.outliers, axis] = False
-        steps = faults.steps if on_grid[axis] else ()
+        steps = faults.steps if on_grid[axis] and smooth else ()
         breaks += [(float(t[i]), axis) for i, _ in steps]
         for kind, instant, evidence in (
             ("outlier", t[wild[:, axis]], "the reading jumps there and back faster than any rod"),
