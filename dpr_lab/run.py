@@ -129,11 +129,9 @@ class Run(Shown):
         if kind == "commanded" and self.commanded_input is not None:
             return replace(self, arm_input=self.commanded_input, **alone)
         if kind != self.torque_kind:
-            what = "torques" if self.arm_input is None else "input of the arm"
-            raise RunError(
-                f"{self.file or self.name}: contains no {kind} {what}, only"
-                f" {self.torque_kind or 'unnamed'} ones: remove the option --torque"
-            )
+            known = self.torque_kind or "unnamed"
+            which = f"torques, only {known} ones" if self.arm_input is None else f"input of the arm, only a {known} one"
+            raise RunError(f"{self.file or self.name}: contains no {kind} {which}: remove the option --torque")
         return replace(self, **alone)
 
     @property
