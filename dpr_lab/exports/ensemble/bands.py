@@ -107,17 +107,9 @@ def quantiles_of(drawn: Array, settings: BandSettings = BANDS) -> tuple[Array, A
     return low, high
 
 
-def _misfit(followed: Followed) -> float:
-    """Reduced chi-square of a model with its effects; without them, that of the rods alone may be far above it."""
-    residual = followed.preprocessed.run.theta[:, 1:] - followed.tracked
-    squares = np.einsum("ni,ij,nj->n", residual, np.linalg.inv(followed.preprocessed.noise.covariance), residual)
-    states = followed.estimate.initial.size
-    return float(squares.sum() / max(residual.size - states, 1))
-
-
 def _swing(followed: Followed, first: float, t: Array, rng: np.random.Generator) -> Array:
     """(n, 2) readings at t of one model, from a drawn initial state, with noise, rad."""
-    covariance = followed.bare.initial_covariances[0] * max(1.0, _misfit(followed))
+    covariance = followed.bare.initial_covariances[0] * max(1.0, followed.bare.chi2_per_dof)
     start = rng.multivariate_normal(followed.estimate.initial[0], covariance, method="eigh")
     laid_out = followed.bare.problem.segments
     onward = segments([np.append(first, t)], setups=laid_out.setups[:1], step=followed.step)
