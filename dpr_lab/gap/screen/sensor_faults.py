@@ -223,7 +223,7 @@ def _late(run: Run, t: Array, joints: Array) -> tuple[NDArray[np.bool_], list[Fi
         return np.zeros(len(t), dtype=np.bool_), []
     # a reading that is late by a whole period equals the next one; where it is late by less, the next is a repeated one
     places = [delay.late] if 2 * delay.delay_s * run.rate_hz > 1 else [delay.late, np.roll(delay.late, 1)]
-    cycle_position = max(places, key=lambda place: float(np.mean(repeated[cycle_position])))
+    cycle_position = max(places, key=lambda positions: float(np.mean(repeated[positions])))
     name, share, elsewhere = "repeated_sample", np.mean(repeated[cycle_position]), np.mean(repeated[~cycle_position])
     if share > SCREEN.repeating:
         late, evidence = cycle_position, f"one reading in {delay.cycle} repeats the previous one"
