@@ -132,7 +132,7 @@ def save_drift(
         Section("Control charts", [chart_picture], is_open=True),
         Section("Changes from the first group", [PageTable(GROUP_COLUMNS, group_rows(drift))]),
     ]
-    page = page_html(f"Double pendulum “{rig}”: drift", sentence(drift), sections)
+    page = page_html(f"Rig “{rig}”: drift", sentence(drift), sections)
     return {"report": str(write_page(page, out / "drift.html")), "control_chart": str(figures["control_chart"])}
 
 

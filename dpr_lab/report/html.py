@@ -97,5 +97,5 @@ def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str,
         Section("Fitted runs", [PageTable(tables.RUN_COLUMNS, tables.run_rows(model), style="hash")]),
     ]
     footer = f"Rig {model.rig.name}, file SHA-256 {model.rig.sha256 or 'unknown'}. Written by dpr-lab {model.version}."
-    title = f"Double pendulum “{model.rig.name}”: identified model"
+    title = f"Rig “{model.rig.name}”: identified model"
     return page_html(title, tables.summary(model, comparisons), sections, footer=footer)

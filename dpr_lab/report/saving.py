@@ -65,7 +65,7 @@ def save_diagnosis(
         DprError: the folder or a file cannot be written.
     """
     figures = save_gap_figures(diagnosis, out)
-    report = write_gap_report(diagnosis, f"Double pendulum “{rig.name}”: sim-to-real gap", out, figures, acceptance)
+    report = write_gap_report(diagnosis, f"Rig “{rig.name}”: sim-to-real gap", out, figures, acceptance)
     corrected = corrected_model(diagnosis, runs, rig)
     corrected.save(out / "model.json")
     exports = save_exports(corrected, runs, rig, out, on_loss)
