@@ -62,8 +62,7 @@ def _of(scored: Scored) -> list[Statement]:
     made: list[Statement] = []
     for effect, is_cause in zip(said["effects"], true, strict=True):
         rivals = [rival["probability"] for rival in said["rivals"] if rival["instead_of"] == effect["name"]]
-        outside = _outside(left, remainder, effect["share"], closed, CALIBRATION)
-        without = max(0.0, 1 - outside - effect["probability"] - sum(rivals))
+        without = max(0.0, 1 - effect["outside"] - effect["probability"] - sum(rivals))
         odds = tuple(math.log(max(p, 1e-12) / max(effect["probability"], 1e-12)) for p in (*rivals, without))
         made.append(Statement(odds, left, remainder, effect["share"], closed, is_cause))
     return made

@@ -107,6 +107,8 @@ class EffectPosterior:
     probability: float
     odds: tuple[float, ...] = ()
     """Share of the probability for each member, by the prior of its fitted size."""
+    outside: float = 0.0
+    """Probability of a cause outside the library in its place."""
 
 
 def effect_posterior(selection: Selection, name: str, calibration: Calibration = CALIBRATION) -> EffectPosterior:
@@ -146,7 +148,8 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
     )
     scaled = -added_cost / (2 * chosen.residuals.inflation * calibration.temperature)
     weights = np.exp(np.clip(scaled, -NEGLIGIBLE, NEGLIGIBLE))
-    weights *= (1 - outside(selection, name, calibration)) / weights.sum()
+    of_outside = outside(selection, name, calibration)
+    weights *= (1 - of_outside) / weights.sum()
     return EffectPosterior(
         name=name,
         members=(name, *indistinguishable),
@@ -156,6 +159,7 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
         ),
         probability=float(weights[0]),
         odds=tuple((prior / prior.sum()).tolist()),
+        outside=of_outside,
     )
 
 

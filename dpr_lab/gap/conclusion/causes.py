@@ -28,6 +28,7 @@ def named_effect(state: Advised, posterior: EffectPosterior) -> NamedEffect:
             "class": list(posterior.members),
             "odds": dict(zip(posterior.members, posterior.odds, strict=False)),
             "probability": posterior.probability,
+            "outside": posterior.outside,
             "parameters": {
                 name: _size(assumed, posterior.name, name, value, errors[name]) for name, value in values.items()
             }

@@ -36,6 +36,8 @@ class NamedEffect(Saved):
     """Share of the probability for each member of the class, by the plausibility of its size."""
     probability: Number
     """Probability that the cause is one of the members."""
+    outside: Number | None = None
+    """Probability of a cause outside the library in its place; None in a file of an older version."""
     parameters: dict[str, EffectSize]
     """Parameter -> its size, SI."""
     share: Number

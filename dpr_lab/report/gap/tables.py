@@ -174,6 +174,8 @@ class _Candidate:
     members: tuple[str, ...]
     probability: float
     alternatives: tuple[RivalEffect, ...]
+    outside: float
+    """Probability of a cause outside the library in its place."""
 
 
 def standing_rows(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBABLE) -> list[tuple[str, ...]]:
@@ -191,7 +193,7 @@ def standing_rows(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBAB
     rows: list[tuple[str, ...]] = []
     for candidate in _candidates(diagnosis):
         known = candidate.probability + sum(other.probability for other in candidate.alternatives)
-        outside = checked.get(candidate.name, min(diagnosis.probabilities[NONE_OF_THEM], max(1 - known, 0.0)))
+        outside = checked.get(candidate.name, min(candidate.outside, max(1 - known, 0.0)))
         likeliest = [r for i, r in enumerate(candidate.alternatives) if i < most or r.probability >= open_from]
         others = 1 - outside - candidate.probability - sum(other.probability for other in likeliest)
         step = _next_step(diagnosis, *candidate.members[:2]) if len(candidate.members) > 1 else ""
@@ -217,7 +219,15 @@ def _candidates(diagnosis: Diagnosis) -> Iterator[_Candidate]:
     closest = [alternative for alternative in diagnosis.rivals if not alternative.instead_of]
     for effect in diagnosis.effects or closest:
         alternatives = tuple(r for r in diagnosis.rivals if r.instead_of == effect.name)
-        yield _Candidate(effect.name, tuple(effect.members), effect.probability, alternatives)
+        outside = effect.outside if isinstance(effect, NamedEffect) else None
+        of_gap = diagnosis.probabilities[NONE_OF_THEM]
+        yield _Candidate(
+            effect.name,
+            tuple(effect.members),
+            effect.probability,
+            alternatives,
+            of_gap if outside is None else outside,
+        )
 
 
 def _how_to_distinguish(diagnosis: Diagnosis, candidate: _Candidate, alternative: RivalEffect) -> str:
