@@ -134,7 +134,7 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
     larger = not estimate and abs(value) > SETTINGS.undetermined * abs(size)
     if explained and (estimate or not (confused or larger)):
         return ""
-    contradicts = f"check {check.id}: no candidate cause predicts a {quantity.name} of {quantity.shown(value)}."
+    contradicts = f"check {check.id}: no candidate cause predicts {quantity.shown(value)} for the {quantity.name}."
     if explained:
         contradicts = f"check {check.id}: the recordings do not determine the {quantity.name}."
     if larger:
