@@ -20,7 +20,7 @@ from _trial_cases import Scored
 from diagnosis import FIRST_SEED, GROUPS, campaign, trials_of
 from scipy.optimize import minimize
 
-from dpr_lab.gap.classes.posterior import CALIBRATION, Calibration, odds_outside
+from dpr_lab.gap.classes.posterior import CALIBRATION, Calibration, probability_outside
 from dpr_lab.trials.score import Claim
 from dpr_lab.trials.summary import calibration_error
 
@@ -41,11 +41,9 @@ class Statement:
     left: float
     """Share of the excess that stays unexplained."""
     remainder: float
-    """The same in units of the noise, rms."""
+    """The same in units of the noise, rms; zero if nothing but noise is left."""
     unique: float
     """Share of the excess that only this effect explains."""
-    closed: bool
-    """Whether nothing but noise is left."""
     true: bool
 
 
@@ -56,15 +54,14 @@ def statements(done: Sequence[Scored]) -> list[Statement]:
 
 def _of(scored: Scored) -> list[Statement]:
     said, true = scored.said, scored.true
-    closed = said["verdict"] == "named"
-    left = max(1 - said["gap"]["explained_share"], CALIBRATION.least_left)
-    remainder = math.sqrt(max(said["chi2_per_dof"] - 1, 0.0))
+    left = 1 - said["gap"]["explained_share"]
+    remainder = 0.0 if said["verdict"] == "named" else math.sqrt(max(said["chi2_per_dof"] - 1, 0.0))
     made: list[Statement] = []
     for effect, is_cause in zip(said["effects"], true, strict=True):
         rivals = [rival["probability"] for rival in said["rivals"] if rival["instead_of"] == effect["name"]]
         without = max(0.0, 1 - effect["outside"] - effect["probability"] - sum(rivals))
         odds = tuple(math.log(max(p, 1e-12) / max(effect["probability"], 1e-12)) for p in (*rivals, without))
-        made.append(Statement(odds, left, remainder, effect["share"], closed, is_cause))
+        made.append(Statement(odds, left, remainder, effect["share"], is_cause))
     return made
 
 
@@ -72,16 +69,7 @@ def probability(statement: Statement, tried: Calibration) -> float:
     """What a statement's probability is under other constants."""
     colder = CALIBRATION.temperature / tried.temperature
     within = 1 / (1 + sum(math.exp(min(odds * colder, 50.0)) for odds in statement.log_odds))
-    outside = _outside(statement.left, statement.remainder, statement.unique, statement.closed, tried)
-    return within * (1 - outside)
-
-
-def _outside(left: float, remainder: float, unique: float, closed: bool, tried: Calibration) -> float:
-    """Probability of a cause outside the library in place of an effect."""
-    if closed:
-        return tried.outside_when_closed
-    odds = odds_outside(left, remainder, unique, tried)
-    return max(tried.outside_when_closed, odds / (1 + odds))
+    return within * (1 - probability_outside(statement.left, statement.remainder, statement.unique, tried))
 
 
 def loss(numbers: np.ndarray, made: Sequence[Statement], start: np.ndarray) -> float:

@@ -75,7 +75,7 @@ def test_the_wheel_works_in_an_empty_place(installed: tuple[Path, Callable[..., 
 
 @pytest.mark.long
 def test_the_wheel_captures_in_an_empty_place(installed: tuple[Path, Callable[..., str]], tmp_path: Path) -> None:
-    """Numba compiles the kernels of each place anew."""
+    """Numba compiles the kernels again in each folder."""
     _, run = installed
     (tmp_path / "mine.toml").write_text(run("-m", "dpr_lab", "rig", "show", "paper"), encoding="utf-8")
     words = ("--rig", "mine.toml", "--link", "sim://?clock=fast&firmware=c", "--pose", "X1", "--duration", "1")

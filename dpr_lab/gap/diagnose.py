@@ -19,7 +19,7 @@ from dpr_lab.gap.conclusion.conclusion import conclude
 from dpr_lab.gap.conclusion.description import description
 from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.evidence.evidence import evidence
-from dpr_lab.gap.known_torques import acts_between_rows, no_worse, with_other_noise
+from dpr_lab.gap.known_torques import earlier_share, no_worse, with_other_noise
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.disturbances import without_disturbances
 from dpr_lab.gap.screen.input import refuse_wrong_input
@@ -174,7 +174,7 @@ def _with_torque_model(located: Located, draft: Draft, most_changes: int = 2) ->
         if changed is None:
             break
         located, draft = _searched_again(replace(located, recordings=changed))
-    if share := acts_between_rows(located.recordings, draft.model):
+    if share := earlier_share(located.recordings, draft.model):
         recordings, held_out = (runs.with_earlier_torques(share) for runs in (located.recordings, located.held_out))
         located_earlier, draft_earlier = _searched_again(replace(located, recordings=recordings, held_out=held_out))
         if no_worse(draft.model, draft_earlier.model):

@@ -55,7 +55,7 @@ def with_other_noise(recordings: Recordings, problem: Problem, model: Hypothesis
     return with_likeliest_noise(recordings, problem, model)
 
 
-def acts_between_rows(recordings: Recordings, model: Hypothesis) -> float:
+def earlier_share(recordings: Recordings, model: Hypothesis) -> float:
     """Share of the interval between rows by which known torques act before their rows; 0 if they are held.
 
     The value of a row is that of its instant. How long it acted before and after is not recorded, so that a negative

@@ -11,7 +11,7 @@ from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from dpr_lab.exports.bodies import AnyModel
     from dpr_lab.exports.ensemble.bands import PredictiveBand
@@ -89,6 +89,7 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         DprError: a file cannot be written.
     """
     from dpr_lab.exports import FORMATS
+    from dpr_lab.exports.ensemble.calibrate import calibrated
     from dpr_lab.exports.ensemble.sampled import posterior_of
     from dpr_lab.exports.ensemble.scatter import scatter_of_ratios
     from dpr_lab.gap.result.diagnosis import load_diagnosis
@@ -107,11 +108,13 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     runs = read_runs(request.check, rig, on_event, moving=isinstance(model, MovingArmModel))
     scatter = None
     if isinstance(model, MovingArmModel):
-        models, factor, bands = _of_arm(model, diagnosis, runs, rig, request)
+        ensemble = _of_arm(model, diagnosis, rig, request.seed)
     else:
         if diagnosis is None and (fitted_runs := _fitted_runs(model, rig)):
             scatter = scatter_of_ratios(model, fitted_runs, rig)
-        models, factor, bands = _of_rods(model, posterior_of(model, diagnosis, scatter), runs, rig, request)
+        ensemble = _of_rods(model, posterior_of(model, diagnosis, scatter), rig, request.seed)
+    factor = calibrated(ensemble.drawn, ensemble.band, runs).factor if runs else 1.0
+    models = ensemble.drawn(factor, request.size)
     folders = []
     for number, member in enumerate(models if request.formats else ()):
         folder = request.out / f"{number:03}"
@@ -119,7 +122,7 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
             write_export(FORMATS[name], member, rig, folder, FORMATS[name].lost(member, rig))
         folders.append(folder)
     sets = _write(models, rig, request, factor)
-    covered = tuple(map(_coverage, bands))
+    covered = tuple(_coverage(ensemble.band(models, run)) for run in runs)
     return EnsembleResult(
         request.out / "ensemble.json",
         tuple(folders),
@@ -131,46 +134,42 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     )
 
 
-def _of_rods(
-    model: "Model", posterior: "list[PosteriorComponent]", runs: "Sequence[Run]", rig: "Rig", request: EnsembleRequest
-) -> "tuple[Sequence[AnyModel], float, list[PredictiveBand]]":
-    """Models of rods on a clamped arm, the factor on their standard deviations, and their bands for the runs."""
+@dataclass(frozen=True, slots=True)
+class _Ensemble:
+    """How models are drawn and compared with a recording."""
+
+    drawn: "Callable[[float, int], Sequence[Any]]"
+    """Models, from the factor on the standard deviations of the posterior and their number."""
+    band: "Callable[[Sequence[Any], Run], PredictiveBand]"
+    """Predictive band of models for a recording."""
+
+
+def _of_rods(model: "Model", posterior: "list[PosteriorComponent]", rig: "Rig", seed: int) -> _Ensemble:
+    """The ensemble of rods on a clamped arm."""
     from dpr_lab.exports.ensemble.bands import predictive_band
-    from dpr_lab.exports.ensemble.calibrate import calibrated, widened
+    from dpr_lab.exports.ensemble.calibrate import widened
     from dpr_lab.exports.ensemble.sampled import sampled_models
 
-    def drawn(factor: float, count: int) -> "list[Model]":
-        return sampled_models(model, widened(posterior, factor), count, request.seed)
-
-    def band(members: "Sequence[Model]", run: "Run") -> "PredictiveBand":
-        return predictive_band(model, members, run, rig, request.seed)
-
-    factor = calibrated(drawn, band, runs).factor if runs else 1.0
-    models = drawn(factor, request.size)
-    return models, factor, [band(models, run) for run in runs]
+    return _Ensemble(
+        lambda factor, count: sampled_models(model, widened(posterior, factor), count, seed),
+        lambda members, run: predictive_band(model, members, run, rig, seed),
+    )
 
 
-def _of_arm(
-    model: "MovingArmModel", diagnosis: "Diagnosis | None", runs: "Sequence[Run]", rig: "Rig", request: EnsembleRequest
-) -> "tuple[Sequence[AnyModel], float, list[PredictiveBand]]":
-    """The same of models with a moving arm."""
-    from dpr_lab.exports.ensemble.calibrate import calibrated, widened
+def _of_arm(model: "MovingArmModel", diagnosis: "Diagnosis | None", rig: "Rig", seed: int) -> _Ensemble:
+    """The ensemble of a moving arm."""
+    from dpr_lab.exports.ensemble.calibrate import widened
     from dpr_lab.exports.ensemble.sampled import diagnosed_posterior
     from dpr_lab.exports.moving_arm.bands import predictive_arm_band
     from dpr_lab.exports.moving_arm.ensemble import sampled_arm_models, widened_model
 
     posterior = diagnosed_posterior(diagnosis) if diagnosis is not None else []
-
-    def drawn(factor: float, count: int) -> "list[MovingArmModel]":
-        wide = widened_model(model, factor)
-        return sampled_arm_models(wide, widened(posterior, factor), rig, count, request.seed)
-
-    def band(members: "Sequence[MovingArmModel]", run: "Run") -> "PredictiveBand":
-        return predictive_arm_band(members, run, rig, request.seed)
-
-    factor = calibrated(drawn, band, runs).factor if runs else 1.0
-    models = drawn(factor, request.size)
-    return models, factor, [band(models, run) for run in runs]
+    return _Ensemble(
+        lambda factor, count: sampled_arm_models(
+            widened_model(model, factor), widened(posterior, factor), rig, count, seed
+        ),
+        lambda members, run: predictive_arm_band(members, run, rig, seed),
+    )
 
 
 def _fitted_runs(model: "Model", rig: "Rig") -> "list[Run]":

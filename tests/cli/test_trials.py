@@ -41,13 +41,13 @@ def test_a_trial_is_drawn_diagnosed_opened_and_scored_in_this_order(tmp_path: Pa
     assert json.loads((folder / "diagnosis.json").read_text())["verdict"] == said.json["verdict"]
     assert Path(said.json["files"]["report"]).is_file()
 
-    told = cli("trials", "open", folder, "--json")
-    assert told.code == 0, told.err
-    assert told.json["seal"] == drawn.json["seal"]
-    assert told.json["drawn"] == {"kind": "single", "level": "clear", "seed": 5}
-    (hidden,) = told.json["truth"]["effects"]
+    opened = cli("trials", "open", folder, "--json")
+    assert opened.code == 0, opened.err
+    assert opened.json["seal"] == drawn.json["seal"]
+    assert opened.json["drawn"] == {"kind": "single", "level": "clear", "seed": 5}
+    (hidden,) = opened.json["truth"]["effects"]
     assert any(hidden in effect["class"] for effect in said.json["effects"])
-    assert read_outcome(told.json["score"]).first
+    assert read_outcome(opened.json["score"]).first
     opens_and_stays_open(folder, hidden, cli)
 
 

@@ -1,6 +1,5 @@
 """Each mistake in a table is refused or questioned with the option that mends it; a right table is not."""
 
-from datetime import UTC, datetime
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from dpr_lab.rig import Rig, load_rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.inspect import info
 from dpr_lab.storage.reader import load_run
-from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
+from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.preview import preview
 from dpr_lab.storage.writer import RunWriter
 from dpr_lab.workflows.events import ignore
@@ -353,33 +352,6 @@ def test_rods_that_hang_and_are_pushed_are_refused(paper: Rig, tmp_path: Path) -
     np.savetxt(file, np.column_stack([t, rods]), delimiter=",", header="t,theta1,theta2", comments="")
     with pytest.raises(RunError, match=r"hang at rest until 2\.0.* they were pushed.*--start-s 3\.0"):
         import_csv(file, paper)
-
-
-def test_the_date_of_a_table_is_what_is_given_or_what_its_stamps_say_and_never_the_import(
-    tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
-) -> None:
-    table = tables["free/none"]
-    file = table.write(tmp_path)
-    run = import_csv(file, paper, table.options, tmp_path / "a.mcap")
-    assert (run.recorded_utc, info(tmp_path / "a.mcap").recorded_utc) == ("", "")
-    dated = ImportOptions(recorded_at="2026-03-01T14:30+01:00", note="cold oil")
-    assert import_csv(file, paper, dated, tmp_path / "b.mcap").recorded_utc == "2026-03-01T13:30:00+00:00"
-    assert (info(tmp_path / "b.mcap").recorded_utc, info(tmp_path / "b.mcap").note) == (
-        "2026-03-01T13:30:00+00:00",
-        "cold oil",
-    )
-    rows = np.genfromtxt(file, delimiter=",", skip_header=1)
-    rows[:, 0] += datetime(2025, 7, 1, 12, tzinfo=UTC).timestamp()
-    stamped = tmp_path / "stamped.csv"
-    np.savetxt(stamped, rows, delimiter=",", header="t,theta1,theta2", comments="", fmt="%.6f")
-    assert import_csv(stamped, paper).recorded_utc == "2025-07-01T12:00:00+00:00"
-
-
-@pytest.mark.parametrize("text", ["yesterday", "2026-13-01", "2026-03-01T25:00", "9999-12-31"])
-def test_a_date_that_is_none_is_refused(text: str) -> None:
-    assert parse_recorded_at("2026-03-01") == "2026-03-01"
-    with pytest.raises(ValueError, match="recorded_at"):
-        ImportOptions(recorded_at=text)
 
 
 @pytest.mark.parametrize(("added", "mend"), [(90, "-90"), (37, "-37")])

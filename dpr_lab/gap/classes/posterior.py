@@ -228,11 +228,16 @@ def outside(selection: Selection, name: str = "", calibration: Calibration = CAL
         name: the effect; empty for the gap
         calibration: of the probabilities
     """
-    if at_noise_floor(selection.chosen):
-        return calibration.outside_when_closed
-    unexplained = max(1 - selection.share_explained, calibration.least_left)
+    remainder = 0.0 if at_noise_floor(selection.chosen) else selection.chosen.residuals.noise_ratio
     unique = selection.unique_share(name) if name else math.inf
-    odds = odds_outside(unexplained, selection.chosen.residuals.noise_ratio, unique, calibration)
+    return probability_outside(1 - selection.share_explained, remainder, unique, calibration)
+
+
+def probability_outside(
+    unexplained: float, remainder: float, unique: float = math.inf, calibration: Calibration = CALIBRATION
+) -> float:
+    """Probability of a cause outside the library; arguments as of `odds_outside`."""
+    odds = odds_outside(max(unexplained, calibration.least_left), remainder, unique, calibration)
     return max(odds / (1 + odds), calibration.outside_when_closed)
 
 
@@ -243,7 +248,7 @@ def odds_outside(
 
     Args:
         unexplained: share of the excess that is not explained
-        remainder: rms of what is not explained, in units of the noise
+        remainder: rms of what is not explained, in units of the noise; zero if only noise remains
         unique: share of the excess that only the effect explains; infinite for the gap as a whole
         calibration: of the probabilities
     """

@@ -1,0 +1,39 @@
+"""The date of a recording is that of its option or of its time stamps, never that of the import."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.configs import BUILTIN
+from dpr_lab.rig import load_rig
+from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.storage.inspect import info
+from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
+
+TABLES = BUILTIN / "tables"
+OPTIONS = ImportOptions(unit="deg", angles="relative", zero="hanging")
+
+
+def test_the_date_is_given_or_that_of_the_stamps(tmp_path: Path) -> None:
+    file, rig = TABLES / "side.csv", load_rig(TABLES / "bench.toml")
+    run = import_csv(file, rig, OPTIONS, tmp_path / "a.mcap")
+    assert (run.recorded_utc, info(tmp_path / "a.mcap").recorded_utc) == ("", "")
+    dated = replace(OPTIONS, recorded_at="2026-03-01T14:30+01:00", note="cold oil")
+    assert import_csv(file, rig, dated, tmp_path / "b.mcap").recorded_utc == "2026-03-01T13:30:00+00:00"
+    written = info(tmp_path / "b.mcap")
+    assert (written.recorded_utc, written.note) == ("2026-03-01T13:30:00+00:00", "cold oil")
+    rows = np.loadtxt(file, delimiter=",", skiprows=1)
+    rows[:, 0] += datetime(2025, 7, 1, 12, tzinfo=UTC).timestamp()
+    stamped = tmp_path / "stamped.csv"
+    np.savetxt(stamped, rows, delimiter=",", header="t,theta1,theta2", comments="", fmt="%.6f")
+    assert import_csv(stamped, rig, OPTIONS).recorded_utc == "2025-07-01T12:00:00+00:00"
+
+
+@pytest.mark.parametrize("text", ["yesterday", "2026-13-01", "2026-03-01T25:00", "9999-12-31"])
+def test_an_invalid_date_is_refused(text: str) -> None:
+    assert parse_recorded_at("2026-03-01") == "2026-03-01"
+    with pytest.raises(ValueError, match="recorded_at"):
+        ImportOptions(recorded_at=text)
