@@ -262,6 +262,8 @@ class Effect:
     """Longest integration step, s; None: as for the rods."""
     hides_step: Callable[[Params], float] | None = None
     """Largest step of its joint's readings, rad, that it explains; None: it explains none."""
+    possible: Callable[[Params], bool] | None = None
+    """Whether its sizes can occur together; None: any within their limits."""
     remedy: Callable[[Params, RigConstants, int], str] | None = None
     """Correction of the rig, its file or its readings, from parameters, rig and joint (0, 1); None: it is not a
     fault, and a simulator must include it.

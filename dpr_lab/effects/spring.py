@@ -30,6 +30,16 @@ def rest_angle(params: Params, *, most_rad: float = math.pi, iterations: int = 2
     return {"rest_angle_rad": q} if abs(q) <= most_rad else {}
 
 
+def is_one_spring(params: Params, tolerance: float = 0.5) -> bool:
+    """Whether one spring can have these sizes, for example not a constant with a hardening term alone.
+
+    C = K q0 + K3 q0^3 and k = K + 3 K3 q0^2 with K >= 0 imply k >= 3/2 (4 K3 C^2)^(1/3). A stiffness of less than
+    the share `tolerance` of this bound contradicts it despite the neglected term and the error of the fit.
+    """
+    k, cubic, constant = (params.get(name, 0.0) for name in _NAMES)
+    return k >= tolerance * 1.5 * math.cbrt(4.0 * max(cubic, 0.0) * constant**2)
+
+
 def linear(params: Params, negligible: float = 1e-3) -> Words:
     """Stiffness and rest angle of a spring without a cubic term; {} if it has no rest angle.
 
@@ -49,6 +59,7 @@ SPRING = pair(
     kernel=elastic,
     implied=rest_angle,
     exported=linear,
+    possible=is_one_spring,
     twins=("encoder_scale",),
     nested=("torque_offset",),
     adds="stiffness_Nm_per_rad",

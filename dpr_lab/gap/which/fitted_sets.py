@@ -118,8 +118,12 @@ class FittedSets:
         return best
 
     def possible(self, model: Hypothesis) -> bool:
-        """Whether every effect of a set has a size that a rig can have."""
-        return self.problem.limits is None or not at_limit(model.fit.estimate.params, self.problem.limits)
+        """Whether every effect of a set has sizes that a rig can have."""
+        params = model.fit.estimate.params
+        if self.problem.limits is not None and at_limit(params, self.problem.limits):
+            return False
+        rules = ((self.library[name].possible, sizes) for name, sizes in named_params(params, model.effects).items())
+        return all(rule is None or rule(sizes) for rule, sizes in rules)
 
     def unexpected(self, model: Hypothesis) -> list[str]:
         """Effects of a set that are supported by the recordings alone."""

@@ -90,7 +90,8 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
     shares: list[Proposal] = []
     for name in sets.unexpected(current):
         smaller = sets.without(current, name)
-        score = sets.test(smaller).of(name) if excess(smaller) <= limit else None
+        removable = excess(smaller) <= limit and (sets.possible(smaller) or not sets.possible(current))
+        score = sets.test(smaller).of(name) if removable else None
         if score is not None:
             shares.append(Proposal(smaller, own_share(sets.problem, smaller, sets.test(smaller), score)))
     yield from sorted(shares, key=lambda proposal: proposal.value)[:1]

@@ -115,6 +115,8 @@ def _next_to(sets: FittedSets, without_curve: Hypothesis, curve: str) -> Iterato
 
 def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     model = proposal.model
+    if sets.possible(model) and not sets.possible(current) and excess(model) < THRESHOLDS.slow * excess(current):
+        return Decision(True, "fewer parameters explain nearly as much, with sizes that a rig can have")
     better = model.cost < current.cost and at_noise_floor(model) >= at_noise_floor(current)
     return Decision(better, f"fewer parameters explain {'more' if better else 'smaller'}")
 
