@@ -20,7 +20,7 @@ from _trial_cases import Scored
 from diagnosis import FIRST_SEED, GROUPS, campaign, trials_of
 from scipy.optimize import minimize
 
-from dpr_lab.gap.classes.posterior import CALIBRATION, Calibration, probability_outside
+from dpr_lab.gap.classes.posterior import CALIBRATION, Calibration, odds_outside, probability_outside
 from dpr_lab.trials.score import Claim
 from dpr_lab.trials.summary import calibration_error
 
@@ -69,7 +69,9 @@ def probability(statement: Statement, tried: Calibration) -> float:
     """What a statement's probability is under other constants."""
     colder = CALIBRATION.temperature / tried.temperature
     within = 1 / (1 + sum(math.exp(min(odds * colder, 50.0)) for odds in statement.log_odds))
-    return within * (1 - probability_outside(statement.left, statement.remainder, statement.unique, tried))
+    left = max(statement.left, tried.least_left)
+    odds = odds_outside(left, statement.remainder, statement.unique, calibration=tried)
+    return within * (1 - probability_outside(odds, tried))
 
 
 def loss(numbers: np.ndarray, made: Sequence[Statement], start: np.ndarray) -> float:

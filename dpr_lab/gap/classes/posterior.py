@@ -8,12 +8,15 @@ with this record. Within a class, the probability is divided according to the pr
 The probability of a class is the softmax of the predictive costs of the sets in which it replaces the named effect,
 multiplied by the probability that the cause is in the library at all. The odds of a cause outside are
 
-    (unexplained / half)^steepness * m + imitates * unexplained / unique * m / far,  m = min(remainder / noise, far)
+    (unexplained / half)^steepness * m + imitates * unexplained / unique * m / far + compensates * (1 - own) / own,
+    m = min(remainder / noise, far)
 
-with the share `unexplained` of the excess and the share `unique` that only this effect explains. First term: a law that
+with the share `unexplained` of the excess, the share `unique` that only this effect explains, and the fraction `own` of
+it that no other functional form of the other effects explains. First term: a law that
 the library lacks leaves a share of its own gap, however far that is above the noise. The small causes of every rig
 leave about as much as the noise, for any size of the gap, unless the noise is so small that it is no measure of them.
-Second term: an effect that explains no more than what remains may imitate a part of the same unknown cause.
+Second term: an effect that explains no more than what remains may imitate a part of the same unknown cause. Third term:
+a small effect may compensate for the inexact form of a large one.
 """
 
 import math
@@ -58,6 +61,10 @@ class Calibration:
     """Exponent with which that probability increases with the remaining share."""
     imitates: float = 0.25
     """Odds that an effect that explains as much as what remains, far above the noise, imitates an unknown cause."""
+    compensates: float = 0.02
+    """Odds that a small effect compensates for another form of the other effects, which explains half of it as well."""
+    least_own: float = 1e-3
+    """Minimum own share of an effect, due to the linear fits."""
     sure: float = 0.98
     """Probability of the result if there is no gap, or no effect that explains it."""
     outside_when_closed: float = 0.02
@@ -229,20 +236,22 @@ def outside(selection: Selection, name: str = "", calibration: Calibration = CAL
         calibration: of the probabilities
     """
     remainder = 0.0 if at_noise_floor(selection.chosen) else selection.chosen.residuals.noise_ratio
-    unique = selection.unique_share(name) if name else math.inf
-    return probability_outside(1 - selection.share_explained, remainder, unique, calibration)
+    unexplained = max(1 - selection.share_explained, calibration.least_left)
+    unique, own = (selection.unique_share(name), selection.own_shares.get(name, 1.0)) if name else (math.inf, 1.0)
+    return probability_outside(odds_outside(unexplained, remainder, unique, own, calibration), calibration)
 
 
-def probability_outside(
-    unexplained: float, remainder: float, unique: float = math.inf, calibration: Calibration = CALIBRATION
-) -> float:
-    """Probability of a cause outside the library; arguments as of `odds_outside`."""
-    odds = odds_outside(max(unexplained, calibration.least_left), remainder, unique, calibration)
+def probability_outside(odds: float, calibration: Calibration = CALIBRATION) -> float:
+    """Probability of a cause outside the library from its odds."""
     return max(odds / (1 + odds), calibration.outside_when_closed)
 
 
 def odds_outside(
-    unexplained: float, remainder: float, unique: float = math.inf, calibration: Calibration = CALIBRATION
+    unexplained: float,
+    remainder: float,
+    unique: float = math.inf,
+    own: float = 1.0,
+    calibration: Calibration = CALIBRATION,
 ) -> float:
     """Odds of a cause outside the library.
 
@@ -250,12 +259,15 @@ def odds_outside(
         unexplained: share of the excess that is not explained
         remainder: rms of what is not explained, in units of the noise; zero if only noise remains
         unique: share of the excess that only the effect explains; infinite for the gap as a whole
+        own: fraction of this share that no other form of the other effects explains; 1 unless it is small
         calibration: of the probabilities
     """
     size = min(remainder, calibration.far)
     of_gap = (unexplained / calibration.half_unexplained) ** calibration.steepness * size
     imitated = unexplained / max(unique, calibration.least_left)
-    return float(of_gap + calibration.imitates * imitated * size / calibration.far)
+    own = max(own, calibration.least_own)
+    compensated = calibration.compensates * (1 - own) / own
+    return float(of_gap + calibration.imitates * imitated * size / calibration.far + compensated)
 
 
 def probabilities(selection: Selection, posteriors: tuple[EffectPosterior, ...], kind: str) -> Mapping[str, float]:

@@ -14,9 +14,10 @@ from functools import reduce
 from dpr_lab.effects.effect import Effect
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refit_without
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, far_from_noise
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, excess, far_from_noise
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.which.fitted_sets import FittedSets, Progress
+from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.forward import forward_selection
 from dpr_lab.gap.which.moves import HELD_OUT, REFINE, REVISIONS, SHORT, START
 from dpr_lab.gap.which.replacements import with_alternatives
@@ -161,12 +162,24 @@ def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]
         without=without,
         without_substitute={name: sets.without_substitute(chosen, name) for name in chosen.effects},
         tests_without={name: sets.test(smaller) for name, smaller in without.items()},
+        own_shares=_own_shares(sets, chosen, without),
         path=_path(sets, chosen),
         expected=sets.expected,
         impossible=frozenset(key for key, model in fits.items() if not sets.possible(model)),
         misleading=misleading,
         trace=state.trace,
     )
+
+
+def _own_shares(sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypothesis]) -> dict[str, float]:
+    """Own share of each small effect next to others."""
+    small = THRESHOLDS.small * sets.bare.residuals.excess
+    shares: dict[str, float] = {}
+    for name, smaller in without.items():
+        score = sets.test(smaller).of(name)
+        if smaller.effects and score is not None and smaller.residuals.excess - excess(chosen) < small:
+            shares[name] = own_share(sets.problem, smaller, sets.test(smaller), score)
+    return shares
 
 
 def _path(sets: FittedSets, chosen: Hypothesis) -> tuple[tuple[str, Hypothesis], ...]:

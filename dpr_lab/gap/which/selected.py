@@ -42,6 +42,10 @@ class Selection:
     """The same, also without a curve that would imitate the removed effect (`thresholds.substitute_curve`)."""
     tests_without: Mapping[str, ScoreTest]
     """The score test on each set of `without`."""
+    own_shares: Mapping[str, float]
+    """For each effect of less than the share `THRESHOLDS.small`: fraction of its reduction that no other functional
+    form of the other effects explains, 0 to 1 (`dpr_lab.gap.which.forms.own_share`).
+    """
     path: tuple[tuple[str, Hypothesis], ...]
     """The sets from the bare model to the selected one, which differ by one effect each, the largest effect first."""
     expected: frozenset[str] = frozenset()
