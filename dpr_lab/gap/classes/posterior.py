@@ -237,8 +237,8 @@ def outside(selection: Selection, name: str = "", calibration: Calibration = CAL
     """
     remainder = 0.0 if at_noise_floor(selection.chosen) else selection.chosen.residuals.noise_ratio
     unexplained = max(1 - selection.share_explained, calibration.least_left)
-    unique, own = (selection.unique_share(name), selection.own_shares.get(name, 1.0)) if name else (math.inf, 1.0)
-    return probability_outside(odds_outside(unexplained, remainder, unique, own, calibration), calibration)
+    unique, own_share = (selection.unique_share(name), selection.own_shares.get(name, 1.0)) if name else (math.inf, 1.0)
+    return probability_outside(odds_outside(unexplained, remainder, unique, own_share, calibration), calibration)
 
 
 def probability_outside(odds: float, calibration: Calibration = CALIBRATION) -> float:
@@ -250,7 +250,7 @@ def odds_outside(
     unexplained: float,
     remainder: float,
     unique: float = math.inf,
-    own: float = 1.0,
+    own_share: float = 1.0,
     calibration: Calibration = CALIBRATION,
 ) -> float:
     """Odds of a cause outside the library.
@@ -259,14 +259,14 @@ def odds_outside(
         unexplained: share of the excess that is not explained
         remainder: rms of what is not explained, in units of the noise; zero if only noise remains
         unique: share of the excess that only the effect explains; infinite for the gap as a whole
-        own: fraction of this share that no other form of the other effects explains; 1 unless it is small
+        own_share: fraction of this share that no other form of the other effects explains; 1 unless it is small
         calibration: of the probabilities
     """
     size = min(remainder, calibration.far)
     of_gap = (unexplained / calibration.half_unexplained) ** calibration.steepness * size
     imitated = unexplained / max(unique, calibration.least_left)
-    own = max(own, calibration.least_own)
-    compensated = calibration.compensates * (1 - own) / own
+    own_share = max(own_share, calibration.least_own)
+    compensated = calibration.compensates * (1 - own_share) / own_share
     return float(of_gap + calibration.imitates * imitated * size / calibration.far + compensated)
 
 
