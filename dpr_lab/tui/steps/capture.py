@@ -140,7 +140,7 @@ Grey values are old: no message has arrived from the device since then, and the 
         return ""
 
     def at_stake(self) -> str:
-        """A current recording, or one that is not decided yet."""
+        """What leaving now would end: a current recording, or the decision whether to keep one."""
         if self.recording is not None:
             return "The current recording ends now; the data recorded so far are kept."
         if self.workspace.undecided is None:

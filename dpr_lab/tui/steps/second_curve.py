@@ -42,7 +42,7 @@ class SecondCurve(Guarded, Horizontal):
     """
 
     class Offered(Message):
-        """The second curve changed, or is being simulated."""
+        """The second curve has changed, or its simulation has started."""
 
         def __init__(self, news: str = "") -> None:
             super().__init__()

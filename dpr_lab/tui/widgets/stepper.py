@@ -64,7 +64,7 @@ class Stepper(Static):
 
 
 def _row(steps: Sequence[StepStatus], shown: int, between: str = " › ") -> Text:
-    """The steps in one row; the first ones with a result show it."""
+    """The steps in one row; the first `shown` steps with a result display it."""
     row, left = Text(no_wrap=True, overflow="ellipsis"), shown
     for number, step in enumerate(steps, 1):
         outcome = f" ({step.outcome})" if step.outcome and left > 0 else ""
