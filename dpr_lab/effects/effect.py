@@ -256,14 +256,16 @@ class Effect:
     """Base parameters that absorb this effect completely, so that a free swing cannot show it."""
     corrects: str = ""
     """Key of the rig file that it corrects; always fitted if the file states an uncertainty (`Rig.unsure`)."""
+    universal: bool = False
+    """Whether every rig has it to some degree, so that it needs no other explanation."""
     propose: Callable[[Recorded], list[dict[str, float]] | None] | None = None
     """Shape parameters to try on these recordings, by name; []: none; None: the grid of `scan`."""
     longest_step: Callable[[Params], float] | None = None
     """Longest integration step, s; None: as for the rods."""
     hides_step: Callable[[Params], float] | None = None
     """Largest step of its joint's readings, rad, that it explains; None: it explains none."""
-    possible: Callable[[Params], bool] | None = None
-    """Whether its sizes can occur together; None: any within their limits."""
+    possible: Callable[[Params], bool] = lambda sizes: True
+    """Whether its sizes, each within its limit, can occur together."""
     remedy: Callable[[Params, RigConstants, int], str] | None = None
     """Correction of the rig, its file or its readings, from parameters, rig and joint (0, 1); None: it is not a
     fault, and a simulator must include it.

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.effects import EFFECTS, SIZE, param_index
+from dpr_lab.effects import EFFECTS, SIZE, named_params, param_index
 from dpr_lab.effects.effect import ARM, Effect, EffectParameter
 from dpr_lab.effects.quantities import BaseParameters, RigConstants
 from dpr_lab.effects.rig_scales import LIMITS, RigScales, scales
@@ -43,13 +43,22 @@ def amplitude_limits(base: BaseParameters, constants: RigConstants) -> NDArray[n
     return limits
 
 
-def at_limit(params: NDArray[np.float64], limits: NDArray[np.float64], *, share: float = 0.999) -> tuple[str, ...]:
-    """Effects with an amplitude near its limit (a given share of it), which indicates another cause."""
-    reached = np.abs(params) >= share * limits
+def oversized(
+    params: NDArray[np.float64], limits: NDArray[np.float64] | None, *, share: float = 0.999
+) -> tuple[str, ...]:
+    """Effects with sizes that no rig has, which indicates another cause: near a limit, or impossible together.
+
+    Args:
+        params: (SIZE,) all effects
+        limits: (SIZE,) maximum sizes; None for none
+        share: of a limit that counts as reached
+    """
+    reached = np.zeros(SIZE, dtype=bool) if limits is None else np.abs(params) >= share * limits
     return tuple(
         name
-        for name, effect in EFFECTS.items()
-        if any(reached[param_index(name, parameter.name)] for parameter in effect.amplitudes)
+        for name, sizes in named_params(params).items()
+        if any(reached[param_index(name, parameter.name)] for parameter in EFFECTS[name].amplitudes)
+        or not EFFECTS[name].possible(sizes)
     )
 
 

@@ -22,6 +22,7 @@ WRONG_LENGTH = Effect(
     exported=lambda params: {"added_length": params["added_m"]},
     twins=("clock_rate",),
     corrects="L1",
+    universal=True,
     remedy=lambda params, rig, joint: (
         f"measure L1 again, look up g, and correct the wrong one in the rig file: these recordings determine only their"
         f" ratio, L1 = {rig.L1 + params['added_m']:.5g} m with g = {rig.g:.5g} m/s^2, or"

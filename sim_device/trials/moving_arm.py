@@ -11,7 +11,7 @@ from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.effects import OF_ARM, effect_params
 from dpr_lab.effects.encoder_offset import ENCODER_OFFSET_JOINT0
 from dpr_lab.effects.input_delay import INPUT_DELAY
-from dpr_lab.effects.limits import amplitude_limits, at_limit
+from dpr_lab.effects.limits import amplitude_limits, oversized
 from dpr_lab.effects.torque_scale import TORQUE_SCALE_JOINT0
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import Rig
@@ -91,7 +91,7 @@ def visible_on_arm(plant: PlantConfig) -> list[str]:
 def is_plausible(plant: PlantConfig, rig: Rig) -> bool:
     """Whether the sizes of its effects are within the limits of the library for a rig of this kind."""
     limits = amplitude_limits(with_gravity(base_parameters(plant.Z, rig.L1, rig.g), rig.L1, rig.g), rig_constants(rig))
-    return not at_limit(effect_params(plant.effects), limits)
+    return not oversized(effect_params(plant.effects), limits)
 
 
 def within_reach(plant: PlantConfig, rig: Rig, unit: dict[str, float], rng: np.random.Generator) -> dict[str, float]:

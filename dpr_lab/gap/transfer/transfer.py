@@ -24,7 +24,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.effects.limits import at_limit
+from dpr_lab.effects.limits import oversized
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.classes.posterior import EffectPosterior
@@ -51,9 +51,9 @@ class TransferSettings:
     gap_from: float = 0.25
     """Ratio of excess chi2 to that of the noise from which a share is determined by the effect, not by the noise."""
     unproven: float = 0.5
-    """Factor on the probability of an effect that does not carry over or has an impossible size; the result is at
-    most one half.
-    """
+    """Factor on the probability of an effect that does not carry over; the result is at most one half."""
+    oversized: float = 0.1
+    """Factor on the probability of an effect with an impossible size: it stands for another cause."""
     worse: float = 1.25
     """Factor by which the named effects may increase the error of free runs on held-out runs."""
     followed_rad: float = 0.3
@@ -98,14 +98,13 @@ class Transfer:
     """
 
     def judged(self, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
-        """Probabilities of the effects; not above one half for effects that fail the test."""
-        doubtful = {*self.withdrawn, *self.unproven, *self.oversized}
+        """Probabilities of the effects; reduced for those that fail a test."""
+        doubtful = {*self.withdrawn, *self.unproven}
         if self.worse_free_run or not self.tested:
             doubtful |= {posterior.name for posterior in posteriors}
+        factors = dict.fromkeys(doubtful, TRANSFER.unproven) | dict.fromkeys(self.oversized, TRANSFER.oversized)
         return tuple(
-            replace(posterior, probability=TRANSFER.unproven * posterior.probability)
-            if posterior.name in doubtful
-            else posterior
+            replace(posterior, probability=factors.get(posterior.name, 1.0) * posterior.probability)
             for posterior in posteriors
         )
 
@@ -162,7 +161,7 @@ def transfer(
         effects={name: shares[name] for name in selection.without_substitute},
         withdrawn=() if basis == "one release" else failed,
         unproven=failed if basis == "one release" else (),
-        oversized=at_limit(selection.chosen.fit.estimate.params, recordings.prior.limits),
+        oversized=oversized(selection.chosen.fit.estimate.params, recordings.prior.limits),
         worse_free_run=worse_free_run(before, after, held_out.names) if held_out else None,
     )
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.effects import named_params, param_index, without_effect
 from dpr_lab.effects.effect import Effect
-from dpr_lab.effects.limits import at_limit
+from dpr_lab.effects.limits import oversized
 from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
@@ -119,11 +119,7 @@ class FittedSets:
 
     def possible(self, model: Hypothesis) -> bool:
         """Whether every effect of a set has sizes that a rig can have."""
-        params = model.fit.estimate.params
-        if self.problem.limits is not None and at_limit(params, self.problem.limits):
-            return False
-        rules = ((self.library[name].possible, sizes) for name, sizes in named_params(params, model.effects).items())
-        return all(rule is None or rule(sizes) for rule, sizes in rules)
+        return not oversized(model.fit.estimate.params, self.problem.limits)
 
     def unexpected(self, model: Hypothesis) -> list[str]:
         """Effects of a set that are supported by the recordings alone."""

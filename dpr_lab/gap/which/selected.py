@@ -43,8 +43,8 @@ class Selection:
     tests_without: Mapping[str, ScoreTest]
     """The score test on each set of `without`."""
     own_shares: Mapping[str, float]
-    """For each effect of less than the share `THRESHOLDS.small`: fraction of its reduction that no other functional
-    form of the other effects explains, 0 to 1 (`dpr_lab.gap.which.forms.own_share`).
+    """For each effect of less than the share `THRESHOLDS.small`, unless every rig has it: fraction of its reduction
+    that no other functional form of the other effects explains, 0 to 1 (`dpr_lab.gap.which.forms.own_share`).
     """
     path: tuple[tuple[str, Hypothesis], ...]
     """The sets from the bare model to the selected one, which differ by one effect each, the largest effect first."""
