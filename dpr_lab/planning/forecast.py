@@ -1,17 +1,23 @@
 r"""Stopping rule: whether the causes are decided, and the probability that further releases decide them.
 
-A cause is decided if one effect of a class and of its alternatives has a probability of at least `SURE`. If cause t is
-true, further releases increase its log odds against each other cause j by a normally distributed amount of mean d^2 / 2
-and variance d^2 (`dpr_lab.planning.worth.criteria`). The probability of a decision is the share of random draws, of the
-true cause from its posterior and of this amount, in which one cause reaches `SURE`. A cause outside the library keeps
-its probability.
+A cause is decided if one effect of a class and of its alternatives has a probability of at least `SURE`, and if it is
+validated by data that were not fitted: by another release, or by the quarters of a single release. The quarters share
+the pose and all that is peculiar to a release. A single release therefore decides one cause only, with a margin: one of
+its amplitudes has at least `margin` standard deviations, twice the size that counts as detectable. Several causes, and
+the absence of a gap, are confirmed by a second release.
+
+If cause t is true, further releases increase its log odds against each other cause j by a normally distributed amount
+of mean d^2 / 2 and variance d^2 (`dpr_lab.planning.worth.criteria`). The probability of a decision is the share of
+random draws, of the true cause from its posterior and of this amount, in which one cause reaches `SURE`. A cause
+outside the library keeps its probability.
 
 A release may also reveal another alternative, which leaves the cause undecided until a further release. In campaigns a
 share `holds` of certain decisions after one more release occurred; of n releases at least one then decides with the
-probability 1 - (1 - holds)^n.
+probability 1 - (1 - holds)^n. A remainder that no effect explains seldom disappears with further releases: then the
+share is `clears`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +25,11 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from dpr_lab.acceptance.judge import SURE
+from dpr_lab.effects import EFFECTS
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.planning.knowledge import Causes, causes_of
 from dpr_lab.planning.worth.criteria import OpenPairs
 
 Array = NDArray[np.float64]
@@ -30,11 +40,15 @@ class Stopping:
     """Settings of the stopping rule and of the forecast."""
 
     fewest: int = 2
-    """Minimum number of releases for a decision: a single release is not validated by another one."""
+    """Minimum number of releases for several causes, or for the decision that there is no gap."""
+    margin: float = 10.0
+    """Minimum amplitude of a cause that a single release decides, in standard deviations."""
     holds: float = 0.85
     """Share of certain decisions after one more release that occur, estimated from a small campaign of
     `trials campaign --plan`: 8 of 10 occurred. Its uncertainty is therefore about 0.1.
     """
+    clears: float = 0.15
+    """The same share while a remainder is unexplained."""
     likely: float = 0.9
     """Probability of a decision from which this number of releases is recommended."""
     draws: int = 256
@@ -43,34 +57,54 @@ class Stopping:
     """Probability relative to the most probable cause from which another cause is undecided."""
     separable: float = 6.0
     """d^2 from which two causes count as separable: odds of 20 to 1 on average."""
-    repeats: int = 5
-    """Number of releases whose d^2 may be summed to reach this value."""
+    repeats: int = 6
+    """Number of further releases whose d^2 may be summed to reach this value."""
 
 
 STOPPING = Stopping()
 
 
-def decided(diagnosis: Diagnosis, runs: int) -> bool:
-    """Whether the recordings are sufficient: there is no gap, or each cause is decided and the gap is explained."""
-    if runs < STOPPING.fewest or diagnosis.hints:
+def decided(diagnosis: Diagnosis, runs: int, inseparable: Collection[str] = ()) -> bool:
+    """Whether the recordings are sufficient: there is no gap, or each cause is decided and the gap is explained.
+
+    Args:
+        diagnosis: of the runs recorded so far
+        runs: their number
+        inseparable: causes that no release separates; they count as one, which a bench check divides
+    """
+    if diagnosis.hints or diagnosis.verdict not in ("no_gap", "named"):
         return False
-    if diagnosis.verdict == "no_gap":
-        return True
-    return diagnosis.verdict == "named" and all(
-        effect.probability * max(effect.odds.values(), default=1 / len(effect.members)) >= SURE
-        for effect in diagnosis.effects
-    )
+    if not all(_most_probable(causes, inseparable) >= SURE for causes in causes_of(diagnosis)):
+        return False
+    confirmed = runs >= STOPPING.fewest or diagnosis.basis == "held-out runs"
+    return confirmed or (len(diagnosis.effects) == 1 and _is_large(diagnosis.effects[0]))
 
 
-def decision_probability(pairs: Sequence[OpenPairs], gained: Sequence[Array], releases: int = 1) -> float:
+def _most_probable(causes: Causes, inseparable: Collection[str]) -> float:
+    """Probability of the most probable candidate of one named effect, or of the inseparable ones together."""
+    together = sum(p for name, p in causes.probabilities.items() if name in inseparable)
+    return max(together, *causes.probabilities.values())
+
+
+def _is_large(effect: NamedEffect) -> bool:
+    """Whether an amplitude of a named effect is large enough for a decision from a single release."""
+    sizes = [effect.parameters[p.name] for p in EFFECTS[effect.name].amplitudes if p.name in effect.parameters]
+    stds = [(size.interval90[1] - size.interval90[0]) / (2 * NORMAL_Q90) for size in sizes]
+    return any(abs(size.value) >= STOPPING.margin * std for size, std in zip(sizes, stds, strict=True))
+
+
+def decision_probability(
+    pairs: Sequence[OpenPairs], gained: Sequence[Array], releases: int = 1, *, explained: bool = True
+) -> float:
     """Probability that further releases decide every open cause.
 
     Args:
         pairs: causes of each named effect
         gained: (n, n) d^2 that the releases add, of each
         releases: number of these releases
+        explained: whether the recordings so far have no gap, or one that the named effects explain
     """
-    probability = 1.0 - (1.0 - STOPPING.holds) ** releases
+    probability = 1.0 - (1.0 - (STOPPING.holds if explained else STOPPING.clears)) ** releases
     for pair, d2 in zip(pairs, gained, strict=True):
         probability *= _decided(pair.probabilities, d2)
     return float(probability)

@@ -143,7 +143,7 @@ def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Act
         inflation,
         frozenset(diagnosis.model_effects) | always,
         always,
-        tuple(_causes(diagnosis)),
+        tuple(causes_of(diagnosis)),
         diagnosis.probabilities.get(NONE_OF_THEM, 0.0),
         diagnosis,
         tuple(_made(run) for run in runs),
@@ -244,7 +244,7 @@ def information_of_runs(recordings: Recordings, model: PresentModel) -> Array:
     return H[:k, :k]
 
 
-def _causes(diagnosis: Diagnosis) -> Iterator[Causes]:
+def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
     """Candidate causes of each named effect: the members of its class by their odds, and its alternatives."""
     for effect in diagnosis.effects:
         odds = {name: effect.odds.get(name, 1 / len(effect.members)) for name in effect.members}

@@ -92,10 +92,19 @@ def _planned(number: int, step: SequenceStep, F: Array, objective: Objective, re
         pairs=[PairBits(causes=pair, bits=bits) for pair, bits in objective.bits_of(gained).items()],
         library_bits=library_bits(known, F),
         ratio_std=_stds(known, F),
-        decided=decision_probability(objective.pairs, gained, number) if known.diagnosis else None,
+        decided=_forecast(objective, gained, number),
         simulated=step.simulated,
     )
     return planned.driven_by(release.torques)
+
+
+def _forecast(objective: Objective, gained: Sequence[Array], releases: int) -> float | None:
+    """Probability that this number of releases decides the causes; None before the first diagnosis."""
+    diagnosis = objective.known.diagnosis
+    if diagnosis is None:
+        return None
+    explained = diagnosis.verdict in ("no_gap", "named")
+    return decision_probability(objective.pairs, gained, releases, explained=explained)
 
 
 def _stds(known: Knowledge, F: Array) -> dict[str, float]:
@@ -126,7 +135,7 @@ def _inseparable(objective: Objective, steps: Sequence[SequenceStep]) -> list[In
     if not steps:
         return []
     stuck = []
-    F = objective.known.information + STOPPING.repeats * sum(step.information for step in steps)
+    F = objective.known.information + STOPPING.repeats * np.mean([step.information for step in steps], axis=0)
     for pairs, gained in zip(objective.pairs, objective.gained(F), strict=True):
         best = int(np.argmax(pairs.probabilities))
         for other, name in enumerate(pairs.names):
@@ -142,7 +151,8 @@ def _state(known: Knowledge, stuck: Sequence[Inseparable]) -> State:
         return "first"
     if decided(known.diagnosis, len(known.made)):
         return "enough"
-    return "bench check" if stuck else "record"
+    names = {name for pair in stuck for name in pair.causes}
+    return "bench check" if stuck and decided(known.diagnosis, len(known.made), names) else "record"
 
 
 def _sentence(
@@ -161,7 +171,10 @@ def _sentence(
         return f"Before any recording: {count} {verb} expected to show {shown}.{note}"
     if state == "bench check":
         pairs = listed([f"{a} and {b}" for a, b in (inseparable.causes for inseparable in stuck)])
-        return f"Nothing you can record on this rig separates {pairs}: do this bench check. {stuck[0].check}"
+        return (
+            f"Nothing you can record on this rig in {STOPPING.repeats} more releases separates {pairs}: do this bench"
+            f" check. {stuck[0].check}"
+        )
     chances = [release.decided or 0.0 for release in releases]
     number = next((k for k, chance in enumerate(chances, 1) if chance >= STOPPING.likely), len(chances))
     more = f"{number} more release{'s' * (number > 1)}"

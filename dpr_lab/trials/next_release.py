@@ -40,16 +40,23 @@ class Situation:
     diagnosis: Diagnosis | None
     """Diagnosis of these runs; None before the first one."""
     rng: np.random.Generator
+    proposal: Plan | None = None
+    """Plan after these runs; None before the first one."""
 
 
 Chooser = Callable[[Situation], tuple[CandidateRelease, Plan | None]]
 
 
+def proposed(rig: Rig, runs: Sequence[Run] = (), diagnosis: Diagnosis | None = None) -> Plan:
+    """The next release, and whether any release separates the open causes."""
+    return plan(rig, runs, diagnosis, limits=LIMITS, count=2)
+
+
 def planned(now: Situation) -> tuple[CandidateRelease, Plan | None]:
     """The first release of a plan."""
-    the_plan = plan(now.rig, now.runs, now.diagnosis, limits=LIMITS, count=2)
-    first = the_plan.releases[0]
-    return CandidateRelease(first.theta1_rad, first.theta2_rad, SEQUENTIAL.duration_s), the_plan
+    proposal = now.proposal or proposed(now.rig)
+    first = proposal.releases[0]
+    return CandidateRelease(first.theta1_rad, first.theta2_rad, SEQUENTIAL.duration_s), proposal
 
 
 def from_menu(now: Situation) -> tuple[CandidateRelease, Plan | None]:

@@ -55,6 +55,8 @@ class Level(StrEnum):
     """A gap of at least twice the noise."""
     SUBTLE = "subtle"
     """A gap of about the size of the noise."""
+    FAINT = "faint"
+    """One to ten times the smallest size that is detectable in one release of 10 s."""
 
 
 class TrialArm(StrEnum):

@@ -12,11 +12,12 @@ from dpr_lab.errors import DprError
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.forecast import decided
 from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.result import Plan
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
 from dpr_lab.trials.case import run_of
-from dpr_lab.trials.next_release import CHOOSERS, SEQUENTIAL, Chooser, Situation
+from dpr_lab.trials.next_release import CHOOSERS, SEQUENTIAL, Chooser, Situation, proposed
 from dpr_lab.trials.score import score
 from dpr_lab.trials.sealing import HeldPlant, Kind, Level, PlantRequest, sealed_in_memory
 from dpr_lab.trials.truth import Truth, unsealed
@@ -33,8 +34,9 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
         case: as of `run_case`; `strategies`, names of `CHOOSERS`
 
     Returns:
-        `outcome`, of the last diagnosis of the first strategy; `strategies`: `recordings` until decided, null where
-        they were not; `right` and `score`, of the last diagnosis; `looks`, one after each release
+        `outcome`, of the last diagnosis of the first strategy; `strategies`: `recordings` until decided or until a
+        bench check must decide, null where neither was reached; `right` and `score`, of the last diagnosis; `looks`,
+        one after each release
 
     Raises:
         DprError: the device, the diagnosis or the seal failed, or another version is installed here.
@@ -70,16 +72,25 @@ class SequentialLook:
     """Diagnosis of all runs so far."""
     decided: bool
     """Whether the causes are decided."""
+    bench_check: bool
+    """Whether the causes are decided except for those that no release separates."""
     stated: float | None
     """Forecast of this probability by the plan that recommended the release; None without a forecast."""
     plan_seconds: float | None
-    """Processor time of the plan; None without one."""
+    """Processor time of the plan after this release; None where the causes are decided."""
+
+    @property
+    def is_last(self) -> bool:
+        """Whether no further release is necessary."""
+        return self.decided or self.bench_check
 
 
 def played(
     rig: Rig, choose: Chooser, record: Record, rng: np.random.Generator, most: int = SEQUENTIAL.most
 ) -> list[SequentialLook]:
-    """Choose, record and diagnose until the causes are decided.
+    """Choose, record and diagnose until the causes are decided, or until a bench check must decide them.
+
+    The stopping rule is the same for all ways to choose, so the plan is computed after each release of each of them.
 
     Args:
         rig: the rig
@@ -89,18 +100,23 @@ def played(
         most: maximum number of recordings
 
     Returns:
-        a `Look` after each release
+        a `SequentialLook` after each release
     """
     runs: list[Run] = []
     looks: list[SequentialLook] = []
-    while len(runs) < most and not (looks and looks[-1].decided):
-        began = time.process_time()
-        release, plan = choose(Situation(rig, runs, looks[-1].diagnosis if looks else None, rng))
-        seconds = time.process_time() - began if plan else None
+    proposal: Plan | None = None
+    while len(runs) < most and not (looks and looks[-1].is_last):
+        release, used = choose(Situation(rig, runs, looks[-1].diagnosis if looks else None, rng, proposal))
+        stated = used.forecast[0] if used and used.forecast else None
         runs.append(record(release))
         diagnosis = _diagnosed(runs, rig)
-        stated = plan.forecast[0] if plan and plan.forecast else None
-        looks.append(SequentialLook(release, diagnosis, decided(diagnosis, len(runs)), stated, seconds))
+        is_decided, seconds = decided(diagnosis, len(runs)), None
+        if not is_decided:
+            began = time.process_time()
+            proposal = proposed(rig, runs, diagnosis)
+            seconds = time.process_time() - began
+        stuck = not is_decided and proposal is not None and proposal.state == "bench check"
+        looks.append(SequentialLook(release, diagnosis, is_decided, stuck, stated, seconds))
     return looks
 
 
@@ -125,7 +141,7 @@ def _judged(looks: Sequence[SequentialLook], truth: Truth, rig: Rig) -> dict[str
     """Result of one strategy, as JSON values."""
     outcomes = [score(k.diagnosis.to_json(), truth, rig, **truth.drawn, seconds=k.diagnosis.seconds) for k in looks]
     return {
-        "recordings": len(looks) if looks[-1].decided else None,
+        "recordings": len(looks) if looks[-1].is_last else None,
         "right": outcomes[-1].grade == "right",
         "score": outcomes[-1].to_json(),
         "looks": [
@@ -135,6 +151,7 @@ def _judged(looks: Sequence[SequentialLook], truth: Truth, rig: Rig) -> dict[str
                 "named": list(outcome.named),
                 "probability": [max(e.odds.values(), default=1.0) * e.probability for e in look.diagnosis.effects],
                 "decided": look.decided,
+                "bench_check": look.bench_check,
                 "right": outcome.grade == "right",
                 "stated": look.stated,
                 "ratio_std": np.sqrt(np.diag(np.array(look.diagnosis.ratio_covariance))).tolist(),

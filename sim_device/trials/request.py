@@ -15,7 +15,8 @@
 Plants whose arm is free or driven have effects at joint 0 and of its drive, and the kinds `ON_ARM`.
 
 Sizes are drawn by the gap that they cause (`sim_device.trials.gap_size`): at least twice the noise for `clear`, half to
-one and a half times the noise for `subtle`.
+one and a half times the noise for `subtle`, 0.1 to 1 times for `faint`. On plants like `paper` with 1000 readings per
+second, the last range is about one to ten times the smallest size that the first release of the fixed menu shows.
 """
 
 from dataclasses import dataclass
@@ -27,9 +28,9 @@ from sim_device.plant.foreign import FOREIGN
 from sim_device.random_streams import RandomStream, generator
 
 Kind = Literal["single", "pair", "triple", "clean", "form", "outside", "dirty", "driven", "background"]
-Level = Literal["clear", "subtle"]
+Level = Literal["clear", "subtle", "faint"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
-LEVELS: dict[Level, tuple[float, float]] = {"clear": (2.0, 20.0), "subtle": (0.5, 1.5)}
+LEVELS: dict[Level, tuple[float, float]] = {"clear": (2.0, 20.0), "subtle": (0.5, 1.5), "faint": (0.1, 1.0)}
 """Range of the gap in units of the noise."""
 
 _KIND_NAMED: dict[str, Kind] = {kind: kind for kind in KINDS}

@@ -63,4 +63,7 @@ def test_a_plant_is_played_by_every_strategy(tmp_path: Path) -> None:
     (strategies,) = read_strategies(tmp_path)
     assert list(strategies) == ["plan", "menu", "random"]
     assert strategies["plan"]["score"]["named"] == list(outcome.named)
-    assert strategies["plan"]["recordings"] >= 2
+    looks = strategies["plan"]["looks"]
+    assert strategies["plan"]["recordings"] == len(looks)
+    assert looks[-1]["decided"] or looks[-1]["bench_check"]
+    assert not any(look["decided"] or look["bench_check"] for look in looks[:-1])

@@ -1,0 +1,73 @@
+"""Stopping rule: what one release decides, what needs a second one, and what a bench check must decide."""
+
+from pathlib import Path
+
+import pytest
+
+from dpr_lab.gap.result.diagnosis import Diagnosis, load_diagnosis
+from dpr_lab.planning.forecast import STOPPING, decided, decision_probability
+
+TWO_NAMED = Path(__file__).parents[1] / "tui" / "data" / "diagnosis.json"
+
+
+def one_cause(sizes: float = 20.0, **changed: object) -> Diagnosis:
+    """A diagnosis of one release whose only cause is Coulomb friction, `sizes` standard deviations large."""
+    whole = load_diagnosis(TWO_NAMED)
+    half_width = 1.645 * 1e-3 / sizes
+    size = {"value": 1e-3, "interval90": [1e-3 - half_width, 1e-3 + half_width]}
+    effect = {
+        **whole.effects[0].model_dump(by_alias=True),
+        "name": "coulomb_joint1",
+        "class": ["coulomb_joint1"],
+        "odds": {"coulomb_joint1": 1.0},
+        "probability": 0.98,
+        "parameters": {"torque_Nm": size},
+    }
+    made = whole.to_json() | {
+        "basis": "one release",
+        "verdict": "named",
+        "effects": [effect],
+        "rivals": [],
+        "hints": [],
+    }
+    return Diagnosis.model_validate(made | changed)
+
+
+@pytest.mark.parametrize(("sizes", "runs", "expected"), [(20.0, 1, True), (6.0, 1, False), (6.0, 2, True)])
+def test_one_release_decides_a_cause_with_a_margin(sizes: float, runs: int, expected: bool) -> None:
+    basis = "one release" if runs == 1 else "releases left out"
+    assert decided(one_cause(sizes, basis=basis), runs) is expected
+
+
+def test_held_out_runs_replace_the_margin() -> None:
+    assert decided(one_cause(6.0, basis="held-out runs"), 1)
+
+
+def test_several_causes_and_no_gap_need_a_second_release() -> None:
+    two = one_cause()
+    two = two.model_copy(
+        update={"effects": [*two.effects, two.effects[0].model_copy(update={"name": "spring_joint1"})]}
+    )
+    nothing = one_cause(verdict="no_gap", effects=[])
+    for diagnosis in (two, nothing):
+        assert [decided(diagnosis, runs) for runs in (1, 2)] == [False, True]
+
+
+@pytest.mark.parametrize("changed", [{"verdict": "partly_explained"}, {"hints": ["the clock"]}])
+def test_a_remainder_or_a_wrong_description_is_never_enough(changed: dict[str, object]) -> None:
+    assert not decided(one_cause(**changed), 3)
+
+
+def test_inseparable_causes_count_as_one() -> None:
+    rival = {"name": "stribeck_joint1", "class": ["stribeck_joint1"], "probability": 0.4, "cosine": 1.0}
+    alone = one_cause(rivals=[rival | {"instead_of": "coulomb_joint1"}])
+    divided = alone.model_copy(update={"effects": [alone.effects[0].model_copy(update={"probability": 0.58})]})
+    assert not decided(divided, 2)
+    assert decided(divided, 2, {"coulomb_joint1", "stribeck_joint1"})
+    assert not decided(divided, 2, {"coulomb_joint1", "spring_joint1"})
+
+
+def test_a_remainder_seldom_disappears() -> None:
+    explained, left = (decision_probability([], [], explained=explained) for explained in (True, False))
+    assert (explained, left) == (STOPPING.holds, STOPPING.clears)
+    assert left < 0.5 * explained
