@@ -182,6 +182,12 @@ def _keeps(release: CandidateRelease, model: PresentModel, limits: PlanLimits, r
     return all((np.abs(values).max(axis=0) <= np.array(most)).all() for values, most in pairs)
 
 
+def arm_input(torques: Torques, rig: Rig) -> Array:
+    """(n,) input of the arm's motor that gives these torques, in the unit of `[motor]`."""
+    assert torques.on_arm is not None
+    return np.asarray(torques.on_arm / drive_gain(rig).value, dtype=np.float64)
+
+
 def write_signal(torques: Torques, file: Path, rig: Rig) -> None:
     """The input signal as a table (CSV) that a device replays: torques of both joints, or the input of the arm's motor.
 
@@ -193,7 +199,7 @@ def write_signal(torques: Torques, file: Path, rig: Rig) -> None:
     columns, values = COLUMNS, torques.joints
     if torques.on_arm is not None:
         assert rig.motor is not None
-        columns, values = ("t_s", INPUTS[rig.motor.input]), torques.on_arm / drive_gain(rig).value
+        columns, values = ("t_s", INPUTS[rig.motor.input]), arm_input(torques, rig)
     rows = np.column_stack([torques.t, values]).tolist()
     lines = [",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in rows)]
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,15 +1,15 @@
 """Selection of the next release of a sequential trial: by plan, from a fixed menu, or at random."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dpr_lab.gap.advice.expected_recordings import MENU
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.planning.limits import PlanLimits, RecordingTimes
+from dpr_lab.planning.limits import ArmPlan, PlanLimits, RecordingTimes
 from dpr_lab.planning.plan import plan
-from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.release import ArmState, CandidateRelease
 from dpr_lab.planning.result import Plan
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -27,8 +27,21 @@ class SequentialSettings:
 
 SEQUENTIAL = SequentialSettings()
 
-LIMITS = PlanLimits(recording=RecordingTimes(shortest_s=SEQUENTIAL.duration_s, longest_s=SEQUENTIAL.duration_s))
-"""Kinds of releases in a plan: free swings of both rods, as for the random poses."""
+
+def limits_of(rig: Rig, largest_input: float | None = None) -> PlanLimits:
+    """Kinds of releases in a plan: the same as for the menu and the random poses.
+
+    Args:
+        rig: its rods, and the mode of its arm, remain as they are
+        largest_input: of the arm's motor, the largest of the program that the menu and the random poses use
+    """
+    times = RecordingTimes(shortest_s=SEQUENTIAL.duration_s, longest_s=SEQUENTIAL.duration_s)
+    return PlanLimits(recording=times, arm=ArmPlan(modes=(arm_of(rig),), input=largest_input))
+
+
+def arm_of(rig: Rig) -> ArmState:
+    """State of the arm in every release."""
+    return rig.arm.mode if rig.arm.mode in ("free", "driven") else "held"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +53,7 @@ class Situation:
     diagnosis: Diagnosis | None
     """Diagnosis of these runs; None before the first one."""
     rng: np.random.Generator
+    limits: PlanLimits
     proposal: Plan | None = None
     """Plan after these runs; None before the first one."""
 
@@ -47,29 +61,36 @@ class Situation:
 Chooser = Callable[[Situation], tuple[CandidateRelease, Plan | None]]
 
 
-def proposed(rig: Rig, runs: Sequence[Run] = (), diagnosis: Diagnosis | None = None) -> Plan:
-    """The next release, and whether any release separates the open causes."""
-    return plan(rig, runs, diagnosis, limits=LIMITS, count=2)
-
-
 def planned(now: Situation) -> tuple[CandidateRelease, Plan | None]:
     """The first release of a plan."""
-    proposal = now.proposal or proposed(now.rig)
+    proposal = now.proposal or plan(now.rig, limits=now.limits, count=2)
     first = proposal.releases[0]
-    return CandidateRelease(first.theta1_rad, first.theta2_rad, SEQUENTIAL.duration_s), proposal
+    release = _release(now.rig, first.theta1_rad, first.theta2_rad)
+    return replace(release, torques=first.torques, signal=first.signal), proposal
 
 
 def from_menu(now: Situation) -> tuple[CandidateRelease, Plan | None]:
     """The poses of the rig file, then those of the menu of recommended recordings, in order."""
-    poses = [CandidateRelease(pose.theta1, pose.theta2, SEQUENTIAL.duration_s) for pose in now.rig.poses.values()]
-    menu = [CandidateRelease(*choice.theta, SEQUENTIAL.duration_s, added=choice.added) for choice in MENU]
+    poses = [_release(now.rig, pose.theta1, pose.theta2) for pose in now.rig.poses.values()]
+    alone = now.rig.rods.mounting in ("inner", "outer")
+    menu = [
+        replace(_release(now.rig, *choice.theta), added=choice.added or now.rig.added_mass)
+        for choice in MENU
+        if choice.added is None or not alone
+    ]
     return (*poses, *menu)[len(now.runs) % (len(poses) + len(menu))], None
 
 
 def at_random(now: Situation) -> tuple[CandidateRelease, Plan | None]:
     """A random pose, uniformly distributed."""
     theta1, theta2 = now.rng.uniform(0.0, 2 * np.pi, 2).tolist()
-    return CandidateRelease(theta1, theta2, SEQUENTIAL.duration_s), None
+    return _release(now.rig, theta1, theta2), None
+
+
+def _release(rig: Rig, theta1: float, theta2: float) -> CandidateRelease:
+    """A release of the rig as it is; a driven arm follows the program of the device."""
+    mounting = rig.rods.mounting
+    return CandidateRelease(theta1, theta2, SEQUENTIAL.duration_s, mounting, rig.added_mass, arm=arm_of(rig))
 
 
 CHOOSERS: dict[str, Chooser] = {"plan": planned, "menu": from_menu, "random": at_random}

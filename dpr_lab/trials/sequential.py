@@ -11,13 +11,16 @@ import numpy as np
 from dpr_lab.errors import DprError
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.forecast import decided
+from dpr_lab.planning.limits import PlanLimits
+from dpr_lab.planning.plan import plan
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import Plan
+from dpr_lab.planning.signals import arm_input
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
 from dpr_lab.trials.case import run_of
-from dpr_lab.trials.next_release import CHOOSERS, SEQUENTIAL, Chooser, Situation, proposed
+from dpr_lab.trials.next_release import CHOOSERS, SEQUENTIAL, Chooser, Situation, limits_of
 from dpr_lab.trials.score import score
 from dpr_lab.trials.sealing import HeldPlant, Kind, Level, PlantRequest, sealed_in_memory
 from dpr_lab.trials.truth import Truth, unsealed
@@ -49,12 +52,14 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
     request = PlantRequest(Kind(case["kind"]), Level(case["level"]), case["seed"], plant=case["plant"], arm=case["arm"])
     with sealed_in_memory(request, case["rig"], direct=False) as plant:
         rig = parse_rig(plant.public["rig"])
+        limits = limits_of(rig, plant.public.get("largest_input"))
         results = {
             name: played(
                 rig,
                 CHOOSERS[name],
                 partial(_recorded, plant, rig),
                 np.random.default_rng([case["seed"], *name.encode()]),
+                limits,
             )
             for name in case["strategies"]
         }
@@ -86,7 +91,12 @@ class SequentialLook:
 
 
 def played(
-    rig: Rig, choose: Chooser, record: Record, rng: np.random.Generator, most: int = SEQUENTIAL.most
+    rig: Rig,
+    choose: Chooser,
+    record: Record,
+    rng: np.random.Generator,
+    limits: PlanLimits,
+    most: int = SEQUENTIAL.most,
 ) -> list[SequentialLook]:
     """Choose, record and diagnose until the causes are decided, or until a bench check must decide them.
 
@@ -97,6 +107,7 @@ def played(
         choose: function that selects the next release
         record: function that records it
         rng: random generator
+        limits: of the plan
         most: maximum number of recordings
 
     Returns:
@@ -106,14 +117,14 @@ def played(
     looks: list[SequentialLook] = []
     proposal: Plan | None = None
     while len(runs) < most and not (looks and looks[-1].is_last):
-        release, used = choose(Situation(rig, runs, looks[-1].diagnosis if looks else None, rng, proposal))
+        release, used = choose(Situation(rig, runs, looks[-1].diagnosis if looks else None, rng, limits, proposal))
         stated = used.forecast[0] if used and used.forecast else None
         runs.append(record(release))
         diagnosis = _diagnosed(runs, rig)
         is_decided, seconds = decided(diagnosis, len(runs)), None
         if not is_decided:
             began = time.process_time()
-            proposal = proposed(rig, runs, diagnosis)
+            proposal = plan(rig, runs, diagnosis, limits=limits, count=2)
             seconds = time.process_time() - began
         stuck = not is_decided and proposal is not None and proposal.state == "bench check"
         looks.append(SequentialLook(release, diagnosis, is_decided, stuck, stated, seconds))
@@ -131,6 +142,8 @@ def _recorded(plant: HeldPlant, rig: Rig, release: CandidateRelease) -> Run:
     wanted: dict[str, Any] = {"theta1": release.theta1, "theta2": release.theta2, "duration_s": release.duration_s}
     if release.added is not None:
         wanted["added_mass"] = release.added.model_dump()
+    if release.arm == "driven" and release.torques is not None:
+        wanted["input"] = {"t": release.torques.t.tolist(), "values": arm_input(release.torques, rig).tolist()}
     recording = plant.record(wanted)
     pose = Pose(theta1=release.theta1, theta2=release.theta2)
     rig_there = rig.model_copy(update={"poses": {recording["pose"]: pose}, "added_mass": release.added})

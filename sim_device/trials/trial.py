@@ -2,17 +2,18 @@
 
 import secrets
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from sim_device.options import Options
-from sim_device.plant.arm_drive import ArmDrive, arm_drive_of
+from sim_device.plant.arm_drive import ArmDrive, InputTable, arm_drive_of
 from sim_device.plant.config import PlantConfig, load_plant
 from sim_device.plant.drives import JointDrives
 from sim_device.plant.hidden import plant_of
@@ -42,8 +43,14 @@ class DrawnTrial:
     """Drives of its joints or of its arm; None for free swings."""
 
     def report(self, direct: bool) -> dict[str, Any]:
-        """Report of a drawn trial: `seal`; `rig`, the rig file as TOML text; `runs`, if requested."""
-        public = {"seal": seal(self.kept["truth"], self.kept["salt"]), "rig": _rig_file(self.rig)}
+        """Report of a drawn trial.
+
+        `seal`; `rig`, the rig file as TOML text; `largest_input` of a driven arm, that of its program; `runs`, if
+        requested.
+        """
+        public: dict[str, Any] = {"seal": seal(self.kept["truth"], self.kept["salt"]), "rig": _rig_file(self.rig)}
+        if self.plant.arm_drive is not None:
+            public["largest_input"] = self.plant.arm_drive.amplitude
         return public | ({"runs": _runs(self)} if direct else {})
 
 
@@ -92,7 +99,8 @@ def recorded_next(trial: DrawnTrial, wanted: Mapping[str, Any], before: int) -> 
 
     Args:
         trial: the plant
-        wanted: `theta1`, `theta2`, `duration_s`; `rods` and `added_mass` as in a rig file, unchanged by default
+        wanted: `theta1`, `theta2`, `duration_s`; `rods` and `added_mass` as in a rig file, unchanged by default;
+            `input` with `t` and `values`, which the drive of the arm replays instead of its program
         before: number of earlier releases: the operator errors differ each time
 
     Raises:
@@ -105,7 +113,12 @@ def recorded_next(trial: DrawnTrial, wanted: Mapping[str, Any], before: int) -> 
         rig = Rig.model_validate({**now, **changed, "poses": {f"release {before + 1}": pose}})
     except ValidationError as error:
         raise ConfigError(f"no such release: {error.errors()[0]['msg']}") from error
-    (run,) = record(trial.plant, rig, float(wanted["duration_s"]), drives=trial.drives, before=before)
+    drives = trial.drives
+    if (table := wanted.get("input")) is not None:
+        if not isinstance(drives, ArmDrive):
+            raise ConfigError("no such release: the arm of this plant has no drive")
+        drives = replace(drives, table=InputTable(np.array(table["t"]), np.array(table["values"])))
+    (run,) = record(trial.plant, rig, float(wanted["duration_s"]), drives=drives, before=before)
     return _as_json(run)
 
 

@@ -8,7 +8,7 @@ import pytest
 from dpr_lab.errors import DprError
 from dpr_lab.rig import load_rig, parse_rig
 from dpr_lab.trials.campaign import Campaign, run_campaign
-from dpr_lab.trials.next_release import CHOOSERS, SEQUENTIAL, Situation
+from dpr_lab.trials.next_release import CHOOSERS, SEQUENTIAL, Situation, limits_of
 from dpr_lab.trials.sealing import Kind, PlantRequest, sealed_in_memory
 from dpr_lab.trials.sequential_summary import read_strategies, sequential_summary
 
@@ -37,7 +37,7 @@ def test_a_held_plant_records_what_is_asked_for_and_then_opens() -> None:
 
 def test_the_menu_goes_through_the_poses_of_the_rig_file_first() -> None:
     rig = load_rig("paper")
-    release, plan = CHOOSERS["menu"](Situation(rig, [], None, np.random.default_rng(0)))
+    release, plan = CHOOSERS["menu"](Situation(rig, [], None, np.random.default_rng(0), limits_of(rig)))
     assert plan is None
     assert (release.theta1, release.theta2) == (rig.poses["X1"].theta1, rig.poses["X1"].theta2)
 
