@@ -31,7 +31,7 @@ faults (--fault NAME=VALUE, repeatable):
 
 
 DRAW_HELP = """\
-draw the effects too, from the seed: single, pair, triple, clean, dirty, form, outside or any; clear or subtle"""
+draw the effects too, from the seed: single, pair, triple, clean, dirty, form, outside or any; clear, subtle or faint"""
 
 SEAL_HELP = """\
 draw a plant, write its truth to FOLDER, print its seal (a salted hash) and its rig file as JSON, and exit; afterwards

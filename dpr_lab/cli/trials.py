@@ -57,7 +57,11 @@ ArmMode = Annotated[
     ),
 ]
 Size = Annotated[
-    Level, typer.Option(help="Visibility: a gap of at least twice the noise (clear), or about equal to it (subtle).")
+    Level,
+    typer.Option(
+        help="Visibility: a gap of at least twice the noise (clear), about equal to it (subtle), or 0.1 to 1 times it"
+        " (faint)."
+    ),
 ]
 Folder = Annotated[Path, typer.Argument(help="Folder written by `trials draw`.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
@@ -220,8 +224,8 @@ def campaign(
         bool,
         typer.Option(
             "--plan",
-            help="Record each plant release by release until its cause is decided: by plan, from the fixed menu and"
-            " from random poses.",
+            help="Record each plant release by release until its cause is decided, or until a bench check must decide:"
+            " by plan, from the fixed menu and from random poses.",
         ),
     ] = False,
     as_json: Json = False,

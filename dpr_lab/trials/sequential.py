@@ -82,7 +82,7 @@ class SequentialLook:
     stated: float | None
     """Forecast of this probability by the plan that recommended the release; None without a forecast."""
     plan_seconds: float | None
-    """Processor time of the plan after this release; None where the causes are decided."""
+    """Processor time of this plan; None without one."""
 
     @property
     def is_last(self) -> bool:
@@ -116,18 +116,20 @@ def played(
     runs: list[Run] = []
     looks: list[SequentialLook] = []
     proposal: Plan | None = None
+    seconds = 0.0
     while len(runs) < most and not (looks and looks[-1].is_last):
+        began = time.process_time()
         release, used = choose(Situation(rig, runs, looks[-1].diagnosis if looks else None, rng, limits, proposal))
-        stated = used.forecast[0] if used and used.forecast else None
+        seconds += time.process_time() - began
         runs.append(record(release))
         diagnosis = _diagnosed(runs, rig)
-        is_decided, seconds = decided(diagnosis, len(runs)), None
-        if not is_decided:
-            began = time.process_time()
-            proposal = plan(rig, runs, diagnosis, limits=limits, count=2)
-            seconds = time.process_time() - began
-        stuck = not is_decided and proposal is not None and proposal.state == "bench check"
-        looks.append(SequentialLook(release, diagnosis, is_decided, stuck, stated, seconds))
+        is_decided = decided(diagnosis, len(runs))
+        stated = used.forecast[0] if used and used.forecast else None
+        began = time.process_time()
+        proposal = None if is_decided else plan(rig, runs, diagnosis, limits=limits, count=2)
+        stuck = proposal is not None and proposal.state == "bench check"
+        looks.append(SequentialLook(release, diagnosis, is_decided, stuck, stated, seconds if used else None))
+        seconds = time.process_time() - began
     return looks
 
 
