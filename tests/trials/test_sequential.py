@@ -5,12 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dpr_lab.errors import DprError
+from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.rig import load_rig, parse_rig
 from dpr_lab.trials.campaign import Campaign, run_campaign
 from dpr_lab.trials.next_release import CHOOSERS, SEQUENTIAL, Situation, limits_of
 from dpr_lab.trials.sealing import Kind, PlantRequest, sealed_in_memory
 from dpr_lab.trials.sequential_summary import read_strategies, sequential_summary
+from sim_device.options import Options
+from sim_device.trials.trial import drawn_trial, recorded_next
 
 
 @pytest.mark.slow
@@ -40,6 +42,33 @@ def test_the_menu_goes_through_the_poses_of_the_rig_file_first() -> None:
     release, plan = CHOOSERS["menu"](Situation(rig, [], None, np.random.default_rng(0), limits_of(rig)))
     assert plan is None
     assert (release.theta1, release.theta2) == (rig.poses["X1"].theta1, rig.poses["X1"].theta2)
+
+
+@pytest.mark.parametrize(("mode", "state"), [("clamped", "held"), ("free", "free"), ("driven", "driven")])
+def test_every_release_has_the_mode_of_the_arm(mode: str, state: str) -> None:
+    rig = load_rig("furuta")
+    rig = rig.model_copy(update={"arm": rig.arm.model_copy(update={"mode": mode})})
+    now = Situation(rig, [], None, np.random.default_rng(0), limits_of(rig, 2.0))
+    assert now.limits.arm.modes == (state,)
+    for name in ("menu", "random"):
+        release, _ = CHOOSERS[name](now)
+        assert (release.arm, release.mounting, release.torques) == (state, "inner", None)
+
+
+def test_a_driven_plant_replays_the_input_of_a_plan() -> None:
+    rig = load_rig("furuta")
+    trial = drawn_trial(Options(plant="furuta", seed=4, draw_effects="clean", arm="driven"), rig)
+    largest = trial.report(direct=False)["largest_input"]
+    t, values = np.arange(100) / 200.0, largest * np.sin(np.arange(100))
+    wanted = {"theta1": np.pi, "theta2": np.pi, "duration_s": 0.5}
+    recording = recorded_next(trial, wanted | {"input": {"t": t.tolist(), "values": values.tolist()}}, 0)
+    swing = np.array(recording["t"]) >= 0.0
+    reported = np.array(recording["arm_input"])[swing]
+    row = np.searchsorted(t, np.array(recording["t"])[swing] + 1e-9, side="right") - 1
+    assert reported[:-1] == pytest.approx(values[row][:-1], abs=1e-3)
+    still = drawn_trial(Options(seed=4, draw_effects="clean"), load_rig("paper"))
+    with pytest.raises(ConfigError, match="has no drive"):
+        recorded_next(still, {"theta1": 2.0, "theta2": 1.0, "duration_s": 0.5, "input": {"t": [], "values": []}}, 0)
 
 
 def test_a_summary_counts_undecided_plants_and_forecasts() -> None:
