@@ -110,6 +110,7 @@ def _ensemble(
     as_json: bool,
 ) -> None:
     from dpr_lab.cli.listener import Listener
+    from dpr_lab.exports.ensemble.bands import BANDS, fewest_models
     from dpr_lab.report.words import in_words
     from dpr_lab.workflows.export_ensemble import EnsembleRequest, export_ensemble
 
@@ -121,10 +122,15 @@ def _ensemble(
     rows = [(in_words(effects.replace("+", ", ")), count) for effects, count in done.sets.items()]
     table(f"{size} models", ("effects", "models"), rows)
     if done.bands:
-        columns = ("run", "covered by the 90 % band", "until, s", "mean width, mrad")
+        columns = ("run", "readings in the band", "until, s", "mean width, mrad")
         rows = [(b.run, percent(b.covered), f"{b.until_s:.3g}", f"{1e3 * b.width_rad:.3g}") for b in done.bands]
-        note = f"Standard deviations multiplied by {done.factor:g}, so that the bands cover these runs."
+        note = f"Standard deviations multiplied by {done.factor:g}, so that 90 % bands of many models cover these runs."
         table("Predictive bands", columns, rows, note=note)
+    if done.expected_coverage < BANDS.level:
+        line(
+            f"{size} models span on average {percent(done.expected_coverage)} of the readings of another recording: for"
+            f" {percent(BANDS.level)}, sample {fewest_models()} models or more."
+        )
     if not (done.from_diagnosis or done.bands):
         lacks = (
             "other causes"

@@ -15,7 +15,6 @@ from dpr_lab.effects import effect_params
 from dpr_lab.errors import RunError
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS, Estimate
 from dpr_lab.fitting.gauss_newton import fit
-from dpr_lab.fitting.problem import OutputModel
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.identification.model import Model
@@ -106,16 +105,19 @@ class Followed:
     """The run with its velocities and noise."""
     bare: RatioFit
     """The rods without effects, for the predictability horizon."""
-    simulated: OutputModel
-    """The model with its effects, or the rods if there are none."""
-    estimate: Estimate
-    """Parameters and fitted initial states of `simulated`."""
+    fitted: RatioFit
+    """The model with its effects; `bare` if it has none."""
     step: float
     """Runge-Kutta step of a free run, s."""
     tracked: NDArray[np.float64]
     """(n, 2) simulated by segment, rad."""
     held_out: bool
     """Whether the run was not fitted."""
+
+    @property
+    def estimate(self) -> Estimate:
+        """Parameters and fitted initial states of the model."""
+        return self.fitted.fit.estimate
 
 
 def compare_run(run: Run, rig: Rig, model: Model) -> Comparison:
@@ -144,10 +146,9 @@ def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed
     bare = fit_ratios(problem, rods_estimate(model.unknowns, initial), held=range(len(UNKNOWN_RATIOS)))
     held_out = not model.used(run.sha256)
     if not model.effects:
-        return Followed(preprocessed, bare, problem.model, bare.fit.estimate, MAX_STEP, bare.predicted, held_out)
-    simulated = _with_effects(bare, initial, rig, model)
-    tracked = problem.joints.to_rods(simulated.problem.predict(simulated.fit.estimate))
-    return Followed(preprocessed, bare, simulated.problem.model, simulated.fit.estimate, STEP, tracked, held_out)
+        return Followed(preprocessed, bare, bare, MAX_STEP, bare.predicted, held_out)
+    fitted = _with_effects(bare, initial, rig, model)
+    return Followed(preprocessed, bare, fitted, STEP, fitted.predicted, held_out)
 
 
 def _with_effects(bare: RatioFit, measured: NDArray[np.float64], rig: Rig, model: Model) -> RatioFit:
@@ -187,7 +188,7 @@ def free_run_from(followed: Followed, at_s: float) -> FreeRun:
     t = laid_out.t[laid_out.offsets[index] :]
     started = followed.estimate.changed(initial=followed.estimate.initial[index : index + 1])
     onward = segments([t], setups=laid_out.setups, step=followed.step)
-    problem = replace(followed.bare.problem, segments=onward, model=followed.simulated)
+    problem = replace(followed.fitted.problem, segments=onward)
     return FreeRun(t, problem.joints.to_rods(problem.predict(started)), predictable_until(followed.bare, index, t))
 
 

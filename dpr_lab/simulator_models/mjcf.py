@@ -149,8 +149,8 @@ def _bared(root: Element, path: Path) -> list[str]:
         for child in body.findall("body"):
             _refuse_masses_of_meshes(child, False, fixed_inertia, massless, path)
     _strip(root, counts)
-    notes = [f"{counts[tag]} {text}" for tag, text in LISTED.items() if counts[tag]]
-    return notes + ([f"{counts['mesh']} meshes, not loaded"] if counts["mesh"] else [])
+    notes = [f"{text}: {counts[tag]}" for tag, text in LISTED.items() if counts[tag]]
+    return notes + ([f"meshes, not loaded: {counts['mesh']}"] if counts["mesh"] else [])
 
 
 def _strip(parent: Element, counts: Counter[str]) -> None:

@@ -55,9 +55,9 @@ def read_urdf(path: Path, text: bytes | None = None) -> SimulatorModel:
     except Exception as error:  # the library raises any exception of its helpers
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ConfigError(f"{path}: is not valid URDF: {reason}") from error
-    notes = [f"{count} <{tag}> elements, not read" for tag, count in ignored.items()]
-    notes += [f"{meshes} meshes, not loaded"] if meshes else []
-    notes += [f"{plugins} plugins, not loaded"] if plugins else []
+    notes = [f"<{tag}> elements, not read: {count}" for tag, count in ignored.items()]
+    notes += [f"meshes, not loaded: {meshes}"] if meshes else []
+    notes += [f"plugins, not loaded: {plugins}"] if plugins else []
     return SimulatorModel(robot.name or path.stem, "URDF", None, parts, actuators, tuple(notes))
 
 

@@ -48,7 +48,7 @@ class BandCoverage:
 
     run: str
     covered: float
-    """Share of the readings within the 90 % band."""
+    """Share of the readings within the band."""
     until_s: float
     """Predictability horizon, s."""
     width_rad: float
@@ -66,6 +66,8 @@ class EnsembleResult:
     """Effects, joined by +, -> number of models with them."""
     factor: float
     """By which the standard deviations were multiplied."""
+    expected_coverage: float
+    """Share of the readings that the band of so many models is expected to cover: 0.9, less if they are few."""
     bands: tuple[BandCoverage, ...]
     from_diagnosis: bool
     """Whether the posterior is that of a diagnosis, with its causes; else it is that of the ratios alone."""
@@ -89,6 +91,7 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         DprError: a file cannot be written.
     """
     from dpr_lab.exports import FORMATS
+    from dpr_lab.exports.ensemble.bands import level_of
     from dpr_lab.exports.ensemble.calibrate import calibrated
     from dpr_lab.exports.ensemble.sampled import posterior_of
     from dpr_lab.exports.ensemble.scatter import scatter_of_ratios
@@ -128,6 +131,7 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         tuple(folders),
         sets,
         factor,
+        level_of(request.size),
         covered,
         from_diagnosis=diagnosis is not None,
         scatter=diagnosis is not None or scatter is not None,
@@ -190,6 +194,7 @@ def _coverage(band: "PredictiveBand") -> BandCoverage:
 
 def _write(models: "Sequence[AnyModel]", rig: "Rig", request: EnsembleRequest, factor: float) -> dict[str, int]:
     from dpr_lab.exports.bodies import bodies, in_words
+    from dpr_lab.exports.ensemble.bands import level_of
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.report.files import write_json
 
@@ -218,6 +223,7 @@ def _write(models: "Sequence[AnyModel]", rig: "Rig", request: EnsembleRequest, f
         "g_m_per_s2": rig.g,
         "seed": request.seed,
         "widened": factor,
+        "expected_coverage": level_of(len(models)),
         "models": members,
     }
     write_json(document, request.out / "ensemble.json")

@@ -24,7 +24,7 @@ class _Linear:
         flat = self.A.reshape(-1, k)
         self.e = readings - (self.A @ np.linalg.lstsq(flat, readings.ravel())[0])
         self.chi2_by_segment = np.sum(self.e**2, axis=1)
-        self.linear, self.free, self.inside = self, range(k), range(k)
+        self.linear, self.free, self.inside, self.prior = self, range(k), range(k), np.zeros((0, k))
         self.segments = segments(instants(runs * per, m), run=np.repeat(np.arange(runs), per))
 
 
@@ -46,3 +46,12 @@ def test_one_recording_is_its_quarters() -> None:
     for fit in fits:
         fit.segments = segments(instants(len(fit.e), 6))
     assert np.mean([between_recordings(fit, fit) for fit in fits], axis=0) == pytest.approx(several / 4)
+
+
+def test_the_rig_file_limits_the_values_of_another_recording() -> None:
+    fit = _Linear(1.0, runs=8, seed=1)
+    free = between_recordings(fit, fit)
+    fit.prior = np.array([[100.0, 0.0]])
+    limited = between_recordings(fit, fit)
+    assert limited[0, 0] == pytest.approx(1 / (1 / free[0, 0] + 100.0**2), rel=0.1)
+    assert limited[1, 1] == pytest.approx(free[1, 1], rel=0.1)

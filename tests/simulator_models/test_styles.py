@@ -80,7 +80,7 @@ READ = {
         <keyframe><key name="home" qpos="0 0"/></keyframe></mujoco>""",
         ("j1", "j2"),
         0.25,
-        "2 meshes, not loaded",
+        "meshes, not loaded: 2",
     ),
     "mjcf, pendulum with an equality constraint": (
         "model.xml",
@@ -91,7 +91,7 @@ READ = {
         <equality><joint joint1="q1" joint2="q2"/></equality></mujoco>""",
         ("q1", "q2"),
         0.2,
-        "1 equality constraints (closed chains, couplings)",
+        "equality constraints (closed chains, couplings): 1",
     ),
     "urdf, acrobot with transmissions on the world that its engine adds": (
         "model.urdf",
@@ -116,7 +116,7 @@ READ = {
         <gazebo><plugin name="control" filename="libgazebo_ros_control.so"/></gazebo></robot>""",
         ("joint1", "joint2"),
         1.0,
-        "1 plugins, not loaded",
+        "plugins, not loaded: 1",
     ),
 }
 

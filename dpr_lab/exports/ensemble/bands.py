@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.segments import segments
+from dpr_lab.exports.ensemble.starts import drawn_starts
 from dpr_lab.identification.compare import Followed, follow, free_run_from
 from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
@@ -101,19 +102,37 @@ def predictive_band(
 
 
 def quantiles_of(drawn: Array, settings: BandSettings = BANDS) -> tuple[Array, Array]:
-    """Lower and upper bound (n, joints) of readings (models, n, joints); models that fail are ignored."""
+    """Lower and upper bound (n, joints) of readings (models, n, joints); models that fail are ignored.
+
+    Of m models the k-th smallest value is the quantile k / (m + 1) of the distribution from which they are drawn (E. J.
+    Gumbel 1958, Statistics of Extremes). Interpolation between the smallest and the largest, the usual rule, leaves 50
+    models with 86 % instead of 90 %.
+    """
     tail = (1 - settings.level) / 2
-    low, high = np.nanquantile(np.where(np.isfinite(drawn), drawn, np.nan), [tail, 1 - tail], axis=0)
+    finite = np.where(np.isfinite(drawn), drawn, np.nan)
+    low, high = np.nanquantile(finite, [tail, 1 - tail], axis=0, method="weibull")
     return low, high
+
+
+def level_of(models: int, settings: BandSettings = BANDS) -> float:
+    """Share of readings that the band of some models is expected to cover.
+
+    It is at most (m - 1) / (m + 1), which the smallest and the largest of m values cover: 67 % for five models, 90 %
+    from 19 on.
+    """
+    return min(settings.level, (models - 1) / (models + 1))
+
+
+def fewest_models(settings: BandSettings = BANDS) -> int:
+    """Number of models from which their band reaches its level."""
+    return round((1 + settings.level) / (1 - settings.level))
 
 
 def _swing(followed: Followed, first: float, t: Array, rng: np.random.Generator) -> Array:
     """(n, 2) readings at t of one model, from a drawn initial state, with noise, rad."""
-    covariance = followed.bare.initial_covariances[0] * max(1.0, followed.bare.chi2_per_dof)
-    start = rng.multivariate_normal(followed.estimate.initial[0], covariance, method="eigh")
-    laid_out = followed.bare.problem.segments
-    onward = segments([np.append(first, t)], setups=laid_out.setups[:1], step=followed.step)
-    problem = replace(followed.bare.problem, segments=onward, model=followed.simulated)
-    started = followed.estimate.changed(initial=start[None])
-    theta = problem.joints.to_rods(problem.predict(started))[1:]
+    problem = followed.fitted.problem
+    started = drawn_starts(problem, followed.fitted.fit, rng)
+    onward = segments([np.append(first, t)], setups=problem.segments.setups[:1], step=followed.step)
+    onward_only = started.changed(initial=started.initial[:1])
+    theta = problem.joints.to_rods(replace(problem, segments=onward).predict(onward_only))[1:]
     return theta + rng.multivariate_normal(np.zeros(2), followed.preprocessed.noise.covariance, len(t), method="eigh")

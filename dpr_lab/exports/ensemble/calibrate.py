@@ -25,8 +25,8 @@ class CalibrationSettings:
     """Steps of bisection between the last factor that is too small and the first that is not, on a logarithmic
     scale.
     """
-    members: int = 20
-    """Number of models in each trial."""
+    members: int = 39
+    """Number of models in each trial; the band lies between the second values from both ends."""
 
 
 CALIBRATED = CalibrationSettings()

@@ -95,7 +95,7 @@ def drawn_values(component: PosteriorComponent, rng: np.random.Generator) -> dic
     values = dict(component.ratios) | {
         f"{name}.{key}": value for name, parameters in component.effects.items() for key, value in parameters.items()
     }
-    mean = np.array([values[name] for name in component.free])
+    mean = np.array([values.get(name, 0.0) for name in component.free])  # an effect of size zero is not listed
     step = square_root(component.predictive) @ rng.standard_normal(len(mean))
     return signed(values | dict(zip(component.free, (mean + step).tolist(), strict=True)))
 

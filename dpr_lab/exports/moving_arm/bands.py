@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.exports.ensemble.bands import BANDS, PredictiveBand, quantiles_of
+from dpr_lab.exports.ensemble.starts import drawn_starts
 from dpr_lab.exports.moving_arm.replay import ARM_REPLAY, run_problem
 from dpr_lab.fitting.estimate import Estimate
-from dpr_lab.fitting.gauss_newton import descend
+from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.identification.moving_arm.engine import engine_constants, engine_values
@@ -82,8 +83,5 @@ def _readings(
     """(n, 3) readings of one model from drawn initial states, without noise, rad."""
     problem = replace(started, model=RodsWithEffects(engine_constants(member, rig)))
     unknown, params = engine_values(member, rig)
-    fit = descend(problem, Estimate.of(unknown, params, initial), (), iterations=ARM_REPLAY.iterations)
-    inflated = max(1.0, fit.linear.chi2 / max(problem.evidence, 1)) ** 0.5
-    steps = np.linalg.solve(fit.linear.R, rng.standard_normal((len(initial), initial.shape[1], 1)))[:, :, 0]
-    states = fit.estimate.initial + inflated * steps
-    return problem.predict(fit.estimate.changed(initial=states))[compared]
+    followed = fit(problem, Estimate.of(unknown, params, initial), (), iterations=ARM_REPLAY.iterations)
+    return problem.predict(drawn_starts(problem, followed, rng))[compared]

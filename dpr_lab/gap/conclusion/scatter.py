@@ -8,10 +8,11 @@ own values differ from the common ones by H_r^+ g_r. If only the noise of the re
 would be about nu = sum_r rank(H_r) - k for k values. A larger Q shows that the values are effective values of an
 incomplete model, and that those of another recording have the covariance
 
-    B = (Q / nu - 1) R (sum_r H_r)^+
+    B = k (sum_r H_r + k P)^+,    k = (Q / nu - 1) R
 
-about the common ones, for R equally informative recordings. B is zero unless Q > nu + 3 sqrt(2 nu). A single recording
-is divided into quarters, as for the gap budget.
+about the common ones, for R equally informative recordings and P the information of the rig file (`fitting.prior`),
+which also limits the values of another recording. B is zero unless Q > nu + 3 sqrt(2 nu). A single recording is
+divided into quarters, as for the gap budget.
 
 Source: R. T. Birge (1932), The calculation of errors by the method of least squares, Physical Review 40, 207-227, for
 the ratio Q / nu; W. G. Cochran (1954), The combination of estimates from different experiments, Biometrics 10, 101-129.
@@ -68,9 +69,11 @@ def between_recordings(problem: Problem, fit: Fit) -> Array:
     nu = rank - len(inside)
     if nu < 1 or not Q > nu + SCATTER.significant * (2 * nu) ** 0.5:
         return covariance
-    recordings = len(np.unique(problem.segments.run))
-    inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=SCATTER.singular**2, hermitian=True)
-    covariance[np.ix_(inside, inside)] = (Q / nu - 1) * recordings * inverse / np.outer(scale, scale)
+    excess = (Q / nu - 1) * len(np.unique(problem.segments.run))
+    prior = fit.prior[:, inside]
+    information = (normal + excess * prior.T @ prior) / np.outer(scale, scale)
+    inverse = np.linalg.pinv(information, rcond=SCATTER.singular**2, hermitian=True)
+    covariance[np.ix_(inside, inside)] = excess * inverse / np.outer(scale, scale)
     return covariance
 
 
