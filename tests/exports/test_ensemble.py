@@ -52,8 +52,8 @@ def values(models: list[Model]) -> np.ndarray:
 @pytest.mark.slow
 def test_samples_have_the_covariance_of_the_posterior_and_frictions_are_not_negative(model: Model) -> None:
     drawn = values(sampled_models(model, [component(model)], 4000, 1))
-    assert (drawn[:, 2] >= 0).all()
-    assert (drawn[:, 2] == 0).mean() == pytest.approx(0.023, abs=0.01)  # two standard deviations
+    assert (drawn[:, 2] > 0).all()
+    assert drawn[:, 2].mean() == pytest.approx(1e-3 + 0.055 * STD[2], abs=0.05 * STD[2])  # truncated at -2 std
     assert drawn[:, :2].std(axis=0) == pytest.approx(STD[:2], rel=0.05)
     assert np.corrcoef(drawn[:, :2].T)[0, 1] == pytest.approx(0.8, abs=0.03)
     again = values(sampled_models(model, [component(model)], 4000, 1))

@@ -1,13 +1,16 @@
 """Corrected models sampled from the posterior of parameters and causes, for domain randomisation.
 
 A set of effects is drawn by its probability, then its values from their joint normal distribution for another
-recording: the covariance of the fit, and that between recordings (`dpr_lab.gap.conclusion.scatter`). Negative
-draws of quantities that cannot be negative are set to zero; physically impossible inertias are drawn again. The scale
-b, which a free swing does not determine, is drawn log-normally within its interval. All masses, inertias and torques
-are proportional to it, so it does not change the swing.
+recording: the covariance of the fit, and that between recordings (`dpr_lab.gap.conclusion.scatter`). Draws with a
+negative value of a quantity that cannot be negative, and with physically impossible inertias, are drawn again: the
+distribution is truncated. Values set to zero instead would lose their correlation: a friction without the negative
+damping that it was drawn with brakes too much. The scale b, which a free swing does not determine, is drawn
+log-normally within its interval. All masses, inertias and torques are proportional to it, so it does not change the
+swing.
 """
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,14 +93,26 @@ def diagnosed_posterior(diagnosis: Diagnosis) -> list[PosteriorComponent]:
     return diagnosis.posterior
 
 
-def drawn_values(component: PosteriorComponent, rng: np.random.Generator) -> dict[str, float]:
-    """Values of one set of effects: ratios, and `effect.parameter`."""
+def drawn_values(component: PosteriorComponent, rng: np.random.Generator, tries: int = 1000) -> dict[str, float]:
+    """Values of one set of effects: ratios, and `effect.parameter`; zero for what is negative in all tries."""
     values = dict(component.ratios) | {
         f"{name}.{key}": value for name, parameters in component.effects.items() for key, value in parameters.items()
     }
     mean = np.array([values.get(name, 0.0) for name in component.free])  # an effect of size zero is not listed
-    step = square_root(component.predictive) @ rng.standard_normal(len(mean))
+    positive = np.array([name in _positive() for name in component.free], dtype=np.bool_)
+    steps = rng.standard_normal((tries, len(mean))) @ square_root(component.predictive).T
+    allowed = (mean + steps >= 0.0) | ~positive
+    step = steps[int(np.argmax(allowed.all(axis=1)))]
     return signed(values | dict(zip(component.free, (mean + step).tolist(), strict=True)))
+
+
+@cache
+def _positive() -> frozenset[str]:
+    """Values that cannot be negative."""
+    effects = (
+        f"{name}.{p.name}" for name, effect in EFFECTS.items() for p in effect.parameters if p.sign == "positive"
+    )
+    return frozenset(("c1/b", "c2/b", *effects))
 
 
 def _drawn(model: Model, component: PosteriorComponent, rng: np.random.Generator, tries: int = 1000) -> Model:
@@ -119,11 +134,7 @@ def square_root(covariance: Array) -> Array:
 
 def signed(values: Mapping[str, float]) -> dict[str, float]:
     """Values with those entries set to zero that are negative and must not be."""
-    positive = {
-        f"{name}.{p.name}" for name, effect in EFFECTS.items() for p in effect.parameters if p.sign == "positive"
-    }
-    positive |= {"c1/b", "c2/b"}
-    return {name: max(value, 0.0) if name in positive else value for name, value in values.items()}
+    return {name: max(value, 0.0) if name in _positive() else value for name, value in values.items()}
 
 
 def _possible(values: Mapping[str, float]) -> bool:

@@ -1,9 +1,9 @@
 """Models with a moving arm sampled from the posterior of a diagnosis, or from the covariance of an identification.
 
-As for rods on a clamped arm (`dpr_lab.exports.ensemble.sampled`): negative draws of quantities that cannot be negative
-are set to zero, and physically impossible values are drawn again. Where torque or current determine the scale, the gain
-of the drive is known, apart from the uncertainty of a measured kt, and the scale follows from the drawn ratio;
-otherwise it is drawn log-normally within its interval.
+As for rods on a clamped arm (`dpr_lab.exports.ensemble.sampled`), impossible values of a posterior are drawn again; a
+negative loss drawn from a covariance is set to zero. Where torque or current determine the scale, the gain of the drive
+is known, apart from the uncertainty of a measured kt, and the scale follows from the drawn ratio; otherwise it is drawn
+log-normally within its interval.
 """
 
 from collections.abc import Sequence
