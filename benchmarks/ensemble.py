@@ -1,6 +1,6 @@
 """Predictive bands of an ensemble of sampled models: how many readings of held-out recordings they cover.
 
-    python benchmarks/ensemble.py [--plants 24] [--first 8000] [--members 50] [--real ../shared/data/real] [--json]
+    python benchmarks/ensemble.py [--plants 24] [--first 9000] [--members 50] [--real ../shared/data/real] [--json]
 
 Simulated plants are drawn as for blind trials; three recordings of 5 s are diagnosed, three from other poses are held
 out. Of each real rig every recording is held out once; a single recording is cut into pieces, and every second one is
@@ -100,7 +100,7 @@ def main() -> None:
     """Measure and print."""
     parser = options(__doc__)
     parser.add_argument("--plants", type=int, default=24)
-    parser.add_argument("--first", type=int, default=8000)
+    parser.add_argument("--first", type=int, default=9000)
     parser.add_argument("--members", type=int, default=50)
     parser.add_argument("--real", type=Path, default=Path(__file__).parents[2] / "shared" / "data" / "real")
     chosen = parser.parse_args()

@@ -14,8 +14,13 @@ def test_an_ensemble_is_a_folder_for_each_model_and_one_file(cli, model: Path, t
     done = cli(*words, "--json", cwd=tmp_path)
     assert done.code == 0, done.err
     assert done.json["sets"] == {"none": 3}
+    assert done.json["expected_coverage"] == 0.5
     document = json.loads((tmp_path / "out" / "ensemble.json").read_text(encoding="utf-8"))
+    assert document["expected_coverage"] == 0.5
     assert len({member["ratios"]["a/b"] for member in document["models"]}) == 3
     for number in range(3):
         mujoco.MjModel.from_xml_path(str(tmp_path / "out" / f"00{number}" / "corrected_model.xml"))
+    assert "3 models span on average 50 % of the readings of another recording: for 90 %, sample 19" in " ".join(
+        cli(*words, cwd=tmp_path).out.split()
+    )
     assert cli(*words, "--into", "x.xml", cwd=tmp_path).code == 2

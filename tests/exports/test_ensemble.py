@@ -6,9 +6,9 @@ import pytest
 from dpr_lab.dynamics.base import RATIOS, base_parameters
 from dpr_lab.effects import effect_params
 from dpr_lab.errors import RunError
-from dpr_lab.exports.ensemble.bands import predictive_band
+from dpr_lab.exports.ensemble.bands import BANDS, fewest_models, level_of, predictive_band, quantiles_of
 from dpr_lab.exports.ensemble.calibrate import calibrated, pooled, widened
-from dpr_lab.exports.ensemble.sampled import posterior_of, sampled_models
+from dpr_lab.exports.ensemble.sampled import drawn_values, posterior_of, sampled_models
 from dpr_lab.exports.ensemble.scatter import scatter_of_ratios
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
 from dpr_lab.gap.result.posterior import PosteriorComponent
@@ -113,6 +113,29 @@ def test_the_scale_moves_inertias_and_torques_together(model: Model) -> None:
     assert torques == pytest.approx(scales)
     assert {member.ratios["a/b"].value for member in members} == {model.ratios["a/b"].value}
     assert np.mean((scales > 0.5) & (scales < 2.0)) == pytest.approx(0.9, abs=0.06)
+
+
+@pytest.mark.parametrize("count", [5, 18, 19, 50])
+def test_the_band_of_few_models_covers_what_it_says(count: int) -> None:
+    rng = np.random.default_rng(count)
+    low, high = quantiles_of(rng.standard_normal((count, 20_000, 1)))
+    readings = rng.standard_normal((20_000, 1))
+    assert ((readings >= low) & (readings <= high)).mean() == pytest.approx(level_of(count), abs=0.01)
+    assert (level_of(count) < BANDS.level) == (count < fewest_models())
+
+
+def test_frictions_of_zero_keep_their_correlation(model: Model) -> None:
+    """Two frictions whose sum is determined: no draw has a larger sum because one of them cannot be negative."""
+    frictions = ("coulomb_joint1.torque_Nm", "coulomb_joint2.torque_Nm")
+    both = {name.split(".")[0]: {"torque_Nm": 2e-4} for name in frictions}
+    spread = np.array([[1.0, -0.999], [-0.999, 1.0]]) * 1e-6
+    unsure = component(model, **both).model_copy(update={"free": list(frictions), "covariance": spread.tolist()})
+    rng = np.random.default_rng(0)
+    drawn = [drawn_values(unsure, rng) for _ in range(200)]
+    sums = np.array([sum(values[name] for name in frictions) for values in drawn])
+    assert min(values[name] for values in drawn for name in frictions) >= 0.0
+    assert sums.mean() == pytest.approx(4e-4, abs=1e-5)
+    assert sums.std() < 6e-5
 
 
 def test_a_posterior_without_physical_draws_is_refused(model: Model) -> None:
