@@ -6,7 +6,7 @@ chi2 of one piece of independent evidence (`dpr_lab.gap.hypothesis.residuals`), 
     z ~ N(0, V),    x = x0 + R^-1 (sqrt(f) n - C z),    n ~ N(0, 1).
 
 f is that of the model with its effects: the misfit of the same rods without them says nothing about its initial states.
-The zeros are fixed unless the rig sets them anew for each recording (`rezeroed`).
+The zeros are fixed unless the encoders are set to zero before each recording (`rezeroed`).
 """
 
 import numpy as np
