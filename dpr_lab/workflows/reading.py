@@ -41,7 +41,8 @@ def read_runs(
     runs: list[Run] = []
     for file in files:
         run = load_run(file, rig=rig).driven_by(torque)
-        chosen = f"driven by its {run.torque_kind} torques; select them with --torque" if run.both_kinds else ""
+        known = "torques" if run.arm_input is None else "input of the arm"
+        chosen = f"driven by its {run.torque_kind} {known}; select it with --torque" if run.both_kinds else ""
         runs.append(run)
         on_event(RunRead(file, run.name, (*run.notes, *([chosen] if chosen else []))))
     refuse_repeated(runs)

@@ -171,6 +171,21 @@ def test_an_effect_that_is_not_there_makes_no_run_easier_to_predict(clean, teste
     assert predictive_loss(more, fold, 1.0).sum() > predictive_loss(base.fit, fold, 1.0).sum()
 
 
+def test_a_reduction_of_chi2_beyond_a_bound_is_no_evidence(clean, tested):
+    """A fit ends at a tiny positive friction, although its linear model has its minimum at a negative one."""
+    problem, base = clean
+    (item,) = tested(problem, base.fit, [EFFECTS["coulomb_joint1"]]).ranking
+    params = base.fit.estimate.params.copy()
+    params[param_index("coulomb_joint1", "torque_Nm")] = 1e-9
+    near = fit(problem, base.fit.estimate.changed(params=params), item.free, iterations=0)
+    friction = near.linear.A[:, :, [parameter.name for parameter in near.free].index("torque_Nm")]
+    e = near.linear.e - 50 * friction / np.linalg.norm(friction)
+    beyond = replace(near, linear=replace(near.linear, e=e))
+    without = replace(base.fit, linear=replace(base.fit.linear, e=e))
+    fold = folds(problem)
+    assert predictive_loss(beyond, fold, 1.0).sum() == pytest.approx(predictive_loss(without, fold, 1.0).sum(), rel=1e-3)
+
+
 def test_a_score_promises_what_the_fit_then_gains(recorded, bare, tested):
     problem, base = bare(recorded({"base_tilt": {"tilt_rad": 5e-4}}))
     (item,) = tested(problem, base.fit, [EFFECTS["base_tilt"]]).ranking

@@ -64,7 +64,7 @@ class _Folds:
     """Normal equations of a fit, of all segments and of each fold, in units of the prior."""
 
     def __init__(self, fit: Fit, fold: NDArray[np.int64]) -> None:
-        free = fit.inside
+        free = _within_bounds(fit)
         self.A = fit.linear.A[:, :, free] * np.array([PRIOR * fit.free[i].size for i in free])
         self.zeros = np.array([fit.free[i].block == "zeros" for i in free], dtype=np.bool_)
         effects = [fit.free[i].effect for i in free]
@@ -88,6 +88,25 @@ class _Folds:
     def _fold(self, segments: NDArray[np.bool_]) -> _Fold:
         A, e = self.A[segments].reshape(-1, self.A.shape[2]), self.e[segments].ravel()
         return _Fold(segments, A.T @ A, A.T @ e, float(e @ e))
+
+
+def _within_bounds(fit: Fit) -> list[int]:
+    """Indices of the free parameters that the minimum of the linear model leaves inside their bounds.
+
+    A fit may end so near a bound that this minimum is beyond it. The reduction of chi2 beyond the bound cannot be
+    reached: an effect of the wrong sign would count as evidence for the effect.
+    """
+    free = fit.inside
+    while free:
+        sizes = np.array([PRIOR * fit.free[i].size for i in free])
+        A = fit.linear.A[:, :, free].reshape(-1, len(free)) * sizes
+        step = sizes * np.linalg.solve(A.T @ A + np.eye(len(free)), A.T @ fit.linear.e.ravel())
+        at_minimum = fit.values[free] + step
+        kept = [i for i, v in zip(free, at_minimum, strict=True) if fit.free[i].lower < v < fit.free[i].upper]
+        if len(kept) == len(free):
+            break
+        free = kept
+    return free
 
 
 def left_out_chi2(fit: Fit, fold: NDArray[np.int64]) -> Array:

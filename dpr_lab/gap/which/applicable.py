@@ -22,8 +22,11 @@ def applicable(library: Mapping[str, Effect], problem: Problem) -> dict[str, Eff
         excluded.add(TORQUE_SCALE_JOINT0.name)
     arm_moves = problem.segments.arm_moves
     arm_prescribed = any(setup.arm for setup in setups)
+    one_rod = all(setup.alone for setup in setups)
 
     def acts(effect: Effect) -> bool:
+        if one_rod and effect.joints == (1,):
+            return False
         if not has_input.get(effect.stage, True):
             return False
         if arm_moves:

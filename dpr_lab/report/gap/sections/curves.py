@@ -44,18 +44,22 @@ def curves_figure(diagnosis: Diagnosis) -> Figure:
         for curves, angles in zip(shown, by_curves, strict=True):
             rows = grid[row : row + (3 if curves.input else 2)]
             for column in range(columns):
-                _draw_run(list(rows[:, column]), curves, [*angles.items()][column] if column < len(angles) else None)
+                _draw_part(rows[:2, column], curves, [*angles.items()][column] if column < len(angles) else None)
+            if curves.input:
+                _draw_input(rows[2], curves)
             rows[0, 0].set_title(run_words(curves.run, curves.held_out), parse_math=False)
             row += len(rows)
-        for axes in grid[-1]:
-            axes.set_xlabel("time since the first sample (s)")
+        for column in grid.T:
+            lowest = [axes for axes in column if axes.get_visible()][-1]
+            lowest.set_xlabel("time since the first sample (s)")
+            lowest.tick_params(labelbottom=True)
         figure.align_ylabels(grid)
         legend_above(figure)
         return figure
 
 
-def _draw_run(rows: Sequence[Axes], curves: Curves, part: tuple[str, NDArray[np.float64]] | None) -> None:
-    """Angles, errors and input of one part, in a column."""
+def _draw_part(rows: Sequence[Axes], curves: Curves, part: tuple[str, NDArray[np.float64]] | None) -> None:
+    """Angles and errors of one part, in a column."""
     if part is None:
         for axes in rows:
             axes.set_visible(False)
@@ -66,16 +70,21 @@ def _draw_run(rows: Sequence[Axes], curves: Curves, part: tuple[str, NDArray[np.
     for (label, line), values in zip(LINES.items(), angles[near, 1:].T, strict=True):
         rows[0].plot(t[near], values, label=label, **line)
         rows[1].plot(t[near], 1e3 * (values - angles[near, 0]), label=label, **line)
-    for axes in rows[:2]:
-        axes.axvline(curves.settled_s, label="end of the initial-state fit", **style.HORIZON)
     for axes in rows:
+        axes.axvline(curves.settled_s, label="end of the initial-state fit", **style.HORIZON)
         axes.margins(x=0.01)
     rows[1].axhline(0.0, color="#555555", linewidth=0.8)
     rows[0].set_ylabel(f"{name}\n(rad)")
     rows[1].set_ylabel("simulated −\nmeasured (mrad)")
-    if curves.input:
-        rows[2].step(t, curves.input, where="post", color="#555555", linewidth=1.1)
-        rows[2].set_ylabel(curves.input_name.replace(" (", "\n("))
+
+
+def _draw_input(row: Sequence[Axes], curves: Curves) -> None:
+    """The input of the arm, below its angle."""
+    row[0].step(curves.t_s, curves.input, where="post", color="#555555", linewidth=1.1)
+    row[0].set_ylabel(curves.input_name.replace(" (", "\n("))
+    row[0].margins(x=0.01)
+    for axes in row[1:]:
+        axes.set_visible(False)
 
 
 def curves_words(diagnosis: Diagnosis) -> list[str]:
