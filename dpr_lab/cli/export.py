@@ -46,7 +46,7 @@ def export(
     ] = None,
     joints: Annotated[
         str | None,
-        typer.Option(help="With --into: joints of the inner and the outer rod, and of an arm, separated by commas."),
+        typer.Option(help="With --into: joints of the rods, the inner one first, and of an arm, separated by commas."),
     ] = None,
     ensemble: Annotated[
         int | None,

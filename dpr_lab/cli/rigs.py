@@ -67,7 +67,10 @@ def from_model(
     model: Annotated[Path, typer.Argument(help="Model of a simulator: MJCF, URDF or SDFormat.")],
     joints: Annotated[
         str | None,
-        typer.Option(help="Joints of the inner rod, the outer rod and optionally the arm, separated by commas."),
+        typer.Option(
+            help="Joints of the inner rod, the outer rod and optionally the arm, or of one rod and its arm, separated by"
+            " commas."
+        ),
     ] = None,
     out: Annotated[Path, typer.Option(help="File to write.")] = Path("rig.toml"),
     name: Annotated[str | None, typer.Option(help="Name of the rig; default: the name of the model.")] = None,

@@ -1,7 +1,7 @@
-"""Types of a double pendulum in a model: an inner rod, an outer rod on it, and optionally an arm with a vertical axis.
+"""Types of the rods in a model: an inner rod, an outer rod on it, and optionally an arm with a vertical axis.
 
-theta_i is the angle of rod i from upright about the axis of joint 1 (docs/theory.md). The inner rod points from joint 1
-to joint 2, the outer rod from joint 2 to its centroid.
+An arm may carry the inner rod alone. theta_i is the angle of rod i from upright about the axis of joint 1
+(docs/theory.md). The inner rod points from joint 1 to joint 2, the last rod from its joint to its centroid.
 """
 
 import math
@@ -84,9 +84,10 @@ class ChainArm:
 
 @dataclass(frozen=True, slots=True)
 class ModelChain:
-    """The double pendulum in a model."""
+    """The rods in a model, and their arm."""
 
-    rods: tuple[ChainRod, ChainRod]
+    rods: tuple[ChainRod, ...]
+    """The inner rod, and the outer one; a single rod is on an arm."""
     elbow_mass: float
     """Mass of the parts on the axis of joint 2 that are fixed to the inner rod, kg."""
     gravity: float

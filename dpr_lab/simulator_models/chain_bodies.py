@@ -65,13 +65,24 @@ def inner_rod(
     ), angle
 
 
-def outer_rod(parts: Sequence[Part], joint: ModelJoint, plane: Vector, e: Vector, inner: float) -> ChainRod:
-    """The outer rod, whose direction is that of its centroid; `inner` is the angle of the inner rod, rad."""
+def last_rod(
+    parts: Sequence[Part], joint: ModelJoint, plane: Vector, e: Vector, name: str, inner: float = math.pi
+) -> ChainRod:
+    """The outer rod, or a single one, whose direction is that of its centroid.
+
+    Args:
+        parts: its parts
+        joint: its joint
+        plane: (2, 3) unit vectors of the plane of the swing, upwards first
+        e: (3,) axis of the rods
+        name: of the rod, for messages
+        inner: angle of the part that carries it at zero of all joints, rad; pi: hanging
+    """
     mass, centroid, inertia = sum_of(parts)
     towards = plane @ (centroid - joint.anchor)
     distance = float(np.linalg.norm(towards))
     if not distance > 1e-6:
-        raise ConfigError(f"the centroid of the outer rod is on the axis of {joint.name!r}: it does not swing")
+        raise ConfigError(f"the centroid of the {name} is on the axis of {joint.name!r}: it does not swing")
     reach = [float(plane @ (end - joint.anchor) @ towards) / distance for part in parts for end in part.ends]
     length, side = max(reach, default=0.0), 1 if joint.axis @ e > 0 else -1
     hanging = _wrapped(side * (inner - math.atan2(towards[1], towards[0])))
@@ -86,21 +97,26 @@ def _wrapped(angle: float) -> float:
 
 
 def arm_of(
-    joints: tuple[ModelJoint, ModelJoint], groups: Sequence[Sequence[Part]], up: Vector, e: Vector, notes: list[str]
+    joints: tuple[ModelJoint, ModelJoint],
+    parts: Sequence[Part],
+    rods: Sequence[Sequence[Part]],
+    up: Vector,
+    e: Vector,
+    notes: list[str],
 ) -> ChainArm:
     """The arm with the rods at its end, from its joint and that of the inner rod; `e` is the axis of the rods."""
     joint, inner = joints
     refuse_tilted(joint, up, "the vertical", notes)
-    mass, centre, inertia = sum_of(groups[2])
+    mass, centre, inertia = sum_of(parts)
     r = centre - joint.anchor
     inertia_about_axis = joint.armature + float(up @ inertia @ up + mass * (r @ r - (r @ up) ** 2))
-    length = float(abs((sum_of([*groups[0], *groups[1]])[1] - joint.anchor) @ e))
+    length = float(abs((sum_of([part for rod in rods for part in rod])[1] - joint.anchor) @ e))
     if not length > 1e-6:
         raise ConfigError(f"the rods are on the axis of the arm {joint.name!r}: L0 would be zero")
     sideways = float(abs((inner.anchor - joint.anchor) @ np.cross(e, up)))
     if sideways > 1e-3 * length:
         notes.append(f"the rods are {1e3 * sideways:.3g} mm away from the radius of the arm: treated as zero")
-    apart = float(abs((sum_of(groups[0])[1] - sum_of(groups[1])[1]) @ e))
+    apart = float(np.ptp([sum_of(rod)[1] @ e for rod in rods]))
     if apart > 1e-3 * length:
         notes.append(f"the rods are {1e3 * apart:.3g} mm apart along the arm: L0 is the distance of their centroid")
     return ChainArm(joint, length, inertia_about_axis, 1 if joint.axis @ up > 0 else -1)

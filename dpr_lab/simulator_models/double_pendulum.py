@@ -1,4 +1,4 @@
-"""Double pendulum of a model, with the terms and parts that a rig file cannot contain."""
+"""Double pendulum of a model, or one rod on an arm, with the terms and parts that a rig file cannot contain."""
 
 import math
 from collections.abc import Sequence
@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.simulator_models.chain import CHAIN, JointTerm, ModelChain
-from dpr_lab.simulator_models.chain_bodies import arm_of, fixed_to, inner_rod, outer_rod, parts_at_elbow, sum_of
+from dpr_lab.simulator_models.chain import CHAIN, ChainRod, JointTerm, ModelChain
+from dpr_lab.simulator_models.chain_bodies import arm_of, fixed_to, inner_rod, last_rod, parts_at_elbow, sum_of
 from dpr_lab.simulator_models.joint_choice import carrier, joint_of, named, only_choice, refuse_tilted
-from dpr_lab.simulator_models.tree import ModelJoint, SimulatorModel, Vector
+from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel, Vector
 
 
 def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: float | None = None) -> ModelChain:
@@ -18,24 +18,28 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
 
     Args:
         model: the model
-        names: joints of the inner rod, the outer rod and optionally the arm; empty if there is only one choice
+        names: joints of the inner rod, the outer rod and optionally the arm, or of one rod and its arm; empty if there
+            is only one choice
         gravity: m/s^2, downwards along z, instead of that of the model
 
     Raises:
         ConfigError: unknown joints, several choices, or axes that are not parallel.
     """
     notes = list(model.notes)
-    indices = named(model, names) if names else only_choice(model)
+    hinges = named(model, names) if names else only_choice(model)
+    indices, count = hinges.all, len(hinges.rods)
     pull = _pull(model, gravity, notes)
     joints = [joint_of(model, index) for index in indices]
     _others(model, indices, notes)
     groups = [fixed_to(model, index, set(indices)) for index in indices]
-    inner, outer = joints[:2]
-    refuse_tilted(outer, inner.axis, f"the axis of {inner.name!r}", notes)
+    inner = joints[0]
+    for outer in joints[1:count]:
+        refuse_tilted(outer, inner.axis, f"the axis of {inner.name!r}", notes)
     e, arm = inner.axis, None
-    if len(joints) == 3:
-        arm = arm_of((joints[2], inner), groups, -pull / np.linalg.norm(pull), e, notes)
-        if (joints[2].anchor - sum_of(groups[0] + groups[1])[1]) @ e < 0:
+    if hinges.arm is not None:
+        of_rods = groups[:count]
+        arm = arm_of((joints[-1], inner), groups[-1], of_rods, -pull / np.linalg.norm(pull), e, notes)
+        if (joints[-1].anchor - sum_of([part for rod in of_rods for part in rod])[1]) @ e < 0:
             e = -e  # the axis of the rods points from them to the axis of the arm
     down = pull - (pull @ e) * e
     g = float(np.linalg.norm(down))
@@ -49,22 +53,32 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
         )
     up = -down / g
     plane = np.array([up, np.cross(e, up)])
+    terms = [
+        *(term for joint in joints[:count] for term in _terms(joint)),
+        *(_spring_rest(joint) for joint in joints[count:] if joint.stiffness and joint.rest),
+    ]
+    if count == 1:
+        rods, elbow_mass = (last_rod(groups[0], inner, plane, e, "rod"),), 0.0
+    else:
+        rods, elbow_mass = _two_rods(groups, joints, plane, e)
+    if abs(rods[0].offset) > CHAIN.offset:
+        offset = rods[0].offset
+        terms.append(JointTerm(inner.name, "distance of the centroid from the axis of the inner rod", offset, "m"))
+    _driven(model, joints, notes)
+    rods = tuple(replace(rod, gear=_gear(model, rod.joint)) for rod in rods)
+    arm = arm and replace(arm, gear=_gear(model, arm.joint))
+    return ModelChain(rods, elbow_mass, g, e, arm, tuple(terms), tuple(notes))
+
+
+def _two_rods(
+    groups: Sequence[list[Part]], joints: Sequence[ModelJoint], plane: Vector, e: Vector
+) -> tuple[tuple[ChainRod, ChainRod], float]:
+    """Inner and outer rod, and the mass of the parts on the axis between them."""
+    inner, outer = joints[:2]
     at_elbow = parts_at_elbow(groups[0], inner, outer, plane)
     inner_parts = [part for part in groups[0] if part not in at_elbow]
-    terms = [
-        *_terms(inner),
-        *_terms(outer),
-        *(_spring_rest(joint) for joint in joints[2:] if joint.stiffness and joint.rest),
-    ]
-    rod1, angle1 = inner_rod(inner_parts, at_elbow, (inner, outer), plane, e)
-    if abs(rod1.offset) > CHAIN.offset:
-        terms.append(JointTerm(inner.name, "distance of the centroid from the axis of the inner rod", rod1.offset, "m"))
-    rod2 = outer_rod(groups[1], outer, plane, e, angle1)
-    _driven(model, joints, notes)
-    rod1, rod2 = (replace(rod, gear=_gear(model, rod.joint)) for rod in (rod1, rod2))
-    arm = arm and replace(arm, gear=_gear(model, arm.joint))
-    elbow_mass = float(sum(part.mass for part in at_elbow))
-    return ModelChain((rod1, rod2), elbow_mass, g, e, arm, tuple(terms), tuple(notes))
+    first, angle = inner_rod(inner_parts, at_elbow, (inner, outer), plane, e)
+    return (first, last_rod(groups[1], outer, plane, e, "outer rod", angle)), float(sum(p.mass for p in at_elbow))
 
 
 def _pull(model: SimulatorModel, gravity: float | None, notes: list[str]) -> Vector:

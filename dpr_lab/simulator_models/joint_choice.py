@@ -3,12 +3,26 @@
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.simulator_models.chain import CHAIN
 from dpr_lab.simulator_models.tree import ModelJoint, SimulatorModel, Vector
+
+
+class Hinges(NamedTuple):
+    """Indices of the parts whose joints are those of the rods and of the arm."""
+
+    rods: tuple[int, ...]
+    """Inner rod, and outer rod; a single rod is on an arm."""
+    arm: int | None
+
+    @property
+    def all(self) -> list[int]:
+        """Those of the rods, and that of an arm last."""
+        return [*self.rods, *(() if self.arm is None else (self.arm,))]
 
 
 def joint_of(model: SimulatorModel, index: int) -> ModelJoint:
@@ -34,7 +48,7 @@ def _names(model: SimulatorModel, indices: Sequence[int]) -> str:
     return ", ".join(repr(joint_of(model, index).name) for index in indices) or "none"
 
 
-def named(model: SimulatorModel, names: Sequence[str]) -> list[int]:
+def named(model: SimulatorModel, names: Sequence[str]) -> Hinges:
     """Parts of the named joints.
 
     Raises:
@@ -44,7 +58,8 @@ def named(model: SimulatorModel, names: Sequence[str]) -> list[int]:
     by_name = {joint_of(model, index).name: index for index in hinges}
     if len(names) not in (2, 3) or len(set(names)) != len(names):
         raise ConfigError(
-            "--joints names two joints, of the inner and of the outer rod, and optionally that of the arm"
+            "--joints names two joints, of the inner and of the outer rod, and optionally that of the arm; or those of"
+            " one rod and its arm"
         )
     if unknown := [name for name in names if name not in by_name]:
         raise ConfigError(f"no hinge is named {unknown[0]!r}; hinges of the model: {_names(model, hinges)}")
@@ -53,25 +68,27 @@ def named(model: SimulatorModel, names: Sequence[str]) -> list[int]:
     indices = [by_name[name] for name in names]
     shoulder, elbow, *arm = indices
     chain = set(indices)
+    if not arm and carrier(model, shoulder, chain) == elbow and _across(model, shoulder, elbow):
+        return Hinges((shoulder,), elbow)
     if carrier(model, elbow, chain) != shoulder:
         raise ConfigError(f"joint {names[1]!r} is not on the rod of {names[0]!r}: give the inner joint first")
     if arm and carrier(model, shoulder, chain) != arm[0]:
         raise ConfigError(f"joint {names[0]!r} is not on the arm of {names[2]!r}")
-    return indices
+    return Hinges((shoulder, elbow), arm[0] if arm else None)
 
 
-def only_choice(model: SimulatorModel) -> list[int]:
-    """Inner rod, outer rod and optionally arm of a model without other hinges.
+def only_choice(model: SimulatorModel) -> Hinges:
+    """Rods and arm of a model without other hinges.
 
     Raises:
-        ConfigError: not two or three hinges, or hinges that are not in a chain with parallel axes.
+        ConfigError: not two or three hinges, or hinges that are not in a chain; the rods with parallel axes.
     """
     hinges = _hinges(model)
     if len(hinges) < 2:
         have = f"only one hinge, {_names(model, hinges)}" if hinges else "no hinge"
         kinds = sorted({part.joint.kind for part in model.parts if part.joint is not None} - {"hinge"})
         others = f" (joints of other kinds: {', '.join(kinds)})" if kinds else ""
-        raise ConfigError(f"the model has {have}{others}; a double pendulum has two in a chain")
+        raise ConfigError(f"the model has {have}{others}; a double pendulum, or a rod on an arm, has two in a chain")
     if len(hinges) > 3:
         raise ConfigError(
             f"the model has {len(hinges)} hinges, {_names(model, hinges)}: choose two with --joints INNER,OUTER"
@@ -81,14 +98,20 @@ def only_choice(model: SimulatorModel) -> list[int]:
     if any(carrier(model, outer, chain) != inner for inner, outer in pairwise(ordered)):
         raise ConfigError(f"the hinges {_names(model, hinges)} are not in a chain: not a double pendulum")
     if len(ordered) == 2:
-        return ordered
+        first, second = ordered
+        return Hinges((second,), first) if _across(model, first, second) else Hinges((first, second), None)
     arm, shoulder, elbow = ordered
     if _between(joint_of(model, arm).axis, joint_of(model, shoulder).axis) < math.pi / 4:
         raise ConfigError(
             f"the model has three hinges, {_names(model, ordered)}, and the first has the same axis as the"
             f" second: choose two with --joints INNER,OUTER"
         )
-    return [shoulder, elbow, arm]
+    return Hinges((shoulder, elbow), arm)
+
+
+def _across(model: SimulatorModel, first: int, second: int) -> bool:
+    """Whether the axes of two joints are perpendicular, as those of an arm and a rod."""
+    return _between(joint_of(model, first).axis, joint_of(model, second).axis) > math.pi / 2 - CHAIN.parallel
 
 
 def _depth(model: SimulatorModel, index: int) -> int:

@@ -22,7 +22,7 @@ class RigFromModel:
     model: str
     format: str
     joints: tuple[str, ...]
-    """Names of the joints of inner rod, outer rod and optionally the arm."""
+    """Names of the joints of inner rod, outer rod and arm, as far as the model has them."""
     nominal: dict[str, float]
     """Nominal value of each kinetic parameter, and L1, L2, L0 and g; SI."""
     terms: "tuple[JointTerm, ...]"
@@ -37,17 +37,18 @@ class RigFromModel:
 def rig_from_model(
     model: Path, file: Path, joints: Sequence[str] = (), name: str | None = None, g: float | None = None
 ) -> RigFromModel:
-    """Write the rig file of a double pendulum in MJCF, URDF or SDFormat.
+    """Write the rig file of a double pendulum, or of one rod on an arm, in MJCF, URDF or SDFormat.
 
     Args:
         model: the file
         file: the rig file to write, with the suffix .toml
-        joints: names of the joints of the inner rod, the outer rod and optionally the arm; empty: detected
+        joints: names of the joints of the inner rod, the outer rod and optionally the arm, or of one rod and its arm;
+            empty: detected
         name: name of the rig; None: that of the model
         g: gravity, m/s^2, instead of that of the model
 
     Raises:
-        ConfigError: the model cannot be read, contains no double pendulum, or the rig file exists or cannot be written.
+        ConfigError: the model cannot be read, contains no such rods, or the rig file exists or cannot be written.
     """
     from dpr_lab.rig import parse_rig
     from dpr_lab.simulator_models import read_model
@@ -77,12 +78,17 @@ def rig_from_model(
 
 
 def _nominal(chain: "ModelChain") -> dict[str, float]:
-    inner, outer = chain.rods
-    values = {"l1": inner.centroid, "l2": outer.centroid, "m1": inner.mass, "m2": outer.mass, "mb": chain.elbow_mass}
-    values |= {"c1": inner.joint.damping, "c2": outer.joint.damping, "J1": inner.inertia, "J2": outer.inertia}
-    values |= {"L1": inner.length or 0.0, "g": chain.gravity}
-    if outer.length is not None:
-        values["L2"] = outer.length
+    of_rods = [
+        {f"l{i}": rod.centroid, f"m{i}": rod.mass, f"c{i}": rod.joint.damping, f"J{i}": rod.inertia}
+        for i, rod in enumerate(chain.rods, 1)
+    ]
+    values = {name: value for rod in of_rods for name, value in rod.items()}
+    inner, *outer = chain.rods
+    values |= {"L1": inner.length or 2 * inner.centroid, "g": chain.gravity}
+    if outer:
+        values["mb"] = chain.elbow_mass
+    if outer and outer[0].length is not None:
+        values["L2"] = outer[0].length
     if chain.arm is not None:
         values["L0"] = chain.arm.length
     return values
@@ -104,21 +110,21 @@ MEANING = {
 def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> dict[str, Bounds]:
     """Bounds as in `rig new`, extended if the value of the model is outside; the minimum if it is missing."""
     d = DRAFT
-    inner, outer = chain.rods
-    lengths = (inner.length or 0.0, outer.length or 2 * outer.centroid)
-    Z = {name: values[name] for name in ("l1", "l2", "m1", "m2", "mb", "J1", "J2")}
+    lengths = [rod.length or 2 * rod.centroid for rod in chain.rods]
+    Z = {name: values.get(name, 0.0) for name in ("l1", "l2", "m1", "m2", "mb", "J1", "J2")}
     tip = Z["J2"] + Z["m2"] * Z["l2"] ** 2
     hanging = Z["J1"] + Z["m1"] * Z["l1"] ** 2 + (Z["mb"] + Z["m2"]) * lengths[0] ** 2 + tip
     moments = Z["m1"] * Z["l1"] + (Z["mb"] + Z["m2"]) * lengths[0], Z["m2"] * Z["l2"]
     ranges: dict[str, tuple[float, float]] = {}
-    for rod, inertia in ((1, hanging), (2, tip)):
+    for rod, inertia in list(enumerate((hanging, tip), 1))[: len(chain.rods)]:
         mass, length = Z[f"m{rod}"], lengths[rod - 1]
         ranges[f"m{rod}"] = d.mass[0] * mass, d.mass[1] * mass
         ranges[f"l{rod}"] = d.centre[0] * length, d.centre[1] * length
         ranges[f"J{rod}"] = d.inertia[0] * mass * length**2, d.inertia[1] * mass * length**2
         scale = 2 * math.sqrt(max(inertia * moments[rod - 1] * chain.gravity, 1e-30))
         ranges[f"c{rod}"] = d.damping[0] * scale, d.damping[2] * scale
-    ranges["mb"] = (d.mass[0] * Z["mb"], d.mass[1] * Z["mb"]) if Z["mb"] > 0 else (5e-7, 2e-6)
+    if "mb" in values:
+        ranges["mb"] = (d.mass[0] * Z["mb"], d.mass[1] * Z["mb"]) if Z["mb"] > 0 else (5e-7, 2e-6)
     bounds = {}
     for name, (lower, upper) in ranges.items():
         value = values[name]
@@ -147,14 +153,18 @@ def _text(
     counts = list(Encoders().counts_per_rev)
     zeros = _zeros(chain, counts[0], notes)
     geometry = [f"{key} = {toml_number(values[key], 12)}" for key in ("L0", "L1", "L2", "g") if key in values]
-    parameters = [parameter_table(key, MEANING[key], bounds[key], digits=12) for key in MEANING]
-    directions = [chain.arm.direction if chain.arm else 1, *(rod.direction for rod in chain.rods)]
+    parameters = [
+        parameter_table(key, words, bounds[key], digits=12) for key, words in MEANING.items() if key in bounds
+    ]
+    rods = '[rods]\nmounted = "inner"\n\n' if len(chain.rods) == 1 else ""
+    missing = 2 - len(chain.rods)
+    directions = [chain.arm.direction if chain.arm else 1, *(rod.direction for rod in chain.rods), *missing * [1]]
     geared = [j for j, rod in enumerate(chain.rods, 1) if rod.joint.name in driven or rod.joint.armature]
     joints = f"[joints]\ngeared = {geared}\n\n" if geared else ""
     arm = _arm(chain, chain.arm, driven, bounds) if chain.arm else ""
     poses = "\n".join(
         f"[poses.X{number}]\ntheta1 = {theta1!r}\ntheta2 = {theta2!r}\n"
-        for number, (theta1, theta2) in enumerate(DRAFT.poses, start=1)
+        for number, (theta1, theta2) in enumerate(DRAFT.poses_as_one if missing else DRAFT.poses, start=1)
     )
     head = [
         f"# From the {source}. SI units; angles are absolute, 0 = upright, pi = hanging.",
@@ -172,9 +182,9 @@ def _text(
             *parameters,
             f"[encoders]  # of angles in the joints of the model\ncounts_per_rev = {counts}",
             'joint2 = "relative"',
-            f"zero_counts = {zeros}",
+            f"zero_counts = {[*zeros, *missing * [0]]}",
             f"direction = {directions}\n",
-            f'{joints}{arm}{poses}\n[link]\nurl = "sim://"\nrate_hz = 1000\n',
+            f'{rods}{joints}{arm}{poses}\n[link]\nurl = "sim://"\nrate_hz = 1000\n',
         ]
     )
 
@@ -194,7 +204,7 @@ def _zeros(chain: "ModelChain", counts: int, notes: list[str]) -> list[int]:
 
 
 def _arm(chain: "ModelChain", arm: "ChainArm", driven: dict[str, float], bounds: dict[str, Bounds]) -> str:
-    mass = sum(bounds[name][1] for name in ("m1", "m2", "mb"))
+    mass = sum(bounds[name][1] for name in ("m1", "m2", "mb") if name in bounds)
     joint, total = arm.joint, arm.inertia + mass * arm.length**2
     mode = "driven" if joint.name in driven else "free"
     lines = [f'[arm]\nmode = "{mode}"', f"A = {_inline(total)}  # with the rods at its end, kg m^2"]

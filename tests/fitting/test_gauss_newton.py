@@ -183,7 +183,9 @@ def test_a_reduction_of_chi2_beyond_a_bound_is_no_evidence(clean, tested):
     beyond = replace(near, linear=replace(near.linear, e=e))
     without = replace(base.fit, linear=replace(base.fit.linear, e=e))
     fold = folds(problem)
-    assert predictive_loss(beyond, fold, 1.0).sum() == pytest.approx(predictive_loss(without, fold, 1.0).sum(), rel=1e-3)
+    assert predictive_loss(beyond, fold, 1.0).sum() == pytest.approx(
+        predictive_loss(without, fold, 1.0).sum(), rel=1e-3
+    )
 
 
 def test_a_score_promises_what_the_fit_then_gains(recorded, bare, tested):

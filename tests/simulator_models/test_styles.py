@@ -118,17 +118,19 @@ READ = {
         1.0,
         "plugins, not loaded: 1",
     ),
-}
-
-REFUSED = {
     "mjcf, rotary pendulum": (
         "model.xml",
         """<mujoco><worldbody><body name="arm"><joint name="yaw" axis="0 0 1"/>
         <inertial pos=".1 0 0" mass=".1" diaginertia="1e-3 1e-3 1e-3"/><body name="rod" pos=".2 0 0">
-        <joint name="swing" axis="1 0 0"/><inertial pos="0 0 -.1" mass=".1" diaginertia="1e-3 1e-3 1e-3"/>
+        <joint name="swing" axis="1 0 0"/><geom type="capsule" fromto="0 0 0 0 0 -.3" size=".004" mass=".1"/>
         </body></body></worldbody></mujoco>""",
-        "the axis of 'swing' is 90 degrees away from the axis of 'yaw'",
+        ("swing",),
+        0.3,
+        "",
     ),
+}
+
+REFUSED = {
     "mjcf, shared folder of a suite": (
         "model.xml",
         '<mujoco><include file="./common/skybox.xml"/><worldbody/></mujoco>',
@@ -165,13 +167,14 @@ def test_there_are_twelve() -> None:
 
 @pytest.mark.parametrize(("name", "text", "joints", "length", "note"), READ.values(), ids=READ)
 def test_a_model_is_read(
-    tmp_path: Path, name: str, text: str, joints: tuple[str, str], length: float, note: str
+    tmp_path: Path, name: str, text: str, joints: tuple[str, ...], length: float, note: str
 ) -> None:
     (tmp_path / name).write_text(text, encoding="utf-8")
     chain = double_pendulum(read_model(tmp_path / name))
     assert tuple(rod.joint.name for rod in chain.rods) == joints
     assert chain.rods[0].length == pytest.approx(length)
-    assert chain.rods[1].mass > 0
+    assert chain.rods[-1].mass > 0
+    assert (chain.arm is None) == (len(joints) == 2)
     assert note in "; ".join(chain.notes)
 
 

@@ -15,8 +15,14 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.exports.bodies import AnyModel, bodies, in_words, left_out
 from dpr_lab.exports.into.passive import PassiveForces, passive_forces
 from dpr_lab.exports.into.target import (
+    PATCH,
+    ArmTarget,
+    BodyChange,
     PatchedModel,
     RodTarget,
+    arm_change,
+    arm_target,
+    arm_to_change,
     body_change,
     joint_values,
     numbers,
@@ -24,9 +30,10 @@ from dpr_lab.exports.into.target import (
     refuse_overridden,
     rod_targets,
 )
-from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
-from dpr_lab.simulator_models.chain import ModelChain
+from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.simulator_models.tree import Part, SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_edit import XmlEdit
@@ -39,8 +46,6 @@ class Editor(Protocol):
 
     words: frozenset[str]
     """Elements of effects that it supports."""
-    export: str
-    """Name of the format in `export --to`."""
     joint_names: dict[str, str]
     """Quantity of a joint -> its name in the format."""
 
@@ -116,42 +121,49 @@ def into_description(
         model: the corrected or identified model
         rig: its rig, as `dpr-lab rig from` wrote it from this file
         path: the file
-        joints: of inner rod, outer rod and optionally the arm; none: detected
+        joints: joints of the rods and of an arm, as for `double_pendulum`; none: detected
         name: name of the format
         read: function that reads the file
         editor: functions that read and write its numbers
 
     Raises:
-        ConfigError: the file cannot be read or changed, its L1 or g is not that of the rig, or the arm of the model
-            moves.
+        ConfigError: the file cannot be read or changed, its L1, g or L0 is not that of the rig, or it has other rods or
+            no arm although that of the model moves.
     """
-    if isinstance(model, MovingArmModel):
-        raise ConfigError(
-            f"{path}: the arm of the model moves, and only MJCF files of such a rig can be changed: write a new file"
-            f" with `export --to {editor.export}`"
-        )
     file = _File(path, name, read, editor, tuple(joints), model.rig.g)
     edit = file.editable(path.read_bytes())
     chain = file.chain(file.model(edit))
+    arm = arm_to_change(model, chain, rig, path)
     refuse_other_rig(chain, model.rig.L1, model.rig.g, path)
     expressed = in_words(model, rig, editor.words)
     made = bodies(model, rig, expressed)
     changes = []
+    of_arm = arm_target(chain, arm, made, drive_gain(rig).value) if arm else None
+    moved: list[tuple[str, Vector]] = []
     if longer := sum(words.get("added_length", 0.0) for words in expressed.values()):
-        edit = _lengthened(file, edit, longer)
+        inner, outer = chain.rods
+        moved.append((outer.joint.name, longer * inner.along))
+    if arm and of_arm and abs(of_arm.length - arm.length) > PATCH.negligible:
+        moved.append((chain.rods[0].joint.name, (arm.length - of_arm.length) * chain.axis))
+    for joint, shift in moved:
+        edit = _with_moved_joint(file, edit, joint, shift)
         changes += edit.changes
         edit = file.editable(edit.text())
         chain = file.chain(file.model(edit))
-    in_mujoco = name == "URDF"  # MuJoCo does not read SDFormat
-    added = passive_forces(model, rig, expressed, chain, path.name, model.rig.g) if in_mujoco else PassiveForces()
+    added = PassiveForces()
+    if isinstance(model, Model) and name == "URDF":  # MuJoCo does not read SDFormat
+        added = passive_forces(model, rig, expressed, chain, path.name, model.rig.g)
     targets = rod_targets(chain, made, added.friction)
-    for number, target in enumerate(targets):
-        edit = _with_body(file, edit, number, target)
+    hinges: list[tuple[ChainRod | ChainArm, RodTarget | ArmTarget]] = list(zip(chain.rods, targets, strict=True))
+    if chain.arm and of_arm:
+        hinges.append((chain.arm, of_arm))
+    for hinge, target in hinges:
+        joint = hinge.joint.name
+        edit = _with_body(file, edit, joint, _change(file, edit, joint, target))
         changes += edit.changes
         edit = file.editable(edit.text())
-        values = joint_values(chain.rods[number], target)
+        values = joint_values(hinge, target)
         words = {editor.joint_names[key]: numbers([v]) for key, (_, v) in values.items() if key in editor.joint_names}
-        joint = chain.rods[number].joint.name
         if words:
             editor.set_joint(edit, file.joint(edit, joint), f"joint {joint}", words)
             changes += edit.changes
@@ -159,7 +171,7 @@ def into_description(
     reason = (
         f"{path}: the changed file does not contain the written numbers when it is read again: change the file by hand"
     )
-    refuse_overridden(file.chain(file.model(edit)), targets, made.rods[0].length, editor.words, reason)
+    refuse_overridden(file.chain(file.model(edit)), targets, made.rods[0].length, editor.words, reason, of_arm)
     return PatchedModel(edit.text(), tuple(changes), left_out(model, {*expressed, *added.effects}, name), added)
 
 
@@ -167,10 +179,9 @@ def _part(model: SimulatorModel, joint: str) -> Part:
     return next(part for part in model.parts if part.joint is not None and part.joint.name == joint)
 
 
-def _lengthened(file: _File, edit: XmlEdit, longer: float) -> XmlEdit:
-    """Move the outer joint along the inner rod."""
+def _with_moved_joint(file: _File, edit: XmlEdit, joint: str, shift: Vector) -> XmlEdit:
+    """Move a joint on the part that carries it by a shift, (3,) in the world, m."""
     model = file.model(edit)
-    rod, joint = file.chain(model).rods[0], file.chain(model).rods[1].joint.name
     owner = file.editor.elbow_owner(file.joint(edit, joint), file.link(edit, _part(model, joint)))
 
     def anchor(changed: SimulatorModel) -> Vector:
@@ -179,15 +190,23 @@ def _lengthened(file: _File, edit: XmlEdit, longer: float) -> XmlEdit:
         return joint_in_file.anchor
 
     element = edit.tags[owner]
-    return _moved(file, edit, owner, f"{element.tag} {element.attributes['name']}", anchor, longer * rod.along)
+    return _moved(file, edit, owner, f"{element.tag} {element.attributes['name']}", anchor, shift)
 
 
-def _with_body(file: _File, edit: XmlEdit, number: int, target: RodTarget) -> XmlEdit:
-    """Move the centroid of the link of a joint and scale its inertia."""
+def _change(file: _File, edit: XmlEdit, joint: str, target: RodTarget | ArmTarget) -> BodyChange:
+    """Change of the link of a joint that reaches the target."""
     model = file.model(edit)
     chain = file.chain(model)
-    joint = chain.rods[number].joint.name
-    change = body_change(model, chain, file.joints, number, target, file.path)
+    if isinstance(target, ArmTarget):
+        assert chain.arm is not None
+        return arm_change(model, chain.arm, target, file.path)
+    number = [rod.joint.name for rod in chain.rods].index(joint)
+    return body_change(model, chain, file.joints, number, target, file.path)
+
+
+def _with_body(file: _File, edit: XmlEdit, joint: str, change: BodyChange) -> XmlEdit:
+    """Move the centroid of the link of a joint and scale its inertia."""
+    model = file.model(edit)
     if not change.moves and not change.scales:
         return edit
     link = file.link(edit, _part(model, joint))

@@ -20,16 +20,15 @@ from dpr_lab.exports.into.target import (
     RodTarget,
     arm_change,
     arm_target,
+    arm_to_change,
     body_change,
     joint_values,
-    moving_arm_of,
     numbers,
     refuse_other_rig,
     refuse_overridden,
     rod_targets,
 )
 from dpr_lab.identification.model import Model
-from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
 from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
@@ -87,15 +86,15 @@ def into_mjcf(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
         model: the corrected or identified model
         rig: its rig, from the rig file that `dpr-lab rig from` wrote for this file
         path: the MJCF file
-        joints: joints of inner rod, outer rod and optionally the arm; empty: detected
+        joints: joints of the rods and of an arm, as for `double_pendulum`; empty: detected
 
     Raises:
-        ConfigError: the file cannot be read or changed, its L1, g or L0 differs from that of the rig, or it has no arm
-            although that of the model moves.
+        ConfigError: the file cannot be read or changed, its L1, g or L0 differs from that of the rig, or it has other
+            rods or no arm although that of the model moves.
     """
     file = _read(path, joints)
+    arm = arm_to_change(model, file.chain, rig, path)
     refuse_other_rig(file.chain, model.rig.L1, model.rig.g, path)
-    arm = moving_arm_of(file.chain, rig, path) if isinstance(model, MovingArmModel) else None
     expressed = {
         name: words for name, words in in_words(model, rig, WORDS).items() if "gear" not in words or _geared(file, name)
     }

@@ -1,7 +1,7 @@
 """Replay of recordings in MuJoCo with the numbers of the user's file.
 
 An MJCF file whose only joints are those of the rods is simulated itself, with its own integrator. Its time step is at
-most 0.5 ms, so that the error of the model dominates that of the step. Other files are simulated as two bodies with the
+most 0.5 ms, so that the error of the model dominates that of the step. Other files are simulated as bodies with the
 numbers that were read, because MuJoCo cannot read SDFormat; further joints are fixed at zero.
 
 Recordings of a moving arm are replayed by segments of 1 s, with the recorded input of the drive as a torque on the arm.
@@ -10,7 +10,7 @@ Recordings of a moving arm are replayed by segments of 1 s, with the recorded in
 import runpy
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.simulator_models import read_model
-from dpr_lab.simulator_models.chain import ModelChain
+from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.simulator_models.mjcf import compile_mjcf
 
@@ -66,7 +66,7 @@ def replay_files(
     Args:
         before: the user's file
         after: the changed file
-        joints: of the inner and the outer rod, and of a moving arm
+        joints: of the rods, and of a moving arm
         model: the corrected model, which determines initial states and horizons
         rig: its rig
         runs: the recordings
@@ -121,7 +121,7 @@ class Simulation:
         """Load the user's file, or a changed text of it; with its arm, if this moves.
 
         Raises:
-            ConfigError: MuJoCo is not installed; or an arm moves in a file with further joints.
+            ConfigError: MuJoCo is not installed, or the file cannot be read.
         """
         read = read_model(path, text)
         chain = double_pendulum(read, joints, g if read.gravity is None else None)
@@ -134,9 +134,9 @@ class Simulation:
             model = compile_mjcf(path, text).model
             if model.nv == len(parts):
                 return cls(model, names, zero, direction, gear)
-        if moving:
-            raise ConfigError(f"{path}: its further joints would move in the replay: remove them, or omit --check")
-        return cls(_compiled(_planar(chain)), ("joint1", "joint2"), np.array([np.pi, 0.0]), np.ones(2), gear)
+        names = tuple(f"joint{number}" for number in range(1 - moving, 1 + len(chain.rods)))
+        zero = np.array([*([0.0] if moving else []), np.pi, 0.0])[: len(parts)]
+        return cls(_compiled(_on_arm(chain) if moving else _planar(chain)), names, zero, np.ones(len(parts)), gear)
 
     def angles(self, swing: Replay, gain: Array | float = 1.0) -> Array:
         """(n, 2) angles of the rods, or (n, 3) of arm and rods, at the instants of a replay, rad.
@@ -149,10 +149,12 @@ class Simulation:
         step = min(float(self.model.opt.timestep), self.longest_step_s)
         self.model.opt.timestep = step
         addresses = [int(self.model.joint(name).qposadr[0]) for name in self.joints]
-        count = len(self.joints)
+        count, moving = len(self.joints), len(self.gear) == 1
         hanging, to_joints = np.full(count, np.pi), np.eye(count)
-        hanging[:-2], to_joints[-1, -2] = 0.0, -1.0
-        theta, omega = swing.x0[:count], swing.x0[count:]
+        hanging[:moving] = 0.0
+        if count > 1 + moving:
+            to_joints[-1, -2] = -1.0
+        theta, omega = (half[:count] for half in np.split(swing.x0, 2))
         data.qpos[addresses] = self.zero + self.direction * (to_joints @ (theta - hanging))
         data.qvel[addresses] = self.direction * (to_joints @ omega)
         n = int(np.ceil((swing.t[-1] - swing.start) / step)) + 1
@@ -164,7 +166,8 @@ class Simulation:
             mujoco.mj_step(self.model, data)
         rods = hanging + (self.direction * (path - self.zero)) @ np.linalg.inv(to_joints).T
         times = swing.start + step * np.arange(n + 1)
-        return np.column_stack([np.interp(swing.t, times, column) for column in rods.T])
+        angles = [np.interp(swing.t, times, column) for column in rods.T]
+        return np.column_stack([*angles, *(angles[-1:] if count == 1 + moving else [])])  # no rod on joint 2
 
     def with_module(self, module: str, rig: Rig, gain: Array) -> Callable[[Replay], Array]:
         """Function that simulates as `angles` does, with a module of passive forces."""
@@ -196,23 +199,50 @@ def _compiled(text: str) -> Any:
 
 
 def _planar(chain: ModelChain) -> str:
-    """The double pendulum of a file; both joints are zero for upright rods."""
-    length, hanging = chain.rods[0].length or 0.0, [np.pi, 0.0]
-    joints = [
-        f'<joint name="joint{i + 1}" axis="0 1 0" damping="{rod.joint.damping!r}" frictionloss="{rod.joint.friction!r}"'
-        f' armature="{rod.joint.armature!r}" stiffness="{rod.joint.stiffness!r}"'
-        f' springref="{float(hanging[i] + rod.direction * (rod.joint.rest - rod.hanging))!r}"/>'
-        for i, rod in enumerate(chain.rods)
-    ]
-    inertials = [
-        f'<inertial pos="{float(rod.offset)!r} 0 {float(rod.centroid)!r}" mass="{float(rod.mass)!r}"'
-        f' diaginertia="{float(rod.inertia)!r} {float(rod.inertia)!r} 1e-9"/>'
-        for rod in chain.rods
-    ]
-    at_elbow = f'<inertial pos="0 0 0" mass="{chain.elbow_mass!r}" diaginertia="1e-9 1e-9 1e-9"/>'
-    tip = f'<body pos="0 0 {length!r}">{at_elbow}</body>' if chain.elbow_mass > 0 else ""
+    """The rods of a file on a clamped arm; all joints are zero for upright rods."""
+    return _scene(_rods(chain), chain.gravity)
+
+
+def _on_arm(chain: ModelChain) -> str:
+    """The rods of a file on its arm, whose joint is about the vertical; its inertia includes the rotor."""
+    arm = chain.arm
+    assert arm is not None
+    joint = _joint(0, replace(arm, joint=replace(arm.joint, armature=0.0)), 0.0, "0 0 1")
+    inertia = f'<inertial pos="0 0 0" mass="1" diaginertia="{arm.inertia!r} {arm.inertia!r} {arm.inertia!r}"/>'
+    turned = "0 0 1.5707963267948966"  # the axis of the rods points to that of the arm
+    rods = f'<body pos="{arm.length!r} 0 0" euler="{turned}">{_rods(chain)}</body>'
+    return _scene(f"<body>{joint}{inertia}{rods}</body>", chain.gravity)
+
+
+def _scene(bodies: str, gravity: float) -> str:
     return (
-        f'<mujoco><compiler angle="radian" balanceinertia="true"/><option gravity="0 0 {-chain.gravity!r}"'
-        f' integrator="RK4"/><worldbody><body>{joints[0]}{inertials[0]}{tip}'
-        f'<body pos="0 0 {length!r}">{joints[1]}{inertials[1]}</body></body></worldbody></mujoco>'
+        f'<mujoco><compiler angle="radian" balanceinertia="true"/><option gravity="0 0 {-gravity!r}"'
+        f' integrator="RK4"/><worldbody>{bodies}</worldbody></mujoco>'
+    )
+
+
+def _rods(chain: ModelChain) -> str:
+    """The rods as bodies that turn about y, x across and z along the upright rod."""
+    length, inner = chain.rods[0].length or 0.0, ""
+    for number, rod in reversed(list(enumerate(chain.rods, 1))):
+        inertial = (
+            f'<inertial pos="{float(rod.offset)!r} 0 {float(rod.centroid)!r}" mass="{float(rod.mass)!r}"'
+            f' diaginertia="{float(rod.inertia)!r} {float(rod.inertia)!r} 1e-9"/>'
+        )
+        joint = _joint(number, rod, np.pi if number == 1 else 0.0, "0 1 0")
+        place = f'pos="0 0 {length!r}"' if number == 2 else ""
+        inner = f"<body {place}>{joint}{inertial}{inner}</body>"
+        if number == 2 and chain.elbow_mass > 0:
+            at_elbow = f'<inertial pos="0 0 0" mass="{chain.elbow_mass!r}" diaginertia="1e-9 1e-9 1e-9"/>'
+            inner += f"<body {place}>{at_elbow}</body>"
+    return inner
+
+
+def _joint(number: int, part: ChainRod | ChainArm, hanging: float, axis: str) -> str:
+    """Joint of a part; its angle with the rods hanging, rad."""
+    joint = part.joint
+    return (
+        f'<joint name="joint{number}" axis="{axis}" damping="{joint.damping!r}" frictionloss="{joint.friction!r}"'
+        f' armature="{joint.armature!r}" stiffness="{joint.stiffness!r}"'
+        f' springref="{float(hanging + part.direction * (joint.rest - part.hanging))!r}"/>'
     )

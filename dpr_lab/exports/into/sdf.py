@@ -11,7 +11,6 @@ from dpr_lab.simulator_models.xml_edit import XmlEdit
 class SdfEditor:
     """See `Editor`."""
 
-    export = "sdf"
     words = frozenset({"friction", "stiffness", "rest_angle", "offset", "added_length"})
     joint_names = {  # noqa: RUF012
         "damping": "damping",

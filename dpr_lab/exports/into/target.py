@@ -14,8 +14,10 @@ import numpy as np
 
 from dpr_lab.effects.effect import Words
 from dpr_lab.errors import ConfigError
-from dpr_lab.exports.bodies import Bodies
+from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.into.passive import PassiveForces
+from dpr_lab.exports.rigid_bodies import Bodies
+from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
@@ -106,12 +108,13 @@ class BodyChange:
 
 
 def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None:
-    """Compare the double pendulum of a file with L1, m, and g, m/s^2, of a rig.
+    """Compare the rods of a file with L1, m, and g, m/s^2, of a rig. The length of a single rod does not matter.
 
     Raises:
         ConfigError: they differ.
     """
-    for name, in_file, wanted in (("L1", chain.rods[0].length, L1), ("g", chain.gravity, g)):
+    length = chain.rods[0].length if len(chain.rods) == 2 else L1
+    for name, in_file, wanted in (("L1", length, L1), ("g", chain.gravity, g)):
         if in_file is None or abs(in_file - wanted) > PATCH.same * wanted:
             raise ConfigError(
                 f"{path}: its {name} is {in_file:.6g}, but that of the model is {wanted:.6g}: start from the rig file"
@@ -119,18 +122,29 @@ def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None
             )
 
 
-def moving_arm_of(chain: ModelChain, rig: Rig, path: Path) -> ChainArm:
-    """The arm of a file, for a model whose arm moves.
+def arm_to_change(model: AnyModel, chain: ModelChain, rig: Rig, path: Path) -> ChainArm | None:
+    """The arm of a file if that of the model moves; None if only the rods change.
 
     Raises:
-        ConfigError: the file has none, the arm carries only one rod, or its L0 is not that of the rig.
+        ConfigError: the arm of the model moves, and the file has none, another number of rods on it, or another L0; or
+            the arm is clamped, and the file has a single rod.
     """
+    if isinstance(model, Model):
+        if len(chain.rods) == 1:
+            raise ConfigError(
+                f"{path}: it has one rod on an arm, but the arm of the model is clamped: identify from recordings with"
+                " a free or driven arm"
+            )
+        return None
     if chain.arm is None:
         raise ConfigError(
-            f"{path}: the arm of the model moves, but the file has none: name its joint as the third of --joints"
+            f"{path}: the arm of the model moves, but the file has none: name its joint as the last of --joints"
         )
-    if rig.rods.mounted != "both":
-        raise ConfigError(f"{path}: the model has the inner rod only: a file with one rod is not supported")
+    if len(chain.rods) != rig.rods.number:
+        rods, wanted = ("one rod" if count == 1 else "two rods" for count in (len(chain.rods), rig.rods.number))
+        raise ConfigError(
+            f"{path}: it has {rods} on the arm, but the model has {wanted}: name its joints with --joints"
+        )
     if abs(chain.arm.length - rig.L0) > PATCH.same * rig.L0:
         raise ConfigError(
             f"{path}: its L0 is {chain.arm.length:.6g}, but that of the rig is {rig.L0:.6g}: start from the rig file"
@@ -139,18 +153,19 @@ def moving_arm_of(chain: ModelChain, rig: Rig, path: Path) -> ChainArm:
     return chain.arm
 
 
-def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> tuple[RodTarget, RodTarget]:
+def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> list[RodTarget]:
     """Centroids and inertias that give the moments of the corrected model with the masses of the file.
 
     Args:
-        chain: the double pendulum of the file
+        chain: the rods of the file
         made: bodies of the corrected model
         friction: Coulomb friction at rest of passive forces, which the joints also get, N m
     """
     rods, length = made.rods, made.rods[0].length
-    tips = (rods[1].mass + made.tip_mass) - (chain.rods[1].mass + chain.elbow_mass), 0.0
+    carried, in_file = (sum(rod.mass for rod in some[1:]) for some in (rods, chain.rods))
+    tips = (carried + made.tip_mass) - (in_file + chain.elbow_mass), 0.0
     targets = []
-    for rod_in_file, rod, moved, held in zip(chain.rods, rods, tips, friction, strict=True):
+    for rod_in_file, rod, moved, held in zip(chain.rods, rods, tips, friction, strict=False):
         moment = rod.mass * rod.centroid + moved * length
         inertia_about_joint = rod.inertia + rod.mass * (rod.centroid**2 + rod.offset**2) + moved * length**2
         centroid, offset = moment / rod_in_file.mass, rod.mass * rod.offset / rod_in_file.mass
@@ -158,14 +173,14 @@ def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> t
         gear = None if rod_in_file.gear is None else rod_in_file.gear * rod.words.get("gear", 1.0)
         words = {**rod.words, "friction": rod.words.get("friction", 0.0) + held} if held else rod.words
         targets.append(RodTarget(centroid, offset, inertia, rod.damping, words, gear))
-    return targets[0], targets[1]
+    return targets
 
 
 def arm_target(chain: ModelChain, in_file: ChainArm, made: Bodies, nominal_gain: float) -> ArmTarget:
     """Inertia of the arm that gives the total one of the corrected model with the masses of the file.
 
     Args:
-        chain: the double pendulum of the file
+        chain: the rods of the file
         in_file: its arm
         made: bodies of the corrected model, with an arm
         nominal_gain: torque per input in the rig file; the gear of the motor changes by the ratio of both gains
@@ -249,7 +264,7 @@ def joint_values(part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> di
 
 def refuse_overridden(
     chain: ModelChain,
-    targets: tuple[RodTarget, RodTarget],
+    targets: Sequence[RodTarget],
     length: float,
     words: frozenset[str],
     reason: str,
@@ -268,7 +283,7 @@ def refuse_overridden(
     Raises:
         ConfigError: something in the file overrides the numbers.
     """
-    pairs = [(chain.rods[0].length or 0.0, length)]
+    pairs = [(chain.rods[0].length or 0.0, length)] if len(targets) == 2 else []
     for rod, target in zip(chain.rods, targets, strict=True):
         pairs += [(math.hypot(rod.centroid, rod.offset), math.hypot(target.centroid, target.offset))]
     hinges: list[tuple[ChainRod | ChainArm, RodTarget | ArmTarget]] = list(zip(chain.rods, targets, strict=True))

@@ -12,7 +12,6 @@ INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 class UrdfEditor:
     """See `Editor`."""
 
-    export = "urdf"
     words = frozenset({"friction", "offset", "added_length"})
     joint_names = {"damping": "damping", "friction": "friction"}  # noqa: RUF012
 
