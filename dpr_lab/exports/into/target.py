@@ -162,8 +162,8 @@ def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> l
         friction: Coulomb friction at rest of passive forces, which the joints also get, N m
     """
     rods, length = made.rods, made.rods[0].length
-    carried, in_file = (sum(rod.mass for rod in some[1:]) for some in (rods, chain.rods))
-    tips = (carried + made.tip_mass) - (in_file + chain.elbow_mass), 0.0
+    outer, outer_in_file = sum(rod.mass for rod in rods[1:]), sum(rod.mass for rod in chain.rods[1:])
+    tips = (outer + made.tip_mass) - (outer_in_file + chain.elbow_mass), 0.0
     targets = []
     for rod_in_file, rod, moved, held in zip(chain.rods, rods, tips, friction, strict=False):
         moment = rod.mass * rod.centroid + moved * length

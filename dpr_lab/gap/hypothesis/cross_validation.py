@@ -102,10 +102,10 @@ def _within_bounds(fit: Fit) -> list[int]:
         A = fit.linear.A[:, :, free].reshape(-1, len(free)) * sizes
         step = sizes * np.linalg.solve(A.T @ A + np.eye(len(free)), A.T @ fit.linear.e.ravel())
         at_minimum = fit.values[free] + step
-        kept = [i for i, v in zip(free, at_minimum, strict=True) if fit.free[i].lower < v < fit.free[i].upper]
-        if len(kept) == len(free):
+        within = [i for i, v in zip(free, at_minimum, strict=True) if fit.free[i].lower < v < fit.free[i].upper]
+        if within == free:
             break
-        free = kept
+        free = within
     return free
 
 
