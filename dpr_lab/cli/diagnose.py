@@ -45,7 +45,10 @@ def diagnose(
         ),
     ] = None,
     joints: Annotated[
-        str | None, typer.Option(help="With --simulator: joints of the inner and the outer rod, separated by commas.")
+        str | None,
+        typer.Option(
+            help="With --simulator: joints of the rods, the inner one first, and of an arm, separated by commas."
+        ),
     ] = None,
     model: Annotated[Path | None, typer.Option(help="Model written by `identify`; initial values of the fit.")] = None,
     held_out: HeldOut = None,
@@ -192,7 +195,7 @@ def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
     from dpr_lab.report.words import in_words
 
     name, least = done.simulator.name, done.least
-    line(f"Joint 1 is {done.joints[0]!r} and joint 2 is {done.joints[1]!r} in {name}.")
+    line(f"Joints of the rods, the inner one first, and of an arm in {name}: {', '.join(map(repr, done.joints))}.")
     rows = [
         (
             cause.joint,

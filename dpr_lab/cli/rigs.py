@@ -68,8 +68,8 @@ def from_model(
     joints: Annotated[
         str | None,
         typer.Option(
-            help="Joints of the inner rod, the outer rod and optionally the arm, or of one rod and its arm, separated by"
-            " commas."
+            help="Joints of the inner rod, the outer rod and optionally the arm, or of one rod and its arm, separated"
+            " by commas."
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="File to write.")] = Path("rig.toml"),

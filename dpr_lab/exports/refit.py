@@ -60,7 +60,7 @@ def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig
     return {name: refitted[lost] for name, lost in losses.items()}
 
 
-def fitted_in_words(model: Model, words: frozenset[str], runs: Sequence[Run], rig: Rig) -> Model:
+def fitted_in_words(model: AnyModel, words: frozenset[str], runs: Sequence[Run], rig: Rig) -> AnyModel:
     """The model with only those effects on the rods that these elements express, refitted; otherwise the same model.
 
     Args:
@@ -77,7 +77,7 @@ def fitted_in_words(model: Model, words: frozenset[str], runs: Sequence[Run], ri
         return model
     problem, bare = _bare_fit(model, runs, rig)
     effects = _without(model, lost, words)
-    return _with_rods(model, _best_fit(problem, effects, _starts(bare, model, rig), bare.initial))
+    return _with(model, _best_fit(problem, effects, _starts(bare, model, rig), bare.initial), rig)
 
 
 def _starts(bare: Estimate, model: AnyModel, rig: Rig) -> list[tuple[Array, Array]]:

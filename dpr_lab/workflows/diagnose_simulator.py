@@ -14,10 +14,10 @@ from dpr_lab.workflows.diagnose import RECORD, DiagnoseRequest, DiagnoseResult, 
 from dpr_lab.workflows.events import OnEvent, ignore
 
 if TYPE_CHECKING:
+    from dpr_lab.exports.bodies import AnyModel
     from dpr_lab.exports.into.least_change import LeastChange
     from dpr_lab.exports.into.replay import FileReplay
     from dpr_lab.exports.into.target import PatchedModel
-    from dpr_lab.identification.model import Model
     from dpr_lab.rig import Rig
     from dpr_lab.simulator_models.xml_edit import ChangedAttribute
 
@@ -76,22 +76,24 @@ def diagnose_simulator(
     Args:
         request: as for `diagnose`; with an empty `rig`, `rig_from_model` writes the rig file from the model
         simulator: MJCF, URDF or SDFormat file; it is not changed
-        joints: joints of the inner and the outer rod in it; empty: detected
+        joints: joints of the rods and of an arm in it, as for `double_pendulum`; empty: detected
         on_event: as for `diagnose`
 
     Raises:
-        ConfigError: the model cannot be read, has an arm, or does not belong to the rig; and as for `diagnose`.
+        ConfigError: the model cannot be read, or does not belong to the rig; and as for `diagnose`.
         RunError: as for `diagnose`.
         IdentificationError: as for `diagnose`.
         DprError: a result cannot be written.
     """
     from dpr_lab.exports.bodies import left_out
-    from dpr_lab.exports.corrected import corrected_rods
+    from dpr_lab.exports.corrected import corrected_model
     from dpr_lab.exports.into import WORDS, into_file
     from dpr_lab.exports.into.least_change import least_change
+    from dpr_lab.exports.into.least_change_of_arm import least_change_of_arm
     from dpr_lab.exports.into.replay import replay_files
-    from dpr_lab.exports.into.target import refuse_other_rig
+    from dpr_lab.exports.into.target import arm_to_change, refuse_other_rig
     from dpr_lab.exports.refit import fitted_in_words
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.rig import load_rig
     from dpr_lab.simulator_models import read_model
     from dpr_lab.simulator_models.double_pendulum import double_pendulum
@@ -110,16 +112,19 @@ def diagnose_simulator(
             chain = double_pendulum(read, joints, rig.g if read.gravity is None else None)
         except ConfigError as error:
             raise ConfigError(f"{simulator}: {error}") from error
-        if chain.arm is not None:
-            raise ConfigError(f"{simulator}: its rods are mounted on an arm: give a model of the rods alone")
         refuse_other_rig(chain, rig.L1, rig.g, simulator)
-        runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)  # of a clamped arm
+        moving = chain.arm is not None
+        runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque, moving=moving)
         result = diagnose(replace(request, rig=file), on_event)
-    model = corrected_rods(result.diagnosis, runs, rig)
+    model = corrected_model(result.diagnosis, runs, rig)
+    arm_to_change(model, chain, rig, simulator)
     written = fitted_in_words(model, WORDS[read.format], runs, rig)
-    least = least_change(result.diagnosis, written, rig, chain, runs)
+    if isinstance(written, MovingArmModel):
+        least = least_change_of_arm(result.diagnosis, written, rig, chain, runs)
+    else:
+        least = least_change(result.diagnosis, written, rig, chain, runs)
     lost = left_out(model, written.effects, read.format)
-    names = tuple(rod.joint.name for rod in chain.rods)
+    names = tuple(part.joint.name for part in (*chain.rods, *((chain.arm,) if chain.arm else ())))
     done = SimulatorDiagnosis(result, simulator, read.format, names, least, lost=lost)
     try:
         patched = into_file(least.model, rig, simulator, joints)
@@ -128,7 +133,7 @@ def diagnose_simulator(
     before, after = (text.decode("utf-8") for text in (simulator.read_bytes(), patched.text))
     old, new = (text.splitlines(keepends=True) for text in (before, after))
     diff = "".join(unified_diff(old, new, str(simulator), f"corrected {simulator.name}", n=1))
-    unseen = read_runs(request.held_out, rig, ignore, request.any_clock, request.torque) or runs
+    unseen = read_runs(request.held_out, rig, ignore, request.any_clock, request.torque, moving=moving) or runs
     forced = _forced(model, rig, simulator, joints) if lost else None
     replays = replay_files(simulator, patched, names, model, rig, unseen) if _runs_here() else []
     if forced and replays:
@@ -139,7 +144,7 @@ def diagnose_simulator(
     return _written(done, request.out, after) if request.out else done
 
 
-def _forced(model: "Model", rig: "Rig", simulator: Path, joints: Sequence[str]) -> "PatchedModel | None":
+def _forced(model: "AnyModel", rig: "Rig", simulator: Path, joints: Sequence[str]) -> "PatchedModel | None":
     """The file changed to the full model, if that requires a module of passive forces; None otherwise."""
     from dpr_lab.exports.into import into_file
 

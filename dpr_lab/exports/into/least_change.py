@@ -11,76 +11,44 @@ s / b (1 + x_j) with the error x_j of the torque constant of joint j, therefore 
 one of x_i / u_i, b and b / (1 + x_j).
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import BASE, base_parameters, ratios
-from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.exports.bodies import words_of
+from dpr_lab.exports.bodies import AnyModel, words_of
+from dpr_lab.exports.into.in_file import (
+    CHANGE,
+    ModelCause,
+    as_in_file,
+    cause,
+    effect_rows,
+    in_file,
+    scaled,
+    unseen,
+)
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.compare import compare_run
 from dpr_lab.identification.model import Model, ParameterValue
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.simulator_models.chain import ModelChain
-from dpr_lab.simulator_models.tree import ModelJoint
 
 Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True, slots=True)
-class ChangeSettings:
-    """Tolerances within which a number of the file is unchanged."""
-
-    same: float = 0.01
-    """Relative difference that never counts as a change; the softened friction of an engine affects other parameters
-    by this amount.
-    """
-    stds: float = 3.0
-    """Standard deviations of a ratio within which it counts as unchanged."""
-    idle: float = 1e-6
-    """Share of the typical damping below which damping counts as zero."""
-    felt: float = 0.01
-    """Growth of the mean square error over segments below which an effect keeps its value of the file."""
-
-
-CHANGE = ChangeSettings()
 
 BODY_TERMS = (("a", "e1"), ("b", "d"))
 """Base parameters that the inertia and the centroid of each rod's body determine."""
 
 
 @dataclass(frozen=True, slots=True)
-class ModelCause:
-    """One number of the file that differs from the rig, with the names of the file."""
-
-    joint: str
-    """Name of the joint in the file."""
-    quantity: str
-    """Name of the quantity: `Coulomb friction`, `centroid of the body`."""
-    before: float
-    """Value in the file, SI."""
-    after: float
-    """Identified value, SI."""
-    unit: str
-    """Unit of both values."""
-    effect: str = ""
-    """Named effect that it represents; empty for a base parameter."""
-    share: float = 0.0
-    """Growth of the mean square error over segments if this cause alone keeps its value of the file, relative to the
-    growth if no cause is corrected. All numbers of one body share it; the first cause has the largest value.
-    """
-
-
-@dataclass(frozen=True, slots=True)
 class LeastChange:
     """The corrected model with the numbers of the file wherever they are compatible, and the causes in order."""
 
-    model: Model
+    model: AnyModel
     causes: tuple[ModelCause, ...]
     unnamed: tuple[str, ...]
     """Named effects that no attribute of a body or joint represents."""
@@ -102,15 +70,15 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])  # visible only in a during a free swing
     gears = _gear_factors(effects, diagnosis, runs)
     total = _base(of_file + rotor, model, diagnosis, np.array(list(gears.values())))
-    base = _with_own_numbers(chain, np.where(total == of_file + rotor, of_file, total - rotor), of_file, longer)
+    base = with_own_numbers(chain, np.where(total == of_file + rotor, of_file, total - rotor), of_file, longer)
     factor = base[1] / model.base["b"].value
-    effects = {name: _as_in_file(diagnosis, chain, name, _scaled(name, v, factor)) for name, v in effects.items()}
+    effects = {name: as_in_file(diagnosis, chain, name, scaled(name, v, factor)) for name, v in effects.items()}
     for name, gain in gears.items():
         effects[name] = {"excess": float(factor * gain - 1)}
         if abs(factor * gain - 1) < _same_gear(diagnosis):
             del effects[name]
-    effects |= _unseen(diagnosis, chain, effects)
-    file = {name: {key: 0.0 for key in values} | _in_file(chain, name) for name, values in effects.items()}
+    effects |= unseen(diagnosis, chain, effects, (0, 1))
+    file = {name: {key: 0.0 for key in values} | in_file(chain, name) for name, values in effects.items()}
     for name in list(effects):
         without = {**effects, name: file[name]}
         models = (_with(model, chain, base, of_effects) for of_effects in (effects, without))
@@ -120,21 +88,21 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     least = _with(model, chain, base, effects)
     causes: dict[str, tuple[list[ModelCause], Model]] = {}
     for name in effects:
-        if rows := _effect_rows(chain, name, effects[name], file[name]):
+        if rows := effect_rows(chain, name, effects[name], file[name]):
             causes[name] = rows, _with(model, chain, base, {**effects, name: file[name]})
     for number, terms in enumerate(BODY_TERMS):
         places = [BASE.index(term) for term in terms]
         if np.any(base[places] != of_file[places]):
-            rows = _body_rows(chain, base, of_file, number, longer)
+            rows = body_rows(chain, base, of_file, number, longer)
             causes[f"body{number}"] = rows, _with(model, chain, _replaced(base, of_file, places), effects)
         damping = 4 + number
         if base[damping] != of_file[damping]:
-            row = _cause(chain, number, "damping", of_file[damping], base[damping], "N m s/rad")
+            row = cause(chain, number, "damping", of_file[damping], base[damping], "N m s/rad")
             causes[f"damping{number}"] = [row], _with(model, chain, _replaced(base, of_file, [damping]), effects)
     nothing = _with(model, chain, _base_of(chain, 0.0), {name: file[name] for name in effects})
     shares = _shares(least, {key: without for key, (_, without) in causes.items()}, nothing, runs, rig)
     ranked = sorted(causes, key=lambda key: -shares[key])
-    rows = tuple(_ranked(row, shares[key]) for key in ranked for row in causes[key][0])
+    rows = tuple(row.with_share(shares[key]) for key in ranked for row in causes[key][0])
     return LeastChange(least, rows, tuple(name for name in effects if not words_of({name: effects[name]})))
 
 
@@ -195,11 +163,11 @@ def _same_gear(diagnosis: Diagnosis) -> float:
     return max(CHANGE.same, CHANGE.stds * float(np.log(high / low)) / (2 * NORMAL_Q90))
 
 
-def _with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: float) -> Array:
+def with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: float) -> Array:
     """(6,) base parameters with the file's centroid or inertia of a body if only the other one changed."""
-    length, carried = (chain.rods[0].length or 0.0) + longer, chain.rods[1].mass + chain.elbow_mass
+    length, carried = (chain.rods[0].length or 0.0) + longer, sum(r.mass for r in chain.rods[1:]) + chain.elbow_mass
     changed = base.copy()
-    for number, terms in enumerate(BODY_TERMS):
+    for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):
         places = [BASE.index(term) for term in terms]
         if np.all(base[places] == of_file[places]):
             continue
@@ -218,62 +186,6 @@ def _with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: fl
                 (mass * centroid + carried * length) * chain.gravity,
             )
     return changed
-
-
-def _scaled(name: str, values: Mapping[str, float], factor: float) -> dict[str, float]:
-    powers = {p.name: p.scale_power for p in EFFECTS[name].parameters}
-    return {key: value * factor ** powers.get(key, 0) for key, value in values.items()}
-
-
-_TERMS = {
-    "coulomb": ("friction", "torque_Nm", "Coulomb friction", "N m"),
-    "rotor_inertia": ("armature", "inertia_kgm2", "rotor inertia (armature)", "kg m^2"),
-    "spring": ("stiffness", "stiffness_Nm_per_rad", "spring stiffness", "N m/rad"),
-}
-"""Kind of effect -> attribute of `ModelJoint`, parameter, words and unit."""
-
-
-def _term(name: str) -> tuple[int, tuple[str, str, str, str] | None]:
-    kind, _, joint = name.rpartition("_joint")
-    return (int(joint) - 1 if joint in ("1", "2") else 0), _TERMS.get(kind)
-
-
-def _in_file(chain: ModelChain, name: str) -> dict[str, float]:
-    """Values of an effect in the file, for effects that a joint represents."""
-    number, term = _term(name)
-    if term is None:
-        return {}
-    rod = chain.rods[number]
-    value = _attribute(rod.joint, term[0])
-    if name.startswith("spring"):
-        return {term[1]: value, "constant_Nm": value * rod.direction * (rod.joint.rest - rod.hanging)}
-    return {term[1]: value}
-
-
-def _unseen(diagnosis: Diagnosis, chain: ModelChain, named: Collection[str]) -> dict[str, dict[str, float]]:
-    """Effects of the file that are not named and below the minimum detectable size; they are kept."""
-    undetectable = {}
-    for kind, (_, key, *_) in _TERMS.items():
-        for name in (f"{kind}_joint1", f"{kind}_joint2"):
-            values = _in_file(chain, name)
-            least = diagnosis.detectable.get(name, {}).get(key)
-            if name not in named and values[key] and (least is None or values[key] < least):
-                undetectable[name] = values
-    return undetectable
-
-
-def _attribute(joint: ModelJoint, attribute: str) -> float:
-    return float(getattr(joint, attribute))
-
-
-def _as_in_file(diagnosis: Diagnosis, chain: ModelChain, name: str, values: dict[str, float]) -> dict[str, float]:
-    """Values of an effect, with the value of the file if it is in the interval."""
-    sizes = next((effect.parameters for effect in diagnosis.effects if effect.name == name), {})
-    for key, in_file in _in_file(chain, name).items():
-        half = np.ptp(sizes[key].interval90) / 2 / abs(sizes[key].value) if key in sizes and sizes[key].value else 0.0
-        if in_file and abs(values.get(key, 0.0) / in_file - 1) < max(CHANGE.same, half):
-            values = {**values, key: in_file}
-    return values
 
 
 def _with(model: Model, chain: ModelChain, base: Array, effects: Mapping[str, Mapping[str, float]]) -> Model:
@@ -301,53 +213,28 @@ def _replaced(base: Array, replacement: Array, places: Sequence[int]) -> Array:
     return changed
 
 
-def _cause(
-    chain: ModelChain, number: int, quantity: str, before: float, after: float, unit: str, effect: str = ""
-) -> ModelCause:
-    return ModelCause(chain.rods[number].joint.name, quantity, float(before), float(after), unit, effect)
-
-
-def _ranked(cause: ModelCause, share: float) -> ModelCause:
-    return ModelCause(cause.joint, cause.quantity, cause.before, cause.after, cause.unit, cause.effect, share)
-
-
-def _effect_rows(
-    chain: ModelChain, name: str, values: Mapping[str, float], file: Mapping[str, float]
-) -> list[ModelCause]:
-    """Differences of an effect from the file."""
-    number, term = _term(name)
-    gain, gear = words_of({name: values}).get(name, {}).get("gear"), chain.rods[number].gear
-    if gain is not None and gear is not None:
-        return [_cause(chain, number, "gear of the motor", gear, gear * gain, "", name)] if gain != 1.0 else []
-    rows = []
-    for key, after in values.items():
-        if after != file.get(key, 0.0):
-            parameter = next((p for p in EFFECTS[name].parameters if p.name == key), None)
-            words, unit = (term[2], term[3]) if term and term[1] == key else (EFFECTS[name].words, "")
-            unit = unit or (parameter.unit if parameter else "")
-            rows.append(_cause(chain, number, words, file.get(key, 0.0), after, unit, name))
-    return rows
-
-
-def _body_rows(chain: ModelChain, base: Array, of_file: Array, number: int, longer: float) -> list[ModelCause]:
+def body_rows(chain: ModelChain, base: Array, of_file: Array, number: int, longer: float) -> list[ModelCause]:
     """Centroid and inertia of the body on a joint, with the masses of the file."""
     before, after = (_bodies(chain, values, longer)[number] for values in (of_file, base))
     names = ("centroid of the body along the rod", "m"), ("inertia of the body about its centroid", "kg m^2")
     return [
-        _cause(chain, number, words, old, new, unit)
+        cause(chain, number, words, old, new, unit)
         for (words, unit), old, new in zip(names, before, after, strict=True)
         if abs(new - old) > 1e-9 * abs(old)
     ]
 
 
-def _bodies(chain: ModelChain, base: Array, longer: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Centroid and inertia of both rods from (6,) base parameters."""
-    inner, outer = chain.rods
+def _bodies(chain: ModelChain, base: Array, longer: float) -> list[tuple[float, float]]:
+    """Centroid and inertia of each rod from (6,) base parameters."""
+    inner, *outer = chain.rods
     a, b, d, e1 = base[:4]
-    length, carried = (inner.length or 0.0) + longer, outer.mass + chain.elbow_mass
-    first, second = (e1 / chain.gravity - carried * length) / inner.mass, d / (outer.mass * length)
-    inertias = a - carried * length**2 - inner.mass * first**2, b - outer.mass * second**2
-    return (first, inertias[0]), (second, inertias[1])
+    length, carried = (inner.length or 0.0) + longer, sum(rod.mass for rod in outer) + chain.elbow_mass
+    first = (e1 / chain.gravity - carried * length) / inner.mass
+    values = [(first, a - carried * length**2 - inner.mass * first**2)]
+    for rod in outer:
+        second = d / (rod.mass * length)
+        values.append((second, b - rod.mass * second**2))
+    return values
 
 
 def _shares(

@@ -1,0 +1,155 @@
+"""Numbers of the user's file that represent effects, and their differences from a corrected model."""
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.effect import ARM
+from dpr_lab.exports.bodies import words_of
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeSettings:
+    """Tolerances within which a number of the file is unchanged."""
+
+    same: float = 0.01
+    """Relative difference that never counts as a change; the softened friction of an engine affects other parameters
+    by this amount.
+    """
+    stds: float = 3.0
+    """Standard deviations of a ratio within which it counts as unchanged."""
+    idle: float = 1e-6
+    """Share of the typical damping below which damping counts as zero."""
+    felt: float = 0.01
+    """Growth of the mean square error over segments below which an effect keeps its value of the file."""
+
+
+CHANGE = ChangeSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class ModelCause:
+    """One number of the file that differs from the rig, with the names of the file."""
+
+    joint: str
+    """Name of the joint in the file."""
+    quantity: str
+    """Name of the quantity: `Coulomb friction`, `centroid of the body`."""
+    before: float
+    """Value in the file, SI."""
+    after: float
+    """Identified value, SI."""
+    unit: str
+    """Unit of both values."""
+    effect: str = ""
+    """Named effect that it represents; empty for a base parameter."""
+    share: float = 0.0
+    """Growth of the mean square error over segments if this cause alone keeps its value of the file, relative to the
+    growth if no cause is corrected. All numbers of one body share it; the first cause has the largest value.
+    """
+
+    def with_share(self, share: float) -> "ModelCause":
+        """The same cause with its share."""
+        return replace(self, share=share)
+
+
+TERMS = {
+    "coulomb": ("friction", "torque_Nm", "Coulomb friction", "N m"),
+    "rotor_inertia": ("armature", "inertia_kgm2", "rotor inertia (armature)", "kg m^2"),
+    "spring": ("stiffness", "stiffness_Nm_per_rad", "spring stiffness", "N m/rad"),
+}
+"""Kind of effect -> attribute of `ModelJoint`, parameter, words and unit."""
+
+
+def hinge(chain: ModelChain, joint: int) -> ChainRod | ChainArm:
+    """The rod of a joint, 0 or 1, or the arm, -1."""
+    if joint != ARM:
+        return chain.rods[joint]
+    assert chain.arm is not None
+    return chain.arm
+
+
+def _term(name: str) -> tuple[str, str, str, str] | None:
+    return TERMS.get(name.rpartition("_joint")[0])
+
+
+def _joint(name: str) -> int:
+    """The joint at which the causes of an effect are listed: its own, or joint 1."""
+    joints = EFFECTS[name].joints
+    return joints[0] if len(joints) == 1 else 0
+
+
+def in_file(chain: ModelChain, name: str) -> dict[str, float]:
+    """Values of an effect in the file, for effects that a joint represents."""
+    term = _term(name)
+    if term is None:
+        return {}
+    part = hinge(chain, _joint(name))
+    value = float(getattr(part.joint, term[0]))
+    if name.startswith("spring"):
+        return {term[1]: value, "constant_Nm": value * part.direction * (part.joint.rest - part.hanging)}
+    return {term[1]: value}
+
+
+def unseen(
+    diagnosis: Diagnosis, chain: ModelChain, named: Collection[str], joints: Collection[int]
+) -> dict[str, dict[str, float]]:
+    """Effects of some joints of the file that are not named and below the minimum detectable size; they are kept."""
+    undetectable = {}
+    for name in _at(joints):
+        term = _term(name)
+        assert term is not None
+        values, least = in_file(chain, name), diagnosis.detectable.get(name, {}).get(term[1])
+        if name not in named and values[term[1]] and (least is None or values[term[1]] < least):
+            undetectable[name] = values
+    return undetectable
+
+
+def _at(joints: Collection[int]) -> Iterator[str]:
+    """Effects that an attribute of a joint represents."""
+    return (name for name, effect in EFFECTS.items() if _term(name) and set(effect.joints) <= set(joints))
+
+
+def as_in_file(diagnosis: Diagnosis, chain: ModelChain, name: str, values: dict[str, float]) -> dict[str, float]:
+    """Values of an effect, with the value of the file if it is in the interval."""
+    sizes = next((effect.parameters for effect in diagnosis.effects if effect.name == name), {})
+    for key, of_file in in_file(chain, name).items():
+        half = np.ptp(sizes[key].interval90) / 2 / abs(sizes[key].value) if key in sizes and sizes[key].value else 0.0
+        if of_file and abs(values.get(key, 0.0) / of_file - 1) < max(CHANGE.same, half):
+            values = {**values, key: of_file}
+    return values
+
+
+def scaled(name: str, values: Mapping[str, float], factor: float) -> dict[str, float]:
+    """Values of an effect at another scale of all torques."""
+    powers = {p.name: p.scale_power for p in EFFECTS[name].parameters}
+    return {key: value * factor ** powers.get(key, 0) for key, value in values.items()}
+
+
+def cause(
+    chain: ModelChain, joint: int, quantity: str, before: float, after: float, unit: str, effect: str = ""
+) -> ModelCause:
+    """One changed number at a joint: 0 or 1, or -1 of the arm."""
+    return ModelCause(hinge(chain, joint).joint.name, quantity, float(before), float(after), unit, effect)
+
+
+def effect_rows(
+    chain: ModelChain, name: str, values: Mapping[str, float], file: Mapping[str, float]
+) -> list[ModelCause]:
+    """Differences of an effect from the file."""
+    joint, term = _joint(name), _term(name)
+    gain, gear = words_of({name: values}).get(name, {}).get("gear"), hinge(chain, joint).gear
+    if gain is not None and gear is not None:
+        return [cause(chain, joint, "gear of the motor", gear, gear * gain, "", name)] if gain != 1.0 else []
+    rows = []
+    for key, after in values.items():
+        if after != file.get(key, 0.0):
+            parameter = next((p for p in EFFECTS[name].parameters if p.name == key), None)
+            words, unit = (term[2], term[3]) if term and term[1] == key else (EFFECTS[name].words, "")
+            unit = unit or (parameter.unit if parameter else "")
+            rows.append(cause(chain, joint, words, file.get(key, 0.0), after, unit, name))
+    return rows

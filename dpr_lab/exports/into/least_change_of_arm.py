@@ -1,0 +1,181 @@
+"""Smallest set of changes in a simulator's model with a moving arm; `least_change` does the same for a clamped one.
+
+All inertias, frictions, gravity torques and the torque per input of the drive may have a common factor s. With u the
+estimated `SWING_PARAMETERS` over the scale and x those of the file, x_i is unchanged if |s u_i / x_i - 1| is within its
+tolerance, and s is one of x_i / u_i. If the torque per input is unchanged, s is the scale that known torques determine;
+if most others are, the gear of the motor changes.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dpr_lab.dynamics.base import BASE, base_parameters
+from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
+from dpr_lab.effects.effect import ARM
+from dpr_lab.errors import RunError
+from dpr_lab.exports.bodies import words_of
+from dpr_lab.exports.into.in_file import CHANGE, ModelCause, as_in_file, cause, effect_rows, in_file, scaled, unseen
+from dpr_lab.exports.into.least_change import BODY_TERMS, LeastChange, body_rows, with_own_numbers
+from dpr_lab.exports.moving_arm.corrected import with_swing
+from dpr_lab.exports.moving_arm.replay import follow_with_arm
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.setup import drive_gain
+from dpr_lab.identification.moving_arm.unknowns import GAINS
+from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.run import Run
+from dpr_lab.simulator_models.chain import ChainArm, ModelChain
+
+Values = Mapping[str, float]
+"""`SWING_PARAMETERS` by name, SI."""
+Effects = Mapping[str, Mapping[str, float]]
+
+SEGMENT_S = 0.5
+"""Length of the segments in which causes are ranked, s."""
+LOST_RAD = np.pi
+"""Error of a model that cannot follow a recording, rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """Numbers of the file that one cause changes."""
+
+    parameters: tuple[str, ...]
+    rows: list[ModelCause]
+
+
+def least_change_of_arm(
+    diagnosis: Diagnosis, model: MovingArmModel, rig: Rig, chain: ModelChain, runs: Sequence[Run]
+) -> LeastChange:
+    """Change as few numbers as the recordings require.
+
+    Args:
+        diagnosis: the diagnosis, for the intervals of its effects
+        model: its corrected model
+        rig: rig file for the simulator's file
+        chain: rods and arm of the file
+        runs: the diagnosed runs, to rank the causes
+    """
+    assert chain.arm is not None
+    model = model.with_arm_effects()
+    of_file = _of_file(chain, chain.arm, rig, model)
+    values = _values(of_file, model, chain)
+    factor = values[model.scale] / model.absolute[model.scale].value
+    effects = {n: as_in_file(diagnosis, chain, n, scaled(n, v, factor)) for n, v in model.effects.items()}
+    effects |= unseen(diagnosis, chain, effects, (ARM, *range(len(chain.rods))))
+    file = {name: {key: 0.0 for key in sizes} | in_file(chain, name) for name, sizes in effects.items()}
+    for name in list(effects):
+        without = {**effects, name: file[name]}
+        error, more = (_error(_with(model, values, some), runs, rig) for some in (effects, without))
+        if more < (1 + CHANGE.felt) * error:
+            effects = {other: sizes for other, sizes in without.items() if any(sizes.values())}
+    least = _with(model, values, effects)
+    causes = [
+        (group.rows, _with(model, dict(values) | {name: of_file[name] for name in group.parameters}, effects))
+        for group in _changed(chain, chain.arm, values, of_file)
+    ]
+    for name, sizes in effects.items():
+        if rows := effect_rows(chain, name, sizes, file[name]):
+            causes.append((rows, _with(model, values, {**effects, name: file[name]})))
+    floor = _error(least, runs, rig)
+    growths = [max(_error(without, runs, rig) - floor, 0.0) for _, without in causes]
+    nothing = _with(model, of_file, {name: file[name] for name in effects})
+    whole = max(_error(nothing, runs, rig) - floor, *growths, 1e-30)
+    ranked = sorted(zip(growths, causes, strict=True), key=lambda pair: -pair[0])
+    rows = tuple(row.with_share(growth / whole) for growth, (of_cause, _) in ranked for row in of_cause)
+    return LeastChange(least, rows, tuple(name for name in effects if not words_of({name: effects[name]})))
+
+
+def _of_file(chain: ModelChain, arm: ChainArm, rig: Rig, model: MovingArmModel) -> dict[str, float]:
+    """`SWING_PARAMETERS` of the file, without spring and dry friction of the arm, which are effects."""
+    numbers = {name: 0.0 for name in PARAMETERS} | {"mb": chain.elbow_mass}
+    for i, rod in enumerate(chain.rods, 1):
+        numbers |= {f"l{i}": rod.centroid, f"m{i}": rod.mass, f"c{i}": rod.joint.damping, f"J{i}": rod.inertia}
+    values = base_parameters([numbers[name] for name in PARAMETERS], chain.rods[0].length or 1.0, chain.gravity)
+    of_rods = dict(zip(BASE, values.tolist(), strict=True))
+    if model.scale == "a":
+        of_rods |= {"b": of_rods["a"], "d": 0.0, "c2": 0.0}
+    A = arm.inertia + _carried(chain) * arm.length**2
+    drive = drive_gain(rig).value if model.input else 1.0
+    return of_rods | {"A": A, "c0": arm.joint.damping, "k0": 0.0, "f0": 0.0, "gain": drive, "L0": arm.length}
+
+
+def _carried(chain: ModelChain) -> float:
+    return sum(rod.mass for rod in chain.rods) + chain.elbow_mass
+
+
+def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[str, float]:
+    """Those of the file if compatible, the others as estimated, at one scale."""
+    u: dict[str, float] = dict(zip(SWING_PARAMETERS, model.swing, strict=True))
+    tolerance = _tolerances(model)
+    floor = CHANGE.idle * np.sqrt(of_file["a"] * of_file["e1"])  # a file without damping
+    x = {name: of_file[name] or floor for name in tolerance}
+
+    def stays(name: str, s: float) -> bool:
+        return abs((1.0 if name == "L0" else s) * u[name] / x[name] - 1) < tolerance[name]
+
+    scales = [x[name] / u[name] for name in ("a", "b", "d", "e1", "A", "gain") if name in tolerance]
+
+    def agreement(s: float) -> tuple[int, float]:
+        away = sum(abs(np.log(s * u[name] / x[name])) for name in ("a", "e1", "A") if name in tolerance)
+        return sum(stays(name, s) for name in tolerance), -float(away)
+
+    s = max(scales, key=agreement)
+    values = dict(of_file)
+    for name in tolerance:
+        if not stays(name, s):
+            values[name] = u[name] * (1.0 if name == "L0" else s)
+    base, old = (np.array([some[name] for name in BASE]) for some in (values, of_file))
+    values |= dict(zip(BASE, with_own_numbers(chain, base, old, 0.0).tolist(), strict=True))
+    return values | ({"b": values["a"]} if model.scale == "a" else {})
+
+
+def _tolerances(model: MovingArmModel) -> dict[str, float]:
+    """Determined parameters -> relative difference within which the number of the file stays."""
+    gain = GAINS.get(model.input, "").format(model.scale)
+    tolerances = {model.scale: CHANGE.same}
+    for name, ratio in model.ratios.items():
+        parameter = "gain" if name == gain else name.partition("/")[0]
+        relative = ratio.std / abs(ratio.value) if ratio.value else np.inf
+        tolerances[parameter] = max(CHANGE.same, CHANGE.stds * relative)
+    return tolerances
+
+
+def _changed(chain: ModelChain, arm: ChainArm, values: Values, of_file: Values) -> Iterator[_Group]:
+    """Numbers that differ from the file."""
+    base, old = (np.array([some[name] for name in BASE]) for some in (values, of_file))
+    for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):
+        if any(values[name] != of_file[name] for name in terms):
+            yield _Group(terms, body_rows(chain, base, old, number, 0.0))
+    gear = (arm.gear or 1.0) / of_file["gain"]
+    own = _carried(chain) * values["L0"] ** 2, _carried(chain) * of_file["L0"] ** 2
+    numbers = [
+        *((f"c{i + 1}", i, "damping", 1.0, (0.0, 0.0), "N m s/rad") for i in range(len(chain.rods))),
+        ("A", ARM, "inertia of the arm about its axis", 1.0, own, "kg m^2"),
+        ("c0", ARM, "damping", 1.0, (0.0, 0.0), "N m s/rad"),
+        ("gain", ARM, "gear of the motor", gear, (0.0, 0.0), ""),
+        ("L0", ARM, "distance of the rods from the axis of the arm", 1.0, (0.0, 0.0), "m"),
+    ]
+    for name, joint, quantity, unit_factor, (after, before), unit in numbers:
+        if values[name] != of_file[name]:
+            ends = unit_factor * of_file[name] - before, unit_factor * values[name] - after
+            yield _Group((name,), [cause(chain, joint, quantity, *ends, unit)])
+
+
+def _with(model: MovingArmModel, values: Values, effects: Effects) -> MovingArmModel:
+    """The model with other parameters and effects."""
+    scale = values[model.scale]
+    swing = [values[name] / (1.0 if name == "L0" else scale) for name in SWING_PARAMETERS]
+    own = {name: dict(sizes) for name, sizes in effects.items()}
+    return with_swing(model, swing, scale).model_copy(update={"effects": own})
+
+
+def _error(model: MovingArmModel, runs: Sequence[Run], rig: Rig) -> float:
+    """Mean square error in short segments, rad^2."""
+    try:
+        followed = [follow_with_arm(run, rig, model, SEGMENT_S) for run in runs]
+    except RunError:
+        return LOST_RAD**2
+    return float(np.mean([np.nanmean((one.measured - one.simulated) ** 2) for one in followed]))
