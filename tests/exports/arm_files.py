@@ -2,16 +2,24 @@
 
 from pathlib import Path
 
+import numpy as np
+import pytest
+
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.identification.model import EstimatedValue, RigFacts
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig, load_rig
+from dpr_lab.run import Run
 from dpr_lab.workflows.rig_from import rig_from_model
+
+mujoco = pytest.importorskip("mujoco")
 
 NUMBERS = {
     "arm_damping": "0.02", "arm_inertia": "0.008", "arm_length": "0.2", "rod_damping": "0.002", "rod_centroid": "0.12",
     "rod_inertia": "0.0021", "elbow_damping": "0.001", "tip_centroid": "0.125", "tip_inertia": "0.0008",
+    "arm_more": "",
+    "gear": "2",
 }  # fmt: skip
 """What the file says, SI."""
 
@@ -22,11 +30,12 @@ MJCF = """<mujoco model="own">
   <!-- drawn > weighed: "keep" me -->
   <option gravity="0 0 -9.81" timestep="0.00025" integrator="RK4"/>
   <worldbody><body name="carrier" pos="0 0 1">
-    <joint name="yaw" axis="0 0 -1" damping="{arm_damping}"/>
+    <joint name="yaw" axis="0 0 -1" damping="{arm_damping}" {arm_more}/>
     <inertial pos="0 0 0" mass="0.5" diaginertia="0.007 0.007 {arm_inertia}"/>
     <body name="upper" pos="0 {arm_length} 0"><joint name="shoulder" axis="0 1 0" damping="{rod_damping}"/>
       <inertial pos="0 0 -{rod_centroid}" mass="0.3" diaginertia="{rod_inertia} {rod_inertia} 1e-9"/>{second}</body>
   </body></worldbody>
+  <actuator><motor name="servo" joint="yaw" gear="{gear}"/></actuator>
 </mujoco>
 """
 
@@ -109,11 +118,32 @@ def imported(folder: Path, suffix: str, text: str) -> tuple[Path, Rig]:
     file.write_text(text, encoding="utf-8")
     rig_from_model(file, folder / "rig.toml")
     written = (folder / "rig.toml").read_text(encoding="utf-8")
-    driven = written.replace('mode = "free"', 'mode = "driven"').replace(
-        "[poses", '[motor]\ninput = "torque"\n[poses', 1
-    )
-    (folder / "rig.toml").write_text(driven, encoding="utf-8")
+    if "[motor]" not in written:
+        written = written.replace('mode = "free"', 'mode = "driven"')
+        written = written.replace("[poses", '[motor]\ninput = "torque"\n[poses', 1)
+        (folder / "rig.toml").write_text(written, encoding="utf-8")
     return file, load_rig(folder / "rig.toml")
+
+
+def recorded(truth: str, rig: Rig, number: int = 0, seconds: float = 3.0, gear: float = 1.0) -> Run:
+    """A swing of the true rig in MuJoCo under a torque on its arm, which the true gear multiplies by `gear`."""
+    engine = mujoco.MjModel.from_xml_string(truth)
+    data, t, count = mujoco.MjData(engine), np.arange(0, seconds, 0.005), 2 * np.pi / 16384
+    rods = engine.nv - 1
+    torque = 0.4 * np.sin(4 * t + number) + 0.3 * np.sin((7.3 - number) * t + 1)
+    data.qpos[:] = count * np.array(rig.positions([0.0, 2.3 - 0.4 * number, 2.3 + 0.6 * number]))[: engine.nv]
+    angles = []
+    for value in torque:
+        angles.append(rig.theta([*(data.qpos / count), *((2 - rods) * [0.0])]))
+        data.qfrc_applied[0] = rig.encoders.direction[0] * gear * value
+        mujoco.mj_step(engine, data, 20)
+    theta = np.array(angles) + np.random.default_rng(number).normal(0, 3e-4, (len(t), 3))
+    if rods == 1:
+        theta[:, 2] = theta[:, 1]
+    return Run(
+        f"r{number}", t, theta, None, None, rig.name, "", 200.0, mounting=rig.rods.mounting, arm_mode="driven",
+        arm_input=torque,
+    )  # fmt: skip
 
 
 def model_like(true: Rig, rig: Rig) -> MovingArmModel:

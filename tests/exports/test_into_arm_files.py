@@ -9,15 +9,13 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.exports.into import into_file
 from dpr_lab.exports.into.replay import replay_files
 from dpr_lab.identification.moving_arm.model import MovingArmModel
-from dpr_lab.rig import Rig
-from dpr_lab.run import Run
 from dpr_lab.simulator_models import read_model
 from dpr_lab.simulator_models.chain import ModelChain
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
-from tests.exports.arm_files import FORMATS, NUMBERS, imported, model_like, text_of
 
-mujoco = pytest.importorskip("mujoco")
+pytest.importorskip("mujoco")
 pytest.importorskip("urdf_parser_py")
+from tests.exports.arm_files import FORMATS, NUMBERS, imported, model_like, recorded, text_of
 
 WRONG = {
     "arm_damping": "0.05", "arm_inertia": "0.011", "arm_length": "0.21", "rod_damping": "0.003", "rod_centroid": "0.13",
@@ -83,26 +81,6 @@ def test_a_replay_of_one_rod_on_an_arm_shows_both_files(suffix: str, tmp_path: P
     (replay,) = replay_files(file, into_file(model, rig, file), (), model, rig, [recorded(truth, rig)])
     assert replay.after_rad == pytest.approx(replay.lab_rad, rel=0.1)
     assert replay.before_rad > 5 * replay.after_rad
-
-
-def recorded(truth: str, rig: Rig) -> Run:
-    """A swing of the true rig in MuJoCo under a torque on its arm."""
-    engine = mujoco.MjModel.from_xml_string(truth)
-    engine.opt.timestep, engine.opt.integrator = 2.5e-4, mujoco.mjtIntegrator.mjINT_RK4
-    data, t, count = mujoco.MjData(engine), np.arange(0, 3, 0.005), 2 * np.pi / 16384
-    torque, noise = (
-        0.4 * np.sin(4 * t) + 0.3 * np.sin(7.3 * t + 1),
-        np.random.default_rng(1).normal(0, 3e-4, (len(t), 3)),
-    )
-    data.qpos[:] = count * np.array(rig.positions([0.0, 2.3, 2.3]))[:2]
-    angles = []
-    for value in torque:
-        angles.append(rig.theta([*(data.qpos / count), 0.0]))
-        data.qfrc_applied[0] = rig.encoders.direction[0] * value
-        mujoco.mj_step(engine, data, 20)
-    theta = np.array(angles) + noise
-    theta[:, 2] = theta[:, 1]
-    return Run("r", t, theta, None, None, rig.name, "", 200.0, mounting="inner", arm_mode="driven", arm_input=torque)
 
 
 def test_files_with_other_rods_are_refused(tmp_path: Path) -> None:

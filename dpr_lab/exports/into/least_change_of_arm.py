@@ -134,8 +134,10 @@ def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[s
 
 def _tolerances(model: MovingArmModel) -> dict[str, float]:
     """Determined parameters -> relative difference within which the number of the file stays."""
-    gain = GAINS.get(model.input, "").format(model.scale)
+    gain, scale = GAINS.get(model.input, "").format(model.scale), model.absolute[model.scale]
     tolerances = {model.scale: CHANGE.same}
+    if model.input and scale.fixed_by == "data":  # the scale over the known torque per input
+        tolerances["gain"] = max(CHANGE.same, CHANGE.stds * scale.std / scale.value)
     for name, ratio in model.ratios.items():
         parameter = "gain" if name == gain else name.partition("/")[0]
         relative = ratio.std / abs(ratio.value) if ratio.value else np.inf

@@ -1,0 +1,55 @@
+"""A planted error in a MJCF model with a driven arm is the first cause, and nothing else in the file changes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.exports.corrected import corrected_model
+from dpr_lab.exports.into import WORDS, into_file
+from dpr_lab.exports.into.least_change_of_arm import least_change_of_arm
+from dpr_lab.exports.into.replay import replay_files
+from dpr_lab.exports.refit import fitted_in_words
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.simulator_models import read_model
+from dpr_lab.simulator_models.double_pendulum import double_pendulum
+from tests.thinned import thinned
+
+pytest.importorskip("mujoco")
+from tests.exports.arm_files import NUMBERS, imported, recorded, text_of
+
+PLANTED = {
+    "damping of the arm": ("arm_damping", "0.05", "yaw", "damping"),
+    "inertia of the arm": ("arm_inertia", "0.012", "yaw", "inertia of the arm about its axis"),
+    "friction of the arm": ("arm_more", 'frictionloss="0.03"', "yaw", "Coulomb friction"),
+    "spring of the arm": ("arm_more", 'stiffness="0.3"', "yaw", "spring stiffness"),
+    "gear": ("gear", "2.4", "yaw", "gear of the motor"),
+    "damping of the rod": ("rod_damping", "0.006", "shoulder", "damping"),
+    "centroid of the rod": ("rod_centroid", "0.13", "shoulder", "centroid of the body along the rod"),
+}
+"""Number of the file, its true value, joint and quantity of the first cause."""
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("rods", [1, 2])
+@pytest.mark.parametrize("planted", thinned(list(PLANTED), 2))
+def test_a_planted_error_is_the_first_cause_and_alone(planted: str, rods: int, tmp_path: Path) -> None:
+    name, value, joint, quantity = PLANTED[planted]
+    file, rig = imported(tmp_path / "own", "xml", text_of("xml", rods))
+    truth = text_of("xml", rods, **{name: value})
+    gear = float(value) / float(NUMBERS["gear"]) if name == "gear" else 1.0
+    runs = [recorded(truth, rig, number, 5.0, gear) for number in range(4)]
+    diagnosis = diagnose(runs[:3], rig)
+    model = fitted_in_words(corrected_model(diagnosis, runs[:3], rig), WORDS["MJCF"], runs[:3], rig)
+    assert isinstance(model, MovingArmModel)
+    least = least_change_of_arm(diagnosis, model, rig, double_pendulum(read_model(file)), runs[:3])
+    assert (least.causes[0].joint, least.causes[0].quantity) == (joint, quantity)
+    patched = into_file(least.model, rig, file)
+    assert len({change.element for change in patched.changes}) == 1
+    (replay,) = replay_files(file, patched, (), least.model, rig, runs[3:])
+    softened = quantity == "Coulomb friction"  # by MuJoCo
+    assert replay.after_rad < (0.06 * replay.before_rad if softened else 1.1 * replay.lab_rad)
+    assert replay.before_rad > 3 * replay.after_rad
+    assert np.isclose(least.causes[0].share, 1.0, atol=0.05)
