@@ -44,9 +44,9 @@ def curves_figure(diagnosis: Diagnosis) -> Figure:
         for curves, angles in zip(shown, by_curves, strict=True):
             rows = grid[row : row + (3 if curves.input else 2)]
             for column in range(columns):
-                _draw_part(rows[:2, column], curves, [*angles.items()][column] if column < len(angles) else None)
+                _draw_part(list(rows[:2, column]), curves, [*angles.items()][column] if column < len(angles) else None)
             if curves.input:
-                _draw_input(rows[2], curves)
+                _draw_input(list(rows[2]), curves)
             rows[0, 0].set_title(run_words(curves.run, curves.held_out), parse_math=False)
             row += len(rows)
         for column in grid.T:
