@@ -32,10 +32,18 @@ Values = Mapping[str, float]
 """`SWING_PARAMETERS` by name, SI."""
 Effects = Mapping[str, Mapping[str, float]]
 
-SEGMENT_S = 0.5
-"""Length of the segments in which causes are ranked, s."""
-LOST_RAD = np.pi
-"""Error of a model that cannot follow a recording, rad."""
+
+@dataclass(frozen=True, slots=True)
+class RankSettings:
+    """Comparison of models with recordings, to rank causes."""
+
+    segment_s: float = 0.5
+    """Length of segments, s."""
+    lost_rad: float = 3.0
+    """Error of a model that cannot follow a recording, rad: about that of unrelated angles."""
+
+
+RANK = RankSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +185,7 @@ def _with(model: MovingArmModel, values: Values, effects: Effects) -> MovingArmM
 def _error(model: MovingArmModel, runs: Sequence[Run], rig: Rig) -> float:
     """Mean square error in short segments, rad^2."""
     try:
-        followed = [follow_with_arm(run, rig, model, SEGMENT_S) for run in runs]
+        followed = [follow_with_arm(run, rig, model, RANK.segment_s) for run in runs]
     except RunError:
-        return LOST_RAD**2
+        return RANK.lost_rad**2
     return float(np.mean([np.nanmean((one.measured - one.simulated) ** 2) for one in followed]))
