@@ -76,7 +76,7 @@ def least_change_of_arm(
     file = {name: {key: 0.0 for key in sizes} | in_file(chain, name) for name, sizes in effects.items()}
     for name in list(effects):
         without = {**effects, name: file[name]}
-        error, more = (_error(_with(model, values, some), runs, rig) for some in (effects, without))
+        error, more = (_error(_with(model, values, candidate), runs, rig) for candidate in (effects, without))
         if more < (1 + CHANGE.felt) * error:
             effects = {other: sizes for other, sizes in without.items() if any(sizes.values())}
     least = _with(model, values, effects)
@@ -135,7 +135,7 @@ def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[s
     for name in tolerance:
         if not stays(name, s):
             values[name] = u[name] * (1.0 if name == "L0" else s)
-    base, old = (np.array([some[name] for name in BASE]) for some in (values, of_file))
+    base, old = (np.array([parameters[name] for name in BASE]) for parameters in (values, of_file))
     values |= dict(zip(BASE, with_own_numbers(chain, base, old, 0.0).tolist(), strict=True))
     return values | ({"b": values["a"]} if model.scale == "a" else {})
 
@@ -155,15 +155,15 @@ def _tolerances(model: MovingArmModel) -> dict[str, float]:
 
 def _changed(chain: ModelChain, arm: ChainArm, values: Values, of_file: Values) -> Iterator[_Group]:
     """Numbers that differ from the file."""
-    base, old = (np.array([some[name] for name in BASE]) for some in (values, of_file))
+    base, old = (np.array([parameters[name] for name in BASE]) for parameters in (values, of_file))
     for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):
         if any(values[name] != of_file[name] for name in terms):
             yield _Group(terms, body_rows(chain, base, old, number, 0.0))
     gear = (arm.gear or 1.0) / of_file["gain"]
-    own = _carried(chain) * values["L0"] ** 2, _carried(chain) * of_file["L0"] ** 2
+    of_rods = _carried(chain) * values["L0"] ** 2, _carried(chain) * of_file["L0"] ** 2
     numbers = [
         *((f"c{i + 1}", i, "damping", 1.0, (0.0, 0.0), "N m s/rad") for i in range(len(chain.rods))),
-        ("A", ARM, "inertia of the arm about its axis", 1.0, own, "kg m^2"),
+        ("A", ARM, "inertia of the arm about its axis", 1.0, of_rods, "kg m^2"),
         ("c0", ARM, "damping", 1.0, (0.0, 0.0), "N m s/rad"),
         ("gain", ARM, "gear of the motor", gear, (0.0, 0.0), ""),
         ("L0", ARM, "distance of the rods from the axis of the arm", 1.0, (0.0, 0.0), "m"),
@@ -178,8 +178,8 @@ def _with(model: MovingArmModel, values: Values, effects: Effects) -> MovingArmM
     """The model with other parameters and effects."""
     scale = values[model.scale]
     swing = [values[name] / (1.0 if name == "L0" else scale) for name in SWING_PARAMETERS]
-    own = {name: dict(sizes) for name, sizes in effects.items()}
-    return with_swing(model, swing, scale).model_copy(update={"effects": own})
+    sizes_of = {name: dict(sizes) for name, sizes in effects.items()}
+    return with_swing(model, swing, scale).model_copy(update={"effects": sizes_of})
 
 
 def _error(model: MovingArmModel, runs: Sequence[Run], rig: Rig) -> float:
@@ -188,4 +188,4 @@ def _error(model: MovingArmModel, runs: Sequence[Run], rig: Rig) -> float:
         followed = [follow_with_arm(run, rig, model, RANK.segment_s) for run in runs]
     except RunError:
         return RANK.lost_rad**2
-    return float(np.mean([np.nanmean((one.measured - one.simulated) ** 2) for one in followed]))
+    return float(np.mean([np.nanmean((swing.measured - swing.simulated) ** 2) for swing in followed]))
