@@ -35,7 +35,7 @@ def _richer(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 def _better_than_chance(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     chance = THRESHOLDS.chance * current.residuals.inflation
     better = current.cost - proposal.model.cost > chance
-    return Decision(better, f"the criterion falls by {'more' if better else 'smaller'} than {chance:.3g}")
+    return Decision(better, f"the criterion falls by {'more' if better else 'less'} than {chance:.3g}")
 
 
 def _simpler(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -118,7 +118,7 @@ def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposa
     if sets.possible(model) and not sets.possible(current) and excess(model) < THRESHOLDS.slow * excess(current):
         return Decision(True, "fewer parameters explain nearly as much, with sizes that a rig can have")
     better = model.cost < current.cost and at_noise_floor(model) >= at_noise_floor(current)
-    return Decision(better, f"fewer parameters explain {'more' if better else 'smaller'}")
+    return Decision(better, f"fewer parameters explain {'more' if better else 'less'}")
 
 
 def _nearly_as_good_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
