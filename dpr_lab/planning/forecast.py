@@ -43,12 +43,12 @@ class Stopping:
     """Minimum number of releases for several causes, or for the decision that there is no gap."""
     margin: float = 10.0
     """Minimum amplitude of a cause that a single release decides, in standard deviations."""
-    holds: float = 0.85
-    """Share of certain decisions after one more release that occur: 19 of 22 in `trials campaign --plan`, so its
+    holds: float = 0.83
+    """Share of certain decisions after one more release that occur: 25 of 30 in `trials campaign --plan`, so its
     uncertainty is about 0.07.
     """
-    clears: float = 0.2
-    """The same share while a remainder is unexplained: 1 of 5."""
+    clears: float = 0.3
+    """The same share while a remainder is unexplained: 2 of 7."""
     likely: float = 0.8
     """Probability of a decision from which this number of releases is recommended."""
     draws: int = 256
