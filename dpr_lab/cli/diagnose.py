@@ -141,9 +141,9 @@ def diagnose(
 def show(diagnosis: "Diagnosis") -> None:
     """Print the diagnosis, verdict first."""
     from dpr_lab.report.gap import check_tables, tables
-    from dpr_lab.report.gap.sections.trust import trust_words
     from dpr_lab.report.gap.sizes import scale_note
     from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences, summary_note
+    from dpr_lab.report.gap.trust_trials import trust_words
     from dpr_lab.report.words import in_words
 
     line(tables.sentence(diagnosis))

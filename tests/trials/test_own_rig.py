@@ -9,7 +9,8 @@ from dpr_lab.errors import RunError
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.trust import NOTHING
-from dpr_lab.report.gap.sections.trust import trust_figure, trust_words
+from dpr_lab.report.gap.sections.trust import trust_figure
+from dpr_lab.report.gap.trust_trials import trust_words
 from dpr_lab.rig import Rig
 from dpr_lab.trials import own_rig
 from dpr_lab.trials.own_rig import trust
