@@ -1,6 +1,6 @@
 """Preprocessing of runs: noise, and the state at every sample."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,17 @@ def preprocess(run: Run, rig: Rig, every: int = 1) -> PreprocessedRun:
     """
     refuse_moving_arms([run])
     refuse_without_motion(run, rig)
-    noise, swing = noise_floor(run, rig), run.swing
-    thinned = swing if every == 1 else swing.only(np.arange(len(swing.t)) % every == 0)
+    noise = noise_floor(run, rig)
+    thinned = run.swing if every == 1 else _thinned(run.swing, every)
     return PreprocessedRun(thinned, noise, smooth(thinned, noise).states)
+
+
+def _thinned(swing: Run, every: int) -> Run:
+    """Every n-th sample; torques are means until the next one, so that their impulse stays the same."""
+    mask = np.arange(len(swing.t)) % every == 0
+    thinned, first = swing.only(mask), np.flatnonzero(mask)
+    if swing.torques is None:
+        return thinned
+    held_s = np.diff(swing.t, append=2 * swing.t[-1:] - swing.t[-2:-1])
+    impulses = np.add.reduceat(swing.torques * held_s[:, None], first)
+    return replace(thinned, torques=impulses / np.add.reduceat(held_s, first)[:, None])

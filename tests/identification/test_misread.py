@@ -115,6 +115,17 @@ def test_driven_runs_with_their_torques_pass(driven, paper: Rig) -> None:
     refuse_misread(driven, paper)
 
 
+def test_the_torques_of_a_thinned_run_have_the_same_impulse(driven, paper: Rig) -> None:
+    every, fourth = (preprocess(driven[0], paper, count).run for count in (1, 4))
+    assert len(fourth.t) == -(-len(every.t) // 4)
+    impulses = []
+    for run in (every, fourth):
+        assert run.setup.torques is not None
+        t, impulse = run.setup.torques.knots
+        impulses.append(np.diff([np.interp(fourth.t, t, column) for column in impulse.T]))
+    assert impulses[1] == pytest.approx(impulses[0], abs=1e-12)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "case",

@@ -273,5 +273,5 @@ def _beginning(run: Run, seconds: float) -> Run:
 
 
 def _decimation(run: Run, slowness: float) -> int:
-    """Samples per kept sample; known torques are not decimated."""
-    return max(1, round(slowness * run.rate_hz / SETTINGS.rate_hz)) if run.torques is None else 1
+    """Samples per kept sample."""
+    return max(1, round(slowness * run.rate_hz / SETTINGS.rate_hz))
