@@ -16,26 +16,32 @@ UNYIELDING_NM = 1e6
 """Torque sufficient to hold a joint of any rig, N m."""
 
 _HOLDS = param_index(COULOMB[1].name, COULOMB[1].amplitudes[0].name)
-_OF_JOINT2 = [
-    param_index(effect.name, parameter.name)
-    for effect in EFFECTS.values()
-    if effect.joints == (1,) and effect.stage in ("torque", "load", "play", "drive")
-    for parameter in effect.amplitudes
-]
+_OF_JOINT2 = np.array(
+    [
+        param_index(effect.name, parameter.name)
+        for effect in EFFECTS.values()
+        if effect.joints == (1,) and effect.stage in ("torque", "load", "play", "drive")
+        for parameter in effect.amplitudes
+    ]
+)
 
-_OF_DRIVES = [
-    param_index(effect.name, parameter.name)
-    for effect in EFFECTS.values()
-    if effect.driven
-    for parameter in effect.amplitudes
-]
+_OF_DRIVES = np.array(
+    [
+        param_index(effect.name, parameter.name)
+        for effect in EFFECTS.values()
+        if effect.driven
+        for parameter in effect.amplitudes
+    ]
+)
 
-_OF_ARM = [
-    param_index(effect.name, parameter.name)
-    for effect in EFFECTS.values()
-    if effect.of_arm
-    for parameter in effect.amplitudes
-]
+_OF_ARM = np.array(
+    [
+        param_index(effect.name, parameter.name)
+        for effect in EFFECTS.values()
+        if effect.of_arm
+        for parameter in effect.amplitudes
+    ]
+)
 
 
 def differ(params: NDArray[np.float64], setups: Sequence[Setup]) -> bool:

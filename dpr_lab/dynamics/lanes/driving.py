@@ -6,6 +6,7 @@ An arm with the motion theta0(t) exerts these torques on the rods, docs/theory.m
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -41,8 +42,9 @@ class Drive(NamedTuple):
     """Speed of an arm with prescribed motion, rad/s."""
 
 
-def drive_of(setups: Sequence[Setup]) -> Drive:
-    """Known torques and arm motions of runs."""
+@lru_cache(maxsize=16)
+def drive_of(setups: tuple[Setup, ...]) -> Drive:
+    """Known torques and arm motions of runs, which every prediction of their segments needs."""
     no_torques, nothing = (np.zeros(0), np.zeros((0, 2))), (np.zeros(0), np.zeros(0))
     return Drive(
         rods=_in_sequence([s.torques.knots if s.torques and s.torques.on_joints else no_torques for s in setups]),
@@ -91,16 +93,27 @@ def _next_step(w: LaneWorkspace, k: int) -> tuple[float, float]:
 
 @subroutine
 def set_torques(w: LaneWorkspace, drive: Drive, run: NDArray[np.int64], knot: NDArray[np.int64]) -> None:
-    """Mean known torques over the next step of each lane; `knot` (2, LANES) contains the intervals used last."""
-    rods, arm = drive.rods, drive.arm
+    """Mean known torques over the next step of each lane; `knot` (2, LANES) contains the intervals used last.
+
+    Neighbouring lanes often take the same step of the same run, with the same torques.
+    """
+    rods, arm, before, start, stop = drive.rods, drive.arm, -1, 0.0, 0.0
     for k in range(LANES):
+        last_start, last_stop = start, stop
         start, stop = _next_step(w, k)
         start, stop = start - w.late[k], stop - w.late[k]
+        if run[k] == before and start == last_start and stop == last_stop:
+            w.drive0[k], w.drive1[k], w.drive2[k] = w.drive0[k - 1], w.drive1[k - 1], w.drive2[k - 1]
+            knot[0, k], knot[1, k] = knot[0, k - 1], knot[1, k - 1]
+            continue
+        before = run[k]
         i = _interval(rods, run[k], knot[0, k], start)
         if i >= 0:
             knot[0, k], j = i, _interval(rods, run[k], i, stop)
-            w.drive1[k] = (_value(rods, j, stop, 0) - _value(rods, i, start, 0)) / (stop - start)
-            w.drive2[k] = (_value(rods, j, stop, 1) - _value(rods, i, start, 1)) / (stop - start)
+            w.drive1[k], w.drive2[k] = (
+                (_value(rods, j, stop, 0) - _value(rods, i, start, 0)) / (stop - start),
+                (_value(rods, j, stop, 1) - _value(rods, i, start, 1)) / (stop - start),
+            )
         i = _interval(arm, run[k], knot[1, k], start)
         if i >= 0:
             knot[1, k], j = i, _interval(arm, run[k], i, stop)

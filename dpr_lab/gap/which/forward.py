@@ -67,10 +67,13 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
     """The best set of each size.
 
     Far from the noise, a single effect that does not reduce the excess does not stop the search: two effects of similar
-    size may reduce it only together.
+    size may reduce it only together. In full segments it ends as soon as the noise of known torques is refuted,
+    because it is then repeated without this noise (`dpr_lab.gap.known_torques`).
     """
     best, front, passed = start, [start], False
     for _ in range(max_effects - len(sets.unexpected(start))):
+        if not to_floor and _refutes_process_noise(sets, best):
+            return
         level: dict[frozenset[str], Hypothesis] = {}
         for model in front:
             for larger in _with_one_more(sets, model, level):
@@ -90,6 +93,18 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
         if to_floor and at_noise_floor(best):
             return
         front = [largest] if at_noise_floor(largest) else [largest, *_runners_up(sets, largest, ranked[1:])]
+
+
+def _refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
+    """Whether a set stays far from the noise, that of known torques included, even with all effects together.
+
+    The reduction by all candidates of the score test is at least that by any few of them, as far as they are linear.
+    """
+    if sets.problem.disturbance is None or not far_from_noise(model):
+        return False
+    test = sets.test(model)
+    remaining = float(np.sum(test.linear.e**2)) - test.space.gain()
+    return remaining > THRESHOLDS.far * model.residuals.dof
 
 
 def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:
