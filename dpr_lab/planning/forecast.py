@@ -53,8 +53,6 @@ class Stopping:
     """Probability of a decision from which this number of releases is recommended."""
     draws: int = 256
     """Number of random draws for each cause."""
-    open: float = 0.05
-    """Probability relative to the most probable cause from which another cause is undecided."""
     separable: float = 6.0
     """d^2 from which two causes count as separable: odds of 20 to 1 on average."""
     repeats: int = 6

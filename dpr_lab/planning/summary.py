@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.acceptance.judge import SURE
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
@@ -42,7 +43,7 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
         _planned(k, step, after[k], objective, reason.text)
         for k, (step, reason) in enumerate(zip(steps, reasons, strict=True), 1)
     ]
-    stuck = _inseparable(objective, steps)
+    stuck = inseparable(objective, steps)
     state = _state(known, stuck)
     return Plan(
         state=state,
@@ -130,7 +131,7 @@ def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
     ]
 
 
-def _inseparable(objective: Objective, steps: Sequence[SequenceStep]) -> list[Inseparable]:
+def inseparable(objective: Objective, steps: Sequence[SequenceStep]) -> list[Inseparable]:
     """Pairs of causes that even several of the best releases do not decide, with the bench check that decides them."""
     if not steps:
         return []
@@ -138,9 +139,10 @@ def _inseparable(objective: Objective, steps: Sequence[SequenceStep]) -> list[In
     F = objective.known.information + STOPPING.repeats * np.mean([step.information for step in steps], axis=0)
     for pairs, gained in zip(objective.pairs, objective.gained(F), strict=True):
         best = int(np.argmax(pairs.probabilities))
+        if pairs.probabilities[best] >= SURE:
+            continue
         for other, name in enumerate(pairs.names):
-            open_still = pairs.probabilities[other] >= STOPPING.open * pairs.probabilities[best]
-            if other != best and open_still and max(gained[best, other], gained[other, best]) < STOPPING.separable:
+            if other != best and max(gained[best, other], gained[other, best]) < STOPPING.separable:
                 check = EFFECTS[pairs.names[best]].bench_check
                 stuck.append(Inseparable(causes=(pairs.names[best], name), check=check))
     return stuck

@@ -1,11 +1,19 @@
 """Stopping rule: what one release decides, what needs a second one, and what a bench check must decide."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from dpr_lab.gap.result.diagnosis import Diagnosis, load_diagnosis
 from dpr_lab.planning.forecast import STOPPING, decided, decision_probability
+from dpr_lab.planning.knowledge import Causes, known_before
+from dpr_lab.planning.limits import PlanLimits
+from dpr_lab.planning.sequence import Planner
+from dpr_lab.planning.summary import inseparable
+from dpr_lab.planning.worth.objective import Objective
+from dpr_lab.rig import Rig
 
 TWO_NAMED = Path(__file__).parents[1] / "tui" / "data" / "diagnosis.json"
 
@@ -71,3 +79,14 @@ def test_a_remainder_seldom_disappears() -> None:
     explained, left = (decision_probability([], [], explained=explained) for explained in (True, False))
     assert (explained, left) == pytest.approx((STOPPING.holds, STOPPING.clears))
     assert left < 0.5 * explained
+
+
+@pytest.mark.parametrize(("probability", "listed"), [(0.947, True), (0.96, False)])
+def test_a_cause_just_below_a_decision_gets_its_bench_check(paper: Rig, probability: float, listed: bool) -> None:
+    known = known_before(paper)
+    causes = Causes("encoder_offset_joint1", {"encoder_offset_joint1": probability, "base_tilt": 0.98 - probability})
+    objective = Objective.of(replace(known, causes=(causes,), named=frozenset({"encoder_offset_joint1"})))
+    assert len(objective.pairs) == 1
+    step = Planner(objective, PlanLimits(), np.random.default_rng(0)).sequence(1, None)
+    stuck = inseparable(objective, step)
+    assert [pair.causes for pair in stuck] == [("encoder_offset_joint1", "base_tilt")] * listed
