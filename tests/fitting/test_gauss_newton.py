@@ -188,6 +188,17 @@ def test_a_reduction_of_chi2_beyond_a_bound_is_no_evidence(clean, tested):
     )
 
 
+def test_a_parameter_that_one_run_alone_determines_keeps_its_prior_without_this_run(clean):
+    problem, base = clean
+    fold = folds(problem)
+    A = base.fit.linear.A.copy()
+    A[fold == 0, :, 0] *= 1e9
+    A[fold != 0, :, 0] = 0.0
+    known = replace(base.fit, linear=replace(base.fit.linear, A=A))
+    assert np.isfinite(predictive_loss(known, fold, 1.0)).all()
+    assert np.isfinite(left_out_chi2(known, fold)).all()
+
+
 def test_a_score_promises_what_the_fit_then_gains(recorded, bare, tested):
     problem, base = bare(recorded({"base_tilt": {"tilt_rad": 5e-4}}))
     (item,) = tested(problem, base.fit, [EFFECTS["base_tilt"]]).ranking

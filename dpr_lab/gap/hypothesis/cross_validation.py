@@ -17,6 +17,7 @@ term of a spring that only one run winds up: the other runs would extrapolate it
 parameter, is always taken from the other runs.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,8 +72,15 @@ class _Folds:
         self.shapes = np.array([bool(name) and name in effects[:k] for k, name in enumerate(effects)], dtype=np.bool_)
         self.e = fit.linear.e
         self.folds = [self._fold(fold == r) for r in np.unique(fold)]
-        self.H = sum((part.H for part in self.folds), np.eye(len(free)))
-        self.gradient = sum((part.gradient for part in self.folds), np.zeros(len(free)))
+        self.H, self.gradient = self._total(self.folds)
+
+    def without(self, left_out: _Fold) -> tuple[Array, Array]:
+        """Normal equations of all other folds: as their sum, because in a difference rounding can remove the prior."""
+        return self._total([part for part in self.folds if part is not left_out])
+
+    def _total(self, parts: Sequence[_Fold]) -> tuple[Array, Array]:
+        k = self.A.shape[2]
+        return sum((part.H for part in parts), np.eye(k)), sum((part.gradient for part in parts), np.zeros(k))
 
     def seen_by_one_alone(self, fold: _Fold, V: Array) -> NDArray[np.bool_]:
         """(free,) parameters that are free in a held-out run, like its initial state.
@@ -114,8 +122,9 @@ def left_out_chi2(fit: Fit, fold: NDArray[np.int64]) -> Array:
     parts = _Folds(fit, fold)
     chi2 = np.sum(parts.e**2, axis=1)
     for left_out in parts.folds:
-        V = np.asarray(np.linalg.inv(parts.H - left_out.H), dtype=np.float64)
-        error = parts.e[left_out.segments] - parts.A[left_out.segments] @ (V @ (parts.gradient - left_out.gradient))
+        H, gradient = parts.without(left_out)
+        V = np.asarray(np.linalg.inv(H), dtype=np.float64)
+        error = parts.e[left_out.segments] - parts.A[left_out.segments] @ (V @ gradient)
         if (directions := parts.seen_by_one_alone(left_out, V)).any():
             # parameters that are tied to the free ones move along
             columns = parts.A[left_out.segments] @ (V[:, directions] @ np.linalg.inv(V[np.ix_(directions, directions)]))
@@ -134,7 +143,7 @@ def predictive_loss(fit: Fit, fold: NDArray[np.int64], inflation: float) -> Arra
     _, volume = np.linalg.slogdet(parts.H)
     losses = []
     for left_out in parts.folds:
-        H, gradient = parts.H - left_out.H, parts.gradient - left_out.gradient
+        H, gradient = parts.without(left_out)
         others = chi2 - left_out.chi2 - gradient @ np.linalg.solve(H, gradient)
         losses.append(total - others + inflation * (volume - np.linalg.slogdet(H)[1]))
     return np.array(losses)
