@@ -63,6 +63,18 @@ def test_a_hand_that_still_brakes_at_the_beginning_is_left_out(tmp_path):
     assert cleaned.records[1].t[0] < 0.05
 
 
+@pytest.mark.parametrize(("since", "until", "acceleration"), [(0.53, 0.58, 30.0), (0.63, 0.98, 7.0)])
+def test_a_push_soon_after_the_release_is_left_out_to_its_end(tmp_path, since, until, acceleration):
+    rng, t = np.random.default_rng(0), np.arange(0.0, 3.0, 0.005)
+    rig = one_rod(1.5 * 9.81 / W2, 0.1, 4096, rng)
+    rod = Rod(W2, 0.3, 0.0, 0.0, torque=lambda now: acceleration * (since < now < until))
+    angle = rod_swing(rod, 0.33, t) + rng.normal(0.0, 5e-4, len(t))
+    run = table(tmp_path, "pushed", rig, {"t_s": t, "theta1_rad": angle})
+    cleaned, _, bare = fit_bare_model(Recordings((record(run, rig),), rig), nominal_ratios(rig))
+    assert until < cleaned.records[0].t[0] < until + 0.3
+    assert bare.residuals.noise_ratio < 0.5
+
+
 def filmed(folder: Path, rod: Rod) -> tuple[Rig, list[Run]]:
     """A rod in a film of 30 frames per second, whose points scatter by a hundredth of its length."""
     rng = np.random.default_rng(1)

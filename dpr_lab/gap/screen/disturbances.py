@@ -161,18 +161,34 @@ def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float |
     begins = problem.t[problem.segments.offsets[:-1]]
     if len(energy) < 4 or not np.isfinite(energy).all():
         return None
+    level = fit.linear.chi2_by_segment / np.diff(problem.segments.offsets)
     top = int(np.argmax(energy))
     if _only_rose_before(energy, energy, top, begins, 0.0):
-        return float(begins[top])
+        return float(begins[_first_followed(level, top)])
     if len(energy) < 2 * RULES.smoothed:
         return None
-    level = fit.linear.chi2_by_segment / np.diff(problem.segments.offsets)
     if level[0] > max(RULES.first, RULES.first * float(level[1:].max())):
         # Free rods do not follow the readings under a push, so that only the readings show their speed.
         energy[0] = energies(problem, fit.estimate.changed(initial=recordings.cut(LENGTHS.first)[1]))[0]
     smooth, scatter = _smoothed(energy), _scatter(energy)
     top = int(np.argmax(energy >= smooth.max() - 2 * scatter))
-    return float(begins[top]) if _only_rose_before(energy, smooth, top, begins, scatter) else None
+    if not _only_rose_before(energy, smooth, top, begins, scatter):
+        return None
+    return float(begins[_first_followed(level, top)])
+
+
+def _first_followed(level: Array, top: int) -> int:
+    """First segment from `top` on that free rods follow.
+
+    The energy of a segment that contains the push is not the energy at its start.
+
+    Args:
+        level: (segments,) chi2 per reading
+        top: segment with the maximum energy
+    """
+    usual = max(float(np.median(level[top:])), 1.0)
+    followed = np.flatnonzero(level[top:] < RULES.outstanding * usual)
+    return top + int(followed[0]) if len(followed) else top
 
 
 def _held_until(recordings: Recordings, ratios: Array) -> float | None:
