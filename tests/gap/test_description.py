@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 from dpr_lab.effects import EFFECTS, effect_params, plausibility
 from dpr_lab.errors import RunError
@@ -22,7 +24,7 @@ from dpr_lab.workflows.diagnose import failures
 from sim_device.plant.config import load_plant
 from sim_device.trials.driven import driven_runs
 from sim_device.trials.offline_recorder import record
-from tests import one_rod
+from tests import bench_rigs, one_rod
 from tests.storage.mutated_tables import mutated_tables
 
 SOME = {
@@ -95,6 +97,25 @@ def test_a_single_rod_that_is_read_correctly_is_not_asked_for_its_scale(seed: in
     rig, runs = one_rod.recorded(one_rod.drawn(seed), seed, tmp_path)
     result = diagnose(runs, rig)
     assert result.verdict != "unexplained"
+    assert "--scale" not in result.sentence
+
+
+@pytest.mark.slow
+def test_no_scale_is_asked_for_that_does_not_close_the_gap_either(tmp_path: Path):
+    """A spring outside the library, and an encoder that slips on the way out."""
+    t, w2 = np.arange(0.0, 4.0, 0.005), 60.0
+    rig = bench_rigs.one_rod(1.5 * 9.81 / w2, 0.1, 4096, np.random.default_rng(0))
+
+    def slope(_: float, x: NDArray[np.float64]) -> list[float]:
+        return [x[1], -w2 * np.sin(x[0]) - 0.5 * x[1] - 8.0 * x[0] ** 3]
+
+    angle = solve_ivp(slope, (0.0, t[-1]), [0.9, 0.0], "LSODA", t_eval=t, rtol=1e-8, atol=1e-9).y[0]
+    outwards = angle * np.gradient(angle, t) > 0
+    far = np.clip((np.abs(angle) - 0.1) / 0.05, 0.0, 1.0)
+    reading = angle - 0.03 * outwards * far * np.sign(angle) * np.sin(30.0 * np.abs(angle)) ** 2
+    run = bench_rigs.table(tmp_path, "slips", rig, {"t_s": t, "theta1_rad": reading})
+    result = diagnose([run], rig, library={name: EFFECTS[name] for name in ("coulomb_joint1", "detent_joint1")})
+    assert result.verdict == "unexplained"
     assert "--scale" not in result.sentence
 
 

@@ -5,7 +5,7 @@ and a torque that depends on the angle, such as that of a cable or of cogging. T
 show their scale, as do those of a rod on an arm that moves; those of one degree of freedom do not.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,22 @@ from dpr_lab.effects import without_effect
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.rig import Rig
 
 Array = NDArray[np.float64]
 
+
+@dataclass(frozen=True, slots=True)
+class OtherScaleRules:
+    """Limit for a question about the scale."""
+
+    explains: float = 0.93
+    """Minimum share of the excess chi-square that the model at the other scale explains."""
+
+
+RULES = OtherScaleRules()
 SCALES = (2.0, 0.5)
 """True angle over the reading, as for a wrong number of counts per turn."""
 
@@ -41,7 +51,7 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
     bare = selection.base.fit.estimate.ratios  # an effect of the angle has changed the gravity of the selected set
     tried = [(factor, _scaled_fit(problem, chosen, bare, factor, names)) for names in smaller for factor in SCALES]
     factor, best = min(tried, key=lambda pair: pair[1].cost)
-    if best.cost > chosen.cost + THRESHOLDS.chance * chosen.residuals.inflation:
+    if best.cost > chosen.cost + THRESHOLDS.chance * chosen.residuals.inflation or not _closes(best, selection):
         return ""
     joint, coupled = 2 if rig.rods.mounted == "outer" else 1, rig.rods.mounted == "both"
     counts = rig.encoders.counts_per_rev[joint]
@@ -52,6 +62,12 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
         f" of {moving} cannot show the difference. Check counts_per_rev of joint {joint} ({counts} in the rig file;"
         f" it would be {counts / factor:.0f}), or the unit of the table ({option})."
     )
+
+
+def _closes(scaled: Hypothesis, selection: Selection) -> bool:
+    """Whether the model at another scale explains the gap; of two models that leave it open neither is evidence."""
+    before, after = selection.base.residuals.excess, max(scaled.residuals.excess, 0.0)
+    return at_noise_floor(scaled) or after <= (1 - RULES.explains) * before
 
 
 def _scaled_fit(
