@@ -129,6 +129,15 @@ BOB = np.column_stack([-np.sin(SWING), np.cos(SWING)])
             "t,x0,y0,x1,y1\n",
             "pivot 0, tip 1",
         ),
+        (
+            np.column_stack([0.3 * BOB + (0.1, 0.25), 0.3 * np.gradient(BOB, T, axis=0)]),
+            ",".join(
+                f"VideoAnalysis: {name}"
+                for name in ("Time (s)", "X (m)", "Y (m)", "X Velocity (m/s)", "Y Velocity (m/s)")
+            )
+            + "\n",
+            "centre of the circle of point",
+        ),
     ],
 )
 def test_one_moving_point_is_a_single_rod(tmp_path: Path, points: np.ndarray, head: str, pivot: str) -> None:
@@ -139,3 +148,11 @@ def test_one_moving_point_is_a_single_rod(tmp_path: Path, points: np.ndarray, he
     assert any(pivot in note for note in run.notes)
     with pytest.raises(RunError, match="no single column found for theta2"):
         read(file)
+
+
+def test_a_column_that_is_named_as_the_angle_is_no_coordinate(tmp_path: Path) -> None:
+    """A tracker exports the time as x and the angle as y."""
+    file = text(tmp_path / "a.txt", np.column_stack([T, np.degrees(SWING) - 180]), "\t", "x\ty\n")
+    columns = {"t": "x", "theta1": "y"}
+    run = import_csv(file, RIG.with_rods("inner"), ImportOptions(unit="deg", zero="hanging", columns=columns))
+    np.testing.assert_allclose(run.theta[:, 1], SWING, atol=1e-9)

@@ -76,7 +76,6 @@ def test_a_certain_mistake_is_questioned_with_the_option_that_mends_it(
         ("driven/ms_as_s", r"the times are in ms \(--time-unit ms\)"),
         ("wild/s_as_ms", r"the times are in s \(--time-unit s\)"),
         ("free/us_as_s", r"in us, which makes them 0.005 s apart \(--time-unit us\)"),
-        ("free/time_of_few_digits", r"time column has too few digits.*\(--rate-hz\)"),
         ("free/other_pose", r"not in pose X2 .*: it is pose X1 \(--pose X1\)"),
         ("free/reversed_rows", "time decreases in all rows: sort the rows by time"),
         ("free/bad_word", "is not a number: correct it, or leave the field empty"),

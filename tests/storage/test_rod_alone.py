@@ -80,6 +80,19 @@ def test_raw_counts_of_one_rod(one: Rig, tmp_path: Path) -> None:
     assert run.theta[:, 1] == pytest.approx(SWING + np.pi, abs=3e-4)
 
 
+def test_evenly_spaced_rows_with_rounded_times_are_counted(one: Rig, tmp_path: Path) -> None:
+    """A film of 30 frames per second whose times have one digit."""
+    t = np.arange(150) / 30
+    swing = 1.2 * np.cos(6 * t)
+    run = import_csv(table(tmp_path, "t,theta1", np.round(t, 1), swing), one, ImportOptions(zero="hanging"))
+    assert run.t - run.t[0] == pytest.approx(t, abs=0.01)
+    assert np.ptp(np.diff(run.t)) < 3e-9
+    assert any("several rows share one time: its resolution is 0.1 s" in note for note in run.notes)
+    lost = np.delete(np.arange(150), slice(60, 72))
+    with pytest.raises(RunError, match=r"time column has too few digits.*\(--rate-hz\)"):
+        import_csv(table(tmp_path, "t,theta1", np.round(t, 1)[lost], swing[lost]), one, ImportOptions(zero="hanging"))
+
+
 @pytest.mark.parametrize("said", [{"mounted": "inner"}, {"elbow": "clamped"}], ids=str)
 def test_a_table_in_which_both_rods_swing_contradicts_one(paper: Rig, tmp_path: Path, said: dict[str, str]) -> None:
     file = table(tmp_path, "t,theta1,theta2", T, SWING, np.cos(9 * T))

@@ -57,13 +57,14 @@ READERS: tuple[Reader, ...] = (*_OWN, *plugin_rows("readers", Reader, ()).values
 """Formats in the order in which they are tried; any other file is text, or text compressed by gzip."""
 
 
-def read_any(path: Path, take: Sequence[str] = (), on_progress: OnImport = unwatched) -> Table:
+def read_any(path: Path, take: Sequence[str] = (), on_progress: OnImport = unwatched, *, points: bool = True) -> Table:
     """Read a table of any kind.
 
     Args:
         path: a file, or the folder of a ROS 2 bag
         take: names of the requested parts if a file contains more than one recording (`ImportOptions.take`)
         on_progress: called after each block of a text
+        points: whether columns of x and y in a text are points, which become angles
 
     Raises:
         RunError: the file cannot be read, or contains no columns of numbers.
@@ -77,5 +78,7 @@ def read_any(path: Path, take: Sequence[str] = (), on_progress: OnImport = unwat
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
     # MATLAB files of version 4 have no signature.
-    unmarked = read_matlab if path.suffix.lower() == ".mat" else partial(read_text, on_progress=on_progress)
+    unmarked = (
+        read_matlab if path.suffix.lower() == ".mat" else partial(read_text, on_progress=on_progress, points=points)
+    )
     return next((reader.read for reader in READERS if begin.startswith(reader.begins)), unmarked)(path, take)

@@ -23,7 +23,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.run import FilmNoise
 from dpr_lab.shown import percent
-from dpr_lab.storage.tables.columns import is_time
+from dpr_lab.storage.tables.columns import bare, is_time, own_name
 from dpr_lab.storage.tables.table import Table, read_table
 
 
@@ -72,19 +72,19 @@ class _Point:
     """(n, 2) x to the right, y upwards, NaN if the point was not detected."""
 
 
-def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched) -> Table:
-    """Read a text table; a table of points is converted to angles.
+def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched, *, points: bool = True) -> Table:
+    """Read a text table; a table of points is converted to angles, unless `points` is false.
 
     Raises:
         RunError: as `dpr_lab.storage.tables.table.read_table`, or points that are not the ends of two rods.
     """
     table = read_table(path, on_progress)
-    kind, points = _points(table)
-    if not points:
+    kind, tracked = _points(table) if points or take else ("", [])
+    if not tracked:
         if take:
             raise RunError(f"{path}: is a single table without parts: remove --take")
         return table
-    return _angles(replace(table, kind=kind), points, take)
+    return _angles(replace(table, kind=kind), tracked, take)
 
 
 def _points(table: Table) -> tuple[str, list[_Point]]:
@@ -93,15 +93,16 @@ def _points(table: Table) -> tuple[str, list[_Point]]:
     if "bodyparts" in rows and "coords" in rows:
         columns = zip(rows["bodyparts"], (coord.lower() for coord in rows["coords"]), strict=True)
         return "table of points by DeepLabCut", list(_upwards(table, list(columns)[1:], 1, -1.0))
-    names = [re.sub(r"[\W_]", "", name).lower() for name in table.names]
+    names = [bare(name) for name in table.names]
     if names.count("x") > 1 and names.count("x") == names.count("y"):
         columns = list(zip(_groups(table), names, strict=True))
         return "table of points by Tracker", list(_upwards(table, columns, 0, 1.0))
-    angles = any(re.search(r"th|phi|angle|^q\d|joint", name.lower()) for name in table.names)
-    alone = [("point", match[1].lower()) if (match := _ALONE.fullmatch(name)) else ("", "") for name in table.names]
+    own = [own_name(name) for name in table.names]
+    angles = any(re.search(r"th|phi|angle|^q\d|joint", name.lower()) for name in own)
+    alone = [("point", match[1].lower()) if (match := _ALONE.fullmatch(name)) else ("", "") for name in own]
     if sorted(axis for _, axis in alone if axis) == ["x", "y"] and not angles:
         return PLAIN, list(_upwards(table, alone, 0, -1.0))
-    fitted = [_BY_NAME.fullmatch(name) for name in table.names]
+    fitted = [_BY_NAME.fullmatch(name) for name in own]
     columns = [((m["n1"] or m["n2"]).lower(), (m["c1"] or m["c2"]).lower()) if m else ("", "") for m in fitted]
     pairs = {name for name, _ in columns if {(name, "x"), (name, "y")} <= set(columns)}
     if not pairs or angles:

@@ -25,6 +25,9 @@ _COUNT_NAME = (
 _ONE_ROD = re.compile(f"{_ANGLE_NAME}|{_COUNT_NAME}".format(axis=""))
 _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
 _SAID_UNIT = re.compile(r"(?<![a-z])(rad|deg|counts)(ians|rees)?(?![a-z])|(°)")
+_ONLY_UNIT = re.compile(
+    r"\W*(rad|radians?|deg|degrees?|°|counts?|ticks?|m?s|us|sec|seconds|px|pixels?|[mc]?m)\W*", re.I
+)
 _NO_NAME = re.compile(r"\d+|.+\[\d+\]")
 
 
@@ -173,6 +176,12 @@ def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: s
             raise RunError(f"{table.path}: column {name!r} states {stated[0]}, but the given unit is {given}")
 
 
+def own_name(name: str) -> str:
+    """A column name without the name of its group, as Logger Pro writes it: `X` of `VideoAnalysis: X`."""
+    rest = name.partition(": ")[2].strip()
+    return name if not rest or _ONLY_UNIT.fullmatch(rest) else rest
+
+
 def bare(name: str) -> str:
-    """A column name without separators, in lower case."""
-    return re.sub(r"[\W_]+", "", name.lower())
+    """A column name without its group and separators, in lower case."""
+    return re.sub(r"[\W_]+", "", own_name(name).lower())

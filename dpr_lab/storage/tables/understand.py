@@ -28,6 +28,7 @@ from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
 from dpr_lab.storage.tables.plausible import PLAUSIBLE, check_spacing, gap_notes, outliers, recorded_by_stamps
 from dpr_lab.storage.tables.questions import questions, refuse_push
 from dpr_lab.storage.tables.readings import TO_RADIANS, angles, wrap_notes
+from dpr_lab.storage.tables.rounded_times import even_times
 from dpr_lab.storage.tables.table import Table
 from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, held_torque, torque_column
 
@@ -88,7 +89,8 @@ def understand(
     if options.pose is not None and options.pose not in rig.poses:
         raise RunError(f"{file}: pose {options.pose!r} is not one of the rig's: {', '.join(rig.poses) or 'none'}")
     path = Path(file)
-    table, given = read_any(path, options.take, on_progress), dict(options.columns)
+    named_angles = not set(AXES).isdisjoint(options.columns)
+    table, given = read_any(path, options.take, on_progress, points=not named_angles), dict(options.columns)
     if rig.rods.mounted != "both":
         table, given = with_still_joint2(table, given)
     for driving_column in ("input", *JOINTS):
@@ -101,6 +103,8 @@ def understand(
     columns_read = {axis: table.column(columns.names[axis]) for axis in AXES if axis in columns.names}
     readings, unrecorded = _recorded(table, columns_read)
     _check_forwards(table, t, options, readings)
+    t, rounded = even_times(t, readings)
+    unrecorded += [rounded] if rounded else []
     outliers = _drop_outliers(readings, rig, options)
     recorded = [
         name
