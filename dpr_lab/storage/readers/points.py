@@ -97,12 +97,12 @@ def _points(table: Table) -> tuple[str, list[_Point]]:
     if names.count("x") > 1 and names.count("x") == names.count("y"):
         columns = list(zip(_groups(table), names, strict=True))
         return "table of points by Tracker", list(_upwards(table, columns, 0, 1.0))
-    own = [own_name(name) for name in table.names]
-    angles = any(re.search(r"th|phi|angle|^q\d|joint", name.lower()) for name in own)
-    alone = [("point", match[1].lower()) if (match := _ALONE.fullmatch(name)) else ("", "") for name in own]
+    ungrouped = [own_name(name) for name in table.names]
+    angles = any(re.search(r"th|phi|angle|^q\d|joint", name.lower()) for name in ungrouped)
+    alone = [("point", match[1].lower()) if (match := _ALONE.fullmatch(name)) else ("", "") for name in ungrouped]
     if sorted(axis for _, axis in alone if axis) == ["x", "y"] and not angles:
         return PLAIN, list(_upwards(table, alone, 0, -1.0))
-    fitted = [_BY_NAME.fullmatch(name) for name in own]
+    fitted = [_BY_NAME.fullmatch(name) for name in ungrouped]
     columns = [((m["n1"] or m["n2"]).lower(), (m["c1"] or m["c2"]).lower()) if m else ("", "") for m in fitted]
     pairs = {name for name, _ in columns if {(name, "x"), (name, "y")} <= set(columns)}
     if not pairs or angles:
