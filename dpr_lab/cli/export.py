@@ -124,7 +124,9 @@ def _ensemble(
     if done.bands:
         columns = ("run", "readings in the band", "until, s", "mean width, mrad")
         rows = [(b.run, percent(b.covered), f"{b.until_s:.3g}", f"{1e3 * b.width_rad:.3g}") for b in done.bands]
-        note = f"Standard deviations multiplied by {done.factor:g}, so that 90 % bands of many models cover these runs."
+        note = (
+            f"Standard deviations multiplied by {done.factor:.3g}: with it, 90 % bands of many models cover these runs."
+        )
         table("Predictive bands", columns, rows, note=note)
     if done.expected_coverage < BANDS.level:
         line(
