@@ -8,6 +8,8 @@
     diagnosis = dpr.diagnose(runs, rig)
     dpr.plot_response([dpr.compare(run, rig, model) for run in runs]).savefig("response.png")
 
+Recordings of a free or driven arm: `identify_moving_arm` and `compare_moving_arm`; `diagnose` takes both kinds.
+
 Names in `__all__` without an underscore stay the same from one minor version to the next; before a name is removed, it
 gives a warning for one minor version. Everything else may change.
 """
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from dpr_lab.identification.identify import identifiability_of as identifiability
     from dpr_lab.identification.identify import identify
     from dpr_lab.identification.model import Model, load_model
+    from dpr_lab.identification.moving_arm.identify import compare_moving_arm, identify_moving_arm
     from dpr_lab.planning.plan import plan
     from dpr_lab.planning.result import Plan
     from dpr_lab.report.data_frame import to_dataframe
@@ -52,9 +55,11 @@ __all__ = [
     "Rig",
     "Run",
     "compare",
+    "compare_moving_arm",
     "diagnose",
     "identifiability",
     "identify",
+    "identify_moving_arm",
     "import_table",
     "load_model",
     "load_rig",
@@ -77,6 +82,7 @@ _PLACES = {
     "identification.compare": ("Comparison", "compare=compare_run"),
     "identification.identify": ("identifiability=identifiability_of", "identify"),
     "identification.model": ("Model", "load_model"),
+    "identification.moving_arm.identify": ("compare_moving_arm", "identify_moving_arm"),
     "planning.plan": ("plan",),
     "planning.result": ("Plan",),
     "report.data_frame": ("to_dataframe",),
