@@ -81,7 +81,7 @@ def read_sdf(path: Path, text: bytes | None = None) -> SimulatorModel:
 
 def _refuse_masses_of_meshes(root: Element, path: Path) -> None:
     for link in root.iter("link"):
-        if _from_shapes(link) and any(link.iterfind("collision/geometry/mesh")):
+        if _from_shapes(link) and link.find("collision/geometry/mesh") is not None:
             raise ConfigError(
                 f"{path}: the mass of link {link.get('name', '')!r} is defined by a mesh, which is not loaded: give its"
                 " <inertial> a mass and an inertia instead of auto"
