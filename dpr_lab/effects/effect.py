@@ -272,6 +272,8 @@ class Effect:
     """
     implied: Callable[[Params], Params] | None = None
     """Derived quantities that are reported with its parameters, by name; {} if there are none."""
+    derived: tuple[EffectParameter, ...] = ()
+    """Their units."""
     exported: Callable[[Params], Words] | None = None
     """Function that returns the effect as such elements; None, or {} if these parameters have none: other programs
     then call its kernel or omit it.

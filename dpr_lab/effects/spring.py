@@ -58,6 +58,7 @@ SPRING = pair(
     words="cable spring, joint {j}",
     kernel=elastic,
     implied=rest_angle,
+    derived=(EffectParameter("rest_angle_rad", "rad", 0.1),),
     exported=linear,
     possible=is_one_spring,
     twins=("encoder_scale",),

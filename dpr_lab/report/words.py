@@ -65,15 +65,14 @@ def size_words(effect: str, name: str, angles: AngleUnit = RADIANS, *values: flo
         values: SI: the value alone, or the value and both ends of its interval
     """
     unit, factor = _displayed_unit(_parameter(effect, name), angles)
-    if name.endswith("angle_rad"):  # a position, also one that is derived from the parameters
-        unit, factor = angles.symbol.strip(), angles.per_rad
     value, *ends = (three(factor * value) for value in values)
     return f"{value} {unit}".strip() + (f" ({ends[0]} to {ends[1]})" if ends else "")
 
 
 def _parameter(effect: str, name: str) -> EffectParameter | None:
-    parameters = EFFECTS[effect].parameters if effect in EFFECTS else ()
-    return next((parameter for parameter in parameters if parameter.name == name), None)
+    if effect not in EFFECTS:
+        return None
+    return next((p for p in (*EFFECTS[effect].parameters, *EFFECTS[effect].derived) if p.name == name), None)
 
 
 def _displayed_unit(parameter: EffectParameter | None, angles: AngleUnit) -> tuple[str, float]:

@@ -99,3 +99,11 @@ class ModelChain:
     """Additional terms of the joints with their values."""
     notes: tuple[str, ...]
     """Notes on parts that the rig file cannot contain."""
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters of its rods by the names of the rig file, SI."""
+        values = {"mb": self.elbow_mass} if len(self.rods) == 2 else {}
+        for i, rod in enumerate(self.rods, 1):
+            values |= {f"l{i}": rod.centroid, f"m{i}": rod.mass, f"c{i}": rod.joint.damping, f"J{i}": rod.inertia}
+        return values

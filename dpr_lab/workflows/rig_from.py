@@ -78,15 +78,8 @@ def rig_from_model(
 
 
 def _nominal(chain: "ModelChain") -> dict[str, float]:
-    of_rods = [
-        {f"l{i}": rod.centroid, f"m{i}": rod.mass, f"c{i}": rod.joint.damping, f"J{i}": rod.inertia}
-        for i, rod in enumerate(chain.rods, 1)
-    ]
-    values = {name: value for rod in of_rods for name, value in rod.items()}
     inner, *outer = chain.rods
-    values |= {"L1": inner.length or 2 * inner.centroid, "g": chain.gravity}
-    if outer:
-        values["mb"] = chain.elbow_mass
+    values = chain.parameters | {"L1": inner.length or 2 * inner.centroid, "g": chain.gravity}
     if outer and outer[0].length is not None:
         values["L2"] = outer[0].length
     if chain.arm is not None:

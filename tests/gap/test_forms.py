@@ -21,14 +21,16 @@ def bush(paper):
 def share_beside(bare, tested):
     """(runs, first, second) -> own share of the second effect beside the first."""
 
-    def share(runs, first: str, second: str) -> float:
+    def share_of(runs, first: str, second: str) -> float:
         problem, base = bare(runs)
         begun = tested(problem, base.fit, OF_FREE_SWINGS.values())
         one = refit_with(problem, base, begun, begun.shaped[first][0], iterations=10)
         test = tested(problem, one.fit, [EFFECTS[second]])
-        return own_share(problem, one, test, test.ranking[0])
+        share = own_share(problem, one, test, second)
+        assert share is not None
+        return share
 
-    return share
+    return share_of
 
 
 @pytest.mark.slow
@@ -56,4 +58,4 @@ def test_an_effect_in_another_form_is_the_closest_and_a_cause_outside_the_librar
     assert diagnosis.sentence.startswith("Unexplained: load_friction_joint2 explains")
     assert "makes a cause outside the library more probable" in diagnosis.sentence
     assert diagnosis.gap.closed_held_out.interval90[0] > 0  # the effect carries over, as far as its form is right
-    assert diagnosis.probabilities["unexplained"] > 0.9
+    assert diagnosis.probabilities["unexplained"] > 0.8

@@ -43,7 +43,7 @@ def test_a_sentence_gets_words_once():
         ("detent_joint1", "order", (12.0,), "12.0"),
         ("rotor_inertia_joint1", "inertia_kgm2", (1e-4,), "1.00 kg cm²"),
         ("stribeck_joint1", "speed_rad_per_s", (0.3,), "0.300 rad/s"),
-        ("spring_joint1", "rest_angle_rad", (0.3, 0.2, 0.4), "0.300 rad (0.200 to 0.400)"),
+        ("spring_joint1", "rest_angle_rad", (0.3, 0.2, 0.4), "300 mrad (200 to 400)"),
         ("gone", "torque_Nm", (0.5,), "0.500"),
     ],
 )

@@ -1,6 +1,6 @@
 """Numbers of the user's file that represent effects, and their differences from a corrected model."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,9 @@ from dpr_lab.effects.effect import ARM
 from dpr_lab.exports.bodies import words_of
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
+
+Effects = Mapping[str, Mapping[str, float]]
+"""Effect -> parameter -> size, SI."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,3 +156,34 @@ def effect_rows(
             unit = unit or (parameter.unit if parameter else "")
             rows.append(cause(chain, joint, words, file.get(key, 0.0), after, unit, name))
     return rows
+
+
+def felt(effects: Effects, file: Effects, error: Callable[[Effects], float]) -> Effects:
+    """Effects that the recordings require; the others keep their value of the file, and are left out if it is zero.
+
+    Args:
+        effects: identified sizes by name
+        file: sizes of the same effects in the file
+        error: mean square error of the model with some effects
+    """
+    for name in effects:
+        without = {**effects, name: file[name]}
+        if error(without) < (1 + CHANGE.felt) * error(effects):
+            effects = {other: sizes for other, sizes in without.items() if any(sizes.values())}
+    return effects
+
+
+def ranked(
+    causes: Sequence[tuple[Sequence[ModelCause], float]], least: float, nothing: float
+) -> tuple[ModelCause, ...]:
+    """Changed numbers with their shares, the cause of the largest error first.
+
+    Args:
+        causes: numbers of each cause, and the mean square error if it keeps its value of the file
+        least: error if all are corrected
+        nothing: error if none is
+    """
+    growths = [max(error - least, 0.0) for _, error in causes]
+    whole = max(nothing - least, *growths, 1e-30)
+    by_size = sorted(zip(growths, causes, strict=True), key=lambda pair: -pair[0])
+    return tuple(row.with_share(growth / whole) for growth, (rows, _) in by_size for row in rows)

@@ -22,11 +22,14 @@ from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.exports.bodies import AnyModel, words_of
 from dpr_lab.exports.into.in_file import (
     CHANGE,
+    Effects,
     ModelCause,
     as_in_file,
     cause,
     effect_rows,
+    felt,
     in_file,
+    ranked,
     scaled,
     unseen,
 )
@@ -64,7 +67,7 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
         chain: the double pendulum of the file
         runs: the diagnosed runs, to rank the causes
     """
-    effects: Mapping[str, dict[str, float]] = model.effects
+    effects: Effects = model.effects
     longer = sum(words.get("added_length", 0.0) for words in words_of(effects).values())
     of_file = _base_of(chain, longer)
     rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])  # visible only in a during a free swing
@@ -79,39 +82,32 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
             del effects[name]
     effects |= unseen(diagnosis, chain, effects, (0, 1))
     file = {name: {key: 0.0 for key in values} | in_file(chain, name) for name, values in effects.items()}
-    for name in list(effects):
-        without = {**effects, name: file[name]}
-        models = (_with(model, chain, base, of_effects) for of_effects in (effects, without))
-        error, more = (_error(candidate, runs, rig) for candidate in models)
-        if more < (1 + CHANGE.felt) * error:
-            effects = {other: values for other, values in without.items() if any(values.values())}
+    effects = felt(effects, file, lambda of_effects: _error(_with(model, chain, base, of_effects), runs, rig))
     least = _with(model, chain, base, effects)
-    causes: dict[str, tuple[list[ModelCause], Model]] = {}
-    for name in effects:
-        if rows := effect_rows(chain, name, effects[name], file[name]):
-            causes[name] = rows, _with(model, chain, base, {**effects, name: file[name]})
+    causes: list[tuple[list[ModelCause], Model]] = [
+        (rows, _with(model, chain, base, {**effects, name: file[name]}))
+        for name in effects
+        if (rows := effect_rows(chain, name, effects[name], file[name]))
+    ]
     for number, terms in enumerate(BODY_TERMS):
         places = [BASE.index(term) for term in terms]
         if np.any(base[places] != of_file[places]):
             rows = body_rows(chain, base, of_file, number, longer)
-            causes[f"body{number}"] = rows, _with(model, chain, _replaced(base, of_file, places), effects)
+            causes.append((rows, _with(model, chain, _replaced(base, of_file, places), effects)))
         damping = 4 + number
         if base[damping] != of_file[damping]:
             row = cause(chain, number, "damping", of_file[damping], base[damping], "N m s/rad")
-            causes[f"damping{number}"] = [row], _with(model, chain, _replaced(base, of_file, [damping]), effects)
+            causes.append(([row], _with(model, chain, _replaced(base, of_file, [damping]), effects)))
     nothing = _with(model, chain, _base_of(chain, 0.0), {name: file[name] for name in effects})
-    shares = _shares(least, {key: without for key, (_, without) in causes.items()}, nothing, runs, rig)
-    ranked = sorted(causes, key=lambda key: -shares[key])
-    rows = tuple(row.with_share(shares[key]) for key in ranked for row in causes[key][0])
+    errors = [(rows, _error(without, runs, rig)) for rows, without in causes]
+    rows = ranked(errors, _error(least, runs, rig), _error(nothing, runs, rig))
     return LeastChange(least, rows, tuple(name for name in effects if not words_of({name: effects[name]})))
 
 
 def _base_of(chain: ModelChain, longer: float) -> Array:
     """(6,) base parameters of the file with its rod longer by this length, m."""
-    inner, outer = chain.rods
-    values = {"l1": inner.centroid, "l2": outer.centroid, "m1": inner.mass, "m2": outer.mass, "mb": chain.elbow_mass}
-    values |= {"c1": inner.joint.damping, "c2": outer.joint.damping, "J1": inner.inertia, "J2": outer.inertia}
-    return base_parameters([values[name] for name in PARAMETERS], (inner.length or 0.0) + longer, chain.gravity)
+    values, length = chain.parameters, (chain.rods[0].length or 0.0) + longer
+    return base_parameters([values[name] for name in PARAMETERS], length, chain.gravity)
 
 
 def _gear_factors(
@@ -235,16 +231,6 @@ def _bodies(chain: ModelChain, base: Array, longer: float) -> list[tuple[float, 
         second = d / (rod.mass * length)
         values.append((second, b - rod.mass * second**2))
     return values
-
-
-def _shares(
-    least: Model, without: Mapping[str, Model], nothing: Model, runs: Sequence[Run], rig: Rig
-) -> dict[str, float]:
-    """Growth of the mean square error over short segments without each cause, relative to that without any."""
-    error = {key: _error(model, runs, rig) for key, model in without.items()}
-    floor, all_left = _error(least, runs, rig), _error(nothing, runs, rig)
-    whole = max(all_left - floor, max((value - floor for value in error.values()), default=0.0), 1e-30)
-    return {key: max(value - floor, 0.0) / whole for key, value in error.items()}
 
 
 def _error(model: Model, runs: Sequence[Run], rig: Rig) -> float:

@@ -16,7 +16,19 @@ from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects.effect import ARM
 from dpr_lab.errors import RunError
 from dpr_lab.exports.bodies import words_of
-from dpr_lab.exports.into.in_file import CHANGE, ModelCause, as_in_file, cause, effect_rows, in_file, scaled, unseen
+from dpr_lab.exports.into.in_file import (
+    CHANGE,
+    Effects,
+    ModelCause,
+    as_in_file,
+    cause,
+    effect_rows,
+    felt,
+    in_file,
+    ranked,
+    scaled,
+    unseen,
+)
 from dpr_lab.exports.into.least_change import BODY_TERMS, LeastChange, body_rows, with_own_numbers
 from dpr_lab.exports.moving_arm.corrected import with_swing
 from dpr_lab.exports.moving_arm.replay import follow_with_arm
@@ -30,7 +42,6 @@ from dpr_lab.simulator_models.chain import ChainArm, ModelChain
 
 Values = Mapping[str, float]
 """`SWING_PARAMETERS` by name, SI."""
-Effects = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +85,7 @@ def least_change_of_arm(
     effects = {n: as_in_file(diagnosis, chain, n, scaled(n, v, factor)) for n, v in model.effects.items()}
     effects |= unseen(diagnosis, chain, effects, (ARM, *range(len(chain.rods))))
     file = {name: {key: 0.0 for key in sizes} | in_file(chain, name) for name, sizes in effects.items()}
-    for name in list(effects):
-        without = {**effects, name: file[name]}
-        error, more = (_error(_with(model, values, candidate), runs, rig) for candidate in (effects, without))
-        if more < (1 + CHANGE.felt) * error:
-            effects = {other: sizes for other, sizes in without.items() if any(sizes.values())}
+    effects = felt(effects, file, lambda of_effects: _error(_with(model, values, of_effects), runs, rig))
     least = _with(model, values, effects)
     causes = [
         (group.rows, _with(model, dict(values) | {name: of_file[name] for name in group.parameters}, effects))
@@ -87,20 +94,15 @@ def least_change_of_arm(
     for name, sizes in effects.items():
         if rows := effect_rows(chain, name, sizes, file[name]):
             causes.append((rows, _with(model, values, {**effects, name: file[name]})))
-    floor = _error(least, runs, rig)
-    growths = [max(_error(without, runs, rig) - floor, 0.0) for _, without in causes]
     nothing = _with(model, of_file, {name: file[name] for name in effects})
-    whole = max(_error(nothing, runs, rig) - floor, *growths, 1e-30)
-    ranked = sorted(zip(growths, causes, strict=True), key=lambda pair: -pair[0])
-    rows = tuple(row.with_share(growth / whole) for growth, (of_cause, _) in ranked for row in of_cause)
+    errors = [(rows, _error(without, runs, rig)) for rows, without in causes]
+    rows = ranked(errors, _error(least, runs, rig), _error(nothing, runs, rig))
     return LeastChange(least, rows, tuple(name for name in effects if not words_of({name: effects[name]})))
 
 
 def _of_file(chain: ModelChain, arm: ChainArm, rig: Rig, model: MovingArmModel) -> dict[str, float]:
     """`SWING_PARAMETERS` of the file, without spring and dry friction of the arm, which are effects."""
-    numbers = {name: 0.0 for name in PARAMETERS} | {"mb": chain.elbow_mass}
-    for i, rod in enumerate(chain.rods, 1):
-        numbers |= {f"l{i}": rod.centroid, f"m{i}": rod.mass, f"c{i}": rod.joint.damping, f"J{i}": rod.inertia}
+    numbers = {name: 0.0 for name in PARAMETERS} | chain.parameters
     values = base_parameters([numbers[name] for name in PARAMETERS], chain.rods[0].length or 1.0, chain.gravity)
     of_rods = dict(zip(BASE, values.tolist(), strict=True))
     if model.scale == "a":

@@ -32,6 +32,8 @@ class VerdictRules:
     """Minimum probability of the most probable class of a named set; the sentence gives that of the least probable."""
     rather: float = 0.5
     """Probability below which the sentence adds that the effect is probably not the cause."""
+    outside: float = 10.0
+    """Ratio of the probability of a cause outside the library to that of every effect from which none is the cause."""
     closes: float = 0.5
     """Minimum share of the gap that a set must close on held-out recordings to be the cause."""
     gap_from: float = 0.5
@@ -89,7 +91,8 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], transf
     if chosen.residuals.z < RULES.noise and complete and sure and transfers and not transferred.oversized:
         return "named"
     no_reduction = _fitted_only(posteriors, transferred)
-    if share >= RULES.partly_share and not no_reduction and listed_causes(posteriors):
+    likely = any(cause.outside <= RULES.outside * cause.probability for cause in listed_causes(posteriors))
+    if share >= RULES.partly_share and not no_reduction and likely:
         return "partly_explained"
     only_expected = set(chosen.effects) <= selection.expected
     return "no_gap" if _small(selection.base) and only_expected else "unexplained"

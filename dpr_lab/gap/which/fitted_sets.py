@@ -121,6 +121,10 @@ class FittedSets:
         """Whether every effect of a set has sizes that a rig can have."""
         return not oversized(model.fit.estimate.params, self.problem.limits)
 
+    def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
+        """Whether a set has sizes that a rig can have, or another set has not either."""
+        return self.possible(model) or not self.possible(other)
+
     def unexpected(self, model: Hypothesis) -> list[str]:
         """Effects of a set that are supported by the recordings alone."""
         return [name for name in model.effects if name not in self.expected]

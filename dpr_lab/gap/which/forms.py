@@ -17,7 +17,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import Trajectory, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
+from dpr_lab.gap.hypothesis.score_test import ScoreTest
 from dpr_lab.gap.where.coordinates import (
     angle_hats,
     encoder_angle,
@@ -35,17 +35,20 @@ READINGS_PER_FORM = 8
 """Minimum number of readings for each column of the other forms; with fewer, free functions follow any residual."""
 
 
-def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, score: Score) -> float:
+def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: str) -> float | None:
     """Fraction of the reduction by an effect that no other form of a set's effects explains, 0 to 1.
 
-    It is 1 if the recordings are too short to determine the other forms.
+    It is 1 if the recordings are too short to determine the other forms, and None if the effect was not tested.
 
     Args:
         problem: segments and noise
         smaller: the set without the effect
         test: the score test on that set
-        score: score of the effect from that test
+        effect: its name
     """
+    score = test.of(effect)
+    if score is None:
+        return None
     reference, linear = trajectory(problem, smaller.fit.estimate), test.linear
     forms = linear.projected(
         np.concatenate([_other_forms(problem, reference, smaller, name) for name in smaller.effects], axis=2)

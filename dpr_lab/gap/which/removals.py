@@ -90,10 +90,11 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
     shares: list[Proposal] = []
     for name in sets.unexpected(current):
         smaller = sets.without(current, name)
-        removable = excess(smaller) <= limit and (sets.possible(smaller) or not sets.possible(current))
-        score = sets.test(smaller).of(name) if removable else None
-        if score is not None:
-            shares.append(Proposal(smaller, own_share(sets.problem, smaller, sets.test(smaller), score)))
+        if excess(smaller) > limit or not sets.as_possible(smaller, current):
+            continue
+        share = own_share(sets.problem, smaller, sets.test(smaller), name)
+        if share is not None:
+            shares.append(Proposal(smaller, share))
     yield from sorted(shares, key=lambda proposal: proposal.value)[:1]
 
 

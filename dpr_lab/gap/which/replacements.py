@@ -164,7 +164,7 @@ def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Propo
         if model.effects
         and len(model.effects) <= len(current.effects)
         and known <= model.key
-        and (sets.possible(model) or not sets.possible(current))
+        and sets.as_possible(model, current)
     ]
     best = min(others, key=_criterion, default=current)
     if best.key != current.key:

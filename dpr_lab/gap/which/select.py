@@ -173,12 +173,13 @@ def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]
 
 def _own_shares(sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypothesis]) -> dict[str, float]:
     """Own share of each small effect next to others, except those that every rig has."""
-    small = THRESHOLDS.small * sets.bare.residuals.excess
+    limit = excess(chosen) + THRESHOLDS.small * sets.bare.residuals.excess
     shares: dict[str, float] = {}
     for name, smaller in without.items():
-        score = None if sets.library[name].universal else sets.test(smaller).of(name)
-        if smaller.effects and score is not None and smaller.residuals.excess - excess(chosen) < small:
-            shares[name] = own_share(sets.problem, smaller, sets.test(smaller), score)
+        is_small = sets.without_substitute(chosen, name).residuals.excess < limit
+        if smaller.effects and is_small and not sets.library[name].universal:
+            share = own_share(sets.problem, smaller, sets.test(smaller), name)
+            shares |= {} if share is None else {name: share}
     return shares
 
 

@@ -101,9 +101,6 @@ def _arrays(path: Path, within: str, held: Mapping[str, Any]) -> Iterator[tuple[
 def _class_of(opaque: Any) -> str:
     """Class of an object: the last text of its header, which are bytes before scipy 1.18."""
     header = opaque.reshape(-1)[0]
-    names = [part if isinstance(part, str) else bytes(part).decode("latin-1") for part in header if _is_text(part)]
+    texts = [part for part in header if isinstance(part, bytes | str)]
+    names = [part.decode("latin-1") if isinstance(part, bytes) else part for part in texts]
     return names[-1] if names else "unknown"
-
-
-def _is_text(part: Any) -> bool:
-    return isinstance(part, bytes | np.bytes_ | str)
