@@ -1,4 +1,4 @@
-"""Folder of compiled kernels, and callbacks at the start of a compilation; does not import Numba.
+"""Folder of compiled kernels; does not import Numba.
 
 The cache of Numba checks only the file of the compiled function. A kernel that calls a function of another file keeps
 its old machine code when that other file changes. Here the cache is in a folder named by a hash of all kernel sources,
@@ -10,13 +10,14 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 from platformdirs import user_cache_path
 
 from dpr_lab.plugins.fingerprint import fingerprint
+from dpr_lab.progress import compiling
 
 KERNEL_SOURCES = ("kernels.py", "effects", "dynamics", "estimation", "fitting")
 """Files and folders of this package that contain compiled functions."""
@@ -135,23 +136,6 @@ COMPILING = (f"{FOREIGN}. " if FOREIGN else "") + (
 """The message shown while kernels are compiled."""
 
 _SIMULATOR = "plant"
-_watching: list[Callable[[], None]] = []
-
-
-@contextmanager
-def watch_compiling(on_compiling: Callable[[], None]) -> Iterator[None]:
-    """Call `on_compiling` at each compilation of a kernel within the context; from any thread."""
-    _watching.append(on_compiling)
-    try:
-        yield
-    finally:
-        _watching.remove(on_compiling)
-
-
-def compiling() -> None:
-    """Notify all listeners that a kernel is being compiled, here or in a process that this one waits for."""
-    for on_compiling in tuple(_watching):
-        on_compiling()
 
 
 def simulator_compiled() -> bool:

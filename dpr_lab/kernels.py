@@ -15,7 +15,8 @@ from numba.core.sigutils import normalize_signature
 from numba.experimental import function_type as function_type  # what a kernel behind a pointer is as an argument
 from numba.extending import register_jitable
 
-from dpr_lab.kernel_cache import CACHE, compiling
+from dpr_lab.kernel_cache import CACHE
+from dpr_lab.progress import compiling
 
 # Threads that wait by spinning make a parallel kernel slower than a serial one if other programs run too. OpenMP
 # reads this when the first parallel kernel starts.

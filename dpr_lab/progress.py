@@ -1,6 +1,7 @@
 """Progress messages of the numerical core, as values that need no parsing."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
@@ -76,3 +77,22 @@ OnImport = Callable[[ImportProgress], None]
 
 def unwatched(progress: ImportProgress) -> None:
     """Ignore the progress of an import."""
+
+
+_watching: list[Callable[[], None]] = []
+
+
+@contextmanager
+def watch_compiling(on_compiling: Callable[[], None]) -> Iterator[None]:
+    """Call `on_compiling` at each compilation of a kernel within the context; from any thread."""
+    _watching.append(on_compiling)
+    try:
+        yield
+    finally:
+        _watching.remove(on_compiling)
+
+
+def compiling() -> None:
+    """Notify all listeners that a kernel is being compiled, here or in a process that this one waits for."""
+    for on_compiling in tuple(_watching):
+        on_compiling()

@@ -1,30 +1,14 @@
-"""The table of commands."""
+"""The table of commands. The module of a command is imported when the command runs or its help is shown."""
 
 import os
+from collections import UserDict
+from importlib import import_module
+from typing import Any
 
 import typer
+from typer.main import get_group
 
-from dpr_lab.cli import effects, rigs, runs, trials
-from dpr_lab.cli.accept import accept
-from dpr_lab.cli.capture import capture
-from dpr_lab.cli.certify import certify, verify
-from dpr_lab.cli.check import check
-from dpr_lab.cli.compare import compare
-from dpr_lab.cli.conform import conform
-from dpr_lab.cli.demo import demo
-from dpr_lab.cli.diagnose import diagnose
-from dpr_lab.cli.doctor import doctor
-from dpr_lab.cli.drift import drift
-from dpr_lab.cli.export import export
-from dpr_lab.cli.identifiability import identifiability
-from dpr_lab.cli.identify import identify
-from dpr_lab.cli.import_table import import_app
 from dpr_lab.cli.listing import Listing
-from dpr_lab.cli.paper import paper
-from dpr_lab.cli.plan import plan
-from dpr_lab.cli.schema import schema
-from dpr_lab.cli.serve import serve
-from dpr_lab.cli.tui import tui
 from dpr_lab.plugins.installed import OFF
 from dpr_lab.version import __version__
 
@@ -47,7 +31,58 @@ Exit codes:
                               130 interrupted (file finalised)
 """
 
-app = typer.Typer(help=HELP, cls=Listing, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
+COMMANDS = {
+    "demo": "demo:demo",
+    "tui": "tui:tui",
+    "capture": "capture:capture",
+    "identify": "identify:identify",
+    "identifiability": "identifiability:identifiability",
+    "compare": "compare:compare",
+    "diagnose": "diagnose:diagnose",
+    "check": "check:check",
+    "certify": "certify:certify",
+    "verify": "certify:verify",
+    "drift": "drift:drift",
+    "accept": "accept:accept",
+    "plan": "plan:plan",
+    "export": "export:export",
+    "paper": "paper:paper",
+    "schema": "schema:schema",
+    "serve": "serve:serve",
+    "doctor": "doctor:doctor",
+    "conform": "conform:conform",
+    "effects": "effects:app",
+    "import": "import_table:app",
+    "rig": "rigs:app",
+    "run": "runs:app",
+    "trials": "trials:app",
+}
+"""Name -> module of `dpr_lab.cli`, and in it the function of the command or the `Typer` of a group of commands."""
+
+
+class LazyCommands(UserDict[str, Any]):
+    """Name -> command, imported when it is looked up."""
+
+    def __getitem__(self, name: str) -> Any:
+        """Import a command, or raise KeyError."""
+        module, _, attribute = self.data[name].partition(":")
+        command = getattr(import_module(f"dpr_lab.cli.{module}"), attribute)
+        program = typer.Typer(rich_markup_mode=None)
+        if isinstance(command, typer.Typer):
+            program.add_typer(command, name=name)
+        else:
+            program.command(name)(command)
+        return get_group(program).commands[name]
+
+
+class Program(Listing):
+    """The group of all commands of the table."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes | {"commands": LazyCommands(COMMANDS)})
+
+
+app = typer.Typer(help=HELP, cls=Program, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
 
 
 def _version(show: bool) -> None:
@@ -67,32 +102,3 @@ def _root(
 ) -> None:
     if no_plugins:
         os.environ[OFF] = "1"  # also for the processes that the command starts
-
-
-for command in (
-    demo,
-    tui,
-    capture,
-    identify,
-    identifiability,
-    compare,
-    diagnose,
-    check,
-    certify,
-    verify,
-    drift,
-    accept,
-    plan,
-    export,
-    paper,
-    schema,
-    serve,
-    doctor,
-    conform,
-):
-    app.command()(command)
-app.add_typer(effects.app, name="effects")
-app.add_typer(import_app, name="import")
-app.add_typer(rigs.app, name="rig")
-app.add_typer(runs.app, name="run")
-app.add_typer(trials.app, name="trials")

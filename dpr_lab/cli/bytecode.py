@@ -1,4 +1,4 @@
-"""Bytecode of installed libraries without bytecode files: stored in the cache, like compiled kernels.
+"""Bytecode of packages that were installed without it: stored in the cache, like compiled kernels.
 
 Some installers write no bytecode, and containers often forbid it (PYTHONDONTWRITEBYTECODE). Without bytecode, each
 start compiles a thousand modules, which takes longer than running them.
@@ -10,8 +10,8 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-LARGEST = "numba"
-"""The library whose bytecode represents that of all: it takes most of the time."""
+PACKAGES = ("numba", "dpr_lab")
+"""The package with most of the code, which represents all libraries, and this one."""
 
 
 def keep_bytecode() -> None:
@@ -19,7 +19,7 @@ def keep_bytecode() -> None:
 
     Nothing changes if PYTHONPYCACHEPREFIX names a folder, or if no folder of this user can be written.
     """
-    if sys.pycache_prefix is not None or _has_bytecode():
+    if sys.pycache_prefix is not None or all(map(_has_bytecode, PACKAGES)):
         return
     from platformdirs import user_cache_path
 
@@ -32,11 +32,11 @@ def keep_bytecode() -> None:
             os.environ["PYTHONPYCACHEPREFIX"] = str(folder)  # of processes that this one starts
 
 
-def _has_bytecode() -> bool:
-    """Whether the bytecode of the libraries exists next to their source, or will exist after this start."""
-    library = importlib.util.find_spec(LARGEST)
-    if library is None or library.origin is None:
+def _has_bytecode(package: str) -> bool:
+    """Whether the bytecode of a package exists next to its source, or will exist after this start."""
+    module = importlib.util.find_spec(package)
+    if module is None or module.origin is None:
         return True
-    compiled = Path(importlib.util.cache_from_source(library.origin))
+    compiled = Path(importlib.util.cache_from_source(module.origin))
     writable = os.access(compiled.parent if compiled.parent.exists() else compiled.parent.parent, os.W_OK)
     return compiled.exists() or (writable and not sys.dont_write_bytecode)

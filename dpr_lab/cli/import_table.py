@@ -18,12 +18,10 @@ from dpr_lab.storage.tables.options import ImportOptions, TypedOption, parse_rec
 if TYPE_CHECKING:
     from dpr_lab.storage.tables.preview import Preview
 
-import_app = typer.Typer(
-    help="Import recordings of other loggers.", cls=Listing, no_args_is_help=True, rich_markup_mode=None
-)
+app = typer.Typer(help="Import recordings of other loggers.", cls=Listing, no_args_is_help=True, rich_markup_mode=None)
 
 
-@import_app.callback()
+@app.callback()
 def _group() -> None:
     pass
 
@@ -107,10 +105,8 @@ def _options(typed: Mapping[str, Any]) -> ImportOptions:
 
 
 import_table.__signature__ = _with_options(import_table)  # pyright: ignore[reportFunctionMemberAccess]
-import_app.command("table")(import_table)
-import_app.command("csv", help="The same as `import table`. Example: dpr-lab import csv swing.csv --rig paper")(
-    import_table
-)
+app.command("table")(import_table)
+app.command("csv", help="The same as `import table`. Example: dpr-lab import csv swing.csv --rig paper")(import_table)
 
 
 def _show(understood: "Preview", as_json: bool) -> None:

@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from dpr_lab.cli.console import Bar, no_bar, progress, say
-from dpr_lab.kernel_cache import COMPILING, watch_compiling
+from dpr_lab.progress import watch_compiling
 from dpr_lab.workflows import events
 
 if TYPE_CHECKING:
@@ -103,6 +103,8 @@ class Listener:
         """Print the reason for a long start once, then show progress."""
         self._kernels += 1
         if self._kernels == 1:
+            from dpr_lab.kernel_cache import COMPILING  # hashes every kernel source
+
             say(COMPILING)
         if not self._title:
             self._at("first start", 0.0, None)

@@ -25,7 +25,7 @@ from typing import Any, TypeAlias
 
 from dpr_lab.child_process import ChildFunction
 from dpr_lab.errors import DprError
-from dpr_lab.kernel_cache import compiling, watch_compiling
+from dpr_lab.progress import compiling, watch_compiling
 from dpr_lab.version import __version__
 from dpr_lab.workflows import events
 

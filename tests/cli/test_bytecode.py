@@ -10,7 +10,7 @@ import pytest
 PROGRAM = """
 import sys
 from dpr_lab.cli import bytecode
-bytecode.LARGEST = "library"
+bytecode.PACKAGES = ("library",)
 bytecode.keep_bytecode()
 import library
 print(sys.pycache_prefix, library.__cached__)

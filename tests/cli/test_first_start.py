@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from dpr_lab.cli.listener import Listener
-from dpr_lab.kernel_cache import COMPILING, compiling
+from dpr_lab.kernel_cache import COMPILING
+from dpr_lab.progress import compiling
 
 CLI = Path(__file__).parents[2] / "dpr_lab" / "cli"
 CAPTURE = ("capture", "--rig", "paper", "--pose", "X1", "--duration", "1", "--link", "sim://?clock=fast&seed=3")

@@ -125,7 +125,7 @@ def test_a_verb_is_a_file_and_a_row(copy: Copy) -> None:
             emit({name: load_rig(rig).parameters[name].nominal for name in MASSES})
         ''',
     )
-    copy.row("dpr_lab/cli/app.py", "command", "weigh", "from dpr_lab.cli.weigh import weigh")
+    copy.row("dpr_lab/cli/app.py", "COMMANDS", '"weigh": "weigh:weigh"')
     shell = "import sys; sys.argv = ['dpr-lab', *{}]; from dpr_lab.cli import main; main()"
     assert "Say what the parts of a rig weigh." in copy.run(shell.format(["--help"]))
     assert '"m1": 0.1' in copy.run(shell.format(["weigh", "--rig", "paper"]))

@@ -11,7 +11,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from dpr_lab.errors import DprError
-from dpr_lab.kernel_cache import watch_compiling
+from dpr_lab.progress import watch_compiling
 from dpr_lab.tui.jobs.job_events import JobCompiling, JobEvent, JobFailed, JobFinished, JobProgress
 
 

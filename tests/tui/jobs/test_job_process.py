@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from dpr_lab.errors import RunError
-from dpr_lab.kernel_cache import compiling
+from dpr_lab.progress import compiling
 from dpr_lab.tui.jobs.job_control import JobControl
 from dpr_lab.tui.jobs.job_events import JobCancelled, JobCompiling, JobEvent, JobFailed, JobFinished, JobProgress
 from dpr_lab.tui.jobs.job_process import JobProcess
