@@ -79,7 +79,8 @@ class Program(Listing):
     """The group of all commands of the table."""
 
     def __init__(self, **attributes: Any) -> None:
-        super().__init__(**attributes | {"commands": LazyCommands(COMMANDS)})
+        super().__init__(**attributes)
+        self.commands = LazyCommands(COMMANDS)
 
 
 app = typer.Typer(help=HELP, cls=Program, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)

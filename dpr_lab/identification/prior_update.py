@@ -85,9 +85,8 @@ def _loose(Z: NDArray[np.float64], observed: list[int], rig: Rig) -> NDArray[np.
     scaled = unknown_jacobian(Z, rig)[observed] * Z / np.maximum(_unknowns(Z, rig)[observed], 1e-12)[:, None]
     directions = np.zeros((len(PARAMETERS), 0))
     if rig.searched.any():
-        from scipy.linalg import null_space  # half of the import time of this package
-
-        null = null_space(scaled[:, rig.searched], rcond=1e-9)
+        _, sizes, rows = np.linalg.svd(scaled[:, rig.searched])
+        null = rows[np.count_nonzero(sizes > 1e-9 * sizes.max(initial=0.0)) :].T
         directions = np.zeros((len(PARAMETERS), null.shape[1]))
         directions[rig.searched] = null
     return directions

@@ -9,13 +9,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from dpr_lab.errors import printable
 from dpr_lab.report.pages.terms import TERMS
 from dpr_lab.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +148,9 @@ def _has_content(block: Block | None) -> bool:
 
 
 @cache
-def _environment() -> Environment:
+def _environment() -> "Environment":
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # not needed for tables on a terminal
+
     return Environment(
         loader=PackageLoader("dpr_lab.report.pages"),
         autoescape=True,
