@@ -99,7 +99,7 @@ def show(model: "Model") -> None:
 
     line(tables.summary(model))
     table(
-        "Ratios to the inertia a of the rod" if model.fitted else "Five ratios, which a free swing determines",
+        tables.ratio_title(model),
         tables.RATIO_COLUMNS,
         tables.ratio_rows(model),
         note=tables.ratio_note(model),

@@ -48,6 +48,8 @@ def oversized(
 ) -> tuple[str, ...]:
     """Effects with sizes that no rig has, which indicates another cause: near a limit, or impossible together.
 
+    A limit of the equation itself, within the scale of the prior, is no evidence: a saturated drive has a share of 1.
+
     Args:
         params: (SIZE,) all effects
         limits: (SIZE,) maximum sizes; None for none
@@ -57,7 +59,10 @@ def oversized(
     return tuple(
         name
         for name, sizes in named_params(params).items()
-        if any(reached[param_index(name, parameter.name)] for parameter in EFFECTS[name].amplitudes)
+        if any(
+            reached[param_index(name, parameter.name)] and parameter.prior_scale < parameter.most
+            for parameter in EFFECTS[name].amplitudes
+        )
         or not EFFECTS[name].possible(sizes)
     )
 

@@ -35,6 +35,11 @@ class NoiseSettings:
     """Maximum autocorrelation of reading noise: a larger one is the tremble of a hand that holds a rod."""
     wild: float = 8.0
     """Deviations, in units of the 90 % quantile, above which a reading at rest is a fault of the logger."""
+    on_grid: float = 0.7
+    """Mean of exp(2 pi i change / step) from which the readings of a table are multiples of a step; it is zero for
+    readings without one."""
+    still_s: float = 0.1
+    """Time within one step from which the errors of rounding are not independent: a swing reverses faster."""
 
 
 SETTINGS = NoiseSettings()
@@ -70,20 +75,18 @@ def noise_floor(run: Run, rig: Rig) -> NoiseFloor:
     """Noise of a recording.
 
     Estimated from the rest before the release if it is long enough, otherwise from high-order differences of the swing;
-    at least the quantisation, count / sqrt(12), for a recording in counts, and at least the noise of a film.
+    at least the rounding of the readings (`rounding_std`), and at least the noise of a film.
 
     Raises:
         RunError: too few samples.
     """
-    quantised = np.abs(rig.radians_per_count[1:]) / math.sqrt(12)
     source: Literal["rest", "differences"]
     joints = rig.encoders.joint_angles
     if len(run.rest) >= SETTINGS.rest_samples:
         source, std = "rest", _rest_std(run.t[run.t < 0], joints.of_rods(run.rest[:, 1:]))
     else:
         source, std = "differences", difference_std(run.t, joints.of_rods(run.theta[:, 1:]))
-    # A table of angles may come from other encoders; the rig's quantisation is used only without noise.
-    floor = quantised if run.counts is not None else np.where(std > SETTINGS.rounding_rad, 0.0, quantised)
+    floor = _rounding(run, joints.of_rods(run.swing.theta[:, 1:]), rig.radians_per_count[1:], std)
     std_joint = np.maximum(std, floor)
     if run.film_noise is not None:
         film = _film_std(run.film_noise, joints)
@@ -100,10 +103,49 @@ def _film_std(film: FilmNoise, joints: JointAngles) -> NDArray[np.float64]:
 
 def arm_noise(run: Run, rig: Rig) -> float:
     """Standard deviation of a reading of the arm's encoder, rad: at rest if it was recorded, else by differences."""
-    rest, count = run.rest[:, 0], abs(rig.radians_per_count[0]) / math.sqrt(12)
+    rest, swing = run.rest[:, 0], run.swing
     quiet = len(rest) >= SETTINGS.rest_samples
-    std = float(np.std(rest) if quiet else difference_std(run.swing.t, run.swing.theta[:, :1])[0])
-    return max(std, count) if run.counts is not None or std < SETTINGS.rounding_rad else std
+    std = np.std(rest, keepdims=True) if quiet else difference_std(swing.t, swing.theta[:, :1])
+    return float(np.maximum(std, _rounding(run, swing.theta[:, :1], rig.radians_per_count[:1], std))[0])
+
+
+def _rounding(
+    run: Run, readings: NDArray[np.float64], counts: NDArray[np.float64], std: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(m,) standard deviation of the rounding of the readings (n, m) of a swing, rad.
+
+    A table of angles may come from other encoders than those of the rig file: unless it has no noise at all, it is
+    rounded only if its own readings show a step.
+    """
+    counts = np.abs(counts)
+    steps = (
+        counts if run.counts is not None else np.where(std > SETTINGS.rounding_rad, _steps(readings, counts), counts)
+    )
+    return rounding_std(readings, steps, max(2, round(SETTINGS.still_s * run.rate_hz)))
+
+
+def _steps(readings: NDArray[np.float64], counts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(m,) step of which the changes of the readings are multiples: a count of the rig, or their smallest; else 0."""
+    steps = np.zeros(readings.shape[1])
+    for joint, changes in enumerate(np.abs(np.diff(readings, axis=0)).T):
+        moved = changes[changes > SETTINGS.rounding_rad]
+        for step in (counts[joint], moved.min(initial=np.inf)):
+            if len(moved) and abs(np.exp(2j * np.pi * moved / step).mean()) > SETTINGS.on_grid:
+                steps[joint] = max(steps[joint], step)
+    return steps
+
+
+def rounding_std(readings: NDArray[np.float64], steps: NDArray[np.float64], window: int) -> NDArray[np.float64]:
+    """(m,) standard deviation of the rounding errors of readings (n, m) to multiples of `steps` (m,).
+
+    step / sqrt(12) while a reading crosses steps, because the errors of its samples are then independent. A reading
+    that stays within one step for `window` samples, as of a rod that a controller balances, rests near the edge between
+    two values, with errors of up to step / 2.
+    """
+    if len(readings) < window:
+        return steps / math.sqrt(12)
+    still = np.ptp(sliding_window_view(readings, window, axis=0), axis=2) < 1.5 * steps
+    return steps * np.sqrt(1 / 12 + (1 / 4 - 1 / 12) * still.mean(axis=0))
 
 
 def difference_std(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:

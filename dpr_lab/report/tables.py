@@ -104,6 +104,15 @@ def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: An
     return f"{_verdict(fitted, held_out)} ({sizes}; {_held_out(held_out)})."
 
 
+def ratio_title(model: "Model") -> str:
+    """Title of the table of `ratio_rows`."""
+    if model.fitted:
+        return "Ratios to the inertia a of the rod"
+    if all(ratio.fixed_by == "data" for ratio in model.ratios.values()):
+        return "Five ratios, which a free swing determines"
+    return "Ratios to the inertia b of the outer rod"
+
+
 def ratio_rows(model: "Model") -> list[list[str]]:
     """One row per ratio that the recordings determine, in the columns `RATIO_COLUMNS`."""
     return [

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dpr_lab.errors import ConfigError
 from dpr_lab.workflows.events import OnEvent, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
 
@@ -41,7 +42,8 @@ def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore)
     Events: `RunRead`, `Warned`.
 
     Raises:
-        ConfigError: the rig is not valid, or has no poses to simulate releases from.
+        ConfigError: the rig is not valid, has no poses to simulate releases from, or a joint whose motion is prescribed
+            and therefore known from runs only.
         RunError: a run that cannot be used.
     """
     from dpr_lab.identification.identify import identifiability_of
@@ -53,5 +55,11 @@ def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore)
     runs = read_runs(request.runs, rig, on_event, torque=request.torque, moving=True)
     if moves(runs) or (not runs and rig.arm.mode in ("free", "driven")):
         return IdentifiabilityResult(rig.name, identifiability_of_arm(runs, rig))
+    if not runs and "prescribed" in (rig.joints.inner, rig.arm.mode):
+        joint = "inner rod" if rig.joints.inner == "prescribed" else "arm"
+        raise ConfigError(
+            f"the {joint} of rig {rig.name} moves as its encoder says, so that its motion determines what recordings"
+            " identify: give runs, for example runs/*.mcap"
+        )
     answer = identifiability_of(runs, rig, lambda sentence: on_event(Warned(sentence)))
     return IdentifiabilityResult(rig.name, answer, torque_kinds(runs))

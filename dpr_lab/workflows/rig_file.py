@@ -9,18 +9,11 @@ from typing import TYPE_CHECKING, Literal
 from dpr_lab.errors import ConfigError
 from dpr_lab.shown import percent
 from dpr_lab.whole_file import write_text
+from dpr_lab.workflows.rig_drive import Measure, MotorMeasures, arm_table, motor_table
 
 if TYPE_CHECKING:
     from dpr_lab.rig import Rig
-    from dpr_lab.rig_tables import Parameter
-
-
-@dataclass(frozen=True, slots=True)
-class Measure:
-    """A value; with its standard uncertainty if it was measured and should not be identified."""
-
-    value: float
-    std: float | None = None
+    from dpr_lab.rig_tables import ArmMode, InnerMode, Parameter
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +22,13 @@ class RigMeasures:
 
     name: str
     L1: float
-    """Distance between the two joints, m."""
-    L2: float
-    """Length of the outer rod, m."""
+    """Distance between the two joints, m; of a rig with one rod the length of this rod."""
+    L2: float | None
+    """Length of the outer rod, m; None: the rig has one rod."""
     m1: Measure
     """Mass of the inner rod, kg."""
-    m2: Measure
-    """Mass of the outer rod, kg."""
+    m2: Measure | None
+    """Mass of the outer rod, kg; None: the rig has one rod."""
     mb: Measure | None = None
     """Mass of the parts at joint 2, kg; None: unknown."""
     g: float = 9.81
@@ -54,6 +47,12 @@ class RigMeasures:
     """Mounted rods."""
     elbow: Literal["free", "clamped"] = "free"
     """Whether joint 2 is free or clamped."""
+    inner: "InnerMode" = "free"
+    """Whether the inner rod swings, or moves as its encoder says."""
+    arm: "ArmMode" = "clamped"
+    """Motion of the arm."""
+    motor: MotorMeasures | None = None
+    """Motor at the arm; None: none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,32 +92,54 @@ def draft_rig(measures: RigMeasures) -> str:
     """
     from dpr_lab.rig import parse_rig
 
-    m, s = measures, DRAFT
-    rods = m.m1.value + m.m2.value
-    mb = m.mb or Measure(s.elbow[1] * rods)
-    mass = {"m1": _mass(m.m1), "m2": _mass(m.m2), "mb": _mass(mb)}
+    m = measures
+    mb = m.mb or Measure(DRAFT.elbow[1] * (m.m1.value + m.m2.value) if m.m2 else 0.0)
+    carried = m.m1.value + (m.m2.value + mb.value if m.m2 else 0.0)
+    drive = arm_table(m.arm, m.L0, carried) + motor_table(m.arm, m.motor)
+    rods = _both_rods(m, m.m2, mb, m.L2) if m.m2 and m.L2 else _one_rod(m)
+    text = "\n".join([_head(m), *rods, drive + _tail(m)])
+    parse_rig(text)
+    return text
+
+
+def _one_rod(m: RigMeasures) -> list[str]:
+    """Tables in `[parameters]` of a rig with one rod.
+
+    Raises:
+        ConfigError: one rod although two are mounted.
+    """
+    if m.mounted != "inner":
+        raise ConfigError("two rods need the mass and the length of the outer one; a rig with one rod has --rods inner")
+    mass, inertia, moment = _mass(m.m1), m.m1.value * m.L1**2 / 3, m.m1.value * m.L1 / 2
+    return [
+        parameter_table("l1", "distance from joint 1 to the centre of mass of the rod, m", _centre(m.L1)),
+        parameter_table("m1", "mass of the rod, kg", mass, m.m1.std),
+        parameter_table("c1", "viscous friction of joint 1, N m s/rad", _friction(inertia, moment * m.g)),
+        parameter_table("J1", "inertia of the rod about its centre, kg m^2", _inertia(mass, m.L1)),
+    ]
+
+
+def _both_rods(m: RigMeasures, m2: Measure, mb: Measure, L2: float) -> list[str]:
+    """The nine tables in `[parameters]`."""
+    s, rods = DRAFT, m.m1.value + m2.value
+    mass = {"m1": _mass(m.m1), "m2": _mass(m2), "mb": _mass(mb)}
     if m.mb is None:
         mass["mb"] = (s.elbow[0] * rods, mb.value, s.elbow[2] * rods)
-    stds = {"m1": m.m1.std, "m2": m.m2.std, "mb": mb.std}
-    tip = m.m2.value * m.L2**2 / 3
-    hanging = m.m1.value * m.L1**2 / 3 + (mb.value + m.m2.value) * m.L1**2 + tip
-    moments = (m.m1.value / 2 + mb.value + m.m2.value) * m.L1, m.m2.value * m.L2 / 2
-    parts = [
-        _head(m),
+    stds = {"m1": m.m1.std, "m2": m2.std, "mb": mb.std}
+    tip = m2.value * L2**2 / 3
+    hanging = m.m1.value * m.L1**2 / 3 + (mb.value + m2.value) * m.L1**2 + tip
+    moments = (m.m1.value / 2 + mb.value + m2.value) * m.L1, m2.value * L2 / 2
+    return [
         parameter_table("l1", "distance from joint 1 to the centre of mass of the inner rod, m", _centre(m.L1)),
-        parameter_table("l2", "distance from joint 2 to the centre of mass of the outer rod, m", _centre(m.L2)),
+        parameter_table("l2", "distance from joint 2 to the centre of mass of the outer rod, m", _centre(L2)),
         parameter_table("m1", "mass of the inner rod, kg", mass["m1"], stds["m1"]),
         parameter_table("m2", "mass of the outer rod, kg", mass["m2"], stds["m2"]),
         parameter_table("mb", "mass of the parts at the elbow (encoder, bearing, motor), kg", mass["mb"], stds["mb"]),
         parameter_table("c1", "viscous friction of joint 1, N m s/rad", _friction(hanging, moments[0] * m.g)),
         parameter_table("c2", "viscous friction of joint 2, N m s/rad", _friction(tip, moments[1] * m.g)),
         parameter_table("J1", "inertia of the inner rod about its centre, kg m^2", _inertia(mass["m1"], m.L1)),
-        parameter_table("J2", "inertia of the outer rod about its centre, kg m^2", _inertia(mass["m2"], m.L2)),
-        _tail(m),
+        parameter_table("J2", "inertia of the outer rod about its centre, kg m^2", _inertia(mass["m2"], L2)),
     ]
-    text = "\n".join(parts)
-    parse_rig(text)
-    return text
 
 
 def new_rig(measures: RigMeasures, file: Path) -> Path:
@@ -179,22 +200,24 @@ def _head(m: RigMeasures) -> str:
     std = (
         f"L1_std = {toml_number(m.L1_std)}  # standard uncertainty of L1, m: a diagnosis fits L1\n" if m.L1_std else ""
     )
+    outer = f"L2 = {toml_number(m.L2, 9)}  # length of the outer rod, m\n" if m.L2 else ""
     return f"""# SI units; angles are absolute, 0 = upright, pi = hanging. Every key: docs/rig-file.md
 # Bounds are derived from a uniform rod and are wide: narrow those that you know better.
 # A weighed part has `measured` and `std` instead of bounds; one of them determines the scale of all masses.
 
 [rig]
 name = {toml_text(m.name)}
-{arm}L1 = {toml_number(m.L1, 9)}  # distance between the two joints, m
-{std}L2 = {toml_number(m.L2, 9)}  # length of the outer rod, m
-g = {toml_number(m.g, 9)}
+{arm}L1 = {toml_number(m.L1, 9)}  # {"distance between the two joints" if m.L2 else "length of the rod"}, m
+{std}{outer}g = {toml_number(m.g, 9)}
 """
 
 
 def _tail(m: RigMeasures) -> str:
     rods = f"[rods]\nmounted = {toml_text(m.mounted)}\nelbow = {toml_text(m.elbow)}\n\n" if _turn_as_one(m) else ""
     rezeroed = "rezeroed = true" if m.rezeroed else "# rezeroed = true        "
-    joints = f"[joints]\ngeared = {list(m.geared)}" if m.geared else "# [joints]\n# geared = [1, 2]        "
+    prescribed = '\ninner = "prescribed"  # joint 1 moves as its encoder says' if m.inner == "prescribed" else ""
+    geared = f"geared = {list(m.geared)}" if m.geared else "# geared = [1, 2]        "
+    joints = f"{'[joints]' if m.geared or prescribed else '# [joints]'}{prescribed}\n{geared}"
     return f"""[encoders]
 counts_per_rev = [{m.counts_per_rev}, {m.counts_per_rev}, {m.counts_per_rev}]  # arm, inner rod, outer rod
 joint2 = {toml_text(m.joint2)}  # encoder of the outer rod: relative to the inner rod, or absolute
@@ -221,7 +244,7 @@ def _poses(m: RigMeasures) -> str:
     """Three poses: those of the publication, or poses for rods that turn as one body."""
     poses = DRAFT.poses_as_one if _turn_as_one(m) else DRAFT.poses
     return "\n".join(
-        f"[poses.X{number}]\ntheta1 = {theta1!r}\ntheta2 = {theta2!r}\n"
+        f"[poses.X{number}]\ntheta1 = {theta1!r}\n" + (f"theta2 = {theta2!r}\n" if m.m2 else "")
         for number, (theta1, theta2) in enumerate(poses, start=1)
     )
 

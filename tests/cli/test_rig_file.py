@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 from dpr_lab.rig import load_rig, parse_rig
-from dpr_lab.workflows.rig_file import Measure, RigMeasures, check_rig, draft_rig
+from dpr_lab.workflows.rig_drive import Measure
+from dpr_lab.workflows.rig_file import RigMeasures, check_rig, draft_rig
 
 ROOT = Path(__file__).parents[2]
 FLAGS = ("--name", "bench", "--l1", "0.3", "--l2", "0.25", "--m1", "0.21+-0.001", "--m2", "0.12")
@@ -47,9 +48,44 @@ def test_flags_describe_arm_length_geared_joints_zeros_and_mounted_rods(cli, tmp
     assert cli("rig", "check", "my.toml", "--json", cwd=tmp_path).json["findings"] == []
 
 
+ONE = ("--name", "qube", "--rods", "inner", "--l1", "0.129", "--m1", "0.024")
+
+
+def test_flags_describe_one_rod_on_an_arm_with_a_motor(cli, tmp_path: Path) -> None:
+    motor = ("--input", "voltage", "--kt", "0.042", "--ke", "0.042", "--resistance", "8.4+-0.1", "--gear", "2")
+    words = (*ONE, "--l0", "0.085", "--arm", "driven", *motor)
+    done = cli("rig", "new", *words, "--out", "qube.toml", cwd=tmp_path)
+    assert done.code == 0, done.err
+    rig = load_rig(tmp_path / "qube.toml")
+    assert (rig.L0, rig.L1, rig.rods.mounted, rig.arm.mode) == (0.085, 0.129, "inner", "driven")
+    assert rig.motor is not None
+    assert rig.motor.model_dump(include={"input", "gear"}) == {"input": "voltage", "gear": 2.0}
+    table, built_in = rig.model_dump(), load_rig("furuta").model_dump()
+    assert (table["motor"]["kt"]["nominal"], table["motor"]["R"]["std"]) == (0.042, 0.1)
+    drafted, usual = table["parameters"] | table["arm"], built_in["parameters"] | built_in["arm"]
+    for name in ("l1", "m1", "J1", "c1", "A"):
+        assert drafted[name]["lower"] < usual[name]["nominal"] < drafted[name]["upper"], name
+    assert cli("rig", "check", "qube.toml", "--json", cwd=tmp_path).json["ok"]
+
+
+def test_flags_describe_an_inner_rod_that_is_prescribed(cli, tmp_path: Path) -> None:
+    assert cli("rig", "new", *FLAGS, "--inner", "prescribed", "--out", "servo.toml", cwd=tmp_path).code == 0
+    rig = load_rig(tmp_path / "servo.toml")
+    assert (rig.joints.inner, rig.joints.geared) == ("prescribed", ())
+    done = cli("identifiability", "--rig", "servo.toml", cwd=tmp_path)
+    assert done.code == 3
+    assert "the inner rod of rig bench moves as its encoder says" in done.err
+
+
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
+        ((*ONE, "--arm", "free"), 3, "an arm that is free needs its length: give --l0"),
+        ((*ONE, "--l0", "0.1", "--arm", "driven"), 3, "needs the quantity of its input column: give --input"),
+        ((*ONE, "--l0", "0.1", "--arm", "free", "--input", "torque"), 3, "--input torque needs --arm driven"),
+        ((*ONE, "--l0", "0.1", "--kt", "0.04"), 2, "--kt needs the input of the motor"),
+        ((*ONE, "--l0", "0.1", "--arm", "driven", "--input", "torque", "--kt", "1"), 3, "for which kt has no meaning"),
+        ((*ONE, "--l0", "0.1", "--arm", "driven", "--input", "current", "--kt", "x"), 2, "--kt 'x': write the value"),
         ((*FLAGS, "--geared", "3"), 3, "joints.geared"),
         ((*FLAGS, "--rods", "outer", "--elbow", "clamped"), 3, "no elbow to clamp"),
         (FLAGS[:-2], 2, "--m2 is required: Mass of the outer rod, kg"),

@@ -13,7 +13,9 @@ from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.dynamics.simulate import simulate_arm
 from dpr_lab.effects import EFFECTS, OF_ARM, effect_params, param_index
+from dpr_lab.effects.limits import amplitude_limits, oversized
 from dpr_lab.effects.mounted import effects_of_run
+from dpr_lab.effects.quantities import BaseParameters
 from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
 from tests.arm_engine import drawn_plant, rig_of, swing
@@ -217,3 +219,13 @@ def test_backlash_of_the_arm_s_gear_is_that_of_a_light_motor_in_mujoco(both, mod
         )
 
     assert gap({"backlash_joint0": plant.size}) < 0.5 * gap({})
+
+
+def test_a_saturated_drive_is_no_larger_than_any_rig_and_a_huge_friction_is():
+    a, b, d, e1, c1, c2 = BASE[:6]
+    limits = amplitude_limits(BaseParameters(a, b, d, e1, d * CONSTANTS.g / CONSTANTS.L1, c1, c2), CONSTANTS)
+    saturated = effect_params({"saturation_joint0": {"share": 1.0, "limit_Nm": 0.01}})
+    assert oversized(saturated, limits) == ()
+    friction = limits[param_index("coulomb_joint0", "torque_Nm")]
+    both = effect_params({"saturation_joint0": {"share": 1.0}, "coulomb_joint0": {"torque_Nm": friction}})
+    assert oversized(both, limits) == ("coulomb_joint0",)

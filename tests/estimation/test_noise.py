@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.noise import SETTINGS, difference_std, noise_floor
+from dpr_lab.estimation.noise import SETTINGS, arm_noise, difference_std, noise_floor
 from dpr_lab.rig import load_rig
 from dpr_lab.run import Run
 
@@ -103,7 +103,37 @@ def test_noiseless_table_falls_back_on_the_encoder():
     still = Run("table", t, np.full((200, 3), 3.0), None, None, "paper", "", 200.0)
     noise = noise_floor(still, RIG)
     assert noise.source == "quantisation"
-    np.testing.assert_allclose(noise.std_joint, COUNT / math.sqrt(12))
+    np.testing.assert_allclose(noise.std_joint, COUNT / 2)  # nothing moves: the errors are not independent
+
+
+COARSE = 2 * math.pi / 2048
+
+
+def coarse_table(theta):
+    """A table of angles that were rounded to another encoder's counts, 500 Hz."""
+    t = np.arange(len(theta)) / 500
+    return Run("table", t, COARSE * np.rint(theta / COARSE), None, None, "paper", "", 500.0)
+
+
+def test_a_table_on_the_grid_of_a_coarse_encoder_has_at_least_its_rounding():
+    t = np.arange(2000) / 500
+    moves = np.stack([1.2 * np.sin(0.15 * t), np.pi + 0.8 * np.cos(6 * t), np.pi + np.sin(9 * t)], axis=1)
+    run = coarse_table(moves)  # the arm is so slow that most of its neighbouring readings are equal
+    assert difference_std(run.t, run.theta[:, :1])[0] < 0.3 * COARSE / math.sqrt(12)
+    assert 0.999 * COARSE / math.sqrt(12) < arm_noise(run, RIG) < COARSE / 2
+    error = np.std(run.theta - moves, axis=0)
+    np.testing.assert_allclose(error, COARSE / math.sqrt(12), rtol=0.1)
+    assert (noise_floor(run, with_joint2("absolute")).std_joint > 0.999 * COARSE / math.sqrt(12)).all()
+
+
+def test_a_rod_that_is_balanced_between_two_counts_has_errors_of_half_a_count():
+    rng, t = np.random.default_rng(3), np.arange(4000) / 500
+    swinging, near = 0.5 * np.sin(8 * t), 0.5 * COARSE + 0.1 * COARSE * rng.normal(size=len(t))
+    theta = np.where(t < 1, swinging, near)[:, None] * np.ones(3)
+    run = coarse_table(theta)
+    error = float(np.std(run.theta[:, 1] - theta[:, 1]))
+    assert error > 1.3 * COARSE / math.sqrt(12)
+    assert error <= noise_floor(run, with_joint2("absolute")).std_joint[0] < 1.1 * COARSE / 2
 
 
 def test_table_better_than_the_rigs_encoders_keeps_its_own_noise():

@@ -9,7 +9,12 @@ import pytest
 from dpr_lab.dynamics.arm import ArmParameters, mounted
 from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.identification.moving_arm.fit import ARM_FIT, fit_moving_arm
-from dpr_lab.identification.moving_arm.identify import compare_moving_arm, identify_moving_arm
+from dpr_lab.identification.moving_arm.identify import (
+    compare_moving_arm,
+    estimated,
+    identify_moving_arm,
+    undetermined,
+)
 from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
 from dpr_lab.identification.moving_arm.search import searched_start
 from dpr_lab.identification.preprocess import preprocess
@@ -178,3 +183,15 @@ def test_a_global_search_over_rods_arm_and_drive_finds_the_start_of_a_fit():
     truth, *_ = truth_of(rig, Z, arm)
     for name, value in zip(model.problem.unknowns.free, model.values, strict=True):
         assert value == pytest.approx(truth[model.problem.unknowns.name(name)], rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "words"),
+    [
+        (1e-9, 1e21, "not determined by these recordings"),
+        (0.1, 0.2, "not distinguishable from zero: -0.229 to 0.429 (90 %)"),
+        (4.0, 2.3, "poorly determined: 0.217 to 7.78 (90 %)"),
+    ],
+)
+def test_the_interval_of_a_failed_fit_is_no_number(value, std, words):
+    assert undetermined("c0/a", estimated(value, std)) == words

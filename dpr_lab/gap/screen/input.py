@@ -64,12 +64,12 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
     as_read = _fitted(recordings, start)
     gain = 1.0 + as_read.estimate.params[param_index(DRIVE_GAIN.name, DRIVE_GAIN.amplitudes[0].name)]
     if as_read.chi2 > RULES.suspicious * as_read.linear.residual.size or gain < 0.0:
-        if RULES.better * _fitted(_mirrored(recordings), start).chi2 < as_read.chi2:
+        if _far_better(_fitted(_mirrored(recordings), start), as_read, RULES.better):
             raise IdentificationError(
                 "the sign of theta0 is reversed: with the opposite sign, the model fits the recordings. Import"
                 " the table with --scale theta0=-1, or reverse the direction of encoder 0 in [encoders]"
             )
-        _refuse_scale(recordings, start, as_read.chi2)
+        _refuse_scale(recordings, start, as_read)
     motor = recordings.rig.motor
     if motor is None or not recordings.driven_arm:
         return
@@ -85,15 +85,27 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
         )
 
 
-def _refuse_scale(recordings: Recordings, start: Array, chi2: float) -> None:
+def _far_better(other: Fit, as_read: Fit, factor: float) -> bool:
+    """Whether another interpretation reduces chi-square by a factor, in total and in most of the segments that misfit.
+
+    A fit that has failed leaves large residuals in a few segments, whichever interpretation is right.
+    """
+    if not factor * other.chi2 < as_read.chi2:
+        return False
+    given, changed = as_read.linear.chi2_by_segment, other.linear.chi2_by_segment
+    poor = given > RULES.suspicious * as_read.linear.residual.shape[1]
+    return not poor.any() or bool(np.mean(factor * changed[poor] < given[poor]) > 0.5)
+
+
+def _refuse_scale(recordings: Recordings, start: Array, as_read: Fit) -> None:
     """Refuse half or twice the angles of the arm or of the rods.
 
     Raises:
         IdentificationError: another scale explains the recordings; it is named.
     """
-    tried = [(_fitted(_scaled(recordings, scale), start).chi2, scale) for scale in SCALED_READINGS]
-    best, scale = min(tried, key=lambda pair: pair[0])
-    if RULES.better_scale * best < chi2:
+    tried = [(_fitted(_scaled(recordings, scale), start), scale) for scale in SCALED_READINGS]
+    best, scale = min(tried, key=lambda pair: pair[0].chi2)
+    if _far_better(best, as_read, RULES.better_scale):
         raise IdentificationError(scale.cause(recordings.rig.rods.mounted))
 
 

@@ -30,6 +30,9 @@ class ArmWarnings:
 
     hardly_seen: float = 0.5
     """Relative standard deviation above which an unknown is not determined."""
+    unseen: float = 1e3
+    """Standard deviation, relative to the value or in units of the ratio, above which an interval says nothing: it is
+    that of a fit that failed."""
     gap: float = 3.0
     """Reduced chi-square above which the model is clearly incomplete."""
 
@@ -63,7 +66,7 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
         )
     unknowns, std = fit.problem.unknowns, np.sqrt(np.diag(covariance))
     names = [unknowns.name(parameter) for parameter in unknowns.free]
-    estimates = dict(zip(names, map(_estimated, fit.values.tolist(), std.tolist()), strict=True))
+    estimates = dict(zip(names, map(estimated, fit.values.tolist(), std.tolist()), strict=True))
     is_determined = {
         name: estimate.std <= ARM_WARNINGS.hardly_seen * abs(estimate.value) for name, estimate in estimates.items()
     }
@@ -77,7 +80,9 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
         input=unknowns.input if any(run.arm_mode == "driven" for run in runs) else "",
         scale="b" if unknowns.scale == "b" else "a",
         ratios={name: estimate for name, estimate in estimates.items() if is_determined[name]},
-        undetermined={name: _limit(name, estimate) for name, estimate in estimates.items() if not is_determined[name]},
+        undetermined={
+            name: undetermined(name, estimate) for name, estimate in estimates.items() if not is_determined[name]
+        },
         covariance=covariance.tolist(),
         unknowns=names,
         absolute=absolute_values(fit, covariance, scale, [is_determined[name] for name in names]),
@@ -103,13 +108,17 @@ def _misfit(fit: ArmFit) -> float:
     return fit.misfit or fit.chi2_per_dof
 
 
-def _estimated(value: float, std: float) -> EstimatedValue:
+def estimated(value: float, std: float) -> EstimatedValue:
+    """A value with its normal 90 % interval."""
     reach = NORMAL_Q90 * std
     return EstimatedValue(value=value, std=std, interval90=(value - reach, value + reach))
 
 
-def _limit(name: str, estimate: EstimatedValue) -> str:
+def undetermined(name: str, estimate: EstimatedValue) -> str:
+    """Reason why an unknown is not among the results."""
     low, high = estimate.interval90
+    if not estimate.std < ARM_WARNINGS.unseen * max(abs(estimate.value), 1.0):
+        return "not determined by these recordings"
     if low > 0:
         return f"poorly determined: {low:.3g} to {high:.3g} (90 %)"
     if name[:2] in ("c0", "c1", "c2", "k0", "f0"):

@@ -216,7 +216,7 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
         self._history = _history(model)
         self._draw_convergence()
         warnings = sentences("Warnings", [*model.failures, *model.warnings], mark="!")
-        ratios = table("Five ratios, which a free swing determines", tables.RATIO_COLUMNS, tables.ratio_rows(model))
+        ratios = table(tables.ratio_title(model), tables.RATIO_COLUMNS, tables.ratio_rows(model))
         absolute = tables.base_rows(model)
         base = [
             table("Base parameters, because these runs also determine the scale", tables.BASE_COLUMNS, absolute)
