@@ -1,5 +1,7 @@
 """Models sampled from a posterior: their distribution, their files, and the bands that they predict."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -150,6 +152,15 @@ def test_a_diagnosis_without_a_posterior_is_refused(model: Model) -> None:
         posterior_of(model, made())
     (own,) = posterior_of(model, None)
     assert own.free == list(RATIOS)
+
+
+def test_a_recording_that_a_hand_still_moves_is_refused(model: Model) -> None:
+    plant, rig = weighed(load_plant("paper", 5), load_rig("paper"))
+    run = record(plant, rig, duration=1.0)[0]
+    hand = np.cumsum(np.where(run.t < 0.5, 1.0 - np.cos(4 * np.pi * run.t), 0.0)) * np.median(np.diff(run.t))
+    held = replace(run, theta=run.theta - 3.0 * hand[:, None] * np.array([0.0, 1.0, 1.0]), counts=None)
+    with pytest.raises(RunError, match=r"first 0.5 s at all.*hand"):
+        predictive_band(model, [model], held, rig, 0)
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.segments import segments
+from dpr_lab.errors import RunError
 from dpr_lab.exports.ensemble.starts import drawn_starts
 from dpr_lab.identification.compare import Followed, follow, free_run_from
 from dpr_lab.identification.model import Model
@@ -33,6 +34,8 @@ class BandSettings:
     """Maximum duration of the comparison."""
     rate_hz: float = 200.0
     """Rate of the compared readings."""
+    unlike: float = 10.0
+    """Misfit of the first readings, standard deviations of their noise, below which a model always follows them."""
 
 
 BANDS = BandSettings()
@@ -95,10 +98,27 @@ def predictive_band(
     stride = max(1, round((len(swing.t) - 1) / max(float(swing.t[-1]) - first, 1e-9) / settings.rate_hz))
     t = swing.t[(swing.t > first + settings.start_s) & (swing.t <= end)][::stride]
     head = run.only(run.t < first + settings.start_s + 1e-9)
+    _refuse_other_start(follow(head, rig, model), run, settings)
     drawn = np.array([_swing(follow(head, rig, member), first, t, rng) for member in members])
     low, high = quantiles_of(drawn, settings)
     measured = run.theta[np.searchsorted(run.t, t), 1:]
     return PredictiveBand(run.name, end, t, measured, low, high)
+
+
+def _refuse_other_start(head: Followed, run: Run, settings: BandSettings) -> None:
+    """Refuse a run whose first readings differ more from the model than from their mean: no state starts it.
+
+    Raises:
+        RunError: this is so.
+    """
+    measured, noise = head.preprocessed.run.theta[:, 1:], head.preprocessed.noise.covariance
+    misfit = np.mean((measured - head.tracked) ** 2, axis=0)
+    scatter = np.maximum(np.var(measured, axis=0), settings.unlike**2 * np.diag(noise))
+    if not (misfit < scatter).all():
+        raise RunError(
+            f"{run.file or run.name}: the model does not follow the first {settings.start_s:g} s at all, so no band can "
+            "start there; did a hand still move the rods? Leave this recording out"
+        )
 
 
 def quantiles_of(drawn: Array, settings: BandSettings = BANDS) -> tuple[Array, Array]:
