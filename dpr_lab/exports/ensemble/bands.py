@@ -36,6 +36,8 @@ class BandSettings:
     """Rate of the compared readings."""
     unlike: float = 10.0
     """Misfit of the first readings, standard deviations of their noise, below which a model always follows them."""
+    unexplained: float = 0.5
+    """Share of the variance of the first readings that a model that follows them leaves unexplained at most."""
 
 
 BANDS = BandSettings()
@@ -106,17 +108,17 @@ def predictive_band(
 
 
 def _refuse_other_start(head: Followed, run: Run, settings: BandSettings) -> None:
-    """Refuse a run whose first readings differ more from the model than from their mean: no state starts it.
+    """Refuse a run if the model explains less than half of the variance of its first readings: no state starts it.
 
     Raises:
         RunError: this is so.
     """
     measured, noise = head.preprocessed.run.theta[:, 1:], head.preprocessed.noise.covariance
     misfit = np.mean((measured - head.tracked) ** 2, axis=0)
-    scatter = np.maximum(np.var(measured, axis=0), settings.unlike**2 * np.diag(noise))
-    if not (misfit < scatter).all():
+    most = np.maximum(settings.unexplained * np.var(measured, axis=0), settings.unlike**2 * np.diag(noise))
+    if not (misfit < most).all():
         raise RunError(
-            f"{run.file or run.name}: the model does not follow the first {settings.start_s:g} s at all, so no band can "
+            f"{run.file or run.name}: the model does not follow the first {settings.start_s:g} s, so no band can "
             "start there; did a hand still move the rods? Leave this recording out"
         )
 
