@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.polynomial import polyvander
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -77,7 +78,7 @@ def _local_motion(t: Array, rods: Array, length_s: float, settings: LocalMotionS
     times, angles = (sliding_window_view(x, window, axis=0)[::stride] for x in (t, rods))
     times_from_mean = times - times.mean(axis=1, keepdims=True)
     reach = np.abs(times_from_mean).max(axis=1)[:, None]
-    powers = (times_from_mean / reach)[:, :, None] ** np.arange(settings.degree + 1)
+    powers = polyvander(times_from_mean / reach, settings.degree)
     across = powers.transpose(0, 2, 1)
     coefficients = np.linalg.solve(across @ powers, across @ angles.transpose(0, 2, 1))
     near = np.arange(window // 2, len(t) - window // 2)[::stride]

@@ -97,8 +97,7 @@ class TorqueBalance:
 
     def _equations(self, rods: Array) -> tuple[Array, Array, Array, Array]:
         """Columns, target, and bounds of the coefficients relative to the values of the rig file."""
-        a, b, d, e1, c1, c2 = mounted_base(self.rig, self.rig.nominal).tolist()
-        e2 = d * self.rig.g / self.rig.L1
+        a, b, d, e1, c1, c2, e2 = self._nominal()
         (th1, th2), (w1, w2), (al1, al2) = rods.T, self.moving.omega.T, self.moving.alpha.T
         cos, sin, zeros, turning = np.cos(th1 - th2), np.sin(th1 - th2), np.zeros_like(th1), w2 - w1
         slip1, slip2 = np.tanh(w1 / TORQUES.slipping), np.tanh(turning / TORQUES.slipping)
@@ -116,7 +115,7 @@ class TorqueBalance:
         if self.torques is not None:
             pairs.append((self.torques[:, 1] - self.torques[:, 0], -self.torques[:, 1]))
             least, most = [*least, 1 / ENERGY.slack], [*most, ENERGY.slack]
-        size = self._size(rods)
+        size = self._size(rods, e1, e2)
         columns = np.stack([self._of_joints(*pair) for pair in pairs], axis=1)
         target = self._of_joints(e1 * np.sin(th1), zeros)
         return columns / size, target / size, np.array(least), np.array(most)
@@ -125,17 +124,21 @@ class TorqueBalance:
         """Both equations one after the other, or their sum for one degree of freedom."""
         return np.concatenate([inner, outer]) if self.rig.rods.mounting == "both" else inner + outer
 
-    def _size(self, rods: Array) -> float:
+    def _nominal(self) -> list[float]:
+        """Base parameters of the rig file, and the largest torque of gravity on the outer rod e2, N m."""
+        base = mounted_base(self.rig, self.rig.nominal).tolist()
+        return [*base, base[2] * self.rig.g / self.rig.L1]
+
+    def _size(self, rods: Array, e1: float, e2: float) -> float:
         """Rms torque of gravity, N m."""
-        _, _, d, e1, *_ = mounted_base(self.rig, self.rig.nominal).tolist()
-        std1, std2 = (e1 * np.sin(rods[:, 0])).std(), (d * self.rig.g / self.rig.L1 * np.sin(rods[:, 1])).std()
+        std1, std2 = (e1 * np.sin(rods[:, 0])).std(), (e2 * np.sin(rods[:, 1])).std()
         return max(float(np.hypot(std1, std2)), float(np.finfo(float).tiny))
 
     def _gravity_of_outer(self, rods: Array) -> Array:
         """Column of the torque of gravity on the outer rod, which the column of d contains."""
-        d = mounted_base(self.rig, self.rig.nominal)[2]
-        torque = -d * self.rig.g / self.rig.L1 * np.sin(rods[:, 1])
-        return self._of_joints(np.zeros_like(torque), torque) / self._size(rods)
+        _, _, _, e1, _, _, e2 = self._nominal()
+        torque = -e2 * np.sin(rods[:, 1])
+        return self._of_joints(np.zeros_like(torque), torque) / self._size(rods, e1, e2)
 
 
 def inertias(base: Array, e2: ArrayLike, rig: Rig, elbow: float) -> Array:
