@@ -11,7 +11,5 @@ FOLDER = Path(__file__).parents[1] / "docs" / "schemas"
 
 @cache
 def validator(name: str) -> Draft202012Validator:
-    """Validates against a file of the docs; it is itself a valid schema."""
-    schema = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
-    Draft202012Validator.check_schema(schema)
-    return Draft202012Validator(schema)
+    """Validates against a file of the docs, which `tests/report/test_schemas.py` finds to be a valid schema."""
+    return Draft202012Validator(json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8")))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from jsonschema import ValidationError
+from jsonschema import Draft202012Validator, ValidationError
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.report.schemas import SCHEMAS, schema
@@ -25,6 +25,11 @@ def test_the_files_of_the_docs_are_what_the_types_say() -> None:
     generated = runpy.run_path(str(ROOT / "docs/schemas.py"))["files"]()
     stored = {file.name: file.read_text(encoding="utf-8") for file in FOLDER.iterdir()}
     assert stored == generated, "run python docs/schemas.py; raise the version where a reader would fail"
+
+
+@pytest.mark.parametrize("name", SCHEMAS)
+def test_a_schema_is_valid_itself(name: str) -> None:
+    Draft202012Validator.check_schema(dict(validator(name).schema))
 
 
 @pytest.mark.parametrize("name", WRITTEN)
