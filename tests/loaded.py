@@ -17,7 +17,6 @@ from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
-from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
 
 import dpr_lab
@@ -76,17 +75,6 @@ def started(command: Sequence[str], **options: Any) -> Any:
     return Forked(lambda: simulate([*command[3:]]), **options)
 
 
-def load_compiled() -> None:
-    """Load the kernels of modules that are in the cache: a process forked then does not load them again."""
-    modules = [module for name, module in sys.modules.items() if name.startswith(("dpr_lab.", "sim_device."))]
-    for kernel in {id(value): value for module in modules for value in vars(module).values()}.values():
-        cache = getattr(kernel, "_cache", None)
-        if isinstance(kernel, Dispatcher) and hasattr(cache, "_cache_file"):
-            for signature, *target in cache._cache_file._load_index():
-                if target == [*cache._index_key(signature, kernel.targetctx.codegen())[1:]]:
-                    kernel.compile(signature)
-
-
 for module in pkgutil.walk_packages(dpr_lab.__path__, "dpr_lab."):
     if not module.name.startswith(("dpr_lab.tui", "dpr_lab.__main__", "dpr_lab.cli.tui")):
         import_module(module.name)
@@ -101,5 +89,4 @@ for name in SCHEMAS:
     validator(name)
 cpu_target.typing_context.refresh()  # pyright: ignore[reportAttributeAccessIssue]
 cpu_target.target_context.refresh()  # pyright: ignore[reportAttributeAccessIssue]
-load_compiled()
 gc.freeze()  # what is collected is copied in every process

@@ -53,6 +53,7 @@ COMMAND = "import sys; sys.argv = ['dpr-lab', *{!r}]; from dpr_lab.cli import ma
 LAW = (TEMPLATE / "src" / "dpr_lab_magnet.py").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_broken_plugins_are_named_and_skipped(announce: Announce) -> None:
     site = announce("raises", "raise RuntimeError('no licence')", effects="a = raises:LAW")
     announce("wrong", "LAW = 3", effects="a = wrong:LAW")
@@ -125,6 +126,7 @@ def test_no_plugins_turns_them_off(announce: Announce) -> None:
     assert len(json.loads(listed.stdout)) == len(EFFECTS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("installed", [False, True])
 def test_nothing_is_loaded_from_the_current_folder(announce: Announce, tmp_path: Path, installed: bool) -> None:
     site = announce("right", LAW, effects="a = right:MAGNETS") if installed else None

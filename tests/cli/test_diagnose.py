@@ -103,6 +103,7 @@ def test_the_page_and_the_exports_are_written(told: dict[str, Any]) -> None:
     HTMLParser().feed(page)
     assert escape(sentence(Diagnosis.model_validate(without_files(told)))) in page.replace("\N{NO-BREAK SPACE}%", " %")
     assert not re.search(r"\d %", page.partition("</style>")[2])
+    assert 'id="acceptance"' not in page  # limits were not given
     assert "http://" not in page
     assert "https://" not in page
     assert json.loads(Path(told["files"]["model"]).read_text())

@@ -67,6 +67,7 @@ def test_it_speaks_the_names_of_the_file(cli, bench: tuple[Path, Rig]) -> None:
     assert "With --out FOLDER the changed robot.xml is written to this folder." in done.out
 
 
+@pytest.mark.slow
 def test_what_does_not_fit_is_refused_first(cli, bench: tuple[Path, Rig], paper: Rig) -> None:
     folder, _ = bench
     assert cli("diagnose", *RUNS, cwd=folder).code == 2

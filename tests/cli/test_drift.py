@@ -40,6 +40,7 @@ def days(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return files
 
 
+@pytest.mark.slow
 def test_the_command_says_what_changed_since_yesterday(days: list[Path], tmp_path: Path, cli) -> None:
     done = cli("drift", *days, "--rig", "paper", "--out", tmp_path / "out", "--fail-on-drift", "--json")
     assert done.code == 1, done.err

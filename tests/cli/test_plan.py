@@ -24,6 +24,7 @@ rate_hz = 100
 """
 
 
+@pytest.mark.slow
 def test_from_the_rig_file_alone(cli, tmp_path: Path) -> None:
     limits = tmp_path / "limits.toml"
     limits.write_text(LIMITS)

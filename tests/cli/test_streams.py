@@ -57,6 +57,7 @@ def test_names_from_files_reach_the_terminal_without_escapes(tmp_path: Path) -> 
         assert b"]0;owned" in done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_a_rig_with_such_a_name_is_refused(tmp_path: Path) -> None:
     rig = (CLI.parents[1] / "configs" / "rigs" / "paper.toml").read_text().replace('"paper"', '"a\\u001b[2J"')
     (tmp_path / "rig.toml").write_text(rig)
@@ -133,6 +134,7 @@ def test_ctrl_c_is_one_line_and_one_object_at_any_moment(
         assert set(said[:-1]) <= {COMPILING}, moment_s
 
 
+@pytest.mark.slow
 def test_an_interrupt_inside_a_library_is_an_interrupt() -> None:
     """A compiler turns an interrupt into an error of its own, or loses it; another library drops it."""
     program = """

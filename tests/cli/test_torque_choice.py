@@ -41,6 +41,7 @@ def driven(paper: Rig, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return files
 
 
+@pytest.mark.slow
 def test_the_scale_is_that_of_the_torques_which_are_taken(driven: list[Path], paper: Rig, cli) -> None:
     scale = [identifiability(IdentifiabilityRequest("paper", tuple(driven), kind)) for kind in (None, "commanded")]
     assert [found.torques for found in scale] == [("measured",), ("commanded",)]

@@ -152,6 +152,7 @@ def test_what_a_diagnosis_writes_says_what_it_costs(corrected: Model, runs, pape
     assert "error is unknown: no run can be replayed" in said[-1]
 
 
+@pytest.mark.slow
 def test_an_export_worse_than_the_bare_model_is_refused(saved, tmp_path: Path):
     folder, files = saved
     model = load_model(folder / "model.json")

@@ -69,6 +69,7 @@ def test_crc_check_value(library):
     assert library.dpr_crc16(b"123456789", ctypes.c_size_t(9)) == 0x29B1
 
 
+@pytest.mark.slow
 @given(frames)
 def test_any_frame_is_framed_as_python_does(framing, frame):
     assert framing().encode(frame) == encode_frame(frame)

@@ -39,6 +39,7 @@ def disturbances(rig: Rig, runs: list[Run]) -> list[tuple[str, float | None]]:
     return [(finding.run, finding.at_s) for finding in findings if finding.name == "disturbance"]
 
 
+@pytest.mark.slow
 def test_each_kick_is_found_within_a_few_samples(tmp_path):
     rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.1, 0.01, kicks=list(KICKS)))
     assert disturbances(rig, runs) == [("first", pytest.approx(at, abs=0.02)) for at, _ in KICKS]

@@ -69,6 +69,7 @@ def trial_of(step: SearchStep) -> tuple[str, list[str], bool]:
     return step.move, sorted(step.tried), step.accepted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("truth", thinned(FAST, 2))
 def test_the_order_of_runs_and_of_the_library_does_not_change_the_answer(
     paper: Rig, recorded: Callable[..., list[Run]], truth: str

@@ -79,6 +79,7 @@ def test_a_known_torque_determines_ratios_and_absolute_values():
     assert all(compared.rms_rad[name] < 1.3 * NOISE for name in compared.rms_rad)
 
 
+@pytest.mark.slow
 def test_a_voltage_drive_of_a_furuta_pendulum_shows_lumped_constants_only():
     rng = np.random.default_rng(2)
     nominal = {"lower": 1e-3, "upper": 10.0}

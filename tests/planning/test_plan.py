@@ -45,6 +45,7 @@ def test_a_first_plan_shows_more_than_the_poses_of_the_rig_file(paper: Rig) -> N
     assert coulomb.after < coulomb.typical
 
 
+@pytest.mark.slow
 def test_without_a_budget_recordings_are_long_and_with_one_their_time_counts(paper: Rig) -> None:
     times = PlanLimits.model_validate({"recording": {"shortest_s": 2.0, "longest_s": 8.0}})
     (free,), (paid,) = (plan(paper, limits=times, count=1, budget_min=budget).releases for budget in (None, 5.0))
@@ -133,6 +134,7 @@ def test_a_repeated_release_is_worth_less_and_a_plan_does_not_repeat_itself(pape
     assert np.linalg.norm(apart, axis=2)[np.triu_indices(3, 1)].min() > 0.5
 
 
+@pytest.mark.slow
 def test_each_release_says_what_it_adds(paper: Rig) -> None:
     first, second, third = plan(paper).releases
     assert first.reason.startswith("shows effects that are not named so far (0.")

@@ -102,6 +102,7 @@ def test_blocks_that_are_no_numbers_are_left_to_the_exact_reader() -> None:
         assert clean_rows(odd, 2, *limits) is None
 
 
+@pytest.mark.slow
 def test_a_packed_table_is_the_table(tmp_path: Path, paper) -> None:
     text = "t,theta1,theta2\n" + "".join(
         f"{k / 100:.2f},{3 + 0.1 * np.sin(k / 9):.5f},{3 + 0.1 * np.sin(k / 7):.5f}\n" for k in range(300)

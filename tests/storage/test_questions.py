@@ -296,6 +296,7 @@ def options_of(table: MutatedTable) -> dict[str, object]:
     return {name: getattr(table.options, name) for name in ("unit", "zero", "angles", "pose")}
 
 
+@pytest.mark.slow
 def test_a_run_that_was_imported_with_its_held_start_is_cut_when_it_is_read(
     tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
 ) -> None:

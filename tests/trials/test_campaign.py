@@ -124,6 +124,7 @@ def test_processes_give_results_and_errors() -> None:
     assert all(result["error"].startswith("TypeError") for _, result in failed)
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_ends_the_campaign_with_a_sentence() -> None:
     with pytest.raises(DprError, match="run the command again to continue"):
         list(on_this_machine(_die, [{}], 1))

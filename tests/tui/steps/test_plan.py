@@ -77,6 +77,7 @@ async def test_a_first_plan_is_a_list_with_reasons_and_a_release_of_it_becomes_t
         assert app.query_one("#rig_file", Input).value == app.workspace.rig
 
 
+@pytest.mark.slow
 async def test_a_release_without_the_mass_of_the_present_rig_file_is_not_recorded_under_it(
     lab, until, said, tmp_path: Path
 ) -> None:
@@ -92,6 +93,7 @@ async def test_a_release_without_the_mass_of_the_present_rig_file_is_not_recorde
         assert (pilot.app.workspace.rig, pilot.app.workspace.next_pose) == (str(loaded), "")
 
 
+@pytest.mark.slow
 async def test_a_release_with_another_mass_brings_the_rig_file_that_describes_it(lab, until, tmp_path: Path) -> None:
     async with lab(PlanStep) as pilot:
         await planned(pilot, until, tmp_path)
