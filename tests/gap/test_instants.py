@@ -115,3 +115,31 @@ def test_instants_that_jitter_at_random_are_no_cycle(seed):
 def test_uneven_instants_that_are_known_are_no_noise_that_grows_with_speed(seed):
     known = log("uneven", np.arange(2000) * 5e-3, 5e-3, np.random.default_rng(seed)).stamps
     assert noise_by_speed(known, readings(known, 3e-4, seed), np.full(2, 3e-4), 5e-3)[1] < 6.0
+
+
+def few_late(n: int, period: float, rng: np.random.Generator) -> Array:
+    """(n,) s: stamps of a slow host; seven of ten are exact, the others late by up to half a period."""
+    lateness = np.where(rng.random(n) < 0.3, period * rng.exponential(0.15, n), 0.0)
+    return np.arange(n) * period + np.minimum(lateness, 0.6 * period)
+
+
+def slow_swing(instants: Array, noise: float, seed: int) -> Array:
+    """(n, 1) rad: one rod that swings with a period of 1.5 s."""
+    exact = 0.6 * np.exp(-instants / 40) * np.cos(4.2 * instants)
+    return (exact + noise * np.random.default_rng(seed).standard_normal(len(instants)))[:, None]
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(("n", "noise"), [(300, 2e-3), (100, 1e-3)])
+def test_few_late_stamps_of_a_short_slow_record_are_evened(n, noise, seed):
+    stamps, taken = few_late(n, 0.1, np.random.default_rng(seed)), np.arange(n) * 0.1
+    instants = even_instants(stamps, slow_swing(taken, noise, seed))
+    assert instants is not None
+    assert np.std(instants - taken) < 0.5 * np.std(stamps - taken)
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize(("n", "noise"), [(300, 2e-3), (300, 1e-2), (100, 1e-3), (60, 1e-4)])
+def test_correct_stamps_of_a_short_slow_record_are_kept(n, noise, seed):
+    stamps = few_late(n, 0.1, np.random.default_rng(seed))
+    assert even_instants(stamps, slow_swing(stamps, noise, seed)) is None

@@ -43,6 +43,10 @@ class InstantSettings:
     """Standard errors by which a block must prefer its stamps to keep them, if the recording prefers even instants."""
     preferred: float = 4.0
     """Standard errors by which the windows that prefer even instants must outnumber the others."""
+    likelihood: float = 6.0
+    """Log-likelihood ratio, nats, that is sufficient as well: few stamps are late, but by much."""
+    fewest: int = 48
+    """Minimum number of readings."""
     fast: float = 0.4
     """Fraction of the windows that are compared, the fastest ones: at rest, all instants are equivalent."""
     cycle: int = 64
@@ -85,6 +89,13 @@ def even_instants(t: Array, joints: Array) -> Array | None:
     """Even instants in place of stamps with jitter, if the angles prefer them.
 
     Each window of seven samples is judged twice, by the sixth divided difference on its stamps and on even instants.
+    The number of windows that prefer one of both decides, or the likelihood ratio
+
+        sum over joints of  k / 7 ln(rms on stamps / rms on even instants),    k windows, of which one in seven is
+        independent.
+
+    It weighs how much a window prefers its instants. Large differences are limited alike in both, because a wrong
+    reading affects both.
 
     Args:
         t: (n,) stamps, s
@@ -93,7 +104,7 @@ def even_instants(t: Array, joints: Array) -> Array | None:
     Returns:
         (n,) s; None if the stamps are even, or correct
     """
-    if len(t) < 4 * INSTANTS.drift:
+    if len(t) < INSTANTS.fewest:
         return None
     period, even, continuous = _even_clock(t)
     near = continuous | (np.abs(t - even) < INSTANTS.widest * period)
@@ -109,7 +120,8 @@ def even_instants(t: Array, joints: Array) -> Array | None:
     counts = without_loss[:, None] & (speed > 0.0) & (speed >= np.quantile(speed, 1 - INSTANTS.fast, axis=0))
     votes = np.where(counts, np.sign(on_stamps - on_even), 0.0)
     # the windows overlap: one in seven is independent
-    if votes.sum() < INSTANTS.preferred * np.sqrt((ORDER + 1) * max(counts.sum(), 1)):
+    outnumbered = votes.sum() < INSTANTS.preferred * np.sqrt((ORDER + 1) * max(counts.sum(), 1))
+    if outnumbered and _likelihood_ratio(on_stamps, on_even, counts) < INSTANTS.likelihood:
         return None
     block = np.arange(len(t)) // INSTANTS.block
     of_window = block[ORDER // 2 : len(t) - ORDER // 2]
@@ -119,13 +131,24 @@ def even_instants(t: Array, joints: Array) -> Array | None:
     return instants if (np.diff(instants) > 0.0).all() else even if (np.diff(even) > 0.0).all() else None
 
 
+def _likelihood_ratio(on_stamps: Array, on_even: Array, counts: Flags) -> float:
+    """Log-likelihood ratio, nats, of even instants to stamps: of the differences (w, m) of the windows that count."""
+    ratio = 0.0
+    for stamped, even in ((on_stamps[k, m], on_even[k, m]) for m, k in enumerate(counts.T) if k.any()):
+        most = INSTANTS.wild * NORMAL_MAD * max(float(np.median(stamped)), float(np.median(even)))
+        powers = [float(np.mean(np.minimum(differences, most) ** 2)) for differences in (stamped, even)]
+        if min(powers) > 0.0:
+            ratio += len(even) / (ORDER + 1) * 0.5 * float(np.log(powers[0] / powers[1]))
+    return ratio
+
+
 def _even_clock(t: Array) -> tuple[float, Array, Flags]:
     """An even clock near stamps (n,): its period, s, its instants (n,), s, and (n,) where no sample is lost nearby.
 
     Stamps may come in bursts, so the period is that over many samples. A lost sample moves the clock by a period. Where
     none is lost and the clock does not wander, a straight line through all stamps has the least noise.
     """
-    index, drift = np.arange(len(t)), INSTANTS.drift
+    index, drift = np.arange(len(t)), min(INSTANTS.drift, len(t) // 4)
     period = float(np.median(t[drift:] - t[:-drift])) / drift
     offset = t - index * period
     wandering = _median_of_neighbours(offset, drift)

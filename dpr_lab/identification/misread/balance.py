@@ -4,7 +4,11 @@ With the base parameters a, b, d, e1 and the viscous coefficients c1, c2 (docs/t
 
     E = a w1^2 / 2 + b w2^2 / 2 + d cos(th1 - th2) w1 w2 + e1 cos(th1) + (d g / L1) cos(th2)
 
-changes by viscous friction, dE = -(c1 w1^2 + c2 (w2 - w1)^2) dt; known torques add tau1 w1 + tau2 (w2 - w1). All
+changes by viscous and dry friction,
+
+    dE = -(c1 w1^2 + c2 (w2 - w1)^2 + f1 |w1| + f2 |w2 - w1|) dt;
+
+known torques add tau1 w1 + tau2 (w2 - w1). Without dry friction, its loss would be balanced by a shift of the zeros. All
 coefficients enter linearly. A least-squares fit within bounds about the rig file's values has a small residual if
 angles and times are interpreted correctly, and a large one otherwise. It needs neither an initial state nor a
 simulation. A single rod is represented as two equal halves with the same angle (`dpr_lab.dynamics.base`).
@@ -44,6 +48,8 @@ class EnergySettings:
     """Number of rows used in the search for zeros."""
     friction: float = 100.0
     """Factor by which a viscous coefficient, which is poorly known, may exceed the value of the rig file."""
+    dry: float = 0.5
+    """Maximum dry friction relative to the weight torque of the rods."""
 
 
 ENERGY = EnergySettings()
@@ -149,7 +155,9 @@ def _balance(moving: LocalMotion, torques: Array | None, rig: Rig) -> EnergyFit 
     (th1, th2), (w1, w2) = rods.T, omega.T
     kinetic = np.array([a * w1**2 / 2, b * w2**2 / 2, d * np.cos(th1 - th2) * w1 * w2])
     potential = np.array([e1 * np.cos(th1), d * rig.g / rig.L1 * np.cos(th2)])
+    weight = e1 + d * rig.g / rig.L1
     gained = [_integral(t, c1 * w1**2), _integral(t, c2 * (w2 - w1) ** 2)]
+    gained += [_integral(t, weight * np.abs(w)) for w in (w1, w2 - w1)]
     if torques is not None:
         gained.append(-_integral(t, (torques[near] * np.column_stack([w1, w2 - w1])).sum(axis=1)))
     size = float(np.std(potential.sum(axis=0)))
@@ -158,15 +166,16 @@ def _balance(moving: LocalMotion, torques: Array | None, rig: Rig) -> EnergyFit 
     columns = np.column_stack([kinetic[0], kinetic[1], kinetic[2] + potential[1], *gained])
     columns, target = columns - columns.mean(axis=0), potential[0].mean() - potential[0]
     residual = _bounded(columns / size, target / size)
-    scale = _time_scale(kinetic.sum(axis=0), potential.sum(axis=0))
+    losses = np.array(gained[:4]) if torques is None else np.zeros((0, len(t)))
+    scale = _time_scale(kinetic.sum(axis=0), potential.sum(axis=0), losses)
     return EnergyFit(residual, scale, float(np.sqrt(np.mean(kinetic.sum(axis=0)) / size)))
 
 
 def _bounded(columns: Array, target: Array) -> float:
     """Rms residual of a fit within the bounds, columns scaled by the values of the rig file."""
-    driven = columns.shape[1] - 5
-    least = [1 / ENERGY.slack] * 3 + [0.0] * 2 + [1 / ENERGY.slack] * driven
-    most = [ENERGY.slack] * 3 + [ENERGY.friction] * 2 + [ENERGY.slack] * driven
+    driven = columns.shape[1] - 7
+    least = [1 / ENERGY.slack] * 3 + [0.0] * 4 + [1 / ENERGY.slack] * driven
+    most = [ENERGY.slack] * 3 + [ENERGY.friction] * 2 + [ENERGY.dry] * 2 + [ENERGY.slack] * driven
     H = columns.T @ columns
     x = bounded_solution(H + RIDGE * np.trace(H) * np.eye(len(H)), columns.T @ target, np.array(least), np.array(most))
     return float(np.sqrt(np.mean((columns @ x - target) ** 2)))
@@ -176,12 +185,19 @@ def _integral(t: Array, power: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(np.diff(t) * (power[1:] + power[:-1]) / 2)])
 
 
-def _time_scale(kinetic: Array, potential: Array) -> float:
-    """Factor of the times at which kinetic and potential energy are exchanged without loss, trends removed.
+def _time_scale(kinetic: Array, potential: Array, losses: Array) -> float:
+    """Factor of the times at which kinetic and potential energy are exchanged, apart from a trend and friction.
 
-    Nan without an exchange.
+    With the factor s, K / s^2 + V + x L + trend is constant: K is compared with V after both are freed of the losses L
+    of friction. Nan without an exchange.
+
+    Args:
+        kinetic: (n,) K
+        potential: (n,) V
+        losses: (m, n) L, work of friction
     """
-    line = np.vander(np.linspace(-1, 1, len(kinetic)), 2)
-    k, v = (x - line @ np.linalg.lstsq(line, x, rcond=None)[0] for x in (kinetic, potential))
+    line = np.column_stack([np.vander(np.linspace(-1, 1, len(kinetic)), 2), losses.T])
+    size = np.maximum(np.abs(line).max(axis=0), np.finfo(float).tiny)
+    k, v = (x - line / size @ np.linalg.lstsq(line / size, x, rcond=None)[0] for x in (kinetic, potential))
     exchanged = -float(k @ v)
     return float(np.sqrt((k @ k) / exchanged)) if exchanged > 0 else np.nan

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.estimation.held_rods import FreePart
+from dpr_lab.gap.screen.instants import even_instants
 from dpr_lab.rig import Rig
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.readings import ReadTable, Values
@@ -122,8 +123,10 @@ class InterpretedTable:
         return slice(self.part.start, min(self.part.stop, self.part.start + settings.energy_rows))
 
     def read(self, settings: QuestionSettings) -> ReadTable:
-        """The same samples as they are read."""
+        """The same samples as they are read; at even instants, if their stamps jitter about them."""
         rows = self.looked_at(settings)
+        even = even_instants(self.t[rows], self.theta[rows, 1:])
         values = {axis: column[rows] for axis, column in self.values.items()}
         torques = None if self.torques is None else self.torques[rows]
-        return ReadTable(self.path, self.rig, self.options, self.columns, self.t[rows], values, torques)
+        t = self.t[rows] if even is None else even
+        return ReadTable(self.path, self.rig, self.options, self.columns, t, values, torques)
