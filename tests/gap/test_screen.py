@@ -80,6 +80,18 @@ def test_two_equal_readings_at_a_turning_point_that_ends_the_record_are_no_fault
         assert not repeated(t[: last + 2], joints, np.full(2, count / np.sqrt(12)), 0.0, 0.01)[-4:].any()
 
 
+@pytest.mark.parametrize("phase", np.linspace(0.0, 0.4, 9))
+def test_two_equal_readings_on_both_sides_of_a_turning_point_are_no_fault_of_a_single_rod(phase: float):
+    t, count = np.arange(150) * 0.1, 2 * np.pi / 1000
+    angle = np.round(0.6 * np.exp(-t / 40) * np.cos(4.2 * t + phase) / count) * count
+    for second in (angle, np.zeros_like(angle)):  # the same rod, or a clamped elbow
+        joints = np.column_stack([angle, second])
+        assert not repeated(t, joints, np.full(2, count / np.sqrt(12)), 0.0, 0.1).any()
+        joints[40:43, 0] = angle[40]
+        fast = abs(angle[43] - angle[40]) > 0.3
+        assert repeated(t, joints, np.full(2, count / np.sqrt(12)), 0.0, 0.1)[41:43, 0].all() or not fast
+
+
 def test_missing_samples_are_counted(clean: Run, paper: Rig, rng: np.random.Generator):
     keep = (rng.random(len(clean.t)) > 0.02) | (clean.t < 0)
     keep[-1] = True

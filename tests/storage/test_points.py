@@ -100,6 +100,17 @@ def test_columns_of_x_and_y_are_points_too(tmp_path: Path) -> None:
     assert is_the_swing(read(file), atol=1e-6)
 
 
+@pytest.mark.parametrize("others", ["", "estimated x velocity for point mass 1,x velocity uncertainty for point mass 1,"])
+def test_columns_that_name_coordinates_in_words_are_points_too(tmp_path: Path, others: str) -> None:
+    rest = np.zeros((len(T), others.count(",")))
+    rows = np.column_stack([T, rest, *(points - PIVOT for points in pixels()[1:]), 0 * T])
+    named = [f"{axis} coordinate for point mass {k}" for k in (1, 2) for axis in "xy"]
+    head = f"Time,{others}{','.join(named)},The hamiltonian (total energy) of the entire system\n"
+    run = read(text(tmp_path / "a.csv", rows, head=head))
+    assert is_the_swing(run, atol=1e-6)
+    assert any("elbow point mass 1, tip point mass 2" in note for note in run.notes)
+
+
 @pytest.mark.parametrize("up", [-1.0, 1.0])
 def test_the_direction_of_y_is_found_for_rods_that_are_upright_most_of_the_time(tmp_path: Path, up: float) -> None:
     """A stretched double pendulum that turns over: theta'' = w^2 sin(theta), 0 = upright."""

@@ -149,6 +149,18 @@ def test_a_wrong_reading_of_one_rod_is_questioned(
     assert " ".join(preview(file, one, ImportOptions(zero="hanging")).mend).startswith(mend)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_zero_elsewhere_is_found_in_a_slow_table_with_late_stamps(one: Rig, tmp_path: Path, seed: int) -> None:
+    rng, swing = np.random.default_rng(seed), friction_swing(one)
+    thinned = swing[:: max(1, round(len(swing) / 60))]
+    late = np.where(rng.random(len(thinned)) < 0.3, rng.exponential(0.15, len(thinned)), 0.0)
+    thinned[:, 0] += np.minimum(late, 0.6) * np.median(np.diff(thinned[:, 0]))
+    file = table(tmp_path, "t,theta1", thinned + [0.0, 0.9])
+    option, value = preview(file, one, ImportOptions(zero="hanging")).mend
+    assert option == "--offset"
+    assert float(value) == pytest.approx(-0.9, abs=0.03)
+
+
 def test_the_rig_file_of_another_rod_is_questioned(one: Rig, tmp_path: Path) -> None:
     file = table(tmp_path, "t,theta1", friction_swing(one) * [1.65, 1.0])
     questions = preview(file, one, ImportOptions(zero="hanging")).questions

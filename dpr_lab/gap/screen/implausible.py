@@ -37,7 +37,7 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
 
     Wrong instants may make the readings of one axis equal by chance, but hardly of both; and at a turning point, two
     samples on either side may be equal. Samples that repeat one after the other are judged together, by the motion of
-    both axes since the last new sample: a jump after them is no missed count.
+    both axes since the last new sample: a jump after them is no missed count. A single axis that turns shows nothing.
 
     Args:
         t: (n,) instants, s
@@ -61,6 +61,9 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
     goes_on = _before(step) * _before(step[::-1])[::-1] > (IMPLAUSIBLE.goes_on * moved) ** 2
     alone = stands & goes_on & (moved > IMPLAUSIBLE.moved * np.hypot(std, jitter * speed))
     all_axes = stands.all(axis=1)
+    turning = np.flatnonzero((np.nan_to_num(step) != 0.0).any(axis=0))
+    if len(np.unique(joints[:, turning], axis=1).T) == 1:  # the other axis is clamped, or is the same rod
+        all_axes &= goes_on[:, turning[0]]
     last_new = np.maximum.accumulate(np.where(all_axes, 0, np.arange(len(t))))
     travelled = np.cumsum(path, axis=0)
     significance = np.sqrt(np.sum(((travelled - travelled[last_new]) / std) ** 2, axis=1))

@@ -50,6 +50,8 @@ class EnergySettings:
     """Factor by which a viscous coefficient, which is poorly known, may exceed the value of the rig file."""
     dry: float = 0.5
     """Maximum dry friction relative to the weight torque of the rods."""
+    exchanged: float = 0.9
+    """Correlation of kinetic and potential energy, apart from trend and friction, from which times are judged."""
 
 
 ENERGY = EnergySettings()
@@ -62,9 +64,7 @@ class EnergyFit:
     residual: float
     """Rms error of the energy balance, relative to the exchanged potential energy."""
     time_scale: float
-    """Factor for the times that balances the exchange of kinetic and potential energy, 1 if correct; nan without
-    exchange.
-    """
+    """Factor for the times that balances the exchange of kinetic and potential energy, 1 if correct; nan if unclear."""
     kinetic_scale: float
     """The same from the magnitudes of both energies, also for driven rods; accurate to a factor of about ten."""
 
@@ -189,7 +189,7 @@ def _time_scale(kinetic: Array, potential: Array, losses: Array) -> float:
     """Factor of the times at which kinetic and potential energy are exchanged, apart from a trend and friction.
 
     With the factor s, K / s^2 + V + x L + trend is constant: K is compared with V after both are freed of the losses L
-    of friction. Nan without an exchange.
+    of friction. Nan if they are not exchanged, because the losses resemble one of them.
 
     Args:
         kinetic: (n,) K
@@ -200,4 +200,5 @@ def _time_scale(kinetic: Array, potential: Array, losses: Array) -> float:
     size = np.maximum(np.abs(line).max(axis=0), np.finfo(float).tiny)
     k, v = (x - line / size @ np.linalg.lstsq(line / size, x, rcond=None)[0] for x in (kinetic, potential))
     exchanged = -float(k @ v)
-    return float(np.sqrt((k @ k) / exchanged)) if exchanged > 0 else np.nan
+    alike = exchanged > ENERGY.exchanged * float(np.sqrt((k @ k) * (v @ v)))
+    return float(np.sqrt((k @ k) / exchanged)) if alike else np.nan

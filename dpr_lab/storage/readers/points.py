@@ -62,6 +62,10 @@ WANTED = "the pivot, the elbow and the tip, or the elbow and the tip of a pivot 
 _COORDINATE = r"(?:(?P<c1>[xy])[\W_]*(?P<n1>\w+)|(?P<n2>\w+?)[\W_]*(?P<c2>[xy]))"
 _UNIT = r"([\W_]*(px|pixels?|mm|cm|m)\W*)?"
 _BY_NAME = re.compile(rf"{_COORDINATE}{_UNIT}", re.I)
+_WORDS = r"[\W_]*(?:coordinate|coord|position|pos)[\W_]*(?:(?:for|of)\b[\W_]*)?(?:the\b[\W_]*)?"
+_IN_WORDS = re.compile(rf"(?P<axis>[xy]){_WORDS}(?P<point>.+?){_UNIT}", re.I)
+"""As "x coordinate of the elbow"."""
+_ANGLE = re.compile(r"theta|(?<![a-z])th(?![a-z])|phi|angle|^q\d|joint")
 _ALONE = re.compile(rf"([xy]){_UNIT}", re.I)
 
 
@@ -98,16 +102,23 @@ def _points(table: Table) -> tuple[str, list[_Point]]:
         columns = list(zip(_groups(table), names, strict=True))
         return "table of points by Tracker", list(_upwards(table, columns, 0, 1.0))
     ungrouped = [own_name(name) for name in table.names]
-    angles = any(re.search(r"th|phi|angle|^q\d|joint", name.lower()) for name in ungrouped)
+    angles = any(_ANGLE.search(name.lower()) for name in ungrouped)
     alone = [("point", match[1].lower()) if (match := _ALONE.fullmatch(name)) else ("", "") for name in ungrouped]
     if sorted(axis for _, axis in alone if axis) == ["x", "y"] and not angles:
         return PLAIN, list(_upwards(table, alone, 0, -1.0))
-    fitted = [_BY_NAME.fullmatch(name) for name in ungrouped]
-    columns = [((m["n1"] or m["n2"]).lower(), (m["c1"] or m["c2"]).lower()) if m else ("", "") for m in fitted]
+    columns = [_coordinate(name) for name in ungrouped]
     pairs = {name for name, _ in columns if {(name, "x"), (name, "y")} <= set(columns)}
     if not pairs or angles:
         return "", []
     return PLAIN, list(_upwards(table, [c if c[0] in pairs else ("", "") for c in columns], 0, -1.0))
+
+
+def _coordinate(name: str) -> tuple[str, str]:
+    """Point and axis of a column of coordinates; empty for other columns."""
+    if match := _IN_WORDS.fullmatch(name):
+        return match["point"].lower(), match["axis"].lower()
+    match = _BY_NAME.fullmatch(name)
+    return ((match["n1"] or match["n2"]).lower(), (match["c1"] or match["c2"]).lower()) if match else ("", "")
 
 
 def _groups(table: Table) -> list[str]:

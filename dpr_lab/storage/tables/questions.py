@@ -143,7 +143,7 @@ def _energy_questions(
                 " (in N m) and --arm, and lengths and masses of the rig"
             )
         )
-    elif fit is not None and table.free and not 1 / settings.time_scale < fit.time_scale < settings.time_scale:
+    elif fit is not None and table.free and abs(math.log(fit.time_scale)) >= math.log(settings.time_scale):
         doubts.append(
             TableQuestion(
                 f"the rods swing {fit.time_scale:.3g} times as fast as predicted from lengths and masses of the rig"

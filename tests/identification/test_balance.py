@@ -1,0 +1,42 @@
+"""The energy balance of a table with strong dry friction: zeros of the angles, and factor of the times."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from dpr_lab.identification.misread.balance import energy_fit, energy_zeros, mounted_base
+from dpr_lab.rig import Rig
+
+Array = NDArray[np.float64]
+
+
+def one_rod(rig: Rig, dry: float, t: Array, start: float) -> Array:
+    """(n, 2) rad: the rods of a rig as one, with dry friction relative to the weight torque, started near upright."""
+    a, b, d, e1, *_ = mounted_base(rig, rig.nominal).tolist()
+    gravity = (e1 + d * rig.g / rig.L1) / (a + b + 2 * d)
+
+    def slope(_: float, y: Array) -> list[float]:
+        return [y[1], gravity * (np.sin(y[0]) - dry * np.tanh(y[1] / 0.02))]
+
+    angle = solve_ivp(slope, (0.0, t[-1]), [start, 0.0], t_eval=t, rtol=1e-7, atol=1e-9, max_step=0.01).y[0]
+    return np.column_stack([angle, angle])
+
+
+@pytest.mark.parametrize("dry", [0.0, 0.05, 0.1])
+def test_dry_friction_is_not_taken_for_a_zero(dry: float, paper: Rig):
+    rig = paper.model_copy(update={"rods": paper.rods.model_copy(update={"mounted": "inner"})})
+    rods = one_rod(rig, dry, np.arange(300) * 0.01, np.pi - 1.5)
+    added = energy_zeros(np.arange(300) * 0.01, rods + 0.3, rig)
+    assert added is not None
+    assert added[0] == pytest.approx(-0.3, abs=3e-3)
+
+
+@pytest.mark.parametrize("slower", [1.0, 1.5])
+@pytest.mark.parametrize("dry", [0.0, 0.05, 0.1, 0.15])
+def test_friction_does_not_change_the_factor_of_the_times(dry: float, slower: float, paper: Rig):
+    rig = paper.model_copy(update={"rods": paper.rods.model_copy(update={"mounted": "inner"})})
+    t = np.arange(300) * 0.01
+    fit = energy_fit(slower * t, one_rod(rig, dry, t, np.pi - 1.5), None, rig)
+    assert fit is not None
+    assert slower * fit.time_scale == pytest.approx(1.0, rel=0.02)
