@@ -144,3 +144,10 @@ def test_the_interval_of_a_short_recording_has_a_width() -> None:
     low, high = reduction(above, rng, block=5).interval90
     assert low < 1 - np.sqrt(52 / 150) < high
     assert reduction(above[:, :1], rng, block=1).interval90 == (-1.0, 1.0)
+
+
+def test_held_out_pieces_of_a_single_recording_are_not_called_runs() -> None:
+    closed = GapReduction(0.51, (0.22, 0.74))
+    cut = Transfer("held-out runs", True, closed, 1.0, (), {}, {"swing 10-19 s": closed}, {}, (), (), (), None)
+    assert how_far(cut).startswith("On held-out pieces of the recording the gap closes by 51 %")
+    assert how_far(replace(cut, held_out={"other": closed})).startswith("On held-out runs the gap")

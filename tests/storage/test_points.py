@@ -100,7 +100,9 @@ def test_columns_of_x_and_y_are_points_too(tmp_path: Path) -> None:
     assert is_the_swing(read(file), atol=1e-6)
 
 
-@pytest.mark.parametrize("others", ["", "estimated x velocity for point mass 1,x velocity uncertainty for point mass 1,"])
+@pytest.mark.parametrize(
+    "others", ["", "estimated x velocity for point mass 1,x velocity uncertainty for point mass 1,"]
+)
 def test_columns_that_name_coordinates_in_words_are_points_too(tmp_path: Path, others: str) -> None:
     rest = np.zeros((len(T), others.count(",")))
     rows = np.column_stack([T, rest, *(points - PIVOT for points in pixels()[1:]), 0 * T])

@@ -155,7 +155,7 @@ def test_a_zero_elsewhere_is_found_in_a_slow_table_with_late_stamps(one: Rig, tm
     thinned = swing[:: max(1, round(len(swing) / 60))]
     late = np.where(rng.random(len(thinned)) < 0.3, rng.exponential(0.15, len(thinned)), 0.0)
     thinned[:, 0] += np.minimum(late, 0.6) * np.median(np.diff(thinned[:, 0]))
-    file = table(tmp_path, "t,theta1", thinned + [0.0, 0.9])
+    file = table(tmp_path, "t,theta1", thinned + np.array([0.0, 0.9]))
     option, value = preview(file, one, ImportOptions(zero="hanging")).mend
     assert option == "--offset"
     assert float(value) == pytest.approx(-0.9, abs=0.03)

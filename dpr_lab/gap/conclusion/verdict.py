@@ -9,6 +9,7 @@ from dpr_lab.gap.hypothesis.detectable import visible
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.result.causes import PROBABLE
+from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.tried import Description
@@ -210,7 +211,12 @@ def how_far(transferred: Transfer) -> str:
     )
     interval = f"90 % interval {percent(low)} to {percent(high)})"
     untested = " No other release tested it." if transferred.basis == "one release" else ""
-    return f"{_BASIS[transferred.basis]} {closes}{' (' if estimate > 0 else ', '}{interval}.{untested}"
+    return f"{_tested_on(transferred)} {closes}{' (' if estimate > 0 else ', '}{interval}.{untested}"
+
+
+def _tested_on(transferred: Transfer) -> str:
+    pieces = transferred.basis == "held-out runs" and all(whole(name) != name for name in transferred.held_out)
+    return "On held-out pieces of the recording" if pieces and transferred.held_out else _BASIS[transferred.basis]
 
 
 _BASIS = {

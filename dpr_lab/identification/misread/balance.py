@@ -8,8 +8,8 @@ changes by viscous and dry friction,
 
     dE = -(c1 w1^2 + c2 (w2 - w1)^2 + f1 |w1| + f2 |w2 - w1|) dt;
 
-known torques add tau1 w1 + tau2 (w2 - w1). Without dry friction, its loss would be balanced by a shift of the zeros. All
-coefficients enter linearly. A least-squares fit within bounds about the rig file's values has a small residual if
+known torques add tau1 w1 + tau2 (w2 - w1). Without dry friction, its loss would be balanced by a shift of the zeros.
+All coefficients enter linearly. A least-squares fit within bounds about the rig file's values has a small residual if
 angles and times are interpreted correctly, and a large one otherwise. It needs neither an initial state nor a
 simulation. A single rod is represented as two equal halves with the same angle (`dpr_lab.dynamics.base`).
 """
