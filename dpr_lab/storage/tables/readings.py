@@ -203,8 +203,8 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
         return []
     tried: list[tuple[float, OtherReading]] = []
     nearest = given.zeros(nearest=True)
-    found = nearest if residual <= SETTINGS.near_balance else given.zeros()
-    zeros = _with_zeros(read, _by_energy(read, found))
+    balancing = nearest if residual <= SETTINGS.near_balance else given.zeros()
+    zeros = _with_zeros(read, _by_energy(read, balancing))
     for reading in (*read.others(), zeros):
         other = None if reading.time_factor != 1 else balance(reading.values, reading.options)
         if other is not None:
@@ -223,19 +223,19 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
     return [_with_zeros(read, _by_energy(read, nearest))] if far else []
 
 
-def _by_energy(read: ReadTable, found: tuple[float, float]) -> tuple[float, float]:
-    """The zeros that conserve the energy of a single free rod, if they are near `found`, those of the torque balance.
+def _by_energy(read: ReadTable, balancing: tuple[float, float]) -> tuple[float, float]:
+    """The zeros that conserve the energy of a single free rod, if they are near those of the torque balance.
 
     Where friction stops a rod or changes its sign, the accelerations are wrong and move the zeros; the energy is right.
     """
     if read.rig.rods.mounting == "both" or read.torques is not None:
-        return found
+        return balancing
     rods = read.rods(read.values, read.options)
     added = energy_zeros(read.t, rods, read.rig)
-    if added is None or abs((added[0] - found[0] + np.pi) % (2 * np.pi) - np.pi) > SETTINGS.wrong_zero_rad:
-        return found
+    if added is None or abs((added[0] - balancing[0] + np.pi) % (2 * np.pi) - np.pi) > SETTINGS.wrong_zero_rad:
+        return balancing
     fit = energy_fit(read.t, rods + added, None, read.rig)
-    return added if fit is not None and fit.residual <= SETTINGS.right / SETTINGS.alike else found
+    return added if fit is not None and fit.residual <= SETTINGS.right / SETTINGS.alike else balancing
 
 
 def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
