@@ -225,7 +225,7 @@ def _transferred(before: Classified) -> Transferred:
         posteriors=transferred.judged(before.posteriors),
         free_runs=runs_by_model,
         transfer=transferred,
-        description=description(request.runs, request.rig, problem, selection, transferred),
+        description=description(recordings.records, request.rig, problem, selection, transferred),
         remainder=remainder,
         gap=gap(recordings, problem, selection, transferred, runs_by_model, budget, remainder),
     )

@@ -6,7 +6,8 @@ with this record. Within a class, the probability is divided according to the pr
 (`dpr_lab.effects.plausibility`): a clock error of 3 % is impossible for a crystal, a length error of 6 % is possible.
 
 The probability of a class is the softmax of the predictive costs of the sets in which it replaces the named effect,
-multiplied by the probability that the cause is in the library at all. The odds of a cause outside are
+multiplied by the probability that the cause is in the library at all. No other set is more probable than the selected
+one, because the search would have selected a significantly better one. The odds of a cause outside are
 
     (unexplained / half)^steepness * m + imitates * unexplained / unique * m / far + compensates * (1 - own) / own,
     m = min(remainder / noise, far)
@@ -20,13 +21,13 @@ a small effect may compensate for the inexact form of a large one.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.effects import effect_params, param_index, plausibility
+from dpr_lab.effects import EFFECTS, effect_params, param_index, plausibility
 from dpr_lab.effects.effect import Effect
 from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
@@ -35,6 +36,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
     at_noise_floor,
     follows_remainder,
+    form_indifference,
     indifference,
     substitute_curve,
 )
@@ -149,13 +151,13 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
     added_cost = np.array(
         [
             0.0,
-            *(alternative.cost - chosen.cost for alternative in alternatives),
+            *(_added_cost(selection, name, alternative) for alternative in alternatives),
             selection.without_substitute[name].cost - chosen.cost,
         ]
     )
     scaled = -added_cost / (2 * chosen.residuals.inflation * calibration.temperature)
     weights = np.exp(np.clip(scaled, -NEGLIGIBLE, NEGLIGIBLE))
-    of_outside = outside(selection, name, calibration)
+    of_outside = outside(selection, name, calibration, members=indistinguishable)
     weights *= (1 - of_outside) / weights.sum()
     return EffectPosterior(
         name=name,
@@ -168,6 +170,19 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
         odds=tuple((prior / prior.sum()).tolist()),
         outside=of_outside,
     )
+
+
+def _added_cost(selection: Selection, name: str, alternative: Alternative) -> float:
+    """Cost of an alternative above that of the selected set.
+
+    The search has compared them: an alternative that fits better is not significantly better, so it is as probable as
+    the named effect at most. A richer form of the effect also follows the error of the integrator, or what remains.
+    """
+    chosen = selection.chosen
+    added = max(alternative.cost - chosen.cost, 0.0)
+    if name not in EFFECTS[alternative.name].nested:
+        return added
+    return added + form_indifference(selection.base, chosen) - THRESHOLDS.chance * chosen.residuals.inflation
 
 
 def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
@@ -219,25 +234,30 @@ def _hidden(selection: Selection, effect: Effect) -> tuple[str, ...]:
 
 def _cost(selection: Selection, without: Hypothesis, score: Score) -> float:
     fitted = selection.fitted.get(without.key | {score.effect.name})
-    if fitted is not None:  # richer ones may follow what remains: that is noise for all
-        return fitted.cost_at(max(fitted.residuals.inflation, selection.chosen.residuals.inflation))
+    if fitted is not None:  # what remains of the selected set is noise for all
+        return fitted.cost_at(selection.chosen.residuals.inflation)
     price = PENALTY.parameter * without.residuals.inflation * (len(score.columns) + len(score.effect.shapes))
     # a linear score is too optimistic; an effect that was not worth a fit can be nearly as good at best
     near = selection.chosen.cost + THRESHOLDS.chance * selection.chosen.residuals.inflation
     return max(without.cost - score.gain + price, near)
 
 
-def outside(selection: Selection, name: str = "", calibration: Calibration = CALIBRATION) -> float:
+def outside(
+    selection: Selection, name: str = "", calibration: Calibration = CALIBRATION, *, members: Iterable[str] = ()
+) -> float:
     """Probability of a cause outside the library: of the gap, or in place of one effect of the set.
 
     Args:
         selection: the selected set and all fitted sets
         name: the effect; empty for the gap
         calibration: of the probabilities
+        members: effects that are indistinguishable from it; if every rig has one of them, it compensates for nothing
     """
     remainder = 0.0 if at_noise_floor(selection.chosen) else selection.chosen.residuals.noise_ratio
     unexplained = max(1 - selection.share_explained, calibration.least_left)
     unique, own_share = (selection.unique_share(name), selection.own_shares.get(name, 1.0)) if name else (math.inf, 1.0)
+    if any(EFFECTS[member].universal for member in members):
+        own_share = 1.0
     return probability_outside(odds_outside(unexplained, remainder, unique, own_share, calibration), calibration)
 
 

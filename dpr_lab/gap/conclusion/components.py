@@ -84,12 +84,13 @@ def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
 def _worse(model: Hypothesis, chosen: Hypothesis) -> float:
     """Cost of a set above that of the selected one, with the remainder of the selected one as noise for both.
 
-    What remains of a set that fits worse is its gap, and not noise. Each effect beyond the number of the selected set
-    was the best of hundreds, so it must explain more than chance.
+    What remains of a set that fits worse is its gap, and not noise. A set that fits better was rejected by the search,
+    so it is as probable as the selected one at most. Each effect beyond the number of the selected set was the best of
+    hundreds, so it must explain more than chance.
     """
     inflation = chosen.residuals.inflation
     further = max(len(model.effects) - len(chosen.effects), 0)
-    return model.cost_at(inflation) - chosen.cost_at(inflation) + further * THRESHOLDS.chance * inflation
+    return max(model.cost_at(inflation) - chosen.cost_at(inflation), 0.0) + further * THRESHOLDS.chance * inflation
 
 
 def _component(

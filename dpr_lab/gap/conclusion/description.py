@@ -10,6 +10,7 @@ from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.conclusion.other_scale import other_scale
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
+from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.tried import Description, SecondLook, second_look
@@ -43,12 +44,12 @@ RULES = DescriptionRules()
 
 
 def description(
-    runs: Sequence[Run], rig: Rig, problem: Problem, selection: Selection, transferred: Transfer
+    records: Sequence[Record], rig: Rig, problem: Problem, selection: Selection, transferred: Transfer
 ) -> Description:
     """Test other descriptions if a gap above the noise remains, or is closed by effects of an impossible size.
 
     Args:
-        runs: the fitted runs
+        records: the fitted runs, screened
         rig: the rig of the runs according to its file
         problem: their segments
         selection: the selected set of effects
@@ -58,16 +59,22 @@ def description(
         return Description(hint, True)
     if hint := _delay_within_row(problem, selection):
         return Description(hint, selection.chosen.effects == (INPUT_DELAY.name,))
-    if moves(runs):
+    if moves(record.run for record in records):
         return Description()  # other interpretations of a moving arm were tested before (`gap.screen.input`)
     open_ = not at_noise_floor(selection.chosen) or transferred.withdrawn or transferred.oversized
     residuals = selection.base.residuals
     if not (residuals.chi2 > RULES.gap * residuals.dof and open_):
         return Description()
-    look = second_look(runs, rig)
+    look = second_look([_trusted(record) for record in records], rig)
     if not look.tried and selection.share_explained >= RULES.closed:
         return Description()
     return Description(look.sentence, bool(look.sentence) and _as_good(look, selection))
+
+
+def _trusted(record: Record) -> Run:
+    """The run without the readings that are excluded as faults of the logger, which look like energy input."""
+    run, screened = record.run, record.screened
+    return run.only(~np.isin(run.t, screened.t[~screened.keep.all(axis=1)]))
 
 
 def _wrong_gravity(rig: Rig, selection: Selection) -> str:

@@ -143,6 +143,16 @@ def indifference(
     return max(independent * model.residuals.inflation, share * (base.residuals.chi2 - model.residuals.chi2))
 
 
+def form_indifference(base: Hypothesis, model: Hypothesis) -> float:
+    """Increase of cost up to which a simpler form of an effect replaces a richer one that contains it.
+
+    While a residual remains, a richer form may merely compensate for it; at the noise floor it may follow the error of
+    the integrator.
+    """
+    share = THRESHOLDS.integrator if at_noise_floor(model) else THRESHOLDS.contained
+    return indifference(base, model, share=share)
+
+
 def significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
     """Reduction of cost from one set to a larger one that is not significant."""
     if at_noise_floor(after):

@@ -10,6 +10,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
     at_noise_floor,
     excess,
     follows_remainder,
+    form_indifference,
     indifference,
     significance,
 )
@@ -50,9 +51,8 @@ def _simpler(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 
 def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     """While a residual remains, a richer form may merely compensate for it; it must then explain more."""
-    model, closed = proposal.model, at_noise_floor(current)
-    margin = indifference(sets.bare, current, share=THRESHOLDS.integrator if closed else THRESHOLDS.contained)
-    alike = at_noise_floor(model) if closed else excess(model) < THRESHOLDS.slow * excess(current)
+    model, margin = proposal.model, form_indifference(sets.bare, current)
+    alike = at_noise_floor(model) if at_noise_floor(current) else excess(model) < THRESHOLDS.slow * excess(current)
     if alike and model.cost - current.cost < margin:
         return Decision(True, f"the criterion grows by less than {margin:.3g}")
     return Decision(False, "explains less")
