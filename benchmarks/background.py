@@ -49,6 +49,8 @@ ALSO = {
     "wander": ("base_vibration",),
     "spring": ("torque_offset", "detent"),
     "encoder_scale": ("spring",),
+    "wrong_length": ("clock_rate",),
+    "mount": ("arm_compliance",),
 }
 """Other names of the same thing: richer forms, and what is indistinguishable from it."""
 LARGEST = 0.8
@@ -74,7 +76,7 @@ class Case:
     fault: str
     """Of the logger; empty for none."""
     true: tuple[str, ...]
-    """The dominant effect, then the small ones."""
+    """The dominant effect, then the small ones, and the mount if it gives way."""
     largest: tuple[str, ...]
     """The effects that alone cause the largest gap, or nearly the largest."""
     verdict: str
@@ -109,10 +111,14 @@ class Case:
 
 def alike(name: str, law: str) -> bool:
     """Whether a name stands for a law."""
-    kind, _, joint = law.rpartition("_joint")
-    said, _, of = name.rpartition("_joint")
-    said, of = (said, of) if said else (name, "")
+    (kind, joint), (said, of) = _at_joint(law), _at_joint(name)
     return said.startswith((kind, *ALSO.get(kind, ()))) and of in (joint, "")
+
+
+def _at_joint(name: str) -> tuple[str, str]:
+    """What acts, and the number of its joint; empty if it acts at none."""
+    acts, _, joint = name.rpartition("_joint")
+    return (acts, joint) if acts else (name, "")
 
 
 def described(rig: Rig, rng: np.random.Generator) -> Rig:
@@ -159,7 +165,7 @@ def diagnosed(draw: Draw) -> Case:
     return Case(
         draw.seed,
         fault,
-        tuple(law.name for law in laws),
+        (*(law.name for law in laws), *(() if draw.clean else ("mount",))),
         largest_alone(draw.seed, laws, rods, rate_hz),
         found.verdict,
         tuple((effect.name, effect.probability) for effect in ranked),

@@ -25,6 +25,7 @@ from sim_device.plant.config import load_plant
 from sim_device.trials.driven import driven_runs
 from sim_device.trials.offline_recorder import record
 from tests import bench_rigs, one_rod
+from tests.background_rigs import recordings
 from tests.storage.mutated_tables import mutated_tables
 
 SOME = {
@@ -63,6 +64,17 @@ def test_torques_that_were_left_out_are_a_hint_and_no_cause_is_named(without_tor
     assert without_torques.probabilities["unexplained"] > 0.9
     assert any("--torque none" in sentence for sentence in failures(without_torques, []))
     as_json(without_torques.to_json())
+
+
+@pytest.mark.slow
+def test_late_readings_are_no_input_of_energy() -> None:
+    """Every ninth reading is 4 ms late; the speeds from these readings let the energy rise by 64 % of its range."""
+    rig, runs, laws = recordings(77016, rate_hz=200.0, logger="late", rough=True)
+    names = ("encoder_eccentricity_joint2", "coulomb_joint2", "spring_joint1", "encoder_offset_joint2")
+    late = diagnose(runs, rig, library={name: EFFECTS[name] for name in names})
+    assert {finding.name for finding in late.sensor_findings} == {"periodic_delay"}
+    assert "energy" not in late.sentence
+    assert late.effects[0].name == laws[0].name == names[0]
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The posterior over sets of effects: its weights follow the costs, also of sets that cost less than the selected."""
+"""The posterior over sets of effects: its weights follow the costs, and no set is more probable than the selected."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.gap.classes.posterior import CALIBRATION
+from dpr_lab.gap.classes.posterior import CALIBRATION, effect_posterior, outside
 from dpr_lab.gap.conclusion.components import components
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.which.select import forward, refined
@@ -26,7 +26,7 @@ def costing(model: Hypothesis, cost: float) -> Hypothesis:
 
 
 @pytest.mark.slow
-def test_a_set_of_lower_cost_is_more_probable_unless_its_sizes_are_impossible(
+def test_a_set_of_lower_cost_is_as_probable_as_the_selected_one_at_most(
     paper: Rig, bare: Callable[..., Any], screened: Callable[..., Any], recorded: Callable[..., list[Run]]
 ) -> None:
     runs = recorded({"coulomb_joint2": {"torque_Nm": 2e-3}}, duration=2.0)
@@ -36,14 +36,16 @@ def test_a_set_of_lower_cost_is_more_probable_unless_its_sizes_are_impossible(
     chosen = found.chosen
     assert chosen.effects == ("coulomb_joint2",)
     unit = 2 * chosen.residuals.inflation * CALIBRATION.temperature
-    other = costing(replace(chosen, effects=tuple(OTHER), curves={}), chosen.cost - np.log(4.0) * unit)
+    viscous = replace(chosen, effects=tuple(OTHER), curves={})
+    worse, other = (costing(viscous, chosen.cost + sign * np.log(4.0) * unit) for sign in (1, -1))
 
     def of(selection: Selection) -> dict[frozenset[str], float]:
         return {frozenset(one.effects): one.probability for one in components(problem, selection, paper, None)}
 
     both = replace(found, fitted={chosen.key: chosen, OTHER: other})
-    made = components(problem, both, paper, None)
-    assert [one.probability for one in made] == pytest.approx([0.8, 0.2])
+    for fitted, expected in ((worse, [0.8, 0.2]), (other, [0.5, 0.5])):  # the other is not significantly better
+        made = components(problem, replace(both, fitted={chosen.key: chosen, OTHER: fitted}), paper, None)
+        assert [one.probability for one in made] == pytest.approx(expected)
     gap = replace(base.residuals, chi2=1e4 * base.residuals.dof, autocorrelation=0.99)
     lacking = costing(replace(base, residuals=gap), chosen.cost + 20 * unit + gap.inflation * base.penalty)
     assert lacking.cost_at(gap.inflation) < chosen.cost_at(gap.inflation)
@@ -53,3 +55,35 @@ def test_a_set_of_lower_cost_is_more_probable_unless_its_sizes_are_impossible(
     larger = costing(replace(chosen, effects=(*chosen.effects, "base_tilt")), chosen.cost - unit)
     weights = [one.probability for one in components(problem, replace(found, fitted={larger.key: larger}), paper, None)]
     assert max(weights) == weights[0] > 0.9  # what hundreds of candidates explain by chance is no evidence
+
+
+@pytest.mark.slow
+def test_a_richer_form_of_the_named_effect_is_no_alternative_if_it_may_follow_the_integrator(
+    bare: Callable[..., Any], screened: Callable[..., Any], recorded: Callable[..., list[Run]]
+) -> None:
+    runs = recorded({"coulomb_joint2": {"torque_Nm": 2e-3}}, duration=2.0)
+    problem, base = bare(runs)
+    name, richer = "coulomb_joint2", "friction_curve_joint2"
+    found = refined(forward(screened(runs), problem, base, {each: EFFECTS[each] for each in (name, richer)}))
+    chosen = found.chosen
+    assert chosen.effects == (name,)
+    better = costing(replace(chosen, effects=(richer,), curves={}), chosen.cost - 20 * chosen.residuals.inflation)
+    near, far = (
+        replace(found, base=replace(base, residuals=replace(base.residuals, chi2=chi2)), fitted={better.key: better})
+        for chi2 in (chosen.residuals.chi2 + 1e3, 1e8)
+    )
+    (alternative,) = effect_posterior(near, name).alternatives
+    assert alternative.probability == pytest.approx(effect_posterior(near, name).probability)
+    assert effect_posterior(far, name).probability > 0.95
+
+
+@pytest.mark.slow
+def test_an_effect_that_every_rig_has_compensates_for_nothing(
+    bare: Callable[..., Any], screened: Callable[..., Any], recorded: Callable[..., list[Run]]
+) -> None:
+    runs = recorded({"coulomb_joint2": {"torque_Nm": 2e-3}}, duration=2.0)
+    problem, base = bare(runs)
+    name = "coulomb_joint2"
+    found = replace(refined(forward(screened(runs), problem, base, {name: EFFECTS[name]})), own_shares={name: 0.001})
+    assert outside(found, name) > 0.7
+    assert outside(found, name, members=("encoder_offset_joint2",)) == CALIBRATION.outside_when_closed

@@ -9,7 +9,7 @@ The probability of a class is the softmax of the predictive costs of the sets in
 multiplied by the probability that the cause is in the library at all. No other set is more probable than the selected
 one, because the search would have selected a significantly better one. The odds of a cause outside are
 
-    (unexplained / half)^steepness * m + imitates * unexplained / unique * m / far + compensates * (1 - own) / own,
+    (unexplained / half)^steepness * m + imitates * unexplained / unique * m / far + (compensates / own)^2,
     m = min(remainder / noise, far)
 
 with the share `unexplained` of the excess, the share `unique` that only this effect explains, and the fraction `own` of
@@ -17,7 +17,7 @@ it that no other functional form of the other effects explains. First term: a la
 the library lacks leaves a share of its own gap, however far that is above the noise. The small causes of every rig
 leave about as much as the noise, for any size of the gap, unless the noise is so small that it is no measure of them.
 Second term: an effect that explains no more than what remains may imitate a part of the same unknown cause. Third term:
-a small effect may compensate for the inexact form of a large one.
+a smaller effect may compensate for the inexact form of a large one.
 """
 
 import math
@@ -63,10 +63,10 @@ class Calibration:
     """Exponent with which that probability increases with the remaining share."""
     imitates: float = 0.25
     """Odds that an effect that explains as much as what remains, far above the noise, imitates an unknown cause."""
-    compensates: float = 0.02
-    """Odds that a small effect compensates for another form of the other effects, which explains half of it as well."""
-    least_own: float = 1e-3
-    """Minimum own share of an effect, due to the linear fits."""
+    compensates: float = 0.018
+    """Own share at which an effect beside a larger one is as probably a compensation for another form of that one."""
+    least_own: float = 0.01
+    """Minimum own share of an effect; the linear fits of the other forms are inexact."""
     sure: float = 0.98
     """Probability of the result if there is no gap, or no effect that explains it."""
     outside_when_closed: float = 0.02
@@ -279,14 +279,13 @@ def odds_outside(
         unexplained: share of the excess that is not explained
         remainder: rms of what is not explained, in units of the noise; zero if only noise remains
         unique: share of the excess that only the effect explains; infinite for the gap as a whole
-        own_share: fraction of this share that no other form of the other effects explains; 1 unless it is small
+        own_share: fraction of this share that no other form of the other effects explains; 1 for a dominant effect
         calibration: of the probabilities
     """
     size = min(remainder, calibration.far)
     of_gap = (unexplained / calibration.half_unexplained) ** calibration.steepness * size
     imitated = unexplained / max(unique, calibration.least_left)
-    own_share = max(own_share, calibration.least_own)
-    compensated = calibration.compensates * (1 - own_share) / own_share
+    compensated = (calibration.compensates / max(own_share, calibration.least_own)) ** 2 if own_share < 1 else 0.0
     return float(of_gap + calibration.imitates * imitated * size / calibration.far + compensated)
 
 

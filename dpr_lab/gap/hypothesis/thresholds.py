@@ -62,6 +62,10 @@ class Thresholds:
     """Minimum fraction of an effect's reduction that no other functional form of the other effects explains, while a
     residual remains.
     """
+    secondary: float = 0.1
+    """Fraction of the gap below which an effect beside a larger one may compensate for the form of that one, even if
+    only noise remains.
+    """
     still_open: float = 0.5
     """Maximum fraction of the gap that the other effects may leave for this test to apply."""
     escaped: float = 10.0

@@ -172,12 +172,12 @@ def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]
 
 
 def _own_shares(sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypothesis]) -> dict[str, float]:
-    """Own share of each small effect next to others, except those that every rig has."""
-    limit = excess(chosen) + THRESHOLDS.small * sets.bare.residuals.excess
+    """Own share of each secondary effect next to others, except those that every rig has."""
+    limit = excess(chosen) + THRESHOLDS.secondary * sets.bare.residuals.excess
     shares: dict[str, float] = {}
     for name, smaller in without.items():
-        is_small = sets.without_substitute(chosen, name).residuals.excess < limit
-        if smaller.effects and is_small and not sets.library[name].universal:
+        is_secondary = sets.without_substitute(chosen, name).residuals.excess < limit
+        if smaller.effects and is_secondary and not sets.library[name].universal:
             share = own_share(sets.problem, smaller, sets.test(smaller), name)
             shares |= {} if share is None else {name: share}
     return shares

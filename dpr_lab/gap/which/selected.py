@@ -43,7 +43,7 @@ class Selection:
     tests_without: Mapping[str, ScoreTest]
     """The score test on each set of `without`."""
     own_shares: Mapping[str, float]
-    """For each effect of less than the share `THRESHOLDS.small`, unless every rig has it: fraction of its reduction
+    """For each effect of less than the share `THRESHOLDS.secondary`, unless every rig has it: part of its reduction
     that no other functional form of the other effects explains, 0 to 1 (`dpr_lab.gap.which.forms.own_share`).
     """
     path: tuple[tuple[str, Hypothesis], ...]
