@@ -64,7 +64,7 @@ class Calibration:
     imitates: float = 0.25
     """Odds that an effect that explains as much as what remains, far above the noise, imitates an unknown cause."""
     compensates: float = 0.018
-    """Own share at which an effect beside a larger one is as probably a compensation for another form of that one."""
+    """Own share at which an effect next to a larger one is as probably a compensation for another form of that one."""
     least_own: float = 0.01
     """Minimum own share of an effect; the linear fits of the other forms are inexact."""
     sure: float = 0.98

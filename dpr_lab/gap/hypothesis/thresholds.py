@@ -63,7 +63,7 @@ class Thresholds:
     residual remains.
     """
     secondary: float = 0.1
-    """Fraction of the gap below which an effect beside a larger one may compensate for the form of that one, even if
+    """Fraction of the gap below which an effect next to a larger one may compensate for the form of that one, even if
     only noise remains.
     """
     still_open: float = 0.5
