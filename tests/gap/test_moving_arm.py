@@ -106,6 +106,14 @@ def test_signs_scales_and_units_of_arm_and_input_and_an_arm_that_stands_still_ar
         diagnose([replace(run, theta=run.theta * [0.0, 1.0, 1.0]) for run in runs], rig)
 
 
+@pytest.mark.slow
+def test_reversed_rods_of_an_arm_with_a_strong_cable_are_named_and_not_its_input():
+    """Without the cable both signs fit badly, and the gain that fits the wrong one is negative."""
+    _, rig, runs = case("spring_joint0", "driven", seconds=2.0)
+    with pytest.raises(IdentificationError, match=r"sign of the rods is opposite .* --scale theta1=-1"):
+        diagnose([replace(run, theta=run.theta * [1.0, -1.0, -1.0]) for run in runs], rig)
+
+
 def prescribed(seconds=6.0, noise=2e-4, friction=0.0):
     """An outer rod on an inner one that a motor moves, by scipy."""
     rig = load_rig("paper")

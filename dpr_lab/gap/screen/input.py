@@ -15,6 +15,7 @@ from dpr_lab.gap.hypothesis.hypothesis import free_parameters
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.identification.misread.scaled_readings import SCALED_READINGS, ScaledReadings
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
+from dpr_lab.rig import Rig
 
 Array = NDArray[np.float64]
 
@@ -26,7 +27,9 @@ class InputRules:
     still: float = 6.0
     """Range of the arm's angle, in standard deviations of a reading, below which the arm does not move."""
     suspicious: float = 20.0
-    """Reduced chi-square from which the other sign of the arm's angle is tested."""
+    """Reduced chi-square from which other signs and scales are tested."""
+    likely: tuple[str, ...] = ("spring_joint0", "coulomb_joint0")
+    """Effects that most arms have: without them, a strong cable hides which sign is right."""
     better: float = 4.0
     """Factor by which the other sign must reduce chi-square."""
     better_scale: float = 10.0
@@ -62,15 +65,14 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
         return
     _refuse_still(recordings)
     as_read = _fitted(recordings, start)
-    gain = 1.0 + as_read.estimate.params[param_index(DRIVE_GAIN.name, DRIVE_GAIN.amplitudes[0].name)]
-    if as_read.chi2 > RULES.suspicious * as_read.linear.residual.size or gain < 0.0:
-        if _far_better(_fitted(_mirrored(recordings), start), as_read, RULES.better):
-            raise IdentificationError(
-                "the sign of theta0 is reversed: with the opposite sign, the model fits the recordings. Import"
-                " the table with --scale theta0=-1, or reverse the direction of encoder 0 in [encoders]"
-            )
-        _refuse_scale(recordings, start, as_read)
     motor = recordings.rig.motor
+    if as_read.chi2 > RULES.suspicious * as_read.linear.residual.size or _gain(as_read) < 0.0:
+        as_read = _fitted(recordings, start, RULES.likely)
+        mirrored = _fitted(_mirrored(recordings), start, RULES.likely)
+        if _far_better(mirrored, as_read, RULES.better):
+            raise IdentificationError(_wrong_sign(recordings.rig, _gain(mirrored)))
+        _refuse_scale(recordings, start, as_read)
+    gain = _gain(as_read)
     if motor is None or not recordings.driven_arm:
         return
     if gain < 0.0:
@@ -83,6 +85,28 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
             f"the {motor.input} acts {gain:.3g} times as strongly as the rig file says: its column seems to be in"
             f" {unit}. Import the table with --scale input={10.0**exponent:g}, or correct the constants of [motor]"
         )
+
+
+def _gain(fitted: Fit) -> float:
+    """Fitted torque per input, relative to that of the rig file."""
+    return 1.0 + float(fitted.estimate.params[param_index(DRIVE_GAIN.name, DRIVE_GAIN.amplitudes[0].name)])
+
+
+def _wrong_sign(rig: Rig, gain: float) -> str:
+    """Sentence on the sign that is wrong if the model fits with the opposite sign of theta0 and some gain.
+
+    If the gain is negative then, arm and input agree, and the rods have the other sign: they are named.
+    """
+    if gain > 0.0:
+        return (
+            "the sign of theta0 is reversed: with the opposite sign, the model fits the recordings. Import"
+            " the table with --scale theta0=-1, or reverse the direction of encoder 0 in [encoders]"
+        )
+    rods = "theta1=-1,theta2=-1" if rig.rods.mounted == "both" else "theta1=-1"
+    return (
+        "the sign of the rods is opposite to that of the arm and its input: with it reversed, the model fits the"
+        f" recordings. Import the table with --scale {rods}, or reverse the direction of their encoders in [encoders]"
+    )
 
 
 def _far_better(other: Fit, as_read: Fit, factor: float) -> bool:
@@ -103,7 +127,7 @@ def _refuse_scale(recordings: Recordings, start: Array, as_read: Fit) -> None:
     Raises:
         IdentificationError: another scale explains the recordings; it is named.
     """
-    tried = [(_fitted(_scaled(recordings, scale), start), scale) for scale in SCALED_READINGS]
+    tried = [(_fitted(_scaled(recordings, scale), start, RULES.likely), scale) for scale in SCALED_READINGS]
     best, scale = min(tried, key=lambda pair: pair[0].chi2)
     if _far_better(best, as_read, RULES.better_scale):
         raise IdentificationError(scale.cause(recordings.rig.rods.mounted))
@@ -125,8 +149,8 @@ def _refuse_still(recordings: Recordings) -> None:
             )
 
 
-def _fitted(recordings: Recordings, start: Array) -> Fit:
-    """The bare model with a free gain, fitted to short segments, from the most similar unit of the input."""
+def _fitted(recordings: Recordings, start: Array, effects: tuple[str, ...] = ()) -> Fit:
+    """The model with a free gain and some effects, fitted to short segments, from the most similar unit of the input."""
     problem, initial = recordings.cut(LENGTHS.first)
     estimate = Estimate.of(start, recordings.start_params, initial)
     if recordings.driven_arm and recordings.rig.motor:
@@ -134,7 +158,7 @@ def _fitted(recordings: Recordings, start: Array) -> Fit:
         exponents = (0.0, *UNITS.get(recordings.rig.motor.input, ()))
         tried = [estimate.changed(params=_with_gain(estimate.params, 10.0**exponent)) for exponent in exponents]
         estimate = min(tried, key=problem.chi2)
-    return fit(problem, estimate, free_parameters(estimate, (), problem))
+    return fit(problem, estimate, free_parameters(estimate, effects, problem))
 
 
 def _with_gain(params: Array, gain: float) -> Array:
