@@ -6,7 +6,8 @@
     runs = [dpr.load_run(file, rig=rig) for file in ("x1.mcap", "x2.mcap", "x3.mcap")]
     model = dpr.identify(runs, rig, seed=0)
     diagnosis = dpr.diagnose(runs, rig)
-    dpr.plot_response([dpr.compare(run, rig, model) for run in runs]).savefig("response.png")
+    corrected = dpr.corrected_model(diagnosis, runs, rig)
+    dpr.plot_response([dpr.compare(run, rig, corrected) for run in runs]).savefig("response.png")
 
 Recordings of a free or driven arm: `identify_moving_arm` and `compare_moving_arm`; `diagnose` takes both kinds.
 
@@ -21,6 +22,7 @@ from dpr_lab.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from dpr_lab.errors import DprError
+    from dpr_lab.exports.corrected import corrected_model
     from dpr_lab.gap.diagnose import diagnose
     from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.identification.compare import Comparison
@@ -56,6 +58,7 @@ __all__ = [
     "Run",
     "compare",
     "compare_moving_arm",
+    "corrected_model",
     "diagnose",
     "identifiability",
     "identify",
@@ -77,6 +80,7 @@ __all__ = [
 
 _PLACES = {
     "errors": ("DprError",),
+    "exports.corrected": ("corrected_model",),
     "gap.diagnose": ("diagnose",),
     "gap.result.diagnosis": ("Diagnosis",),
     "identification.compare": ("Comparison", "compare=compare_run"),

@@ -89,7 +89,7 @@ class Run(Shown):
     file: Path | None = None
     """Run file or table from which it was read; None for a run created in memory."""
     sha256: str = ""
-    """SHA-256 of this file; empty without a file."""
+    """SHA-256 of this file, or of the readings of a table that was imported in memory; empty otherwise."""
     recorded_utc: str = ""
     """Time of recording, ISO 8601 date, or date and time; empty if unknown."""
     keep_rest: bool | None = None
@@ -367,6 +367,7 @@ def refuse_repeated(runs: Sequence[Run]) -> None:
     by_digest: dict[str, Run] = {}
     for run in runs:
         if run.sha256 in by_digest:
-            raise RunError(f"{run.file}: is the same recording as {by_digest[run.sha256].file}: give each run once")
+            names = [str(each.file or each.name) for each in (run, by_digest[run.sha256])]
+            raise RunError(f"{names[0]}: is the same recording as {names[1]}: give each run once")
         if run.sha256:
             by_digest[run.sha256] = run

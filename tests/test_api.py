@@ -143,3 +143,24 @@ def test_help_of_identify_names_run_and_rig() -> None:
         .splitlines()[2]
         .startswith("identify(runs: Run | Sequence[Run], rig: Rig, *, objective: str = 'segments'")
     )
+
+
+def test_a_table_in_memory_is_identified_diagnosed_and_compared(runs: list[Run], tmp_path: Path) -> None:
+    rig, tables = dpr.load_rig("paper"), []
+    for run in runs:
+        swing = run.swing
+        rows = np.column_stack([swing.t, np.degrees(swing.theta[:, 1:])])
+        tables.append(tmp_path / f"{run.name}.csv")
+        np.savetxt(tables[-1], rows, fmt="%.6f", delimiter=",", header="t_s,enc1_deg,enc2_deg", comments="")
+    options = dpr.ImportOptions(columns={"theta1": "enc1_deg", "theta2": "enc2_deg"})
+    imported = [dpr.import_table(table, rig, options) for table in tables]
+    model = dpr.identify(imported[:2], rig, seed=0)
+    comparisons = [dpr.compare(run, rig, model) for run in imported]
+    assert [comparison.held_out for comparison in comparisons] == [False, False, True]
+    diagnosis = dpr.diagnose(imported[:2], rig, library={FRICTION: EFFECTS[FRICTION]})
+    corrected = dpr.corrected_model(diagnosis, imported[:2], rig)
+    corrected.save(tmp_path / "model.json")
+    loaded = dpr.load_model(str(tmp_path / "model.json"))
+    assert FRICTION in loaded.effects
+    better = dpr.compare(imported[2], rig, loaded)
+    assert np.max(better.segment_rms_rad) < np.max(comparisons[2].segment_rms_rad)

@@ -37,11 +37,11 @@ AXES = {"joint1": "theta1", "joint2": "theta2"}
 
 
 def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyModel:
-    """The diagnosed model as `model.json`, with its effects in the table `effects`.
+    """Corrected model of a diagnosis, with its effects, as `compare` takes it and `diagnose --out` writes it.
 
     Args:
         diagnosis: ratios, covariance and effects
-        runs: the diagnosed runs
+        runs: the diagnosed runs, without the held-out ones
         rig: measured values and bounds of the nine parameters
     """
     if has_moving_arm(diagnosis):

@@ -350,20 +350,20 @@ class Model(Shown, _Record):
         write_text(path, self.model_dump_json(indent=1) + "\n", RunError)
 
 
-def load_model(path: Path) -> Model:
-    """Read `model.json`.
+def load_model(path: Path | str) -> Model:
+    """Read `model.json`, as `identify` and `diagnose --out` write it.
 
     Raises:
         RunError: the file is missing, not JSON, or not a model; the message names the key.
     """
     try:
-        content = json.loads(regular(path, RunError).read_text(encoding="utf-8"))
+        content = json.loads(regular(Path(path), RunError).read_text(encoding="utf-8"))
         if isinstance(content, dict) and content.get("kind") == "moving_arm":
             raise RunError(
                 f"{path}: is a model of a rig with a free or driven arm, which only `compare` and `export` take"
             )
         model = Model.model_validate(_printable(content))
-        refuse_unknown_effects(model.effects, path)
+        refuse_unknown_effects(model.effects, Path(path))
         return model
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error

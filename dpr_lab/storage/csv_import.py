@@ -4,7 +4,7 @@
 """
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +50,8 @@ def import_csv(
     swing = understand(file, rig, options, on_progress or unwatched)
     path = Path(file)
     if out is None:
-        return run_of(path, rig, swing)
+        run = run_of(path, rig, swing)
+        return replace(run, sha256=run.readings_sha256)
     write_run(path, rig, swing, out, on_progress or unwatched)
     return load_run(out)
 

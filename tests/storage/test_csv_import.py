@@ -96,19 +96,20 @@ def test_a_header_in_a_comment_and_columns_by_number(tmp_path):
     assert_the_swing(read(tmp_path / "b.txt", columns={"t": "2", "theta1": "1", "theta2": "3"}))
 
 
-def test_milliseconds_are_taken_only_when_said(tmp_path):
+def test_a_unit_of_time_that_contradicts_its_name_is_refused(tmp_path):
     file = table(tmp_path / "a.csv", ("time_ms", "theta1", "theta2"), T * 1000, THETA1, THETA2)
     assert_the_swing(read(file, time_unit="ms"))
     with pytest.raises(RunError, match="'time_ms' is in ms by its name: remove --time-unit"):
-        read(file)
+        read(file, time_unit="s")
     with pytest.raises(RunError, match="states ms, but the given unit is s"):
-        read(file, columns={"t": "time_ms"})
+        read(file, columns={"t": "time_ms"}, time_unit="s")
+    assert_the_swing(read(file))
 
 
 def test_degrees_taken_for_radians_are_noticed(tmp_path):
     file = table(tmp_path / "a.csv", ("t", "theta1 [°]", "theta2_deg"), T, THETA1, THETA2)
     with pytest.raises(RunError, match=r"states °, but the given unit is rad"):
-        read(file, columns={"theta1": "theta1 [°]"})
+        read(file, columns={"theta1": "theta1 [°]"}, unit="rad")
 
 
 def test_a_table_of_hanging_zero_taken_for_upright_is_noticed(tmp_path):

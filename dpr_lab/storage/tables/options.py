@@ -16,8 +16,6 @@ class Typed:
     """Form of an option on the command line and on the screen."""
 
     help: str
-    from_names: bool = False
-    """Whether the default is read from the column names."""
     lowest: float = -math.inf
     highest: float = math.inf
     positive: bool = False
@@ -49,15 +47,15 @@ class ImportOptions:
     """Direction of the rods at angle 0."""
     unit: Annotated[
         Literal["rad", "deg", "counts"] | None,
-        Typed("Unit of the angles; by default read from the column names.", from_names=True),
-    ] = "rad"
+        Typed("Unit of the angles; by default read from the column names."),
+    ] = None
     """Unit of the angles. `counts` are converted by the encoders of the rig, which then determine `angles` and
     `zero`. None: as in the column names, otherwise rad.
     """
     time_unit: Annotated[
         Literal["s", "ms", "us"] | None,
-        Typed("Unit of the time; by default read from the column name.", from_names=True),
-    ] = "s"
+        Typed("Unit of the time; by default read from the column name."),
+    ] = None
     """Unit of the time; None: as in the column name, otherwise s."""
     columns: Annotated[
         Mapping[str, str], Typed("Names of the columns, e.g. t=time,theta1=q1,theta2=q2; recognised by default.")
@@ -197,7 +195,7 @@ def _typed_options() -> Iterator[TypedOption]:
         kind, typed = get_args(hints[option.name])
         if get_origin(kind) in (Union, UnionType):
             kind = next(part for part in get_args(kind) if part is not type(None))
-        default = None if typed.from_names or option.default in (MISSING, ()) else option.default
+        default = None if option.default in (MISSING, ()) else option.default
         yield TypedOption(option.name, kind, default, typed)
 
 

@@ -34,9 +34,8 @@ def parse_options(text: str) -> TypedOptions:
         raise RunError(f"a quotation mark is missing: {text}") from error
     typed = vars(_parser().parse_args(words))
     rods, elbow = typed.pop("rods", None), typed.pop("elbow", None)
-    defaults: dict[str, Any] = {option.name: None for option in typed_options() if option.typed.from_names}
     try:
-        return TypedOptions(ImportOptions(**defaults | typed), rods, elbow)
+        return TypedOptions(ImportOptions(**typed), rods, elbow)
     except ValueError as error:
         raise RunError(str(error)) from error
 
