@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.effects import param_index
+from dpr_lab.effects.coulomb import COULOMB_JOINT0
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
+from dpr_lab.effects.spring import SPRING_JOINT0
 from dpr_lab.errors import IdentificationError, RunError
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import Fit, fit
@@ -28,7 +30,7 @@ class InputRules:
     """Range of the arm's angle, in standard deviations of a reading, below which the arm does not move."""
     suspicious: float = 20.0
     """Reduced chi-square from which other signs and scales are tested."""
-    likely: tuple[str, ...] = ("spring_joint0", "coulomb_joint0")
+    likely: tuple[str, ...] = (SPRING_JOINT0.name, COULOMB_JOINT0.name)
     """Effects that most arms have: without them, a strong cable hides which sign is right."""
     better: float = 4.0
     """Factor by which the other sign must reduce chi-square."""
