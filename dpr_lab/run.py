@@ -367,7 +367,7 @@ def refuse_repeated(runs: Sequence[Run]) -> None:
     by_digest: dict[str, Run] = {}
     for run in runs:
         if run.sha256 in by_digest:
-            names = [str(each.file or each.name) for each in (run, by_digest[run.sha256])]
+            names = [str(repeated.file or repeated.name) for repeated in (run, by_digest[run.sha256])]
             raise RunError(f"{names[0]}: is the same recording as {names[1]}: give each run once")
         if run.sha256:
             by_digest[run.sha256] = run
