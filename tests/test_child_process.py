@@ -59,6 +59,7 @@ def test_a_function_that_hears_nothing_is_killed() -> None:
     child = ChildFunction(deaf)
     assert child.pipe.recv() == "deaf"
     child.end(patience_s=0.2)
+    assert child.wait(patience_s=60)
     assert child.exit_code == -signal.SIGKILL
 
 
@@ -82,6 +83,7 @@ def test_a_program_that_hears_nothing_is_killed() -> None:
     child = ChildProgram([sys.executable, "-c", f"{DEAF} {LISTENER} import time; time.sleep(600)"])
     assert child.line(timeout=400) == "ready\n"
     child.end(patience_s=0.2)
+    child._process.wait(60)
     assert child.exit_code == -signal.SIGKILL
 
 
