@@ -232,7 +232,21 @@ def _turns(motion: RodMotion, first: int, stop: int) -> bool:
     (curvature, _, middle), precision = np.linalg.lstsq(powers, rods, rcond=None)[0], np.linalg.inv(powers.T @ powers)
     towards_hanging = curvature * np.sin(middle) > 0  # 0 is upright, so that sin falls through hanging
     significant = np.abs(curvature) > HELD.bent * np.sqrt(precision[0, 0]) * _noise(motion)
-    return bool((towards_hanging & significant).any())
+    return bool((towards_hanging & significant).any()) and _fall(t, rods) == 0
+
+
+def _fall(t: Array, rods: Array) -> int:
+    """First sample of a fall from rest, if it describes readings better than one parabola; otherwise 0.
+
+    The fall is alpha (t - t0)^2 / 2 after t0, and rest before it.
+    """
+    tried = range(HELD.fewest, len(t) - HELD.fewest)
+    if not tried:
+        return 0
+    bases = [np.vander(t - t.mean(), 3), *(np.vander(np.maximum(t - t[k], 0.0) ** 2, 2) for k in tried)]
+    misfits = [float(np.sum((rods - basis @ np.linalg.lstsq(basis, rods, rcond=None)[0]) ** 2)) for basis in bases]
+    best = int(np.argmin(misfits))
+    return tried[best - 1] if best else 0
 
 
 def _restarts(motion: RodMotion, stop: int, band: float) -> bool:
@@ -277,12 +291,14 @@ def _short_rest(motion: RodMotion, band: float) -> int:
     """
     t, n = motion.t, len(motion.t)
     waits = not _free(motion) and _hangs(motion.rods[:1])
-    if n < 3 * HELD.fewest or waits or band > HELD.still_rad:
+    if n < 3 * HELD.fewest or waits:
         return 0
     fallen = np.abs(motion.rods - motion.rods[: HELD.fewest].mean(axis=0)).max(axis=1)
     exceeded = [int(np.argmax(fallen > depth)) for depth in (band, 4 * band)]
     if not 0 < exceeded[0] < exceeded[1]:
         return 0
+    if band > HELD.still_rad:
+        return _fall(t[: exceeded[1]], motion.rods[: exceeded[1]])
     t1, t2 = (
         float(np.interp(depth, fallen[i - 1 : i + 1], t[i - 1 : i + 1])) - t[0]
         for depth, i in zip((band, 4 * band), exceeded, strict=True)

@@ -132,3 +132,15 @@ def test_a_rod_that_is_held_in_a_noisy_film_is_found() -> None:
     film = swing + np.random.default_rng(0).normal(0.0, 9e-3, len(t))
     with pytest.raises(RunError, match="held between 2 motions"):
         free_part(RodMotion(t, np.column_stack([film, film])), "film")
+
+
+@pytest.mark.parametrize("rest_s", [0.25, 0.6, 1.0])
+def test_a_short_rest_before_the_release_is_found_in_a_noisy_film(rest_s: float) -> None:
+    """The beginning of the fall lies within the band of the rest, as a turning point would."""
+    t = np.arange(0.0, 5.0, 1 / 60)
+    swing = np.pi + 1.3 * np.cos(5.0 * np.maximum(t - rest_s, 0.0))
+    for seed in range(5):
+        film = np.column_stack([swing, swing]) + np.random.default_rng(seed).normal(0.0, 6e-3, (len(t), 2))
+        part = free_part(RodMotion(t, film), "film")
+        assert part.rest == 0
+        assert abs(t[part.start] - rest_s) < 0.06

@@ -47,8 +47,8 @@ ZEROS = ZeroSettings()
 
 def readings(rig: Rig) -> tuple[Misreading, ...]:
     """All other interpretations to try for the runs of a rig."""
-    scaled = (replace(reading, read=_of_encoders(reading)) for reading in _scaled(rig))
-    return (*_ANGLES, *scaled, *_TIMES, *_TORQUES, _arm(rig))
+    of_encoders = (replace(reading, read=_of_encoders(reading)) for reading in (*_ANGLES, *_scaled(rig)))
+    return (*_OF_POINTS_TOO, *of_encoders, *_TIMES, *_TORQUES, _arm(rig))
 
 
 def other_zeros(runs: Sequence[Run], rig: Rig) -> Iterator[Misreading]:
@@ -92,11 +92,19 @@ _ABSOLUTE = (
 _DEGREES = "the angles are in degrees (import with --unit deg)"
 _EXCHANGED = "inner and outer rod are swapped (exchange the encoders, or import with --columns theta1=NAME,theta2=NAME)"
 
-_ANGLES = (
+_OF_POINTS_TOO = (
     _of_angles(
         "the zero of the angles is in the opposite direction (imported with the wrong --zero, or a wrong zero_counts)",
         lambda inner, outer: (inner + np.pi, outer + np.pi),
     ),
+    _of_angles(_EXCHANGED, lambda a, b: (b, a)),
+    _of_angles(
+        _EXCHANGED, lambda a, b: (b - a + np.pi, b)
+    ),  # for a table whose second angle is relative to the inner rod
+)
+"""Interpretations of angles that also apply to points in a picture."""
+
+_ANGLES = (
     _of_angles(
         "the zero of joint 2 is in the opposite direction (add half a turn to theta2 with --offset, or correct"
         " zero_counts)",
@@ -126,10 +134,6 @@ _ANGLES = (
         " (import with --zero upright --angles absolute)",
         lambda inner, outer: (inner - np.pi, outer - inner),
     ),
-    _of_angles(_EXCHANGED, lambda a, b: (b, a)),
-    _of_angles(
-        _EXCHANGED, lambda a, b: (b - a + np.pi, b)
-    ),  # for a table whose second angle is relative to the inner rod
     _of_angles(_DEGREES, lambda a, b: (np.radians(a), np.radians(b))),
     _of_angles(_DEGREES, lambda a, b: (np.pi + np.radians(a - np.pi), np.pi + np.radians(b - np.pi))),  # from hanging
     _of_angles(
@@ -179,7 +183,7 @@ def _of_tables(reading: Misreading) -> Callable[[Run], Run | None]:
 
 
 def _of_encoders(reading: Misreading) -> Callable[[Run], Run | None]:
-    """The same interpretation except for films: the angles of points in a picture have no factor."""
+    """The same interpretation except for films: the angles of points in a picture have a known sign and unit."""
     return lambda run: reading.read(run) if run.film_noise is None else None
 
 
