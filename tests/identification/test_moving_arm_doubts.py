@@ -42,6 +42,15 @@ def test_rods_that_turn_the_other_way_are_named():
 
 
 @pytest.mark.slow
+def test_rods_whose_zero_is_upright_instead_of_hanging_are_named():
+    rng, rig = np.random.default_rng(3), rig_with("driven", "torque", rods="inner")
+    Z, arm, start = drawn(rng, rig)
+    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
+    run.theta[:, 1:] += np.pi
+    assert any("with the other --zero" in failure for failure in identify_moving_arm([run], rig).failures)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("read", "option"),
     [

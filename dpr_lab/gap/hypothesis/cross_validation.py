@@ -46,9 +46,21 @@ FOLDS = FoldSettings()
 
 
 def folds(problem: Problem) -> NDArray[np.int64]:
-    """(segments,) fold of each segment: its run, or its quarter of a single run."""
-    run = problem.segments.run
-    return run if run.min() < run.max() else (np.arange(len(run)) * FOLDS.quarters) // len(run)
+    """(segments,) fold of each segment: its run, or its quarter of a single run.
+
+    Quarters have equally many segments. If a known input drives the run, the joints cover equal paths in each: a
+    controller may keep them at rest for most of the recording, and from a rest nothing else can be predicted.
+    """
+    run, starts = problem.segments.run, problem.segments.offsets[:-1]
+    if run.min() < run.max():
+        return run
+    path = np.ones(len(run))
+    if problem.segments.setups[run[0]].torques is not None:
+        steps = np.abs(np.diff(problem.measured, axis=0, prepend=problem.measured[:1])).sum(axis=1)
+        steps[starts] = 0.0
+        path = np.add.reduceat(steps, starts)
+    before = np.cumsum(path) - path
+    return np.asarray(FOLDS.quarters * before / max(float(path.sum()), np.finfo(float).tiny), dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True)

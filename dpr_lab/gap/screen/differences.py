@@ -53,10 +53,13 @@ def spread(values: Array) -> float:
     return float(NORMAL_MAD * np.median(np.abs(values)))
 
 
-def stride_ratio(values: Array) -> float:
-    """Ratio of the noise of every third sample to that of neighbours: 1 for white noise, larger if smoothed."""
+def stride_ratio(values: Array, floor: float) -> float:
+    """Ratio of the noise of every third sample to that of neighbours: 1 for white noise, larger if smoothed.
+
+    `floor` is the least noise of neighbours, rad: a slow reading of a coarse encoder repeats itself between counts.
+    """
     near, far = spread(sixth(values)), min(spread(sixth(values[k:], 3)) for k in range(3))
-    return far / near if near > 0 else 1.0
+    return far / max(near, floor) if near > 0 else 1.0
 
 
 def noise_by_speed(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.dynamics.base import BASE, base_of_run
 from dpr_lab.effects import param_index
 from dpr_lab.effects.coulomb import COULOMB_JOINT0
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
@@ -15,7 +16,7 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
-from dpr_lab.identification.misread.scaled_readings import SCALED_READINGS, ScaledReadings
+from dpr_lab.identification.misread.scaled_readings import OTHER_ZERO, SCALED_READINGS, ScaledReadings
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.rig import Rig
 
@@ -36,6 +37,8 @@ class InputRules:
     """Factor by which the other sign must reduce chi-square."""
     better_scale: float = 10.0
     """Factor by which half or twice the angles must reduce chi-square."""
+    alike: float = 1.1
+    """Factor of chi-square up to which the rods' other zero fits as well."""
     off: float = 0.5
     """Maximum distance of the logarithm (base 10) of the gain from that of a unit's factor."""
 
@@ -73,7 +76,13 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
         mirrored = _fitted(_mirrored(recordings), start, RULES.likely)
         if _far_better(mirrored, as_read, RULES.better):
             raise IdentificationError(_wrong_sign(recordings.rig, _gain(mirrored)))
+        if _far_better(_fitted(_turned(recordings), start, RULES.likely), as_read, RULES.better_scale):
+            raise IdentificationError(OTHER_ZERO)
         _refuse_scale(recordings, start, as_read)
+    if _falls_upwards(as_read, recordings):
+        turned = _fitted(_turned(recordings), start)
+        if turned.chi2 < RULES.alike * as_read.chi2 and not _falls_upwards(turned, recordings):
+            raise IdentificationError(OTHER_ZERO)
     gain = _gain(as_read)
     if motor is None or not recordings.driven_arm:
         return
@@ -87,6 +96,14 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
             f"the {motor.input} acts {gain:.3g} times as strongly as the rig file says: its column seems to be in"
             f" {unit}. Import the table with --scale input={10.0**exponent:g}, or correct the constants of [motor]"
         )
+
+
+def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
+    """Whether gravity pulls a rod of any recording upwards: that of one rod is then read from the other zero."""
+    rig, e1 = recordings.rig, BASE.index("e1")
+    return any(
+        base_of_run(fitted.estimate.whole, recording.setup, rig.L1, rig.g)[e1] < 0.0 for recording in recordings.records
+    )
 
 
 def _gain(fitted: Fit) -> float:
@@ -176,6 +193,16 @@ def _mirrored(recordings: Recordings) -> Recordings:
         for recording in recordings.records
     ]
     return recordings.only(mirrored)
+
+
+def _turned(recordings: Recordings) -> Recordings:
+    """The rods turned by half a turn: another zero."""
+    hanging = np.append(recordings.rig.encoders.joint_angles.hanging, 0.0)
+    turned = [
+        replace(recording, joints=recording.joints + hanging[: recording.joints.shape[1]])
+        for recording in recordings.records
+    ]
+    return recordings.only(turned)
 
 
 def _scaled(recordings: Recordings, scale: ScaledReadings) -> Recordings:

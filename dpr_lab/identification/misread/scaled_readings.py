@@ -1,4 +1,4 @@
-"""Interpretations of recordings with a moving arm in which its angles, or those of the rods, are halved or doubled."""
+"""Other interpretations of the angles of recordings with a moving arm: another zero, half or twice the angles."""
 
 from dataclasses import dataclass
 
@@ -47,3 +47,9 @@ class ScaledReadings:
 
 SCALED_READINGS = tuple(ScaledReadings(*factors) for f in (2.0, 0.5) for factors in ((1.0, f), (f, 1.0), (f, f)))
 """Interpretations to try: the readings are half or twice the true angles."""
+
+OTHER_ZERO = (
+    "the angles of the rods are off by half a turn: import the table with the other --zero (upright or hanging), or,"
+    " for a device, correct zero_counts in [encoders]"
+)
+"""Description of rods whose zero is upright instead of hanging, or the reverse, and what corrects it."""

@@ -1,6 +1,6 @@
 """Tests of recordings of a moving arm for faults and for mistakes in their description."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.errors import DprError
-from dpr_lab.identification.misread.scaled_readings import SCALED_READINGS, ScaledReadings
+from dpr_lab.identification.misread.scaled_readings import OTHER_ZERO, SCALED_READINGS, ScaledReadings
 from dpr_lab.identification.moving_arm.fit import ARM_FIT, ArmFit, fit_moving_arm
 from dpr_lab.identification.moving_arm.problem import ArmRecording
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
@@ -66,8 +66,8 @@ def failures(
     if misfit > DOUBTS.doubted and (mirrored := _mirrored_fit(fit, misfit, recordings, rig)):
         return [mirrored]
     stops = [sentence for recording in recordings if misfit > 1.5 and (sentence := stop_sentence(recording))]
-    if misfit > DOUBTS.doubted and not stops and (scaled := _scaled_fit(recordings, rig)):
-        return [scaled]
+    if misfit > DOUBTS.doubted and not stops and (other := _other_angles(recordings, rig)):
+        return [other]
     of_input = _of_input(fit, rig) if gain_seen else []
     return [*stops, *of_input, *([] if fit.converged else [_unconverged(recordings)])]
 
@@ -106,36 +106,42 @@ def _mirrored_fit(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording]
     )
 
 
-def _scaled_fit(recordings: Sequence[ArmRecording], rig: Rig) -> str:
-    """A sentence if the recordings fit much better with half or twice the angles of the arm or the rods; else empty."""
-    given = dict(_misfits(recordings, (ScaledReadings(1.0, 1.0),), rig))
-    tried = sorted(_misfits(recordings, SCALED_READINGS, rig), key=lambda pair: pair[1])
-    if not given or not tried:
+def _other_angles(recordings: Sequence[ArmRecording], rig: Rig) -> str:
+    """A sentence if the recordings fit much better with another zero or scale of the angles; else empty."""
+    before, turned = _misfit_of(recordings, rig), _misfit_of(map(_turned, recordings), rig)
+    of_scales = [(_misfit_of([_scaled(r, scale) for r in recordings], rig), scale) for scale in SCALED_READINGS]
+    scaled, scale = min(of_scales, key=lambda pair: pair[0])
+    cause = OTHER_ZERO if turned < scaled else scale.cause(rig.rods.mounted)
+    after = min(turned, scaled)
+    if not DOUBTS.better_scale * after < before < np.inf:
         return ""
-    (scale, misfit), before = tried[0], min(given.values())
-    if not DOUBTS.better_scale * misfit < before:
-        return ""
-    fall = f"in this interpretation the reduced chi-square falls from {before:.3g} to {misfit:.3g}"
-    return f"{scale.cause(rig.rods.mounted)}; {fall}"
+    return f"{cause}; in this interpretation the reduced chi-square falls from {before:.3g} to {after:.3g}"
 
 
-def _misfits(
-    recordings: Sequence[ArmRecording], scales: Sequence[ScaledReadings], rig: Rig
-) -> Iterator[tuple[ScaledReadings, float]]:
-    """Reduced chi-square of short segments of the beginning in each interpretation that can be fitted."""
-    short = replace(ARM_FIT, ranges_rad=())
-    for scale in scales:
-        with suppress(DprError, np.linalg.LinAlgError):
-            fit = fit_moving_arm([_scaled(recording, scale) for recording in recordings], rig, short)
-            yield scale, fit.misfit or fit.chi2_per_dof
+def _misfit_of(recordings: Iterable[ArmRecording], rig: Rig) -> float:
+    """Reduced chi-square of short segments of the beginning; infinite if they cannot be fitted."""
+    with suppress(DprError, np.linalg.LinAlgError):
+        fit = fit_moving_arm([_beginning(r) for r in recordings], rig, replace(ARM_FIT, ranges_rad=()))
+        return fit.misfit or fit.chi2_per_dof
+    return np.inf
+
+
+def _beginning(recording: ArmRecording) -> ArmRecording:
+    run = recording.run.between(-np.inf, DOUBTS.tried_s)
+    return replace(recording, run=run, drive=recording.drive[: len(run.t)])
+
+
+def _turned(recording: ArmRecording) -> ArmRecording:
+    half_a_turn = np.array([0.0, np.pi, np.pi])
+    return replace(recording, run=replace(recording.run, theta=recording.run.theta + half_a_turn))
 
 
 def _scaled(recording: ArmRecording, scale: ScaledReadings) -> ArmRecording:
-    run = recording.run.between(-np.inf, DOUBTS.tried_s)
-    rods, hanging = run.theta[:, [1, 2, 0]], np.full(2, np.pi)
+    rods, hanging = recording.run.theta[:, [1, 2, 0]], np.full(2, np.pi)
     theta = scale.of_joints(rods, hanging)[:, [2, 0, 1]]
-    std = recording.std * [scale.arm, scale.rods, scale.rods]
-    return replace(recording, run=replace(run, theta=theta), std=std, drive=recording.drive[: len(run.t)])
+    return replace(
+        recording, run=replace(recording.run, theta=theta), std=recording.std * [scale.arm, scale.rods, scale.rods]
+    )
 
 
 def _mirrored(recording: ArmRecording) -> ArmRecording:
