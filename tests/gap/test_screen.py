@@ -167,6 +167,17 @@ def test_filtered_noise_is_no_white_noise(clean: Run, paper: Rig, rng: np.random
     assert "non_white_noise" in names(replace(clean, theta=theta, counts=None), paper)
 
 
+def test_a_rod_that_is_balanced_within_a_count_is_not_filtered(paper: Rig, rng: np.random.Generator):
+    count, t = 2 * np.pi / 2048, np.arange(4000) / 500
+    upright = np.cumsum(rng.normal(0, 0.02 * count, len(t)))
+    angle = np.where(t < 1, np.sin(8 * t), 0.5 * count + upright - 0.99 * np.round(upright / count) * count)
+    theta = count * np.round(angle / count)[:, None] * np.ones(3)
+    run = Run("balanced", t, theta, None, None, paper.name, "", 500.0, mounting="inner")
+    screened = screen(run, paper.with_rods("inner"))
+    assert "non_white_noise" not in {finding.name for finding in screened.findings}
+    assert not screened.dithered[0]
+
+
 @pytest.mark.parametrize(
     "faults",
     [

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.effects.missed_counts import MISSED_COUNTS
-from dpr_lab.estimation.noise import arm_noise, difference_std, noise_floor, rest_correlation
+from dpr_lab.estimation.noise import arm_noise, noise_floor, rest_correlation
 from dpr_lab.gap.screen.differences import noise_by_speed, stride_ratio
 from dpr_lab.gap.screen.implausible import repeated, too_fast
 from dpr_lab.gap.screen.instants import even_instants, periodic_delay
@@ -133,7 +133,7 @@ def screen(run: Run, rig: Rig) -> Screened:
     dithered, on_grid = _dithered(run, rig, count), _on_grid(run, rig, joints)
     in_time = run.only(~np.pad(late, (len(run.t) - len(t), 0)))
     at_rest = np.maximum(noise_floor(in_time, rig).std_joint, count / np.sqrt(12))
-    colour, coloured = _colour(run, rig, joints, at_rest)
+    colour, coloured = _colour(run, rig, joints, np.where(dithered, 0.0, at_rest))
     noise = at_rest * colour  # filtered noise is visible only over wider spacings
     jitter, jittered = _jitter(run, t[~late], joints[~late], noise)
     wild, stale = too_fast(t, joints), np.zeros(joints.shape, dtype=np.bool_)
@@ -181,8 +181,7 @@ def with_arm(screened: Screened, rig: Rig) -> Screened:
         steps = int(np.gcd.reduce(np.diff(screened.run.counts[:, 0])))
         count = max(steps, 1) * abs(float(rig.radians_per_count[0]))
     noise = max(noise, count / 12**0.5)
-    is_table = screened.run.counts is None
-    dithered = not is_table or _crosses_counts(screened.run, theta0[:, None], np.array([noise]))[0]
+    dithered = screened.run.counts is not None or bool(_changing(theta0[:, None])[0])
     keep = np.ones(len(theta0), dtype=np.bool_)
     faults = local_faults(screened.t, theta0, keep, (noise, screened.jitter_s), 1.0 / screened.run.rate_hz)
     keep[faults.outliers] = False
@@ -308,12 +307,11 @@ def _on_grid(run: Run, rig: Rig, joints: Array) -> NDArray[np.bool_]:
 def _dithered(run: Run, rig: Rig, count: Array) -> NDArray[np.bool_]:
     """Whether rounding errors are independent: the noise before rounding reaches a fifth of a count at rest.
 
-    Without a rest this is assumed, except for a table whose readings repeat themselves more than independent rounding
-    errors do.
+    Without a rest this is assumed, except for a table of which most readings equal the one before.
     """
     if run.counts is None:
         readings = rig.encoders.joint_angles.of_rods(run.swing.theta[:, 1:])
-        return _crosses_counts(run, readings, noise_floor(run, rig).std_joint)
+        return _changing(readings)
     rest = rig.encoders.joint_angles.of_rods(run.rest[:, 1:])
     if len(rest) < SCREEN.fewest_at_rest:
         return np.ones(2, dtype=bool)
@@ -321,10 +319,9 @@ def _dithered(run: Run, rig: Rig, count: Array) -> NDArray[np.bool_]:
     return moved > SCREEN.still_counts * count
 
 
-def _crosses_counts(run: Run, readings: Array, noise: Array) -> NDArray[np.bool_]:
-    """(m,) whether differences of the readings (n, m) of a table show about the noise (m,) that they have, rad."""
-    shown = difference_std(run.swing.t, readings)
-    return np.asarray(SCREEN.noise_ratio * shown > noise, dtype=np.bool_)
+def _changing(readings: Array) -> NDArray[np.bool_]:
+    """(m,) whether most readings (n, m) differ from the one before."""
+    return np.asarray(np.median(np.abs(np.diff(readings, axis=0)), axis=0) > 1e-12, dtype=np.bool_)
 
 
 def _levels(run: Run, rig: Rig, std: Array, dithered: NDArray[np.bool_]) -> list[Finding]:
@@ -353,7 +350,7 @@ def _jitter(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, list[
     return jitter, [Finding("jitter", run.name, None, None, evidence)]
 
 
-def _colour(run: Run, rig: Rig, joints: Array, at_rest: Array) -> tuple[Array, list[Finding]]:
+def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, list[Finding]]:
     """(2,) factor from the noise of neighbours to that of wider spacings, 1 for white noise; and the findings."""
     factor, findings = np.ones(2), []
     if run.rate_hz < SCREEN.colour_hz:
@@ -367,7 +364,7 @@ def _colour(run: Run, rig: Rig, joints: Array, at_rest: Array) -> tuple[Array, l
             if alike
         ]
     for axis, name in enumerate(AXES):
-        ratio = stride_ratio(joints[:, axis], float(at_rest[axis]))
+        ratio = stride_ratio(joints[:, axis], float(floor[axis]))
         if ratio > SCREEN.noise_ratio:
             factor[axis] = ratio
             evidence = f"every third sample has {ratio:.2g} times the noise of neighbours: filtered before recording"
