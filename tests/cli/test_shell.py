@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import typer
 
-from dpr_lab.cli.app import app
+from dpr_lab.cli.app import COMMANDS, app
 
 
 def commands(group: Any, *words: str) -> Iterator[tuple[str, ...]]:
@@ -35,6 +35,12 @@ def test_every_help_has_an_example_and_keeps_words_whole(
         lines = help_text.splitlines()
         assert max(map(len, lines)) <= 80, command
         assert not [line for line in lines if re.search(r"\w-$|[\w,:]\.\.\.$", line)], command
+
+
+def test_each_name_of_the_table_is_that_of_its_command() -> None:
+    assert len(set(COMMANDS.values())) == len(COMMANDS)
+    for name, target in COMMANDS.items():
+        assert target.partition(":")[2] in (name, "app")
 
 
 def test_the_help_names_every_exit_code(cli) -> None:
