@@ -16,12 +16,16 @@ from dpr_lab.identification.misread.readings import readings
 from dpr_lab.identification.misread.refuse import refuse_misread
 from dpr_lab.identification.misread.tried import fitted, impossible, second_look
 from dpr_lab.identification.preprocess import preprocess
-from dpr_lab.rig import Rig
+from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.run import FilmNoise, Run
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.workflows.rig_drive import Measure
+from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
 from sim_device.plant.config import ArmConfig, load_plant
 from sim_device.trials.driven import driven_runs
 from sim_device.trials.offline_recorder import record
 from tests.bench_rigs import rods_swing, table
+from tests.one_rod import Rod, swing
 from tests.thinned import thinned
 
 PI = np.pi
@@ -265,3 +269,17 @@ def test_angles_of_points_in_a_film_have_no_factor(swings, paper: Rig) -> None:
     scaled = [reading for reading in readings(paper) if "times the reading" in reading.cause]
     assert scaled
     assert all(reading.read(film) is None for reading in scaled)
+
+
+@pytest.mark.parametrize(("dry", "damping"), [(0.035, 0.02), (0.05, 0.05), (0.035, 0.11)])
+def test_a_rod_that_soon_sticks_is_not_read_in_degrees(tmp_path: Path, dry: float, damping: float) -> None:
+    rod = Rod(length=0.072, mass=0.02, dry=dry, damping=damping, counts=4096, duration=1.94)
+    measures = RigMeasures("one rod", 0.07, 0.07, Measure(0.02), Measure(0.02), counts_per_rev=4096)
+    rig = parse_rig(draft_rig(measures)).with_rods("inner")
+    t = np.arange(0, rod.duration, 0.005)
+    angle = swing(rod, -0.55, t) - 0.0085
+    count = 2 * np.pi / rod.counts
+    read = count * np.rint((angle + 0.004 * np.sin(6 * angle)) / count)
+    path = tmp_path / "swing.csv"
+    np.savetxt(path, np.column_stack([t, read]), delimiter=",", header="t_s,theta1_rad", comments="", fmt="%.9f")
+    refuse_misread([import_csv(path, rig, ImportOptions(zero="hanging"))], rig)

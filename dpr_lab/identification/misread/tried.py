@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.errors import RunError
+from dpr_lab.estimation.noise import noise_floor
 from dpr_lab.fitting.gauss_newton import SETTINGS as GAUSS_NEWTON
 from dpr_lab.identification.misread.energy import SETTINGS as ENERGY
 from dpr_lab.identification.misread.energy import energy_rise
@@ -153,7 +154,8 @@ def better_readings(
     """Other interpretations that explain the runs far better, best first, without those far worse than the best.
 
     In an interpretation with slower times, segments of the same length contain less of the swing. The residual then
-    accumulates less, in chi2 with the fourth power.
+    accumulates less, in chi2 with the fourth power. In one with smaller angles, the noise of the same readings may
+    count as a larger part of the swing, so that chi2 is smaller without reason: it is compared at equal parts.
 
     Args:
         runs: the runs with the given interpretation
@@ -167,10 +169,29 @@ def better_readings(
         good = good or [
             (reading, other)
             for reading, other in _otherwise(tried, runs, rig, limit)
-            if other.chi2_per_dof < limit / max(reading.time_factor, 1.0) ** 4 and residual(other) < SETTINGS.suspicious
+            if other.chi2_per_dof < limit / max(reading.time_factor, 1.0) ** 4
+            and residual(other) < SETTINGS.suspicious
+            and other.chi2_per_dof * _larger_noise(reading, runs, rig) ** 2 < max(limit, chi2_per_dof / SETTINGS.better)
         ]
     good = sorted(good, key=lambda pair: pair[1].chi2_per_dof)
     return [pair for pair in good if pair[1].chi2_per_dof < SETTINGS.better * good[0][1].chi2_per_dof]
+
+
+def _larger_noise(reading: Misreading, runs: Sequence[Run], rig: Rig) -> float:
+    """Factor, at least 1, by which the noise of a run is a larger part of its swing in another interpretation."""
+    factors = [1.0]
+    for run in runs:
+        other = reading.read(run)
+        if other is not None and reading.time_factor == 1.0:
+            given, changed = _noise_of_swing(run, rig), _noise_of_swing(other, rig)
+            factors.append(changed / given if given > 0.0 else 1.0)
+    return max(factors)
+
+
+def _noise_of_swing(run: Run, rig: Rig) -> float:
+    """Noise of joint 1 relative to the standard deviation of its swing."""
+    spread = float(np.std(run.swing.theta[:, 1]))
+    return float(noise_floor(run, rig).std_joint[0]) / max(spread, float(np.finfo(float).tiny))
 
 
 def impossible(ratios: Array, rig: Rig) -> str:
