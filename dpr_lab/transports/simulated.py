@@ -24,7 +24,7 @@ from firmware_protocol.messages import Frame
 class Patience:
     """Time limits of the simulated device."""
 
-    start_s: float = 60.0
+    start_s: float = 180.0
     first_start_s: float = 600.0
     """Maximum duration of the start, s: the first start on a computer compiles the dynamics, which takes long on a
     busy one.

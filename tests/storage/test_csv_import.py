@@ -9,10 +9,12 @@ from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.errors import RunError
 from dpr_lab.rig import load_rig
+from dpr_lab.rig_tables import Rods
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.export import export
 from dpr_lab.storage.inspect import info, verify
 from dpr_lab.storage.reader import load_run
+from dpr_lab.storage.tables.columns import guess_columns
 
 RIG = load_rig("paper")
 T = np.round(np.arange(200) * 0.005, 6)
@@ -94,6 +96,29 @@ def test_a_header_in_a_comment_and_columns_by_number(tmp_path):
     with pytest.raises(RunError, match="the table has: 1, 2, 3"):
         read(tmp_path / "b.txt")
     assert_the_swing(read(tmp_path / "b.txt", columns={"t": "2", "theta1": "1", "theta2": "3"}))
+
+
+def test_dates_are_refused_with_the_cure(tmp_path):
+    values = zip(T, THETA1, THETA2, strict=True)
+    rows = [f"01-03-2026 14:30:{t:06.3f};{a:.12g};{b:.12g}".replace(".", ",") for t, a, b in values]
+    (tmp_path / "a.csv").write_text("\n".join(["Zeit;theta1;theta2", *rows]), encoding="utf-8")
+    with pytest.raises(RunError, match="is a time of day: give the time in seconds"):
+        read(tmp_path / "a.csv")
+    rate_hz = 1.0 / float(np.median(np.diff(T)))
+    assert_the_swing(read(tmp_path / "a.csv", rate_hz=rate_hz))
+
+
+def test_common_names_of_angles_of_encoders_arm_and_a_single_rod(tmp_path):
+    assert guess_columns(["Zeit", "enc1_deg", "enc2_deg"], "deg") == {
+        "t": "Zeit",
+        "theta1": "enc1_deg",
+        "theta2": "enc2_deg",
+    }
+    assert guess_columns(["time", "arm_angle", "theta1"])["theta0"] == "arm_angle"
+    rows = np.column_stack([T, THETA1 - np.pi])
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="time,rod_angle", comments="")
+    rod = RIG.model_copy(update={"rods": Rods(mounted="inner")})
+    assert import_csv(tmp_path / "a.csv", rod, ImportOptions(zero="hanging")).mounting == "inner"
 
 
 def test_a_unit_of_time_that_contradicts_its_name_is_refused(tmp_path):

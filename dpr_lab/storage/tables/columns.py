@@ -16,13 +16,16 @@ UNITS = ("rad", "deg", "counts")
 NO_ROD = "joint 2, without a rod"
 """Name of a substitute column."""
 
-_TIME_NAME = r"(t|time|timestamp|elapsed|tout)?({unit})?(?<=.)"
+_TIME_NAME = r"(t|time|timestamp|elapsed|tout|zeit)?({unit})?(?<=.)"
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds", "us": "us|usec|microseconds"}
-_ANGLE_NAME = r"(theta|th|phi|q|angle|joint|pos|position|θ|φ){axis}(rad|radians?|deg|degrees?)?"
+_ANGLE_UNIT = r"(rad|radians?|deg|degrees?)"
+_ANGLE_NAME = rf"(theta|th|phi|q|angle|joint|pos|position|θ|φ){{axis}}{_ANGLE_UNIT}?|(enc|encoder){{axis}}{_ANGLE_UNIT}"
+_ARM_NAME = rf"arm(angle|pos|position)?{_ANGLE_UNIT}?"
+_ROD_NAME = rf"(rod|pendulum)(angle|pos|position)?{_ANGLE_UNIT}?"
 _COUNT_NAME = (
     r"(counts?|enc|encoder){axis}(counts?|ticks?)?|(theta|th|phi|q|angle|joint|pos|position|θ|φ){axis}(counts?|ticks?)"
 )
-_ONE_ROD = re.compile(f"{_ANGLE_NAME}|{_COUNT_NAME}".format(axis=""))
+_ONE_ROD = re.compile(f"{_ANGLE_NAME}|{_COUNT_NAME}|{_ROD_NAME}".format(axis=""))
 _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
 _SAID_UNIT = re.compile(r"(?<![a-z])(rad|deg|counts)(ians|rees)?(?![a-z])|(°)")
 _ONLY_UNIT = re.compile(
@@ -52,6 +55,8 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
     patterns = {"t": re.compile(_TIME_NAME.format(unit=_TIME_SUFFIX[time_unit]))}
     for axis, quantity in enumerate(AXES):
         patterns[quantity] = re.compile((_COUNT_NAME if unit == "counts" else _ANGLE_NAME).format(axis=axis))
+    if unit != "counts":
+        patterns["theta0"] = re.compile(f"{patterns['theta0'].pattern}|{_ARM_NAME}")
     named = {q: [n for n in names if p.fullmatch(bare(n))] for q, p in patterns.items()}
     return {quantity: matches[0] for quantity, matches in named.items() if len(matches) == 1}
 
@@ -104,7 +109,7 @@ def with_still_joint2(table: Table, given: Mapping[str, str]) -> tuple[Table, di
 
 def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], timed: bool) -> None:
     names = [*table.names, *table.other_lengths]
-    available = f"the table has: {', '.join(names)}"
+    available = f"the table has: {', '.join(name for name in names if name != NO_ROD)}"
     for quantity, name in given.items():
         if names.count(name) != 1:
             count = names.count(name) or "no"
@@ -120,9 +125,10 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
     missing = [q for q in (("t",) if timed else ()) + ("theta1", "theta2") if q not in named]
     if missing:
         rate = "; for a table without time give --rate-hz" if "t" in missing else ""
+        both = "" if NO_ROD in names else "; both rods are needed"
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {available}."
-            f" Name it, for example --columns {missing[0]}=NAME; both rods are needed{rate}"
+            f" Name it, for example --columns {','.join(f'{quantity}=NAME' for quantity in missing)}{both}{rate}"
         )
     other = [name for name in named.values() if name in table.other_lengths]
     if other:

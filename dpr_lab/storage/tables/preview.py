@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import INPUT_UNITS
-from dpr_lab.storage.tables.columns import AXES
+from dpr_lab.storage.tables.columns import AXES, NO_ROD
 from dpr_lab.storage.tables.interpreted import TableQuestion
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import PLAUSIBLE
@@ -66,7 +66,7 @@ class Preview:
             if by_rig
             else f"{self.unit}, {self.angles}, {self.zero} is 0"
         )
-        axes = ", ".join(f"{axis} = {name}" for axis, name in self.columns.items())
+        axes = ", ".join(f"{axis} = {name}" for axis, name in sorted(self.columns.items()) if name != NO_ROD)
         gaps = f"; {self.gaps} gaps" if self.gaps else "; no gaps"
         rest = f" and {self.rest_s:.4g} s of rest before it" if self.rest_s else ""
         columns = {kind: [name for name in pair if name != PASSIVE] for kind, pair in self.torques.items()}

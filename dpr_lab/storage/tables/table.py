@@ -1,6 +1,7 @@
 """Reading of a text table of any logger; delimiter, header, comments and decimal sign are detected."""
 
 import csv
+import re
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,6 +20,7 @@ from dpr_lab.storage.tables.content import Content, Line, TableLimits
 
 DELIMITERS = (";", "\t", ",")  # in this order: with a semicolon or tab as delimiter, a comma is the decimal sign
 LIMITS = TableLimits()
+_TIME_OF_DAY = re.compile(r"\d:\d\d")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +56,11 @@ class Table:
         """
         place = self.names.index(name)
         if self.strange[place]:
+            if _TIME_OF_DAY.search(self.strange[place]):
+                raise RunError(
+                    f"{self.path}: {self.strange[place]} in column {name!r} is a time of day: give the time in seconds"
+                    " since the first row, or for even sampling --rate-hz, which needs no time column"
+                )
             raise RunError(
                 f"{self.path}: {self.strange[place]} in column {name!r} is not a number: correct it, or leave"
                 f" the field empty if its value is missing; if another table begins there, split the file"
