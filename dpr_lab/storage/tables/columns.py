@@ -125,10 +125,10 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
     missing = [q for q in (("t",) if timed else ()) + ("theta1", "theta2") if q not in named]
     if missing:
         rate = "; for a table without time give --rate-hz" if "t" in missing else ""
-        both = "" if NO_ROD in names else "; both rods are needed"
+        needed = "" if NO_ROD in names else "; both rods are needed"
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {available}."
-            f" Name it, for example --columns {','.join(f'{quantity}=NAME' for quantity in missing)}{both}{rate}"
+            f" Name it, for example --columns {','.join(f'{quantity}=NAME' for quantity in missing)}{needed}{rate}"
         )
     other = [name for name in named.values() if name in table.other_lengths]
     if other:
