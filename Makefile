@@ -10,8 +10,8 @@ INSTALL := $(BIN)/python -m pip install --quiet --no-compile
 OUT    ?= out/demo
 FUZZ_SECONDS ?= 120
 CORES   := $(shell getconf _NPROCESSORS_ONLN)
-# Tests of links, screens and processes wait most of their time: two more workers than cores keep the cores busy.
-WORKERS := $(shell echo $$(($(CORES) + 2)))
+# Tests of links, screens and processes wait most of their time: one more worker than cores keeps the cores busy.
+WORKERS := $(shell echo $$(($(CORES) + 1)))
 # Tests of one file share what they record and identify, so one process gets them all; tests/conftest.py sorts the files.
 SPREAD  := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 # Without it every process that tests compiles all tests again.
@@ -22,8 +22,8 @@ unexport PYTHONDONTWRITEBYTECODE
 demo: $(CORE)  ## record a simulated pendulum through the real protocol, identify it, compare, draw; then a blind trial
 	$(BIN)/dpr-lab demo --out $(OUT)
 
-test: $(DEV)  ## all tests but the long ones
-	$(BIN)/pytest -m "not long and not hardware" $(SPREAD)
+test: test-fast  ## all tests but the long ones, the fast ones first
+	$(BIN)/pytest -m "slow and not long and not hardware" $(SPREAD)
 
 test-fast: $(DEV)  ## the fast tests alone
 	$(BIN)/pytest -m "not slow and not hardware" $(SPREAD)
