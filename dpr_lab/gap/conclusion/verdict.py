@@ -234,7 +234,8 @@ def _restrictions(transferred: Transfer) -> str:
         parts.append(f" {listed(transferred.withdrawn)} {verb} not carry over to held-out data.")
     if transferred.worse_free_run:
         before, after = (1e3 * error for error in transferred.worse_free_run)
-        parts.append(f" The free run of the held-out runs becomes worse: {before:.3g} to {after:.3g} mrad rms.")
+        compared = "held-out runs" if transferred.held_out else "recordings"
+        parts.append(f" The free run of the {compared} becomes worse: {before:.3g} to {after:.3g} mrad rms.")
     if transferred.oversized:
         parts.append(
             f" {listed(transferred.oversized)} would be larger than on any rig: another cause has the same signature."

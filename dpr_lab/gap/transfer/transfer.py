@@ -6,8 +6,8 @@ The selected set and the set without one effect are fitted to the same runs and 
 
 for each segment s, with neighbouring segments grouped, an effect carries over to held-out data under three conditions:
 d is significantly positive (by its sum or by its signed ranks); d is significantly negative in no run; and the effect
-closes at least half of the share of the gap that it closes in the fitted recordings. Effects that worsen the free run
-of held-out runs are not confirmed. An effect that does not carry over explains the fitted recordings only. If there is
+closes at least half of the share of the gap that it closes in the fitted recordings. Effects that worsen the free
+runs, of held-out runs if there are any, are not confirmed. An effect that does not carry over explains the fitted recordings only. If there is
 a single release, its quarters are held out in turn, and an effect that fails is not withdrawn, but not sure either.
 Fewer segments than quarters predict nothing from each other: nothing is then refuted, and nothing is sure.
 
@@ -55,7 +55,7 @@ class TransferSettings:
     oversized: float = 0.1
     """Factor on the probability of an effect with an impossible size: it stands for another cause."""
     worse: float = 1.25
-    """Factor by which the named effects may increase the error of free runs on held-out runs."""
+    """Factor by which the named effects may increase the error of free runs."""
     followed_rad: float = 0.3
     """Error of a free run of the bare model up to which free runs are compared: above it, chaos dominates."""
     wildest: float = 1e12
@@ -93,8 +93,8 @@ class Transfer:
     oversized: tuple[str, ...]
     """Effects whose size is impossible on any rig."""
     worse_free_run: tuple[float, float] | None
-    """Error of free runs on held-out runs without and with the effects, rms, rad, if the effects increase it;
-    otherwise None.
+    """Error of free runs without and with the effects, rms, rad, if the effects increase it; otherwise None. On the
+    held-out runs, without these on the fitted ones.
     """
 
     def judged(self, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
@@ -162,14 +162,18 @@ def transfer(
         withdrawn=() if basis == "one release" else failed,
         unproven=failed if basis == "one release" else (),
         oversized=oversized(selection.chosen.fit.estimate.params, recordings.prior.limits),
-        worse_free_run=worse_free_run(before, after, held_out.names) if held_out else None,
+        worse_free_run=worse_free_run(before, after, held_out.names if held_out else _names(recordings)),
     )
 
 
+def _names(recordings: Recordings) -> list[str]:
+    return [record.run.name for record in recordings.records]
+
+
 def worse_free_run(
-    before: Mapping[str, float], after: Mapping[str, float], held_out: Collection[str]
+    before: Mapping[str, float], after: Mapping[str, float], compared: Collection[str]
 ) -> tuple[float, float] | None:
-    """Error of free runs before and after, rms over the held-out runs, if the effects increase it; else None.
+    """Error of free runs before and after, rms over some runs, if the effects increase it; else None.
 
     Segments and free runs must agree: an effect that closes the gap of segments but worsens the free run is not
     confirmed.
@@ -177,9 +181,9 @@ def worse_free_run(
     Args:
         before: run -> rms error of the free run of the bare model, rad
         after: the same with the effects; a run that cannot be simulated is missing
-        held_out: names of the held-out runs
+        compared: names of the runs
     """
-    names = [name for name in held_out if before.get(name, np.inf) < TRANSFER.followed_rad]
+    names = [name for name in compared if before.get(name, np.inf) < TRANSFER.followed_rad]
     if not names:
         return None
     errors = [[runs.get(name, np.pi) for name in names] for runs in (before, after)]
