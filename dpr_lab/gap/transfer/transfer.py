@@ -6,10 +6,11 @@ The selected set and the set without one effect are fitted to the same runs and 
 
 for each segment s, with neighbouring segments grouped, an effect carries over to held-out data under three conditions:
 d is significantly positive (by its sum or by its signed ranks); d is significantly negative in no run; and the effect
-closes at least half of the share of the gap that it closes in the fitted recordings. Effects that worsen the free
-runs, of held-out runs if there are any, are not confirmed. An effect that does not carry over explains the fitted recordings only. If there is
-a single release, its quarters are held out in turn, and an effect that fails is not withdrawn, but not sure either.
-Fewer segments than quarters predict nothing from each other: nothing is then refuted, and nothing is sure.
+closes at least half of the share of the gap that it closes in the fitted recordings. Effects that worsen the free runs,
+of held-out runs if there are any, are not confirmed. An effect that does not carry over explains the fitted recordings
+only. If there is a single release, its quarters are held out in turn, and an effect that fails is not withdrawn, but
+not sure either. Fewer segments than quarters predict nothing from each other: nothing is then refuted, and nothing is
+sure.
 
 The sum alone has little power if the reduction is largest in a few segments, because its scatter is then as large as
 the sum. The signed ranks detect a reduction in all segments.
