@@ -13,7 +13,7 @@ def arm(constants: RigConstants, inertia_kgm2: float, viscous_Nms: float) -> Arm
 
 FREE_ARM = Effect(
     name="free_arm",
-    words="arm that is free or driven",
+    words="moving arm",
     equation=(
         "the three-coordinate equation of `dpr_lab.dynamics.arm` with A = J0 + (m1 + m2 + mb) L0^2 and viscous friction"
         " c0, to which the back-EMF of a voltage drive adds ke kt gear^2 / R"

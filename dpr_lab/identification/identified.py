@@ -155,7 +155,7 @@ def _ratio(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, name: str, pro
         std=float(sure.std[i]),
         interval90=sure.interval90(i),
         profile90=_profile(ratio_fit, sure, i) if profile else None,
-        fixed_by="bound" if sure.of_prior[i] > SETTINGS.of_prior else "data",
+        fixed_by="bound" if sure.of_prior[i] > SETTINGS.of_prior or name in sure.at_zero else "data",
     )
 
 

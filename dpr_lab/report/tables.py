@@ -96,7 +96,7 @@ NOISE_LIKE = NoiseLike()
 def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: AngleUnit = RADIANS) -> str:
     """One sentence: whether the residual is noise, in the fitted and in the held-out runs."""
     if model.failures:
-        return f"Not reliable: {'; '.join(model.failures)}."
+        return f"Not reliable: {'; '.join(model.failures).rstrip('.')}."
     fitted = _worst(list(model.fit.rms_rad.values()), list(model.fit.noise_rad.values()))
     held_out = [_worst(c.segment_rms_rad, c.noise_rad) for c in comparisons if c.held_out]
     residual, floor = (_pair_with_unit(by_axis, angles) for by_axis in (model.fit.rms_rad, model.fit.noise_rad))

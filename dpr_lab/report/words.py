@@ -22,7 +22,7 @@ _DISPLAYED = {
 """SI unit of an amplitude -> displayed unit, and the factor to it."""
 
 _IDENTIFIER = re.compile(rf"(?<![\[\w])(?<!--without )({'|'.join(sorted(EFFECTS, key=len, reverse=True))})(?!\w)")
-_PLACE = re.compile(r"\b(joint|encoder)([12])\b")
+_PLACE = re.compile(r"\b(joint|encoder)([012])\b")
 _UNIT = re.compile(r"(_(per|Nms?|m2?|rad3?|s2?|kg(m2)?|Hz))+$")
 
 

@@ -132,7 +132,7 @@ def sentence(
         return _inconclusive(least)
     if described.withholds:
         gap = selection.base.residuals.noise_ratio
-        return f"Unexplained: a gap of {gap:.2g} times the noise. {described.hint}"
+        return f"Unexplained: a gap of {_two_digits(gap)} times the noise. {described.hint}"
     text = _sentence(kind, selection, posteriors, transferred)
     return f"{text} {described.hint}" if described.hint else text
 
@@ -150,37 +150,53 @@ def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPo
     if kind == "no_gap":
         return _no_gap(selection.base)
     if kind == "named":
-        causes = listed([_class(cause) for cause in _causes_named(selection, posteriors, transferred)])
-        surest = min(cause.probability for cause in posteriors)
+        causes = _causes_named(selection, posteriors, transferred)
+        causes = listed_causes(causes) or causes
+        least = min(cause.probability for cause in causes)
         return (
-            f"The gap is explained by {causes} (probability {percent(surest)}). {how_far(transferred)}"
+            f"The gap is explained by {listed([_class(cause) for cause in causes])} (probability {percent(least)}). "
+            f"{how_far(transferred)}"
             " Nothing above the noise floor remains."
         )
-    share, remainder = selection.share_explained, selection.chosen.residuals.noise_ratio
+    share, remainder = selection.share_explained, _two_digits(selection.chosen.residuals.noise_ratio)
     if kind == "partly_explained":
         causes = listed_causes(_causes_named(selection, posteriors, transferred)) or listed_causes(posteriors)
         named = listed([_class(cause) + _doubt(cause) for cause in causes])
         return (
-            f"The gap is partly explained by {named}. {how_far(transferred)} A remainder of {remainder:.2g} times the"
-            f" noise has another cause or another form.{_restrictions(transferred)}"
+            f"The gap is partly explained by {named}. {how_far(transferred)} {_remainder(selection.chosen)}"
+            f"{_restrictions(transferred)}"
         )
     if not posteriors and _small(selection.chosen):
         return (
             "Unexplained: the fitted recordings show no gap, but the held-out recordings show one of"
-            f" {transferred.gap_ratio:.2g} times the noise. Fit them too, or check that nothing on the rig was changed."
+            f" {_two_digits(transferred.gap_ratio)} times the noise. Fit them too, or check that nothing on the rig was"
+            " changed."
         )
     if not posteriors:
-        return f"Unexplained: a gap of {remainder:.2g} times the noise, and no effect of the library fits it."
+        return f"Unexplained: a gap of {remainder} times the noise, and no effect of the library fits it."
     closest, verb = listed([_class(cause) for cause in posteriors]), "explain" if len(posteriors) > 1 else "explains"
     if share >= RULES.partly_share:
         doubt = "not in other recordings"
         if not _fitted_only(posteriors, transferred):
-            doubt = f"a remainder of {remainder:.2g} times the noise makes a cause outside the library more probable"
+            doubt = f"a remainder of {remainder} times the noise makes a cause outside the library more probable"
         return (
             f"Unexplained: {closest} {verb} {percent(share)} of the excess chi-square in the fitted"
             f" recordings, but {doubt}. {how_far(transferred)}"
         )
     return f"Unexplained: the closest, {closest}, {verb} only {percent(share)} of the excess chi-square."
+
+
+def _two_digits(ratio: float) -> str:
+    """A ratio with two significant digits, without an exponent: 110, not 1.1e+02."""
+    return f"{float(f'{ratio:.2g}'):g}"
+
+
+def _remainder(chosen: Hypothesis) -> str:
+    if at_noise_floor(chosen):
+        return "Nothing above the noise floor remains, but these causes are not sure."
+    return (
+        f"A remainder of {_two_digits(chosen.residuals.noise_ratio)} times the noise has another cause or another form."
+    )
 
 
 def _causes_named(
@@ -197,7 +213,7 @@ def _no_gap(base: Hypothesis) -> str:
         return "No gap visible at this noise. The bare model explains the recordings down to the noise floor."
     return (
         f"No gap above the noise. No effect of the library explains the remainder of"
-        f" {base.residuals.noise_ratio:.2g} times the noise."
+        f" {_two_digits(base.residuals.noise_ratio)} times the noise."
     )
 
 

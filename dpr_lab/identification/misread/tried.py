@@ -99,9 +99,9 @@ class SecondLook:
             return ""
         return (
             f"The energy of the rods rises by {percent(self.energy_rise)} of its range, which is impossible for"
-            f" a passive rig: the rods have a drive that is not described. Import known torques (without"
-            f" --torque none), import an arm that"
-            " moves with its column of theta0 and --arm prescribed, or check counts_per_rev and the units."
+            " a passive rig with exact readings: the rods have a drive that is not described, or an encoder is late or"
+            " has backlash. Import known torques (without --torque none), import an arm"
+            " that moves with its column of theta0 and --arm prescribed, or check counts_per_rev and the units."
         )
 
 
