@@ -98,14 +98,14 @@ def test_a_header_in_a_comment_and_columns_by_number(tmp_path):
     assert_the_swing(read(tmp_path / "b.txt", columns={"t": "2", "theta1": "1", "theta2": "3"}))
 
 
-def test_dates_are_refused_with_the_cure(tmp_path):
-    values = zip(T, THETA1, THETA2, strict=True)
-    rows = [f"01-03-2026 14:30:{t:06.3f};{a:.12g};{b:.12g}".replace(".", ",") for t, a, b in values]
+@pytest.mark.parametrize(
+    "stamp", ["01-03-2026 14:30:{:06,3f}", "14:30:{:06,3f}", "30:{:06,3f}", "2026-03-01T14:30:{:06,3f}+01:00"]
+)
+def test_times_of_day_are_seconds(tmp_path, stamp):
+    stamps = [stamp.replace("{:06,3f}", f"{t:06.3f}".replace(".", ",")) for t in T]
+    rows = [f"{stamp};{a:.12g};{b:.12g}".replace(".", ",") for stamp, a, b in zip(stamps, THETA1, THETA2, strict=True)]
     (tmp_path / "a.csv").write_text("\n".join(["Zeit;theta1;theta2", *rows]), encoding="utf-8")
-    with pytest.raises(RunError, match="is a time of day: give the time in seconds"):
-        read(tmp_path / "a.csv")
-    rate_hz = 1.0 / float(np.median(np.diff(T)))
-    assert_the_swing(read(tmp_path / "a.csv", rate_hz=rate_hz))
+    assert_the_swing(read(tmp_path / "a.csv"))
 
 
 def test_common_names_of_angles_of_encoders_arm_and_a_single_rod(tmp_path):

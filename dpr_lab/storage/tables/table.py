@@ -20,7 +20,7 @@ from dpr_lab.storage.tables.content import Content, Line, TableLimits
 
 DELIMITERS = (";", "\t", ",")  # in this order: with a semicolon or tab as delimiter, a comma is the decimal sign
 LIMITS = TableLimits()
-_TIME_OF_DAY = re.compile(r"\d:\d\d")
+_CLOCK_TIME = re.compile(r"(?:.*[ T])?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)(?:Z|[+-]\d{2}:?\d{2})?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +56,6 @@ class Table:
         """
         place = self.names.index(name)
         if self.strange[place]:
-            if _TIME_OF_DAY.search(self.strange[place]):
-                raise RunError(
-                    f"{self.path}: {self.strange[place]} in column {name!r} is a time of day: give the time in seconds"
-                    " since the first row, or for even sampling --rate-hz, which needs no time column"
-                )
             raise RunError(
                 f"{self.path}: {self.strange[place]} in column {name!r} is not a number: correct it, or leave"
                 f" the field empty if its value is missing; if another table begins there, split the file"
@@ -179,9 +174,13 @@ class _Columns:
         )
 
     def _number(self, word: str, place: int, line: int) -> float:
+        """A number; of a time as `14:30:00.123`, after a date or not, or `30:00.1`, its seconds."""
         try:
             return float(word.replace(",", ".") if self._comma else word)
         except ValueError:
+            if clock := _CLOCK_TIME.fullmatch(word):
+                hours, minutes, seconds = clock.groups("0")
+                return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
             if word.lower() not in NOT_A_VALUE and not self.strange[place]:
                 self.strange[place] = f"line {line}: {printable(word[:40])!r}"
             return np.nan
