@@ -130,7 +130,9 @@ def _steps(readings: NDArray[np.float64], counts: NDArray[np.float64]) -> NDArra
     for joint, changes in enumerate(np.abs(np.diff(readings, axis=0)).T):
         moved = changes[changes > SETTINGS.rounding_rad]
         for step in (counts[joint], moved.min(initial=np.inf)):
-            if len(moved) and abs(np.exp(2j * np.pi * moved / step).mean()) > SETTINGS.on_grid:
+            # a change much smaller than a step has the phase of a multiple, but is none
+            of_step = np.where(moved > 0.5 * step, np.exp(2j * np.pi * moved / step), 0.0)
+            if len(moved) and abs(of_step.mean()) > SETTINGS.on_grid:
                 steps[joint] = max(steps[joint], step)
     return steps
 

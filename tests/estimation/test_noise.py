@@ -143,6 +143,14 @@ def test_table_better_than_the_rigs_encoders_keeps_its_own_noise():
     assert noise_floor(run, RIG).std_joint[0] == pytest.approx(1e-6, rel=0.1)
 
 
+def test_changes_far_below_a_count_of_the_rig_are_no_multiples_of_it():
+    t = np.arange(2000) / 1000
+    theta = np.pi + 0.003 * np.sin(6 * t)[:, None] + np.random.default_rng(0).normal(0, 1e-6, (2000, 3))
+    assert np.abs(np.diff(theta, axis=0)).max() < COUNT / 10
+    run = Run("table", t, theta, None, None, "paper", "", 1000.0)
+    assert noise_floor(run, with_joint2("absolute")).std_joint == pytest.approx([1e-6, 1e-6], rel=0.1)
+
+
 def test_whitening_makes_unit_variance():
     noise = noise_floor(release(np.arange(-2000, 1000) / 1000, 1.5), RIG)
     np.testing.assert_allclose(noise.whitening @ noise.covariance @ noise.whitening.T, np.eye(2), atol=1e-12)
