@@ -37,7 +37,8 @@ from dpr_lab.gap.transfer.free_run import own_zeros
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
-from dpr_lab.workflows.rig_file import Measure, RigMeasures, draft_rig
+from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
+from dpr_lab.workflows.rig_toml import Measure
 
 Array = NDArray[np.float64]
 Foretell = Callable[[Array, Array], Array]

@@ -34,7 +34,8 @@ from dpr_lab.report.words import named
 from dpr_lab.rig import PARAMETERS, Rig, load_rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
-from dpr_lab.workflows.rig_file import Measure, RigMeasures, draft_rig
+from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
+from dpr_lab.workflows.rig_toml import Measure
 
 PAGE = Path(__file__).parents[1] / "docs" / "real-rigs.md"
 HANGING = ImportOptions(zero="hanging", unit=None, time_unit=None)

@@ -13,8 +13,8 @@ from scipy.integrate import solve_ivp
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
-from dpr_lab.workflows.rig_drive import Measure
 from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
+from dpr_lab.workflows.rig_toml import Measure
 
 Array = NDArray[np.float64]
 

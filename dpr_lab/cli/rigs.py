@@ -12,7 +12,8 @@ from dpr_lab.cli.console import emit, json_mode, line, table, text
 from dpr_lab.cli.listing import Listing
 
 if TYPE_CHECKING:
-    from dpr_lab.workflows.rig_drive import Measure, MotorMeasures
+    from dpr_lab.workflows.rig_drive import MotorMeasures
+    from dpr_lab.workflows.rig_toml import Measure
 
 app = typer.Typer(
     help="List, show, create and check rig files (docs/rig-file.md documents every key).",
@@ -170,19 +171,16 @@ def new(
     name = name or _asked(ask, "--name", "Name of the rig", "my_rig")
     distance = "Length of the rod, m" if single_rod else "Distance between the two joints, m"
     l1 = l1 if l1 is not None else float(_asked(ask, "--l1", distance, kind=float))
-    if not single_rod and l2 is None:
-        l2 = float(_asked(ask, "--l2", "Length of the outer rod, m", kind=float))
     m1 = m1 or _asked(ask, "--m1", f"Mass of the {'rod' if single_rod else 'inner rod'}, kg, {Weighed}")
     if not single_rod:
+        l2 = l2 if l2 is not None else float(_asked(ask, "--l2", "Length of the outer rod, m", kind=float))
         m2 = m2 or _asked(ask, "--m2", f"Mass of the outer rod, kg, {Weighed}")
     if ask and not single_rod:
         mb = mb or _asked(ask, "--mb", "Mass of the parts at joint 2, kg; Enter if unknown", "")
-    if ask:
-        counts_per_rev = counts_per_rev or int(_asked(ask, "--counts-per-rev", "Counts per turn", "16384", kind=int))
-    if ask and not single_rod:
         question = "Encoder of the outer rod (relative to the inner rod, or absolute)"
         joint2 = joint2 or ("absolute" if _asked(ask, "--joint2", question, "relative").startswith("a") else "relative")
     if ask:
+        counts_per_rev = counts_per_rev or int(_asked(ask, "--counts-per-rev", "Counts per turn", "16384", kind=int))
         url = url or _asked(ask, "--link", "Link to the device", "sim://")
     measures = RigMeasures(
         name,
@@ -246,7 +244,7 @@ def _asked(ask: bool, flag: str, question: str, default: str | None = None, kind
 
 def _measure(flag: str, text: str, form: str = Weighed) -> "Measure":
     """Parse `0.21`, or `0.21+-0.001` for a weighed value that is not identified."""
-    from dpr_lab.workflows.rig_drive import Measure
+    from dpr_lab.workflows.rig_toml import Measure
 
     value, _, std = text.replace("±", "+-").partition("+-")
     try:

@@ -1,20 +1,14 @@
-"""Tables `[arm]` and `[motor]` of a new rig file, from a few measurements."""
+"""Tables `[arm]` and `[motor]` of a new rig file."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.workflows.rig_toml import Bounds, Measure, inline_table, toml_number
 
 if TYPE_CHECKING:
     from dpr_lab.rig_tables import ArmMode
-
-
-@dataclass(frozen=True, slots=True)
-class Measure:
-    """A value; with its standard uncertainty if it was measured and should not be identified."""
-
-    value: float
-    std: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,64 +33,56 @@ class DriveBounds:
 
     inertia: tuple[float, float, float] = (1.0, 2.0, 30.0)
     """Lower bound, guess and upper bound of the arm's inertia, in m L0^2 of the rods at its end."""
-    constant: tuple[float, float] = (0.3, 3.0)
-    """Relative bounds of a constant from a data sheet."""
+    factor: float = 3.0
+    """Factor between a value from a data sheet or a model and its bounds."""
 
 
 BOUNDS = DriveBounds()
 
 
-def arm_table(mode: "ArmMode", length: float | None, carried: float) -> str:
-    """Table `[arm]`; empty for a clamped arm.
+def about(value: float) -> Bounds:
+    """Bounds about a value from a data sheet or a model."""
+    return value / BOUNDS.factor, value, BOUNDS.factor * value
+
+
+def arm_table(mode: "ArmMode", values: Mapping[str, Bounds], digits: int = 4) -> str:
+    """Table `[arm]`: its mode, and bounds of A (inertia with the rods at its end), c0, k0 and f0, as far as given."""
+    lines = [f"{key} = {inline_table(bounds, digits=digits)}" for key, bounds in values.items()]
+    return "\n".join([f'[arm]\nmode = "{mode}"', *lines, "", ""])
+
+
+def motor_table(motor: MotorMeasures, digits: int = 4) -> str:
+    """Table `[motor]`."""
+    constants = {"kt": motor.kt, "ke": motor.ke, "R": motor.R}
+    lines = [f'[motor]\ninput = "{motor.input}"  # quantity of the input column']
+    lines += [f"{key} = {inline_table(about(m.value), m.std)}" for key, m in constants.items() if m is not None]
+    if motor.gear != 1.0:
+        lines.append(f"gear = {toml_number(motor.gear, digits)}  # turns of the motor per turn of the arm")
+    return "\n".join([*lines, "", ""])
+
+
+def drive_tables(mode: "ArmMode", length: float | None, carried: float, motor: MotorMeasures | None) -> str:
+    """Both tables from a few measurements; empty for a clamped arm.
 
     Args:
         mode: motion of the arm
         length: of the arm, m
         carried: mass at its end, kg
+        motor: its motor
 
     Raises:
-        ConfigError: an arm that moves without its length.
+        ConfigError: an arm that moves without its length, a driven arm without its input, or an input of another arm.
     """
+    if motor is not None and mode != "driven":
+        raise ConfigError(f"--input {motor.input} needs --arm driven: a {mode} arm has no input")
     if mode == "clamped":
         return ""
     if length is None:
         raise ConfigError(f"an arm that is {mode} needs its length: give --l0")
-    lower, nominal, upper = (factor * carried * length**2 for factor in BOUNDS.inertia)
-    inertia = _inline({"nominal": nominal, "lower": lower, "upper": upper})
-    total = "" if mode == "prescribed" else f"A = {inertia}  # inertia about its axis with the rods, kg m^2\n"
-    return f'[arm]\nmode = "{mode}"\n{total}\n'
-
-
-def motor_table(mode: "ArmMode", motor: MotorMeasures | None) -> str:
-    """Table `[motor]`; empty without a motor.
-
-    Raises:
-        ConfigError: a driven arm without its input, or an input of an arm that is not driven.
-    """
-    if motor is None:
-        if mode == "driven":
-            raise ConfigError(
-                "a driven arm needs the quantity of its input column: give --input torque, current, voltage or"
-                " acceleration"
-            )
-        return ""
-    if mode != "driven":
-        raise ConfigError(f"--input {motor.input} needs --arm driven: a {mode} arm has no input")
-    lines = ["[motor]", f'input = "{motor.input}"  # quantity of the input column']
-    for name, measure in (("kt", motor.kt), ("ke", motor.ke), ("R", motor.R)):
-        if measure is not None:
-            lines.append(f"{name} = {_constant(measure)}")
-    if motor.gear != 1.0:
-        lines.append(f"gear = {motor.gear!r}  # turns of the motor per turn of the arm")
-    return "\n".join([*lines, "", ""])
-
-
-def _constant(measure: Measure) -> str:
-    if measure.std is not None:
-        return _inline({"nominal": measure.value, "measured": measure.value, "std": measure.std})
-    lower, upper = (share * measure.value for share in BOUNDS.constant)
-    return _inline({"nominal": measure.value, "lower": lower, "upper": upper})
-
-
-def _inline(values: dict[str, float]) -> str:
-    return "{" + ", ".join(f"{key} = {float(f'{value:.4g}')!r}" for key, value in values.items()) + "}"
+    if motor is None and mode == "driven":
+        raise ConfigError(
+            "a driven arm needs the quantity of its input column: give --input torque, current, voltage or acceleration"
+        )
+    lower, guess, upper = (factor * carried * length**2 for factor in BOUNDS.inertia)
+    arm = arm_table(mode, {} if mode == "prescribed" else {"A": (lower, guess, upper)})
+    return arm + (motor_table(motor) if motor else "")

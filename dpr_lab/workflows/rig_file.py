@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Literal
 from dpr_lab.errors import ConfigError
 from dpr_lab.shown import percent
 from dpr_lab.whole_file import write_text
-from dpr_lab.workflows.rig_drive import Measure, MotorMeasures, arm_table, motor_table
+from dpr_lab.workflows.rig_drive import MotorMeasures, drive_tables
+from dpr_lab.workflows.rig_toml import Bounds, Measure, parameter_table, toml_number, toml_text
 
 if TYPE_CHECKING:
     from dpr_lab.rig import Rig
@@ -77,9 +78,6 @@ class DraftSettings:
 
 DRAFT = DraftSettings()
 
-Bounds = tuple[float, float, float]
-"""Lower bound, guess and upper bound."""
-
 
 def draft_rig(measures: RigMeasures) -> str:
     """Text of a rig file with comments.
@@ -95,7 +93,7 @@ def draft_rig(measures: RigMeasures) -> str:
     m = measures
     mb = m.mb or Measure(DRAFT.elbow[1] * (m.m1.value + m.m2.value) if m.m2 else 0.0)
     carried = m.m1.value + (m.m2.value + mb.value if m.m2 else 0.0)
-    drive = arm_table(m.arm, m.L0, carried) + motor_table(m.arm, m.motor)
+    drive = drive_tables(m.arm, m.L0, carried, m.motor)
     rods = _both_rods(m, m.m2, mb, m.L2) if m.m2 and m.L2 else _one_rod(m)
     text = "\n".join([_head(m), *rods, drive + _tail(m)])
     parse_rig(text)
@@ -172,27 +170,6 @@ def _inertia(mass: Bounds, length: float) -> Bounds:
 def _friction(inertia: float, stiffness: float) -> Bounds:
     lower, guess, upper = (2 * z * math.sqrt(inertia * stiffness) for z in DRAFT.damping)
     return lower, guess, upper
-
-
-def parameter_table(name: str, meaning: str, bounds: Bounds, std: float | None = None, digits: int = 4) -> str:
-    """Table in `[parameters]`; `digits` is the number of digits of the nominal value."""
-    lower, guess, upper = bounds
-    lines = [f"[parameters.{name}]  # {meaning}", f"nominal = {toml_number(guess, digits)}"]
-    if std is None:
-        lines += [f"lower = {toml_number(lower)}", f"upper = {toml_number(upper)}"]
-    else:
-        lines += [f"measured = {toml_number(guess, 9)}", f"std = {toml_number(std)}"]
-    return "\n".join([*lines, ""])
-
-
-def toml_number(value: float, digits: int = 4) -> str:
-    """A TOML number with this number of digits."""
-    return repr(float(f"{value:.{digits}g}"))
-
-
-def toml_text(value: str) -> str:
-    """A TOML string."""
-    return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def _head(m: RigMeasures) -> str:

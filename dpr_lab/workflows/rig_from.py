@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.whole_file import write_text
-from dpr_lab.workflows.rig_file import DRAFT, Bounds, parameter_table, toml_number, toml_text
+from dpr_lab.workflows.rig_drive import MotorMeasures, about, arm_table, motor_table
+from dpr_lab.workflows.rig_file import DRAFT
+from dpr_lab.workflows.rig_toml import Bounds, parameter_table, toml_number, toml_text
 
 if TYPE_CHECKING:
     from dpr_lab.simulator_models.chain import ChainArm, JointTerm, ModelChain
@@ -154,7 +156,7 @@ def _text(
     directions = [chain.arm.direction if chain.arm else 1, *(rod.direction for rod in chain.rods), *missing * [1]]
     geared = [j for j, rod in enumerate(chain.rods, 1) if rod.joint.name in driven or rod.joint.armature]
     joints = f"[joints]\ngeared = {geared}\n\n" if geared else ""
-    arm = _arm(chain, chain.arm, driven, bounds) if chain.arm else ""
+    arm = _arm(chain.arm, driven, bounds) if chain.arm else ""
     poses = "\n".join(
         f"[poses.X{number}]\ntheta1 = {theta1!r}\ntheta2 = {theta2!r}\n"
         for number, (theta1, theta2) in enumerate(DRAFT.poses_as_one if missing else DRAFT.poses, start=1)
@@ -196,25 +198,15 @@ def _zeros(chain: "ModelChain", counts: int, notes: list[str]) -> list[int]:
     return zeros
 
 
-def _arm(chain: "ModelChain", arm: "ChainArm", driven: dict[str, float], bounds: dict[str, Bounds]) -> str:
-    mass = sum(bounds[name][1] for name in ("m1", "m2", "mb") if name in bounds)
-    joint, total = arm.joint, arm.inertia + mass * arm.length**2
-    mode = "driven" if joint.name in driven else "free"
-    lines = [f'[arm]\nmode = "{mode}"', f"A = {_inline(total)}  # with the rods at its end, kg m^2"]
-    for key, value in (("c0", joint.damping), ("k0", joint.stiffness), ("f0", joint.friction)):
-        if value > 0:
-            lines.append(f"{key} = {_inline(value)}")
-    motor = ""
-    if mode == "driven":
-        gear = abs(driven[joint.name])
-        gears = f"gear = {toml_number(gear, 12)}\n" if gear > 0 and math.isfinite(gear) else ""
-        motor = f'\n[motor]\ninput = "torque"  # at the joint, N m\n{gears}'
-    return "\n".join(lines) + "\n" + motor + "\n"
-
-
-def _inline(value: float) -> str:
-    lower, upper = toml_number(value / 3), toml_number(3 * value)
-    return f"{{ nominal = {toml_number(value, 12)}, lower = {lower}, upper = {upper} }}"
+def _arm(arm: "ChainArm", driven: dict[str, float], bounds: dict[str, Bounds]) -> str:
+    mass, joint = sum(bounds[name][1] for name in ("m1", "m2", "mb") if name in bounds), arm.joint
+    values = {"A": arm.inertia + mass * arm.length**2, "c0": joint.damping, "k0": joint.stiffness, "f0": joint.friction}
+    table = {key: about(value) for key, value in values.items() if key == "A" or value > 0}
+    if joint.name not in driven:
+        return arm_table("free", table, digits=12)
+    gear = abs(driven[joint.name])
+    motor = MotorMeasures("torque", gear=gear if gear > 0 and math.isfinite(gear) else 1.0)
+    return arm_table("driven", table, digits=12) + motor_table(motor, digits=12)
 
 
 def _comment(text: str) -> str:

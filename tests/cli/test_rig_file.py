@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from dpr_lab.rig import load_rig, parse_rig
-from dpr_lab.workflows.rig_drive import Measure
 from dpr_lab.workflows.rig_file import RigMeasures, check_rig, draft_rig
+from dpr_lab.workflows.rig_toml import Measure
 
 ROOT = Path(__file__).parents[2]
 FLAGS = ("--name", "bench", "--l1", "0.3", "--l2", "0.25", "--m1", "0.21+-0.001", "--m2", "0.12")

@@ -20,8 +20,8 @@ from dpr_lab.gap.hypothesis.score_test import score_test
 from dpr_lab.gap.screen.record import record as screened
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig import Rig, load_rig, parse_rig
-from dpr_lab.workflows.rig_drive import Measure
 from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
+from dpr_lab.workflows.rig_toml import Measure
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
 

@@ -19,8 +19,8 @@ from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.run import FilmNoise, Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
-from dpr_lab.workflows.rig_drive import Measure
 from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
+from dpr_lab.workflows.rig_toml import Measure
 from sim_device.plant.config import ArmConfig, load_plant
 from sim_device.trials.driven import driven_runs
 from sim_device.trials.offline_recorder import record

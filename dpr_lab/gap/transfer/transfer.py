@@ -163,12 +163,8 @@ def transfer(
         withdrawn=() if basis == "one release" else failed,
         unproven=failed if basis == "one release" else (),
         oversized=oversized(selection.chosen.fit.estimate.params, recordings.prior.limits),
-        worse_free_run=worse_free_run(before, after, held_out.names if held_out else _names(recordings)),
+        worse_free_run=worse_free_run(before, after, held_out.names if held_out else before),
     )
-
-
-def _names(recordings: Recordings) -> list[str]:
-    return [record.run.name for record in recordings.records]
 
 
 def worse_free_run(
