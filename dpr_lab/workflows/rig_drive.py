@@ -48,7 +48,8 @@ def about(value: float) -> Bounds:
 def arm_table(mode: "ArmMode", values: Mapping[str, Bounds], digits: int = 4) -> str:
     """Table `[arm]`: its mode, and bounds of A (inertia with the rods at its end), c0, k0 and f0, as far as given."""
     lines = [f"{key} = {inline_table(bounds, digits=digits)}" for key, bounds in values.items()]
-    return "\n".join([f'[arm]\nmode = "{mode}"', *lines, "", ""])
+    meaning = "  # A: inertia about its axis with the rods at its end, kg m^2" if "A" in values else ""
+    return "\n".join([f'[arm]{meaning}\nmode = "{mode}"', *lines, "", ""])
 
 
 def motor_table(motor: MotorMeasures, digits: int = 4) -> str:
