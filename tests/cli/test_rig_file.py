@@ -110,12 +110,12 @@ def test_a_terminal_is_asked(tmp_path: Path) -> None:
     answers = {
         "Name of the rig": "asked",
         "Distance between the two joints": "0.3",
-        "Length of the outer rod": "far\n0.25",  # asked again after a word
         "Mass of the inner rod": "0.21",
+        "Length of the outer rod": "far\n0.25",  # asked again after a word
         "Mass of the outer rod": "0.12+-0.002",
         "Mass of the parts at joint 2": "",
-        "Counts per turn": "",
         "Encoder of the outer rod": "absolute",
+        "Counts per turn": "",
         "Link to the device": "",
     }
     master, slave = pty.openpty()
