@@ -29,8 +29,7 @@ from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.report.gap.sizes import sizes_cell
-from dpr_lab.report.gap.tables import sentence
-from dpr_lab.report.words import named
+from dpr_lab.report.words import in_words, named
 from dpr_lab.rig import PARAMETERS, Rig, load_rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
@@ -203,10 +202,11 @@ def section(real: RealRig, folds: list[Fold]) -> str:
     lines = [f"## {real.title}", "", real.known, ""]
     for fold in folds:
         low, high = fold.diagnosis.gap.closed_held_out.interval90
+        verdict = in_words(" ".join([fold.diagnosis.sentence, *fold.diagnosis.notes]))
         compared = _compared(real, fold, real.published) if real.published else ([], [])
         lines += [
             *([f"### Held out: {fold.held_out}", ""] if len(folds) > 1 else []),
-            f"Verdict: **{fold.diagnosis.verdict.replace('_', ' ')}**. {sentence(fold.diagnosis)}",
+            f"Verdict: **{fold.diagnosis.verdict.replace('_', ' ')}**. {verdict}",
             "",
             f"Explained excess chi-square of the fitted recordings: {_percent(fold.diagnosis.gap.explained_share)}. Gap"
             f" reduction on held-out data: {_percent(fold.closed)} (90 % interval {_percent(low)} to {_percent(high)})."

@@ -150,9 +150,10 @@ def show(diagnosis: "Diagnosis") -> None:
     if causes := tables.summary_rows(diagnosis):
         note = f"{summary_note(diagnosis)} {scale_note(diagnosis)}".strip()
         table("Causes", tables.SUMMARY_COLUMNS, causes, note=note)
-    for remedy in diagnosis.remedies:
-        line(in_words(remedy))
-    line(in_words(diagnosis.where_sentence))
+    for text_below in (*diagnosis.notes, *diagnosis.remedies):
+        line(in_words(text_below))
+    if diagnosis.verdict in ("partly_explained", "unexplained"):
+        line(in_words(diagnosis.where_sentence))
     if diagnosis.effects:
         table(
             "Contributions of the effects",

@@ -23,7 +23,6 @@ _DISPLAYED = {
 
 _IDENTIFIER = re.compile(rf"(?<![\[\w])(?<!--without )({'|'.join(sorted(EFFECTS, key=len, reverse=True))})(?!\w)")
 _PLACE = re.compile(r"\b(joint|encoder)([012])\b")
-_UNIT = re.compile(r"(_(per|Nms?|m2?|rad3?|s2?|kg(m2)?|Hz))+$")
 
 
 def named(name: str) -> str:
@@ -42,11 +41,6 @@ def in_words(text: str) -> str:
         return label[0].upper() + label[1:] if text[: match.start()].endswith(". ") else label
 
     return _PLACE.sub(r"\1 \2", _IDENTIFIER.sub(words, text))
-
-
-def parameter_words(name: str) -> str:
-    """Words of a parameter: `extra at rest` for `extra_at_rest_Nm`."""
-    return _UNIT.sub("", name).replace("_", " ")
 
 
 def negative_words(effect: str, name: str, value: float) -> str:

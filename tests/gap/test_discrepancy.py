@@ -1,5 +1,7 @@
 """The discrepancy term: it has the size of what is left, and widens the intervals of what is named."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -20,8 +22,10 @@ def test_the_remainder_is_the_torque_that_no_effect_of_the_library_makes() -> No
     torque = found.gap.remainder_Nm
     assert torque["joint1"] == pytest.approx(unit * small / 2**0.5, rel=0.4)
     assert torque["joint2"] < 0.5 * torque["joint1"]
-    assert "Unmodelled remainder: " in found.sentence
-    assert "mN m rms in joint 1" in found.sentence
+    [remainder] = found.notes
+    assert remainder.startswith("Unmodelled remainder: ")
+    assert "mN m rms in joint 1" in remainder
+    assert len(re.findall(r"\.(?= |$)", found.sentence)) == 3  # causes, gap reduction, remainder
     size = found.effects[0].parameters["torque_Nm"]
     assert size.interval90[0] < unit * 6e-3 < size.interval90[1]
 

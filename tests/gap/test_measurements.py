@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,8 +11,10 @@ from scipy import integrate, stats
 from dpr_lab.checks.update import candidates, hypotheses, posterior, update
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
-from dpr_lab.gap.advice.check_kind import CheckAnswer
+from dpr_lab.gap.advice import bench_measurement
+from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion
 from dpr_lab.gap.advice.measurement import SETTINGS, Predictions, predictions
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.checks import NONE_OF_THEM, Quantity
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from tests.a_diagnosis import CLOCK, LENGTH, SIZES, interval, made, measurement
@@ -20,6 +22,15 @@ from tests.a_diagnosis import CLOCK, LENGTH, SIZES, interval, made, measurement
 
 def after(diagnosis: Diagnosis) -> dict[str, float]:
     return diagnosis.checks_done[-1].after
+
+
+def test_what_two_measurements_have_in_common_is_stated_once() -> None:
+    drags = ("air_drag_outer", "air_drag_both")
+    question = OpenQuestion(drags[0], drags, (0.6, 0.3), one_class=True, chosen=cast("Hypothesis", None), expected=())
+    [step] = bench_measurement.propose(question, [])
+    assert [step.text.count(part) for part in ("the outer rod and", "the inner rod and", "calliper", "Give the")] == [
+        1
+    ] * 4
 
 
 def test_a_value_that_agrees_with_the_fit_confirms_its_effect() -> None:

@@ -161,13 +161,14 @@ def test_the_page_starts_with_the_verdict(diagnosis, tmp_path, verdict):
 
 
 def test_repeated_faults_share_one_row(diagnosis):
-    def fault(name: str, time: float) -> dict:
-        return {"name": name, "run": "first", "axis": "joint1", "at_s": time, "evidence": "It is off."}
+    def fault(name: str, time: float, run: str = "first") -> dict:
+        return {"name": name, "run": run, "axis": "joint1", "at_s": time, "evidence": "It is off."}
 
-    few, many = [fault("repeated_sample", 0.1 * i) for i in range(3)], [fault("outlier", 1.0 + i) for i in range(40)]
+    few = [fault("repeated_sample", 0.1 * i) for i in range(3)]
+    many = [fault("outlier", 1.0 + i, run) for run in ("first", "second") for i in range(40)]
     rows = gap_tables.finding_rows(diagnosis(sensor_findings=[*few, *many]))
     assert [row[3:] for row in rows[:3]] == [("0.000", "It is off."), ("0.100", "It is off."), ("0.200", "It is off.")]
-    assert [row[3:] for row in rows[3:]] == [("1.000", "It is off; 40 times; this is the first")]
+    assert [row[3:] for row in rows[3:]] == [("1.000", "It is off; 80 times in 2 runs; this is the first")]
 
 
 def test_knots_outside_the_recorded_range_are_not_drawn(diagnosis):

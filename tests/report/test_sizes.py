@@ -56,6 +56,17 @@ def test_an_angle_has_no_ratio_and_a_diagnosis_of_an_older_version_keeps_its_int
     assert scale_note(result) == ""
 
 
+def test_parameters_held_at_zero_stand_last_in_one_group(diagnosis) -> None:
+    zero = EffectSize(value=0.0, interval90=(0.0, 0.0))
+    rise = EffectSize(value=0.0005, interval90=(0.0003, 0.0007))
+    parameters = {"forward_Nm": zero, "rise1_Nm": zero, "rise2_Nm": rise}
+    curve = NamedEffect.model_validate(
+        {"name": "friction_curve_joint1", "class": [], "probability": 0.9, "share": 0.5, "parameters": parameters}
+    )
+    cell = sizes_cell(diagnosis(effects=[curve]), curve)
+    assert cell == "rise2 0.500 mN m (0.300 to 0.700); at zero: forward, rise1"
+
+
 @pytest.mark.parametrize(("unit", "text"), [("1/kg", "torque · b"), ("N m", "torque / b")])
 def test_a_ratio_says_whether_b_divides_or_multiplies(diagnosis, unit: str, text: str) -> None:
     size = TORQUE.model_copy(update={"ratio_unit": "m^2" if unit == "1/kg" else "1/s^2"})

@@ -4,7 +4,8 @@ import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.report.angles import DEGREES, RADIANS
-from dpr_lab.report.words import in_words, named, parameter_words, size_words
+from dpr_lab.report.words import in_words, named, size_words
+from dpr_lab.shown import parameter_words
 
 
 @pytest.mark.parametrize("name", EFFECTS)

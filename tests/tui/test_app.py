@@ -378,5 +378,5 @@ def test_wrong_keys_stop_the_command_with_a_sentence(tmp_path: Path) -> None:
     os.close(master)
     os.close(slave)
     assert done.returncode == 3
-    assert "the key 'k' is both capture.release and capture.keep" in done.stderr
+    assert "the key 'k' is assigned to both capture.release and capture.keep" in done.stderr
     assert "Traceback" not in done.stderr

@@ -45,7 +45,7 @@ class CheckAnswer:
 
     runs: tuple[Run, ...] = ()
     rig: Rig | None = None
-    """Names of the runs."""
+    """Rig of the runs."""
     value: float | str | None = None
     """A number in the unit of the quantity, or text with a unit."""
     std: float | str | None = None

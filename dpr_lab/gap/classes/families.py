@@ -9,7 +9,6 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refit_without
 from dpr_lab.gap.result.causes import NamedEffect, NamedFamily
 from dpr_lab.gap.which.selected import Selection
-from dpr_lab.shown import percent
 
 
 def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -> list[NamedFamily]:
@@ -40,12 +39,3 @@ def _share(problem: Problem, selection: Selection, parts: tuple[str, ...]) -> fl
     chosen, total = selection.chosen, selection.base.residuals.excess
     returned = reduce(without, parts, chosen).residuals.excess - max(chosen.residuals.excess, 0.0)
     return float(np.clip(returned / total, 0.0, 1.0)) if total > 0 else 0.0
-
-
-def families_sentence(named: list[NamedFamily]) -> str:
-    """Sentences for the headline; empty without a family."""
-    return "".join(
-        f" Together {' and '.join(family.effects)} are the effects of a {family.words} [{family.name}]:"
-        f" {percent(family.share)} of the excess."
-        for family in named
-    )

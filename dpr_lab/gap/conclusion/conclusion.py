@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
 from dpr_lab.gap.advice.expected import expected_size
-from dpr_lab.gap.classes.families import families, families_sentence
+from dpr_lab.gap.classes.families import families
 from dpr_lab.gap.classes.posterior import probabilities
 from dpr_lab.gap.conclusion.assumptions import assumptions
 from dpr_lab.gap.conclusion.causes import named_effect, rivals
 from dpr_lab.gap.conclusion.components import components
+from dpr_lab.gap.conclusion.notes import notes
 from dpr_lab.gap.conclusion.ratios import determined, ratio_covariance, ratios
 from dpr_lab.gap.conclusion.remedies import remedies
-from dpr_lab.gap.conclusion.verdict import Verdict, listed_causes, sentence, verdict
+from dpr_lab.gap.conclusion.verdict import listed_causes, sentence, verdict
 from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep, SensorFinding
@@ -28,7 +29,6 @@ from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.where.locate import Place, where_sentence
 from dpr_lab.gap.which.selected import TracedTrial
 from dpr_lab.setup import only_inner
-from dpr_lab.shown import listed
 
 Array = NDArray[np.float64]
 
@@ -49,10 +49,8 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
     alone = only_inner(state.problem.segments.setups)
     return Diagnosis(
         verdict=kind,
-        sentence=sentence(kind, state.selection, state.posteriors, state.transfer, minimum_sizes, state.description)
-        + families_sentence(named_families)
-        + _other_sizes(state)
-        + _remainder(state, kind),
+        sentence=sentence(kind, state.selection, state.posteriors, state.transfer, minimum_sizes, state.description),
+        notes=notes(state, kind, named_families),
         hints=[state.description.hint] if state.description.hint else [],
         basis=state.transfer.basis,
         transfer=_transfer(state.transfer),
@@ -107,32 +105,6 @@ def _search_step(step: TracedTrial) -> SearchStep:
         accepted=step.accepted,
         reason=step.reason,
     )
-
-
-def _other_sizes(state: Advised) -> str:
-    """Effects that do not carry over because each recording has its own size; empty if there are none."""
-    budget = state.gap.budget
-    if budget is None or budget.basis != "recordings" or state.description.withholds:
-        return ""
-    varying = [parameter for parameter in budget.parameters if parameter.effect in state.transfer.withdrawn]
-    return "".join(
-        f" {parameter.effect} explains each recording with its own size: {parameter.name} is"
-        f" {listed([f'{value:.3g} in {run}' for run, value in parameter.values.items()])}."
-        for parameter in varying
-    )
-
-
-def _remainder(state: Advised, kind: Verdict) -> str:
-    """Size and location of the unmodelled remainder, if the verdict leaves one, or that the rig seems to be changed."""
-    if kind not in ("partly_explained", "unexplained") or state.description.withholds:
-        return ""
-    if changed := state.gap.budget and state.gap.budget.changed_ratio:
-        values = listed([f"{value:.3g} in {run}" for run, value in changed.values.items()])
-        return (
-            f" The recordings differ in {changed.name} ({values}): if the rig was changed between them, diagnose them"
-            " separately."
-        )
-    return f" {state.remainder.sentence}" if state.remainder else ""
 
 
 def _checks(state: Advised, named: Sequence[str]) -> list[AdvisedCheck]:

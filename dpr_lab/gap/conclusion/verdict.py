@@ -162,10 +162,8 @@ def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPo
     if kind == "partly_explained":
         causes = listed_causes(_causes_named(selection, posteriors, transferred)) or listed_causes(posteriors)
         named = listed([_class(cause) + _doubt(cause) for cause in causes])
-        return (
-            f"The gap is partly explained by {named}. {how_far(transferred)} {_remainder(selection.chosen)}"
-            f"{_restrictions(transferred)}"
-        )
+        remains = _remainder(selection.chosen, transferred)
+        return f"The gap is partly explained by {named}. {how_far(transferred)} {remains}"
     if not posteriors and _small(selection.chosen):
         return (
             "Unexplained: the fitted recordings show no gap, but the held-out recordings show one of"
@@ -191,7 +189,12 @@ def _two_digits(ratio: float) -> str:
     return f"{float(f'{ratio:.2g}'):g}"
 
 
-def _remainder(chosen: Hypothesis) -> str:
+def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
+    """What remains; the worse of both measures, so a worse free run first."""
+    if transferred.worse_free_run:
+        before, after = (1e3 * error for error in transferred.worse_free_run)
+        compared = "held-out runs" if transferred.held_out else "recordings"
+        return f"But the free run of the {compared} becomes worse, from {before:.3g} to {after:.3g} mrad rms."
     if at_noise_floor(chosen):
         return "Nothing above the noise floor remains, but these causes are not sure."
     return (
@@ -226,8 +229,7 @@ def how_far(transferred: Transfer) -> str:
         f"the gap closes by {percent(estimate)}" if estimate > 0 else f"the gap does not close ({percent(estimate)}"
     )
     interval = f"90 % interval {percent(low)} to {percent(high)})"
-    untested = " No other release tested it." if transferred.basis == "one release" else ""
-    return f"{_tested_on(transferred)} {closes}{' (' if estimate > 0 else ', '}{interval}.{untested}"
+    return f"{_tested_on(transferred)} {closes}{' (' if estimate > 0 else ', '}{interval}."
 
 
 def _tested_on(transferred: Transfer) -> str:
@@ -238,25 +240,9 @@ def _tested_on(transferred: Transfer) -> str:
 _BASIS = {
     "held-out runs": "On held-out runs",
     "releases left out": "In cross-validation across the releases",
-    "one release": "In cross-validation across the quarters of the release",
+    "one release": "In cross-validation across the quarters of the only release",
 }
-"""The remaining gap, by the data that were used for the test."""
-
-
-def _restrictions(transferred: Transfer) -> str:
-    parts = []
-    if transferred.withdrawn:
-        verb = "does" if len(transferred.withdrawn) == 1 else "do"
-        parts.append(f" {listed(transferred.withdrawn)} {verb} not carry over to held-out data.")
-    if transferred.worse_free_run:
-        before, after = (1e3 * error for error in transferred.worse_free_run)
-        compared = "held-out runs" if transferred.held_out else "recordings"
-        parts.append(f" The free run of the {compared} becomes worse: {before:.3g} to {after:.3g} mrad rms.")
-    if transferred.oversized:
-        parts.append(
-            f" {listed(transferred.oversized)} would be larger than on any rig: another cause has the same signature."
-        )
-    return "".join(parts)
+"""Kind of the held-out data -> its words."""
 
 
 def _doubt(cause: EffectPosterior) -> str:
@@ -265,4 +251,7 @@ def _doubt(cause: EffectPosterior) -> str:
 
 
 def _class(posterior: EffectPosterior) -> str:
+    """Up to two members of a class; the table of the causes lists all of a larger one."""
+    if len(posterior.members) > 2:
+        return f"{posterior.name} (or {len(posterior.members) - 1} indistinguishable effects)"
     return posterior.name if len(posterior.members) == 1 else f"({' or '.join(posterior.members)})"

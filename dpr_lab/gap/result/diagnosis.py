@@ -63,7 +63,11 @@ class Diagnosis(Shown, Saved):
     verdict: Literal["no_gap", "inconclusive", "named", "partly_explained", "unexplained"]
     """`no_gap`, `inconclusive` (the recordings cannot show a gap), `named`, `partly_explained` or `unexplained`."""
     sentence: str
-    """The verdict in sentences."""
+    """The verdict, up to three sentences: causes, gap reduction, remainder; more after checks."""
+    notes: list[str] = []
+    """What the verdict does not contain: effects that do not carry over or differ between recordings, components that
+    several effects form, and the unmodelled remainder.
+    """
     hints: list[str] = []
     """Evidence for a wrong description of the recordings, with the option or key of the rig file that corrects it."""
     basis: Literal["one release", "releases left out", "held-out runs"] = "releases left out"

@@ -175,9 +175,9 @@ def _place(problem: Problem, base: Hypothesis, reference: Trajectory, joint: int
 
 def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array, values: Array, std: Array) -> str:
     """Description of a map in words."""
-    cause = {"torque": f"a torque in {site}", "friction": f"friction of {site}", "error": f"an error of {site}"}[kind]
+    cause = {"torque": f"A torque in {site}", "friction": f"Friction of {site}", "error": f"An error of {site}"}[kind]
     dependence = "load or on the direction of motion alone" if coordinate == "load" else coordinate
-    parts = [f"{percent(share)} of the excess can lie in {cause} that depends on {dependence}"]
+    parts = [f"{cause} that depends on {dependence}"]
     if coordinate == "speed":
         parts.append(_speed_shape(knots, values, std))
     elif coordinate == "angle":
@@ -187,7 +187,7 @@ def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array,
         parts.append("increasing with time" if drift > 0 else "decreasing with time")
     elif coordinate == "load":
         parts.append(_load_shape(knots, values, std))
-    return ", ".join(parts) + "."
+    return f"{', '.join(parts)}, could explain {percent(share)} of the excess."
 
 
 def _speed_shape(knots: Array, values: Array, std: Array) -> str:

@@ -98,6 +98,7 @@ def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
     yield PageTable(tables.SUMMARY_COLUMNS, tables.summary_rows(diagnosis), style="prose")
     if note := summary_note(diagnosis):
         yield note
+    yield Items([in_words(text) for text in diagnosis.notes])
 
 
 def _acceptance(acceptance: Acceptance) -> Iterator[Block]:

@@ -7,7 +7,8 @@ from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, scaled_unit, three, with_interval
-from dpr_lab.report.words import negative_words, parameter_words, size_words
+from dpr_lab.report.words import negative_words, size_words
+from dpr_lab.shown import parameter_words
 
 
 def only_ratios(diagnosis: Diagnosis) -> bool:
@@ -26,20 +27,23 @@ def scale_note(diagnosis: Diagnosis) -> str:
 
 
 def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RADIANS) -> str:
-    """All parameters of an effect with intervals; ratios first if only these are identified."""
+    """Parameters of an effect with intervals; ratios first if only these are identified, those held at zero last."""
+    sizes = {name: size for name, size in effect.parameters.items() if any((size.value, *size.interval90))}
+    zeros = ", ".join(parameter_words(name) for name in effect.parameters if name not in sizes)
     words = {
         name: size_words(effect.name, name, angles, size.value, *(size.interval90_with_scale or size.interval90))
-        for name, size in effect.parameters.items()
+        for name, size in sizes.items()
     }
     ratios = {
         name: _ratio(
             name, size.ratio_unit, _inertia(diagnosis), size.ratio, *(size.ratio_interval90 or (size.ratio, size.ratio))
         )
-        for name, size in effect.parameters.items()
+        for name, size in sizes.items()
         if size.ratio is not None
     }
-    signs = [negative_words(effect.name, name, size.value) for name, size in effect.parameters.items()]
-    return "; ".join([*_ratios_first(diagnosis, words, ratios), *filter(None, signs)])
+    signs = [negative_words(effect.name, name, size.value) for name, size in sizes.items()]
+    at_zero = f"at zero: {zeros}" if zeros else ""
+    return "; ".join([*_ratios_first(diagnosis, words, ratios), *filter(None, [*signs, at_zero])])
 
 
 def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float]) -> str:

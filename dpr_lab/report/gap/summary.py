@@ -9,8 +9,8 @@ from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.digits import three
 from dpr_lab.report.gap.tables import causes, steps
 from dpr_lab.report.pages.page import ShareBar
-from dpr_lab.report.words import named, parameter_words, size_words
-from dpr_lab.shown import listed, percent
+from dpr_lab.report.words import named, size_words
+from dpr_lab.shown import listed, parameter_words, percent
 
 BASIS = {
     "one release": "cross-validation between the quarters of one run",

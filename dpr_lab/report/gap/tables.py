@@ -19,8 +19,8 @@ from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.gap.sizes import sizes_cell
 from dpr_lab.report.tables import run_name
-from dpr_lab.report.words import in_words, named, parameter_words, size_words
-from dpr_lab.shown import percent
+from dpr_lab.report.words import in_words, named, size_words
+from dpr_lab.shown import parameter_words, percent
 
 SUMMARY_COLUMNS = ("effect", "size, 90 % interval", "probability")
 EFFECT_COLUMNS = ("effect", "indistinguishable effects", "probability", "unique contribution", "size, 90 % interval")
@@ -362,15 +362,19 @@ def detectable_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[t
 
 
 def finding_rows(diagnosis: Diagnosis, most: int = 3) -> list[tuple[str, ...]]:
-    """Sensor faults, in the columns `FINDING_COLUMNS`; more than `most` similar faults share one row."""
-    times: dict[tuple[str, ...], list[str]] = {}
+    """Sensor faults, in the columns `FINDING_COLUMNS`; more than `most` similar faults of all runs share one row."""
+    similar: dict[tuple[str, ...], list[tuple[str, str]]] = {}
     for finding in diagnosis.sensor_findings:
-        key = (named(finding.name), run_words(finding.run), in_words(finding.axis or NONE), finding.evidence)
-        times.setdefault(key, []).append(NONE if finding.at_s is None else f"{finding.at_s:.3f}")
+        fault = (named(finding.name).replace("_", " "), in_words(finding.axis or NONE), finding.evidence)
+        instant = NONE if finding.at_s is None else f"{finding.at_s:.3f}"
+        similar.setdefault(fault, []).append((run_words(finding.run), instant))
     rows: list[tuple[str, ...]] = []
-    for (*columns, evidence), instants in times.items():
-        if len(instants) > most:
-            rows.append((*columns, instants[0], f"{evidence.rstrip('.')}; {len(instants)} times; this is the first"))
+    for (name, axis, evidence), places in similar.items():
+        if len(places) > most:
+            runs = len({run for run, _ in places})
+            count = f"{len(places)} times" + (f" in {runs} runs" if runs > 1 else "")
+            run, instant = places[0]
+            rows.append((name, run, axis, instant, f"{evidence.rstrip('.')}; {count}; this is the first"))
         else:
-            rows += [(*columns, instant, evidence) for instant in instants]
+            rows += [(name, run, axis, instant, evidence) for run, instant in places]
     return rows

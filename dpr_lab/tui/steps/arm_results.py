@@ -8,7 +8,6 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 
-from dpr_lab.identification.moving_arm.model import load_moving_arm_model
 from dpr_lab.report import moving_arm
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.report.digits import pair, scaled_unit
@@ -28,6 +27,8 @@ VIEWS = ("angle", "segment residual")
 
 def start_of_diagnosis(model: Path | None) -> Path | None:
     """The model from which a diagnosis starts; None for one whose arm moves: it starts from the rig file."""
+    from dpr_lab.identification.moving_arm.model import load_moving_arm_model
+
     return None if model is None or load_moving_arm_model(model) is not None else model
 
 

@@ -309,12 +309,14 @@ def _progress(number: int, of: int) -> str:
 def _which(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
     """Named effects with their probabilities and twins, their alternatives, sensor faults."""
     from dpr_lab.report.gap import tables as gap_tables
+    from dpr_lab.report.words import in_words
 
     others = {name: p for name, p in diagnosis.probabilities.items() if name in ("no_gap", "unexplained")}
     shown: list[RenderableType] = [_effect(row) for row in gap_tables.effect_rows(diagnosis, unit)] or [
         "No effect is named.\n"
     ]
     shown.append("  ".join(f"{name.replace('_', ' ')}: {percent(p)}" for name, p in others.items()))
+    shown += [in_words(note) for note in diagnosis.notes]
     if rows := gap_tables.standing_rows(diagnosis):
         shown += ["", table("Alternatives", gap_tables.STANDING_COLUMNS, rows)]
         shown.append(Text(gap_tables.STANDING_NOTE, "dim"))

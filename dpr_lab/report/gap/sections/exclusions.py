@@ -6,8 +6,8 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
-from dpr_lab.report.words import in_words, named, parameter_words, size_words
-from dpr_lab.shown import percent
+from dpr_lab.report.words import in_words, named, size_words
+from dpr_lab.shown import parameter_words, percent
 
 
 def exclusion_words(diagnosis: Diagnosis) -> list[str]:
