@@ -154,16 +154,15 @@ def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPo
         causes = listed_causes(causes) or causes
         least = min(cause.probability for cause in causes)
         return (
-            f"The gap is explained by {listed([_class(cause) for cause in causes])} (probability {percent(least)}). "
+            f"The gap is explained by {_classes(causes)} (probability {percent(least)}). "
             f"{how_far(transferred)}"
             " Nothing above the noise floor remains."
         )
     share, remainder = selection.share_explained, _two_digits(selection.chosen.residuals.noise_ratio)
     if kind == "partly_explained":
         causes = listed_causes(_causes_named(selection, posteriors, transferred)) or listed_causes(posteriors)
-        named = listed([_class(cause) + _doubt(cause) for cause in causes])
         remains = _remainder(selection.chosen, transferred)
-        return f"The gap is partly explained by {named}. {how_far(transferred)} {remains}"
+        return f"The gap is partly explained by {_classes(causes, doubts=True)}. {how_far(transferred)} {remains}"
     if not posteriors and _small(selection.chosen):
         return (
             "Unexplained: the fitted recordings show no gap, but the held-out recordings show one of"
@@ -172,7 +171,7 @@ def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPo
         )
     if not posteriors:
         return f"Unexplained: a gap of {remainder} times the noise, and no effect of the library fits it."
-    closest, verb = listed([_class(cause) for cause in posteriors]), "explain" if len(posteriors) > 1 else "explains"
+    closest, verb = _classes(posteriors), "explain" if len(posteriors) > 1 else "explains"
     if share >= RULES.partly_share:
         doubt = "not in other recordings"
         if not _fitted_only(posteriors, transferred):
@@ -245,13 +244,21 @@ _BASIS = {
 """Kind of the held-out data -> its words."""
 
 
-def _doubt(cause: EffectPosterior) -> str:
-    """The probability of an effect that is probably not the cause although it explains a part of the gap."""
-    return "" if cause.probability >= RULES.rather else f" (probability only {percent(cause.probability)})"
+def _classes(causes: Sequence[EffectPosterior], *, doubts: bool = False) -> str:
+    """List of the classes; one of several with two members is in parentheses."""
+    words = [_class(cause) for cause in causes]
+    if len(words) > 1:
+        words = [f"({text})" if " or " in text else text for text in words]
+    return listed([text + _doubt(cause) * doubts for text, cause in zip(words, causes, strict=True)])
 
 
 def _class(posterior: EffectPosterior) -> str:
-    """Up to two members of a class; the table of the causes lists all of a larger one."""
+    """The members of a class; the table of the causes lists those of a class of three or more."""
     if len(posterior.members) > 2:
-        return f"{posterior.name} (or {len(posterior.members) - 1} indistinguishable effects)"
-    return posterior.name if len(posterior.members) == 1 else f"({' or '.join(posterior.members)})"
+        return f"{posterior.name} or {len(posterior.members) - 1} indistinguishable effects"
+    return " or ".join(posterior.members)
+
+
+def _doubt(cause: EffectPosterior) -> str:
+    """The probability of an effect that is probably not the cause although it explains a part of the gap."""
+    return "" if cause.probability >= RULES.rather else f" (probability only {percent(cause.probability)})"
