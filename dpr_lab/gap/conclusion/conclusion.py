@@ -153,7 +153,7 @@ def _sensor_findings(state: Advised) -> list[SensorFinding]:
             for joint in effect.joints:
                 hidden[joint] = max(hidden[joint], effect.hides_step(values[name]))
     return [
-        SensorFinding(name=f.name, run=f.run, axis=f.axis, at_s=f.at_s, evidence=f.evidence)
+        SensorFinding(name=f.name, run=f.run, axis=f.axis, at_s=f.at_s, evidence=f.evidence, count=f.count)
         for record in (*state.recordings.records, *state.held_out.records)
         for f in record.screened.findings
         if f.step is None or f.axis not in ALL_AXES or abs(f.step) > hidden[ALL_AXES.index(f.axis)]

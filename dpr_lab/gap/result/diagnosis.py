@@ -36,6 +36,8 @@ class SensorFinding(Saved):
     """Instant, s since the release; None for the whole run."""
     evidence: str
     """Description of the evidence."""
+    count: int = 1
+    """Number of such faults; `at_s` is the instant of the first."""
 
 
 class SearchStep(Saved):

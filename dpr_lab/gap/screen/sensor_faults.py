@@ -90,6 +90,8 @@ class Finding:
     evidence: str
     step: float | None = None
     """Size of the step of a reading, rad, if there is one."""
+    count: int = 1
+    """Number of such faults; `at_s` is the instant of the first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,11 +265,9 @@ def _without_joint2(screened: Screened) -> Screened:
 
 
 def _events(finding: Finding, instants: list[float]) -> list[Finding]:
-    """A finding for each instant, or for the first one with their number if there are many."""
+    """A finding for each instant, or one for all if there are many."""
     if len(instants) > SCREEN.shown:
-        return [
-            replace(finding, at_s=instants[0], evidence=f"{finding.evidence}; {len(instants)} times; this is the first")
-        ]
+        return [replace(finding, at_s=instants[0], count=len(instants))]
     return [replace(finding, at_s=s) for s in instants]
 
 

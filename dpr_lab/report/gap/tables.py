@@ -12,7 +12,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.result.causes import PROBABLE, NamedEffect, RivalEffect
 from dpr_lab.gap.result.checks import NONE_OF_THEM
-from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.diagnosis import Diagnosis, SensorFinding
 from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.report.angles import RADIANS, AngleUnit
@@ -363,18 +363,20 @@ def detectable_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[t
 
 def finding_rows(diagnosis: Diagnosis, most: int = 3) -> list[tuple[str, ...]]:
     """Sensor faults, in the columns `FINDING_COLUMNS`; more than `most` similar faults of all runs share one row."""
-    similar: dict[tuple[str, ...], list[tuple[str, str]]] = {}
+    similar: dict[tuple[str, ...], list[SensorFinding]] = {}
     for finding in diagnosis.sensor_findings:
         fault = (named(finding.name).replace("_", " "), in_words(finding.axis or NONE), finding.evidence)
-        instant = NONE if finding.at_s is None else f"{finding.at_s:.3f}"
-        similar.setdefault(fault, []).append((run_words(finding.run), instant))
+        similar.setdefault(fault, []).append(finding)
     rows: list[tuple[str, ...]] = []
-    for (name, axis, evidence), places in similar.items():
-        if len(places) > most:
-            runs = len({run for run, _ in places})
-            count = f"{len(places)} times" + (f" in {runs} runs" if runs > 1 else "")
+    for (name, axis, evidence), findings in similar.items():
+        places = [
+            (run_words(finding.run), NONE if finding.at_s is None else f"{finding.at_s:.3f}") for finding in findings
+        ]
+        if (total := sum(finding.count for finding in findings)) > most:
+            runs = len({finding.run for finding in findings})
+            times = f"{total} times" + (f" in {runs} runs" if runs > 1 else "")
             run, instant = places[0]
-            rows.append((name, run, axis, instant, f"{evidence.rstrip('.')}; {count}; this is the first"))
+            rows.append((name, run, axis, instant, f"{evidence.rstrip('.')}; {times}; this is the first"))
         else:
             rows += [(name, run, axis, instant, evidence) for run, instant in places]
     return rows
