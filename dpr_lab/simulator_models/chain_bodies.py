@@ -115,8 +115,10 @@ def arm_of(
         raise ConfigError(f"the rods are on the axis of the arm {joint.name!r}: L0 would be zero")
     sideways = float(abs((inner.anchor - joint.anchor) @ np.cross(e, up)))
     if sideways > 1e-3 * length:
-        notes.append(f"the rods are {1e3 * sideways:.3g} mm away from the radius of the arm: treated as zero")
+        notes.append(f"the axis of the rods passes that of the arm at {1e3 * sideways:.3g} mm: treated as zero")
     apart = float(np.ptp([sum_of(rod)[1] @ e for rod in rods]))
     if apart > 1e-3 * length:
-        notes.append(f"the rods are {1e3 * apart:.3g} mm apart along the arm: L0 is the distance of their centroid")
+        notes.append(
+            f"along the arm, the rods are {1e3 * apart:.3g} mm apart: L0 is the distance of their common centroid"
+        )
     return ChainArm(joint, length, inertia_about_axis, 1 if joint.axis @ up > 0 else -1)

@@ -99,7 +99,7 @@ def _others(model: SimulatorModel, indices: Sequence[int], notes: list[str]) -> 
     for index, part in enumerate(model.parts):
         if part.joint is not None and index not in indices:
             below = carrier(model, index, set(indices)) >= 0
-            location = f"; {part.mass:.6g} kg turn with the rods" if below and part.mass else ""
+            location = f"; its body of {part.mass:.6g} kg moves with the rods" if below and part.mass else ""
             notes.append(f"joint {part.joint.name!r} ({part.joint.kind}) is treated as fixed at zero{location}")
 
 
@@ -127,7 +127,7 @@ def _driven(model: SimulatorModel, joints: Sequence[ModelJoint], notes: list[str
         notes += [f"joint {joint.name!r}: {text} {numbers}" for text, numbers in joint.other.items()]
         if joint.limits is not None:
             lower, upper = joint.limits
-            notes.append(f"joint {joint.name!r}: stops at {lower:.6g} and {upper:.6g} rad")
+            notes.append(f"joint {joint.name!r}: the stops at {lower:.6g} and {upper:.6g} rad are not in the rig file")
 
 
 def _gear(model: SimulatorModel, joint: ModelJoint) -> float | None:

@@ -30,10 +30,10 @@ REFUSED = {"composite", "flexcomp", "replicate", "attach"}
 
 LISTED = {
     "plugin": "plugins, not loaded",
-    "tendon": "tendons",
-    "equality": "equality constraints (closed chains, couplings)",
-    "contact": "contact pairs or exclusions",
-    "deformable": "flexible bodies",
+    "tendon": "tendons, not in the rig file",
+    "equality": "equality constraints (closed chains, couplings), not in the rig file",
+    "contact": "contact pairs or exclusions, not in the rig file",
+    "deformable": "flexible bodies, not in the rig file",
 }
 """Elements that act on the rods but are not part of a rig file."""
 
@@ -117,7 +117,7 @@ def compile_mjcf(path: Path, text: bytes | None = None) -> CompiledMjcf:
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise ConfigError(f"{path}: MuJoCo cannot read it: {' '.join(str(error).split())}") from error
     if np.any(model.opt.wind) or model.opt.density or model.opt.viscosity:
-        notes.append(f"fluid: density {model.opt.density:g} kg/m^3, viscosity {model.opt.viscosity:g} Pa s")
+        notes.append(f"fluid, not in the rig file: density {model.opt.density:g} kg/m^3, viscosity {model.opt.viscosity:g} Pa s")
     notes += [
         f"body {model.body(b).name!r}: gravcomp {share:g}, the share of its weight that is compensated"
         for b, share in enumerate(model.body_gravcomp)

@@ -127,7 +127,8 @@ def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> 
             value = {"mb": 1e-6, "J1": 1e-4 * lower, "J2": 1e-4 * lower}.get(name, lower)  # J: of a point mass
             if value != values[name]:
                 notes.append(
-                    f"{name} is {values[name]:.6g} in the model, but a rig file needs a positive value, {value:.3g}"
+                    f"{name} ({MEANING[name]}) is {values[name]:.6g} in the model, but must be positive in a rig file:"
+                    f" {value:.3g} is written"
                 )
         bounds[name] = min(lower, value / 1.5), value, max(upper, 1.5 * value)
     return bounds
@@ -154,6 +155,7 @@ def _text(
     rods = '[rods]\nmounted = "inner"\n\n' if len(chain.rods) == 1 else ""
     missing = 2 - len(chain.rods)
     directions = [chain.arm.direction if chain.arm else 1, *(rod.direction for rod in chain.rods), *missing * [1]]
+    notes += _reversed(chain)
     geared = [j for j, rod in enumerate(chain.rods, 1) if rod.joint.name in driven or rod.joint.armature]
     joints = f"[joints]\ngeared = {geared}\n\n" if geared else ""
     arm = _arm(chain.arm, driven, bounds) if chain.arm else ""
@@ -192,10 +194,21 @@ def _zeros(chain: "ModelChain", counts: int, notes: list[str]) -> list[int]:
         zeros.append(round(exact))
         if abs(excess := exact - round(exact)) > 1e-6:
             notes.append(
-                f"joint {rod.joint.name!r} hangs at {rod.hanging:.6g} rad: the rounding of zero_counts is"
-                f" {1e3 * excess * 2 * math.pi / counts:.2g} mrad"
+                f"joint {rod.joint.name!r} reads {rod.hanging:.6g} rad if the rods hang: zero_counts is rounded to a"
+                f" whole count, which is an error of {1e3 * excess * 2 * math.pi / counts:.2g} mrad"
             )
     return zeros
+
+
+def _reversed(chain: "ModelChain") -> list[str]:
+    """Notes on joints with an axis opposite to that of dpr-lab."""
+    parts = (*chain.rods, *((chain.arm,) if chain.arm else ()))
+    return [
+        f"joint {part.joint.name!r} turns opposite to the angle of dpr-lab: its direction in [encoders] is -1, so"
+        " recordings of the angle in the model can be used unchanged"
+        for part in parts
+        if part.direction < 0
+    ]
 
 
 def _arm(arm: "ChainArm", driven: dict[str, float], bounds: dict[str, Bounds]) -> str:

@@ -87,6 +87,8 @@ def test_numbers_zeros_and_signs_of_a_hand_written_model(tmp_path: Path) -> None
     counts = np.column_stack([np.zeros(3), q]) * 16384 / (2 * math.pi)
     turns = (rig.theta(counts)[:, 1:] - np.column_stack([q[:, 0], q[:, 0] + math.pi - q[:, 1]])) / (2 * math.pi)
     assert turns == pytest.approx(np.round(turns), abs=1e-9)
+    reversed_joints = [note for note in read.notes if "turns opposite to the angle of dpr-lab" in note]
+    assert [note.split("'")[1] for note in reversed_joints] == [read.joints[1]]
     terms = {term.quantity: term.value for term in read.terms}
     assert terms == pytest.approx(
         {
@@ -98,7 +100,9 @@ def test_numbers_zeros_and_signs_of_a_hand_written_model(tmp_path: Path) -> None
     )
     assert any("gear 30" in note for note in read.notes)
     assert any("stops at -1.5708 and 1.5708 rad" in note for note in read.notes)
-    assert "c1 is 0 in the model" in (tmp_path / "rig.toml").read_text(encoding="utf-8")
+    assert "c1 (viscous friction of joint 1, N m s/rad) is 0 in the model, but must be positive" in (
+        tmp_path / "rig.toml"
+    ).read_text(encoding="utf-8")
 
 
 def test_an_arm_is_found_with_its_motor(tmp_path: Path) -> None:
@@ -164,7 +168,7 @@ def test_point_masses_keep_their_mass_matrix(tmp_path: Path) -> None:
         for name, parent, child, z in (("s", "world", "a", 0), ("e", "a", "b", -1))
     )
     read, rig = written(tmp_path, f'<robot name="points">{links}{joints}</robot>', "points.urdf")
-    assert any("J1 is 0 in the model" in note for note in read.notes)
+    assert any(note.startswith("J1 (inertia of the inner rod about its centre, kg m^2) is 0") for note in read.notes)
     z = {name: p.nominal for name, p in rig.parameters.items()}
     assert base(z, rig.L1, rig.g)[:5] == pytest.approx([2.0, 1.0, 1.0, 2 * 9.81, 9.81], rel=1e-5)
 
@@ -182,8 +186,8 @@ def test_the_radius_of_the_arm_does_not_depend_on_the_angles_of_the_rods(tmp_pat
         .replace('pos="0 0 .25"', 'pos="0 -.02 .25"')
     )
     notes = written(tmp_path, aside)[0].notes
-    assert "the rods are 10 mm away from the radius of the arm: treated as zero" in notes
-    assert "the rods are 20 mm apart along the arm: L0 is the distance of their centroid" in notes
+    assert "the axis of the rods passes that of the arm at 10 mm: treated as zero" in notes
+    assert "along the arm, the rods are 20 mm apart: L0 is the distance of their common centroid" in notes
 
 
 ROBOT = "".join(f'<link name="{name}"/>' for name in "ab")

@@ -91,7 +91,7 @@ READ = {
         <equality><joint joint1="q1" joint2="q2"/></equality></mujoco>""",
         ("q1", "q2"),
         0.2,
-        "equality constraints (closed chains, couplings): 1",
+        "equality constraints (closed chains, couplings), not in the rig file: 1",
     ),
     "urdf, acrobot with transmissions on the world that its engine adds": (
         "model.urdf",

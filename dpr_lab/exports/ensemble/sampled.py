@@ -19,6 +19,7 @@ from dpr_lab.dynamics.base import RATIOS, base_from_ratios
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.exports.ensemble.scatter import RatioScatter
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.identification.model import Model
@@ -45,14 +46,14 @@ def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: in
 
 
 def posterior_of(
-    model: Model, diagnosis: Diagnosis | None, scatter: tuple[Sequence[str], Array] | None = None
+    model: Model, diagnosis: Diagnosis | None, scatter: RatioScatter | None = None
 ) -> list[PosteriorComponent]:
     """The posterior of a diagnosis; for a model without one, the covariance of its ratios.
 
     Args:
         model: the model
         diagnosis: its diagnosis, if there is one
-        scatter: names and covariance of ratios between recordings, for a model without a diagnosis
+        scatter: scatter of the ratios between recordings, for a model without a diagnosis
 
     Raises:
         RunError: a diagnosis of an older version, without a posterior.
@@ -63,13 +64,13 @@ def posterior_of(
     places = [model.covariance.order.index(name) for name in free]
     spread = np.array(model.covariance.matrix)[np.ix_(places, places)]
     ratios = {name: estimate.value for name, estimate in model.all_ratios.items()}
-    between = np.zeros_like(spread)
+    between, left_out = np.zeros_like(spread), np.zeros((0, len(free)))
     if scatter is not None:
-        common = [name for name in free if name in scatter[0]]
-        places_in_fit, places_in_scatter = (
-            [names.index(name) for name in common] for names in (free, list(scatter[0]))
-        )
-        between[np.ix_(places_in_fit, places_in_fit)] = scatter[1][np.ix_(places_in_scatter, places_in_scatter)]
+        common = [name for name in free if name in scatter.names]
+        here, there = ([names.index(name) for name in common] for names in (free, list(scatter.names)))
+        between[np.ix_(here, here)] = scatter.between[np.ix_(there, there)]
+        left_out = np.repeat([[ratios[name] for name in free]], len(scatter.left_out), axis=0)
+        left_out[:, here] = scatter.left_out[:, there]
     return [
         PosteriorComponent(
             probability=1.0,
@@ -78,6 +79,7 @@ def posterior_of(
             free=free,
             covariance=spread.tolist(),
             between=between.tolist(),
+            left_out=left_out.tolist(),
         )
     ]
 

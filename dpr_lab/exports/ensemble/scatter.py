@@ -1,13 +1,14 @@
 """Scatter of the ratios of an identification between its recordings, which a model file does not contain."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
-from dpr_lab.gap.conclusion.scatter import between_recordings
+from dpr_lab.gap.conclusion.scatter import between_recordings, left_out_values
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.identification.ratio_fit import fit_ratios, rods_estimate, segmented
@@ -15,10 +16,20 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
 
-def scatter_of_ratios(
-    model: Model, runs: Sequence[Run], rig: Rig, segment_s: float = 0.5
-) -> tuple[tuple[str, ...], NDArray[np.float64]]:
-    """Names of the fitted ratios, and the (n, n) covariance of their values in another recording about the common ones.
+@dataclass(frozen=True, slots=True)
+class RatioScatter:
+    """Differences of the fitted ratios between recordings."""
+
+    names: tuple[str, ...]
+    """Fitted ratios."""
+    between: NDArray[np.float64]
+    """(n, n) covariance of their values in another recording about the common ones."""
+    left_out: NDArray[np.float64]
+    """(recordings, n) values fitted without each recording."""
+
+
+def scatter_of_ratios(model: Model, runs: Sequence[Run], rig: Rig, segment_s: float = 0.5) -> RatioScatter:
+    """Scatter of the ratios of a model.
 
     Args:
         model: an identified model without effects
@@ -28,6 +39,9 @@ def scatter_of_ratios(
     """
     problem, initial = segmented([preprocess(run, rig) for run in runs], rig, segment_s)
     fitted = fit_ratios(problem, rods_estimate(model.unknowns, initial)).fit
-    between = between_recordings(problem, fitted)
     ratios = [i for i, free in enumerate(fitted.free) if free.block == "ratios" and free.place < len(RATIOS)]
-    return tuple(UNKNOWN_RATIOS[fitted.free[i].place] for i in ratios), between[np.ix_(ratios, ratios)]
+    return RatioScatter(
+        names=tuple(UNKNOWN_RATIOS[fitted.free[i].place] for i in ratios),
+        between=between_recordings(problem, fitted)[np.ix_(ratios, ratios)],
+        left_out=left_out_values(problem, fitted)[:, ratios],
+    )

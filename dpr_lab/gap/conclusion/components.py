@@ -14,7 +14,7 @@ from dpr_lab.effects import named_params
 from dpr_lab.fitting.estimate import FreeParameter
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.classes.posterior import CALIBRATION
-from dpr_lab.gap.conclusion.scatter import between_recordings
+from dpr_lab.gap.conclusion.scatter import between_recordings, left_out_values
 from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, follows_remainder
@@ -107,6 +107,7 @@ def _component(
         free=[_name(model.fit.free[i]) for i in places],
         covariance=spread.tolist(),
         between=between_recordings(problem, model.fit)[np.ix_(places, places)].tolist(),
+        left_out=left_out_values(problem, model.fit)[:, places].tolist(),
     )
 
 

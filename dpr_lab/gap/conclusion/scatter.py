@@ -77,6 +77,36 @@ def between_recordings(problem: Problem, fit: Fit) -> Array:
     return covariance
 
 
+def left_out_values(problem: Problem, fit: Fit) -> Array:
+    """(recordings, free) values fitted without each recording, by one Gauss-Newton step from the common fit.
+
+        p - (H - H_r + P)^+ g_r
+
+    A value that only this recording determines keeps its common value.
+
+    Args:
+        problem: segments and noise
+        fit: the common fit
+    """
+    inside = list(fit.inside)
+    A, e, prior = fit.linear.A[:, :, inside], fit.linear.e, fit.prior[:, inside]
+    followed = np.isfinite(fit.linear.chi2_by_segment)
+    names = np.unique(problem.segments.run)
+    if len(names) < 2:
+        return np.zeros((0, len(fit.free)))
+    values = np.repeat(fit.values[None], len(names), axis=0)
+    lower, upper = (np.array([getattr(p, end) for p in fit.free]) for end in ("lower", "upper"))
+    for row, run in enumerate(names):
+        of_run = problem.segments.run == run
+        rest = np.concatenate([A[followed & ~of_run].reshape(-1, len(inside)), prior])
+        own, residual = A[followed & of_run].reshape(-1, len(inside)), e[followed & of_run].ravel()
+        normal, gradient = rest.T @ rest, own.T @ residual
+        scale = np.sqrt(np.maximum(np.diag(normal + own.T @ own), np.finfo(np.float64).tiny))
+        inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=SCATTER.singular, hermitian=True)
+        values[row, inside] -= inverse @ (gradient / scale) / scale
+    return np.clip(values, lower, upper)
+
+
 def _masks(fold: NDArray[np.intp], followed: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
     """Followed segments of each recording that has any."""
     masks = [(fold == r) & followed for r in range(int(fold.max()) + 1)]

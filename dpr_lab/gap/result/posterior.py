@@ -29,6 +29,11 @@ class PosteriorComponent(BaseModel):
     It is zero if the recordings do not differ beyond chance, and empty in a file of an older version.
     """
 
+    left_out: list[list[Number]] = []
+    """(recordings, free) values fitted without each recording, SI; empty in a file of an older version, and for a
+    single recording.
+    """
+
     @property
     def predictive(self) -> NDArray[np.float64]:
         """(free, free) covariance of the values of another recording."""

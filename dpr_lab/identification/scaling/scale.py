@@ -15,6 +15,10 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Interval90 = tuple[float, float]
 
 
+ROD_OF = {"a": "inner rod about joint 1", "b": "outer rod about joint 2"}
+"""Inertia of the scale -> whose it is."""
+
+
 class Scale(BaseModel):
     """Assumed value of b for absolute sizes, its interval, and what determined it."""
 
@@ -54,9 +58,9 @@ class Scale(BaseModel):
         if self.fixed_by == "measured":
             return f"Measured values of the rig file determine the scale of masses, inertias and torques: {known}."
         return (
-            f"Masses, inertias and torques assume {self.inertia} = {self.b:.4g} kg m^2 (not measured; 90 % interval"
-            f" from the bounds of the rig file {low:.4g} to {high:.4g})."
-            f" Only their ratios to {self.inertia} are identified."
+            f"Only the ratios of masses, inertias and torques to {self.inertia} are identified, the inertia of the"
+            f" {ROD_OF[self.inertia]}. Their absolute values assume {self.inertia} = {self.b:.4g} kg m^2, from the"
+            f" values of the rig file (90 % interval from its bounds {low:.4g} to {high:.4g})."
         )
 
     def as_inertia(self, inertia: Literal["a", "b"], factor: float) -> "Scale":
