@@ -19,6 +19,8 @@ from real import RealRig, rigs
 from dpr_lab.errors import DprError
 from dpr_lab.exports.corrected import corrected_model
 from dpr_lab.exports.ensemble.bands import PredictiveBand, predictive_band
+from dpr_lab.exports.ensemble.calibrate import widened
+from dpr_lab.exports.ensemble.left_out import factor_without
 from dpr_lab.exports.ensemble.sampled import posterior_of, sampled_models
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.identification.model import Model
@@ -39,9 +41,11 @@ def bands(fitted: list[Run], held_out: list[Run], rig: Rig, members: int, seed: 
         diagnosis = diagnose(fitted, rig)
         model = corrected_model(diagnosis, fitted, rig)
         assert isinstance(model, Model)
-        ensemble = sampled_models(model, posterior_of(model, diagnosis), members, seed)
+        posterior = posterior_of(model, diagnosis)
+        factor = factor_without(model, posterior, fitted, rig, seed)
+        ensemble = sampled_models(model, widened(posterior, factor), members, seed)
         sets = [f"{'+'.join(c.effects) or 'none'} {c.probability:.2f}" for c in diagnosis.posterior]
-        print(f"# {diagnosis.verdict}: {'; '.join(sets)}", flush=True)
+        print(f"# {diagnosis.verdict}, widened by {factor:.2f}: {'; '.join(sets)}", flush=True)
         for run in held_out:
             band = predictive_band(model, ensemble, run, rig, seed)
             within = f"{100 * band.covered:.1f} % of {band.readings}"

@@ -125,9 +125,15 @@ def _ensemble(
         columns = ("run", "readings in the band", "until, s", "mean width, mrad")
         rows = [(b.run, percent(b.covered), f"{b.until_s:.3g}", f"{1e3 * b.width_rad:.3g}") for b in done.bands]
         note = (
-            f"Standard deviations multiplied by {done.factor:.3g}: with it, 90 % bands of many models cover these runs."
+            f"Standard deviations multiplied by {done.factor:.3g} in total: with it, 90 % bands of many models cover"
+            " these runs."
         )
         table("Predictive bands", columns, rows, note=note)
+    if done.factor_of_fit > 1:
+        line(
+            f"Standard deviations multiplied by {done.factor_of_fit:.3g}: each fitted recording was predicted by models"
+            " that were fitted without it, and the bands must cover these predictions."
+        )
     if done.expected_coverage < BANDS.level:
         line(
             f"{size} models span on average {percent(done.expected_coverage)} of the readings of another recording: for"

@@ -97,7 +97,13 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
             history={},
         ),
         runs=[
-            RunUsed(file=str(run.file or run.name), sha256=run.sha256, pose=run.pose, samples=len(run.t))
+            RunUsed(
+                file=str(run.file or run.name),
+                sha256=run.sha256,
+                pose=run.pose,
+                samples=len(run.t),
+                torque_kind=run.torque_kind,
+            )
             for run in runs
         ],
         p_over_b=diagnosis.p_over_b,

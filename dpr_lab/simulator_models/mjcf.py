@@ -117,7 +117,9 @@ def compile_mjcf(path: Path, text: bytes | None = None) -> CompiledMjcf:
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise ConfigError(f"{path}: MuJoCo cannot read it: {' '.join(str(error).split())}") from error
     if np.any(model.opt.wind) or model.opt.density or model.opt.viscosity:
-        notes.append(f"fluid, not in the rig file: density {model.opt.density:g} kg/m^3, viscosity {model.opt.viscosity:g} Pa s")
+        notes.append(
+            f"fluid, not in the rig file: density {model.opt.density:g} kg/m^3, viscosity {model.opt.viscosity:g} Pa s"
+        )
     notes += [
         f"body {model.body(b).name!r}: gravcomp {share:g}, the share of its weight that is compensated"
         for b, share in enumerate(model.body_gravcomp)

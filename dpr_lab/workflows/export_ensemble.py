@@ -66,6 +66,8 @@ class EnsembleResult:
     """Effects, joined by +, -> number of models with them."""
     factor: float
     """By which the standard deviations were multiplied."""
+    factor_of_fit: float
+    """The part of it that the fitted recordings require, each predicted without it; 1 if they were not found."""
     expected_coverage: float
     """Share of the readings that the band of so many models is expected to cover: 0.9, less if they are few."""
     bands: tuple[BandCoverage, ...]
@@ -92,7 +94,8 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     """
     from dpr_lab.exports import FORMATS
     from dpr_lab.exports.ensemble.bands import level_of
-    from dpr_lab.exports.ensemble.calibrate import calibrated
+    from dpr_lab.exports.ensemble.calibrate import calibrated, widened
+    from dpr_lab.exports.ensemble.left_out import factor_without
     from dpr_lab.exports.ensemble.sampled import posterior_of
     from dpr_lab.exports.ensemble.scatter import scatter_of_ratios
     from dpr_lab.gap.result.diagnosis import load_diagnosis
@@ -109,13 +112,16 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     model, record = model_to_export(file, rig), file.with_name(RECORD)
     diagnosis = load_diagnosis(record) if record.is_file() else None
     runs = read_runs(request.check, rig, on_event, moving=isinstance(model, MovingArmModel))
-    scatter = None
+    scatter, factor_of_fit = None, 1.0
     if isinstance(model, MovingArmModel):
         ensemble = _of_arm(model, diagnosis, rig, request.seed)
     else:
-        if diagnosis is None and (fitted_runs := _fitted_runs(model, rig)):
-            scatter = scatter_of_ratios(model, fitted_runs, rig)
-        ensemble = _of_rods(model, posterior_of(model, diagnosis, scatter), rig, request.seed)
+        fitted = _fitted_runs(model, rig)
+        if diagnosis is None and fitted:
+            scatter = scatter_of_ratios(model, fitted, rig)
+        posterior = posterior_of(model, diagnosis, scatter)
+        factor_of_fit = factor_without(model, posterior, fitted, rig, request.seed)
+        ensemble = _of_rods(model, widened(posterior, factor_of_fit), rig, request.seed)
     factor = calibrated(ensemble.drawn, ensemble.band, runs).factor if runs else 1.0
     models = ensemble.drawn(factor, request.size)
     folders = []
@@ -124,13 +130,14 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         for name in request.formats:
             write_export(FORMATS[name], member, rig, folder, FORMATS[name].lost(member, rig))
         folders.append(folder)
-    sets = _write(models, rig, request, factor)
+    sets = _write(models, rig, request, factor * factor_of_fit)
     covered = tuple(_coverage(ensemble.band(models, run)) for run in runs)
     return EnsembleResult(
         request.out / "ensemble.json",
         tuple(folders),
         sets,
-        factor,
+        factor * factor_of_fit,
+        factor_of_fit,
         level_of(request.size),
         covered,
         from_diagnosis=diagnosis is not None,
@@ -177,15 +184,19 @@ def _of_arm(model: "MovingArmModel", diagnosis: "Diagnosis | None", rig: "Rig", 
 
 
 def _fitted_runs(model: "Model", rig: "Rig") -> "list[Run]":
-    """The recordings of an identification; none if one of them was moved or replaced."""
+    """The fitted recordings, a single long one in pieces; none if one of them was moved or replaced."""
+    from dpr_lab.gap.screen.pieces import in_pieces
+
     files = [Path(used.file) for used in model.runs]
-    if model.effects or not files or not all(file.is_file() for file in files):
+    if not files or not all(file.is_file() for file in files):
         return []
     try:
         runs = read_runs(files, rig, ignore, torque=model.runs[0].torque_kind or None)
     except RunError:
         return []
-    return runs if [run.sha256 for run in runs] == [used.sha256 for used in model.runs] else []
+    if [run.sha256 for run in runs] != [used.sha256 for used in model.runs]:
+        return []
+    return list(in_pieces(runs, ())[0]) if model.search.algorithm == "diagnosis" else runs
 
 
 def _coverage(band: "PredictiveBand") -> BandCoverage:

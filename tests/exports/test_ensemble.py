@@ -82,15 +82,17 @@ def test_ratios_of_an_identification_scatter_if_its_recordings_differ(model: Mod
     identified = identified.model_copy(update={"effects": {}})
     oiled = plant.model_copy(update={"parameters": plant.parameters | {"c1": 1.5 * plant.parameters["c1"]}})
     same, other = (list(record(each, rig, duration=2.0)) for each in (plant, oiled))
-    names, none = scatter_of_ratios(identified, same, rig)
-    assert names == RATIOS
-    assert not none.any()
+    alike = scatter_of_ratios(identified, same, rig)
+    assert alike.names == RATIOS
+    assert not alike.between.any()
+    assert alike.left_out == pytest.approx(np.repeat([identified.ratio_values], 3, axis=0), rel=0.02)
     scatter = scatter_of_ratios(identified, [*same[:2], other[2]], rig)
-    assert scatter[1][3, 3] ** 0.5 > 0.05 * identified.ratios["c1/b"].value
+    assert scatter.between[3, 3] ** 0.5 > 0.05 * identified.ratios["c1/b"].value
     (wider,) = posterior_of(identified, None, scatter)
     (own,) = posterior_of(identified, None)
-    assert np.array(wider.between)[3, 3] == scatter[1][3, 3]
-    assert wider.predictive[3, 3] == pytest.approx(own.predictive[3, 3] + scatter[1][3, 3])
+    assert wider.left_out[2][3] < 0.95 * wider.left_out[0][3]  # without the recording with more friction
+    assert np.array(wider.between)[3, 3] == scatter.between[3, 3]
+    assert wider.predictive[3, 3] == pytest.approx(own.predictive[3, 3] + scatter.between[3, 3])
 
 
 def test_causes_are_drawn_by_their_probability(model: Model) -> None:

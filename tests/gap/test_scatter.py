@@ -1,10 +1,12 @@
 """Scatter between recordings: none by noise alone, the drawn one where the values really differ."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
 from dpr_lab.dynamics.segments import segments
-from dpr_lab.gap.conclusion.scatter import between_recordings
+from dpr_lab.gap.conclusion.scatter import between_recordings, left_out_values
 
 
 def instants(count: int, readings: int) -> list[np.ndarray]:
@@ -55,3 +57,27 @@ def test_the_rig_file_limits_the_values_of_another_recording() -> None:
     limited = between_recordings(fit, fit)
     assert limited[0, 0] == pytest.approx(1 / (1 / free[0, 0] + 100.0**2), rel=0.1)
     assert limited[1, 1] == pytest.approx(free[1, 1], rel=0.1)
+
+
+def test_values_without_a_recording_are_those_of_a_fit_to_the_others() -> None:
+    fit = _Linear(1.0, runs=3, seed=2)
+    fit.free = [_Free(v) for v in (0.5, -0.02)]
+    fit.values = np.array([0.5, -0.02])
+    left_out = left_out_values(fit, fit)
+    for run in range(3):
+        others = fit.segments.run != run
+        step = np.linalg.lstsq(fit.A[others].reshape(-1, 2), fit.e[others].ravel())[0]
+        assert left_out[run] == pytest.approx(fit.values + step, rel=1e-9)
+
+
+def test_a_single_recording_has_no_values_without_it() -> None:
+    assert left_out_values(fit := _Linear(1.0, runs=1, seed=2), fit).shape == (0, 2)
+
+
+@dataclass
+class _Free:
+    """A free value within wide bounds."""
+
+    value: float
+    lower: float = -100.0
+    upper: float = 100.0

@@ -1,0 +1,115 @@
+"""Width of an ensemble from the recordings of its fit, each predicted by models that were fitted without it.
+
+Models fitted to a recording predict it better than the next one: its residuals cannot show that a model is incomplete.
+For each recording r, models are drawn about the values fitted without it (`PosteriorComponent.left_out`). With m and w
+the middle and the half width of their 90 % band, y the readings, and z the normal quantile of the band,
+
+    s_r = mean (z (y - m) / w)^2,    lambda^2 = (n + sum_r s_r) / (n + R)
+
+is the variance of the errors in units of the band's; it is 1 if the posterior is right. n is the number of recordings
+that this expectation counts as. The errors in one recording are correlated, so R recordings are R observations, and the
+standard deviations of the ensemble are multiplied by
+
+    lambda t / z,    t = quantile of Student's distribution with n + R degrees of freedom,
+
+but only if the mean of s_r is larger than what is expected by chance.
+
+Source: Student (1908), The probable error of a mean, Biometrika 6, 1-25; M. Stone (1974), Cross-validatory choice and
+assessment of statistical predictions, Journal of the Royal Statistical Society B 36, 111-147.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student
+
+from dpr_lab.errors import RunError
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.exports.ensemble.bands import BANDS, PredictiveBand, predictive_band
+from dpr_lab.exports.ensemble.sampled import sampled_models
+from dpr_lab.gap.result.posterior import PosteriorComponent
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOutSettings:
+    """Settings of the estimate."""
+
+    members: int = 39
+    """Number of models for each recording; the band lies between the second values from both ends."""
+    expected: float = 1.0
+    """Number of recordings that the expectation of a right posterior counts as."""
+    chance: float = 1.5
+    """Mean of s up to which the posterior is kept: 1 and a standard deviation, sqrt(2 / 9), of three recordings with
+    three independent errors each.
+    """
+
+
+LEFT_OUT = LeftOutSettings()
+
+
+def factor_without(
+    model: Model, components: Sequence[PosteriorComponent], runs: Sequence[Run], rig: Rig, seed: int
+) -> float:
+    """Factor on the standard deviations of the posterior; 1 if there are no values without each of the runs.
+
+    Args:
+        model: the corrected model
+        components: its posterior
+        runs: the fitted recordings, in the order of the posterior's `left_out`
+        rig: their rig
+        seed: seed of the random models
+    """
+    if len(runs) < 2 or any(len(component.left_out) != len(runs) for component in components):
+        return 1.0
+    errors = []
+    for place, run in enumerate(runs):
+        members = sampled_models(model, without(components, place), LEFT_OUT.members, seed)
+        try:
+            errors.append(_squared_errors(predictive_band(model, members, run, rig, seed)))
+        except RunError:  # no state starts this recording
+            continue
+    return widening([error for error in errors if np.isfinite(error)])
+
+
+def without(components: Sequence[PosteriorComponent], place: int) -> list[PosteriorComponent]:
+    """The posterior without one of its R recordings, with R / (R - 1) times the covariance of the fit."""
+    return [_without(component, place) for component in components]
+
+
+def widening(errors: Sequence[float]) -> float:
+    """Factor from the squared normalised errors s of recordings."""
+    if not errors or np.mean(errors) <= LEFT_OUT.chance:
+        return 1.0
+    count = LEFT_OUT.expected + len(errors)
+    variance = (LEFT_OUT.expected + sum(errors)) / count
+    quantile = float(student.ppf((1 + BANDS.level) / 2, count))
+    return max(1.0, variance**0.5 * quantile / NORMAL_Q90)
+
+
+def _without(component: PosteriorComponent, place: int) -> PosteriorComponent:
+    recordings = len(component.left_out)
+    values = dict(zip(component.free, component.left_out[place], strict=True))
+    of_effects = {name: value for name, value in values.items() if name not in component.ratios}
+    effects = {name: dict(parameters) for name, parameters in component.effects.items()}
+    for name, value in of_effects.items():
+        effect, _, parameter = name.partition(".")
+        effects.setdefault(effect, {})[parameter] = value
+    wider = recordings / (recordings - 1) * np.array(component.covariance)
+    return component.model_copy(
+        update={
+            "ratios": {name: values.get(name, value) for name, value in component.ratios.items()},
+            "effects": effects,
+            "covariance": wider.tolist(),
+        }
+    )
+
+
+def _squared_errors(band: PredictiveBand) -> float:
+    """Mean of the squared errors in standard deviations of the band; nan without a reading."""
+    middle, half = (band.low + band.high) / 2, (band.high - band.low) / 2
+    errors = (NORMAL_Q90 * (band.measured - middle) / half)[np.isfinite(band.measured)]
+    return float(np.mean(errors**2)) if len(errors) else float("nan")

@@ -1,0 +1,54 @@
+"""Width of an ensemble from recordings that are predicted by models fitted without them."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.exports.ensemble.left_out import factor_without, widening, without
+from dpr_lab.gap.result.posterior import PosteriorComponent
+
+COMPONENT = PosteriorComponent(
+    probability=1.0,
+    ratios={"a/b": 4.0, "d/b": 1.0},
+    effects={"coulomb_joint2": {"torque_Nm": 1e-3}},
+    free=["a/b", "coulomb_joint2.torque_Nm"],
+    covariance=[[1e-4, 0.0], [0.0, 1e-8]],
+    between=[[2e-4, 0.0], [0.0, 0.0]],
+    left_out=[[4.1, 9e-4], [3.9, 1.1e-3], [4.0, 1e-3]],
+)
+
+
+@pytest.mark.parametrize("recordings", [3, 6])
+@pytest.mark.parametrize("error", [1.0, 3.0, 8.0])
+def test_the_band_of_the_next_recording_covers_about_90_percent(recordings: int, error: float) -> None:
+    """Errors of some standard deviations in three independent directions of each recording."""
+    rng = np.random.default_rng(recordings)
+    squared = np.mean((error * rng.standard_normal((4000, recordings, 3))) ** 2, axis=2)
+    factors = np.array([widening(of_fit.tolist()) for of_fit in squared])
+    assert np.mean(2 * norm.cdf(factors * NORMAL_Q90 / error) - 1) == pytest.approx(0.9, abs=0.03)
+
+
+def test_errors_by_chance_and_small_ones_change_nothing() -> None:
+    assert widening([0.01] * 8) == 1.0
+    assert widening([2.5, 0.9, 1.0]) == 1.0
+    assert widening([4.0, 2.0, 3.0]) > 2.0
+    assert widening([]) == 1.0
+
+
+def test_the_posterior_without_a_recording_has_its_values_and_a_wider_fit() -> None:
+    (part,) = without([COMPONENT], 1)
+    assert part.ratios == {"a/b": 3.9, "d/b": 1.0}
+    assert part.effects == {"coulomb_joint2": {"torque_Nm": 1.1e-3}}
+    assert np.diag(part.covariance) == pytest.approx([1.5e-4, 1.5e-8])
+    assert part.between == COMPONENT.between
+
+
+def test_an_effect_of_size_zero_is_there_without_a_recording_that_hides_it() -> None:
+    (part,) = without([COMPONENT.model_copy(update={"effects": {}})], 0)
+    assert part.effects == {"coulomb_joint2": {"torque_Nm": 9e-4}}
+
+
+def test_a_posterior_of_an_older_version_keeps_its_width() -> None:
+    old = COMPONENT.model_copy(update={"left_out": []})
+    assert factor_without(None, [old], [None, None, None], None, 0) == 1.0  # type: ignore[arg-type]
