@@ -67,10 +67,10 @@ def posterior_of(
     between, left_out = np.zeros_like(spread), np.zeros((0, len(free)))
     if scatter is not None:
         common = [name for name in free if name in scatter.names]
-        here, there = ([names.index(name) for name in common] for names in (free, list(scatter.names)))
-        between[np.ix_(here, here)] = scatter.between[np.ix_(there, there)]
+        places, columns = ([names.index(name) for name in common] for names in (free, list(scatter.names)))
+        between[np.ix_(places, places)] = scatter.between[np.ix_(columns, columns)]
         left_out = np.repeat([[ratios[name] for name in free]], len(scatter.left_out), axis=0)
-        left_out[:, here] = scatter.left_out[:, there]
+        left_out[:, places] = scatter.left_out[:, columns]
     return [
         PosteriorComponent(
             probability=1.0,

@@ -99,9 +99,9 @@ def left_out_values(problem: Problem, fit: Fit) -> Array:
     for row, run in enumerate(names):
         of_run = problem.segments.run == run
         rest = np.concatenate([A[followed & ~of_run].reshape(-1, len(inside)), prior])
-        own, residual = A[followed & of_run].reshape(-1, len(inside)), e[followed & of_run].ravel()
-        normal, gradient = rest.T @ rest, own.T @ residual
-        scale = np.sqrt(np.maximum(np.diag(normal + own.T @ own), np.finfo(np.float64).tiny))
+        columns, residual = A[followed & of_run].reshape(-1, len(inside)), e[followed & of_run].ravel()
+        normal, gradient = rest.T @ rest, columns.T @ residual
+        scale = np.sqrt(np.maximum(np.diag(normal + columns.T @ columns), np.finfo(np.float64).tiny))
         inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=SCATTER.singular, hermitian=True)
         values[row, inside] -= inverse @ (gradient / scale) / scale
     return np.clip(values, lower, upper)
