@@ -131,8 +131,8 @@ def _ensemble(
         table("Predictive bands", columns, rows, note=note)
     if done.factor_of_fit > 1:
         line(
-            f"Standard deviations multiplied by {done.factor_of_fit:.3g}, so that 90 % bands cover each fitted recording"
-            " if it is predicted by models fitted without it."
+            f"Standard deviations multiplied by {done.factor_of_fit:.3g}: with it, 90 % bands cover each fitted"
+            " recording if it is predicted by models fitted without it."
         )
     if done.expected_coverage < BANDS.level:
         line(
