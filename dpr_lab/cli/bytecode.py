@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 PACKAGES = ("numba", "dpr_lab")
-"""The package with most of the code, which represents all libraries, and this one."""
+"""Packages whose bytecode is checked: the largest library, as a sample of all libraries, and this package."""
 
 
 def keep_bytecode() -> None:

@@ -108,8 +108,8 @@ def verify(
 ) -> None:
     """Repeat a certified diagnosis and compare every claim; exits with 1 if a claim does not hold.
 
-    The claims and their tolerances are rules of this program, not of the file. A certificate that names other code than
-    this fails, unless --other-code accepts it. What no repetition can confirm (choices, origin) is shown first.
+    The claims and their tolerances are rules of this program, not of the file. A certificate that was made with
+    other code fails, unless --other-code accepts it. What no repetition can confirm (choices, origin) is shown first.
 
     Example: dpr-lab verify certificate.json
     """

@@ -192,7 +192,7 @@ Rods = Annotated[
 ]
 ArmMode = Annotated[
     Literal["clamped", "free", "prescribed", "driven"] | None,
-    typer.Option("--arm", help="Mode of joint 0 in these runs. Default: the value in the rig file."),
+    typer.Option("--arm", help="Mode of the arm (joint 0) in these runs. Default: the value in the rig file."),
 ]
 InnerMode = Annotated[
     Literal["free", "prescribed"] | None,

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 
 def identify(
-    runs: Annotated[list[Path], typer.Argument(help="Run files (.mcap); two of the three poses are enough.")],
+    runs: Annotated[
+        list[Path], typer.Argument(help="Run files (.mcap); releases from two different poses are enough.")
+    ],
     rig: RigName,
     objective: Annotated[
         str,

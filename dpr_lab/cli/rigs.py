@@ -114,14 +114,16 @@ def new(
     name: Annotated[str | None, typer.Option(help="Name of the rig.")] = None,
     l0: Annotated[float | None, typer.Option("--l0", help="Length of the arm, m.")] = None,
     l1: Annotated[
-        float | None, typer.Option("--l1", help="Distance between the two joints, m; of one rod: its length.")
+        float | None, typer.Option("--l1", help="Distance between the two joints, m; length of a single rod.")
     ] = None,
     l1_std: Annotated[
         float | None, typer.Option("--l1-std", help="Standard uncertainty of --l1, m; the diagnosis then fits L1.")
     ] = None,
-    l2: Annotated[float | None, typer.Option("--l2", help="Length of the outer rod, m; not of one rod.")] = None,
+    l2: Annotated[float | None, typer.Option("--l2", help="Length of the outer rod, m; not with a single rod.")] = None,
     m1: Annotated[str | None, typer.Option(help=f"Mass of the inner rod, kg, {Weighed}.")] = None,
-    m2: Annotated[str | None, typer.Option(help=f"Mass of the outer rod, kg, {Weighed}; not of one rod.")] = None,
+    m2: Annotated[
+        str | None, typer.Option(help=f"Mass of the outer rod, kg, {Weighed}; not with a single rod.")
+    ] = None,
     mb: Annotated[str | None, typer.Option(help=f"Mass of the parts at joint 2, kg, {Weighed}.")] = None,
     g: Annotated[float, typer.Option(help="Gravity, m/s^2.")] = 9.81,
     counts_per_rev: Annotated[int | None, typer.Option(help="Counts per turn of the encoders.")] = None,

@@ -23,8 +23,8 @@ class ReplayRule:
     most: int = 3
     """Maximum number of replayed releases, because a program may run in real time."""
     worse: float = 1.02
-    """Error relative to the bare model's above which an export is refused; smaller differences are within the
-    uncertainty of the initial state.
+    """Ratio of the error of an export to that of the bare model above which the export is refused. Smaller
+    differences are within the uncertainty of the initial state.
     """
 
 

@@ -70,5 +70,5 @@ def earlier_share(recordings: Recordings, model: Hypothesis) -> float:
 
 
 def no_worse(held: Hypothesis, earlier: Hypothesis) -> bool:
-    """Whether earlier torques explain the recordings as well as held ones with a delay, within chance."""
+    """Whether torques that act before their rows fit as well as held torques with a delay, within the noise."""
     return earlier.cost < held.cost + THRESHOLDS.chance * held.residuals.inflation

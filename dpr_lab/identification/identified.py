@@ -59,18 +59,18 @@ SETTINGS = IdentifySettings()
 FRICTION_NAMES = tuple(RATIOS[i] for i in FRICTION)
 
 
-def determined(sure: RatioUncertainty) -> RatioUncertainty:
+def determined(ratio_uncertainty: RatioUncertainty) -> RatioUncertainty:
     """Check an uncertainty.
 
     Raises:
         IdentificationError: it is not finite: the runs do not determine the ratios.
     """
-    if not (np.isfinite(sure.values).all() and np.isfinite(sure.covariance).all()):
+    if not (np.isfinite(ratio_uncertainty.values).all() and np.isfinite(ratio_uncertainty.covariance).all()):
         raise IdentificationError(
             "these runs do not determine the ratios: no finite uncertainty. Record larger and longer swings, and check"
             " zero, unit, sign and order of the angles"
         )
-    return sure
+    return ratio_uncertainty
 
 
 def identified_model(
@@ -88,31 +88,35 @@ def identified_model(
     Raises:
         IdentificationError: the runs do not determine the ratios.
     """
-    sure = determined(uncertainty(ratio_fit))
+    ratio_uncertainty = determined(uncertainty(ratio_fit))
     noise = np.sqrt(np.mean([np.diag(prepared.noise.covariance) for prepared in runs], axis=0))
     measured = np.concatenate([prepared.run.theta[:, 1:] for prepared in runs])
     rms = np.sqrt(np.mean((measured - ratio_fit.predicted) ** 2, axis=0))
-    ratios = {name: _ratio(ratio_fit, sure, rig, name, profile) for name in RATIOS}
-    parameters, base = update_prior(sure.values, sure.of_runs, rig, ratio_fit.visible)
-    scale, unknown = _scale(ratio_fit, sure, rig, base["b"]), ratio_fit.fit.estimate.ratios
+    ratios = {name: _ratio(ratio_fit, ratio_uncertainty, rig, name, profile) for name in RATIOS}
+    parameters, base = update_prior(ratio_uncertainty.values, ratio_uncertainty.of_runs, rig, ratio_fit.visible)
+    scale, unknown = _scale(ratio_fit, ratio_uncertainty, rig, base["b"]), ratio_fit.fit.estimate.ratios
     parameters, base = with_intervals(parameters, base, ratios, scale, unknown, rig, ratio_fit.visible)
     alone = only_inner(prepared.run.setup for prepared in runs)
     p_over_b = float(unknown[ON_ELBOW])
-    std = dict.fromkeys(RATIOS, 0.0) | _of_ratios(sure.names, sure.cramer_rao_std)
+    std = dict.fromkeys(RATIOS, 0.0) | _of_ratios(ratio_uncertainty.names, ratio_uncertainty.cramer_rao_std)
     share = float(unknown[RATIOS.index("a/b")]) - p_over_b
-    mounted_alone = replace(sure, assumed=0.0) if alone else sure  # what is not mounted has no influence on ratios to a
+    mounted_alone = (
+        replace(ratio_uncertainty, assumed=0.0) if alone else ratio_uncertainty
+    )  # what is not mounted has no influence on ratios to a
     shown = {name: _ratio(ratio_fit, mounted_alone, rig, name, profile) for name in RATIOS} if alone else ratios
     return Model(
         rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g),
         ratios=ratios_alone([*shown.values()], p_over_b, rig.g / rig.L1) if alone else ratios,
         fitted=[*ratios.values()] if alone else [],
-        covariance=Covariance(order=list(sure.names), matrix=sure.covariance.tolist()),
+        covariance=Covariance(order=list(ratio_uncertainty.names), matrix=ratio_uncertainty.covariance.tolist()),
         cramer_rao_std={"e1/a": std["e1/b"] / share, "c1/a": std["c1/b"] / share} if alone else std,
         p_over_b=p_over_b if any(prepared.run.setup.alone for prepared in runs) else None,
         parameters=parameters,
         base=base,
         scale=scale,
-        identifiability=_identifiable(ratio_fit, sure, rig, np.array([value.value for value in parameters.values()])),
+        identifiability=_identifiable(
+            ratio_fit, ratio_uncertainty, rig, np.array([value.value for value in parameters.values()])
+        ),
         fit=FitSummary(
             rms_rad=dict(zip(("theta1", "theta2"), rms.tolist(), strict=True)),
             noise_rad=dict(zip(("theta1", "theta2"), noise.tolist(), strict=True)),
@@ -142,41 +146,47 @@ def _of_ratios(names: Sequence[str], values: NDArray[np.float64]) -> dict[str, f
     return {name: value for name, value in zip(names, values.tolist(), strict=True) if name in RATIOS}
 
 
-def _ratio(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, name: str, profile: bool) -> EstimatedValue:
+def _ratio(
+    ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, name: str, profile: bool
+) -> EstimatedValue:
     value = float(ratio_fit.ratios[RATIOS.index(name)])
-    if name not in sure.names:
+    if name not in ratio_uncertainty.names:
         std = prior_ratio_std(rig)[RATIOS.index(name)]
         reach = NORMAL_Q90 * std
         interval = (max(value - reach, 0.0), value + reach)
         return EstimatedValue(value=value, std=std, interval90=interval, fixed_by="bound")
-    i = sure.names.index(name)
+    i = ratio_uncertainty.names.index(name)
     return EstimatedValue(
         value=value,
-        std=float(sure.std[i]),
-        interval90=sure.interval90(i),
-        profile90=_profile(ratio_fit, sure, i) if profile else None,
-        fixed_by="bound" if sure.of_prior[i] > SETTINGS.of_prior or name in sure.at_zero else "data",
+        std=float(ratio_uncertainty.std[i]),
+        interval90=ratio_uncertainty.interval90(i),
+        profile90=_profile(ratio_fit, ratio_uncertainty, i) if profile else None,
+        fixed_by="bound"
+        if ratio_uncertainty.of_prior[i] > SETTINGS.of_prior or name in ratio_uncertainty.at_zero
+        else "data",
     )
 
 
-def _scale(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, b: ParameterValue) -> Scale:
+def _scale(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, b: ParameterValue) -> Scale:
     """Scale of absolute sizes: determined by the runs, or by the rig file.
 
     Bounds of the rig file may move b away from the runs' estimate. The interval then reaches from one to the other.
     """
     if SCALE not in ratio_fit.visible:
         return scale_of(b, ratio_fit.fit.estimate.ratios, rig, ratio_fit.visible)
-    low, high = sure.interval90(list(ratio_fit.visible).index(SCALE))
+    low, high = ratio_uncertainty.interval90(list(ratio_fit.visible).index(SCALE))
     return Scale(b=b.value, interval90=(max(min(low, b.value), 1e-3 * b.value), max(high, b.value)), fixed_by="data")
 
 
-def _profile(ratio_fit: RatioFit, sure: RatioUncertainty, index: int) -> tuple[float | None, float | None]:
-    low, high = profile90(ratio_fit, sure, index)
+def _profile(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int) -> tuple[float | None, float | None]:
+    low, high = profile90(ratio_fit, ratio_uncertainty, index)
     return low if np.isfinite(low) else None, high if np.isfinite(high) else None
 
 
-def _identifiable(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, Z: NDArray[np.float64]) -> Identifiable:
-    relative = sure.information / max(
+def _identifiable(
+    ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, Z: NDArray[np.float64]
+) -> Identifiable:
+    relative = ratio_uncertainty.information / max(
         1.0, ratio_fit.chi2_per_dof
     )  # a residual above the noise is treated as noise of that size
     analysis = identifiability(relative, rig, Z, lengths=False, visible=ratio_fit.visible)
@@ -206,27 +216,35 @@ def _used(index: int, prepared: PreprocessedRun, ratio_fit: RatioFit) -> RunUsed
     )
 
 
-def _warnings(ratio_fit: RatioFit, sure: RatioUncertainty) -> list[str]:
+def _warnings(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty) -> list[str]:
     warnings = []
     if ratio_fit.chi2_per_dof > SETTINGS.gap_warning:
         warnings.append(
             f"the residual is {ratio_fit.chi2_per_dof**0.5:.1f} times the noise floor over segments of"
             f" {ratio_fit.longest_s:.2g} s: the model lacks an effect of this rig"
         )
-    warnings += [f"{name} is fixed at zero: its unconstrained estimate is negative" for name in sure.at_zero]
+    warnings += [
+        f"{name} is fixed at zero: its unconstrained estimate is negative" for name in ratio_uncertainty.at_zero
+    ]
     warnings += [
         f"{name} is poorly determined by these runs: its standard deviation exceeds half its value"
-        for name, value, std in zip(sure.names, sure.values, sure.std, strict=True)
+        for name, value, std in zip(
+            ratio_uncertainty.names, ratio_uncertainty.values, ratio_uncertainty.std, strict=True
+        )
         if name in FRICTION_NAMES and value > 0 and std > SETTINGS.hardly_seen * value
     ]
-    hardly = [name for name, share in zip(sure.names, sure.of_prior, strict=True) if share > SETTINGS.of_prior]
+    hardly = [
+        name
+        for name, share in zip(ratio_uncertainty.names, ratio_uncertainty.of_prior, strict=True)
+        if share > SETTINGS.of_prior
+    ]
     if hardly:
         warnings.append(
             f"these runs hardly determine {', '.join(hardly)}: value and interval depend on the nominal"
             f" values and bounds"
             " of the rig file; record longer and larger swings, or both rods free"
         )
-    unseen = [name for name in RATIOS if name not in sure.names]
+    unseen = [name for name in RATIOS if name not in ratio_uncertainty.names]
     if unseen:
         warnings.append(
             f"these runs do not determine {', '.join(unseen)}: their values are those of the rig file; record swings"
@@ -245,7 +263,7 @@ def _beyond_bounds(parameters: Mapping[str, ParameterValue], rig: Rig) -> list[s
     ]
 
 
-def _failures(ratio_fit: RatioFit, sure: RatioUncertainty) -> list[str]:
+def _failures(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty) -> list[str]:
     failures = []
     if not ratio_fit.fit.converged:
         failures.append(
@@ -253,7 +271,9 @@ def _failures(ratio_fit: RatioFit, sure: RatioUncertainty) -> list[str]:
         )
     failures += [
         f"{name} is not identifiable from these runs: its standard deviation is {percent(std / value)} of its value"
-        for name, value, std in zip(sure.names, sure.values, sure.std, strict=True)
+        for name, value, std in zip(
+            ratio_uncertainty.names, ratio_uncertainty.values, ratio_uncertainty.std, strict=True
+        )
         if name in RATIOS and name not in FRICTION_NAMES and not std / value < SETTINGS.hardly_seen
     ]
     return failures

@@ -55,7 +55,7 @@ def identify(
     then over longer and longer segments while the model follows them, gives the ratios and their covariance.
 
     Args:
-        runs: one or several runs; two of the three poses are enough
+        runs: one or several runs; releases from two different poses are enough
         rig: bounds, measured values, encoders
         objective: a name of `OBJECTIVES`: `segments` (default) or `paper` (E(Z), docs/theory.md equation 2)
         search: a name of `ALGORITHMS`
@@ -168,11 +168,13 @@ def identifiability_of(
             "warning: the fit from the values of the rig file did not converge; run `dpr-lab identify` for"
             " a global search"
         )
-    sure = determined(uncertainty(ratio_fit))
-    nine, _ = update_prior(sure.values, sure.of_runs, rig, ratio_fit.visible)
+    ratio_uncertainty = determined(uncertainty(ratio_fit))
+    nine, _ = update_prior(ratio_uncertainty.values, ratio_uncertainty.of_runs, rig, ratio_fit.visible)
     Z = np.array([value.value for value in nine.values()])
     # A residual above the noise floor is treated as noise of that size.
-    return identifiability(sure.information / max(1.0, ratio_fit.chi2_per_dof), rig, Z, visible=ratio_fit.visible)
+    return identifiability(
+        ratio_uncertainty.information / max(1.0, ratio_fit.chi2_per_dof), rig, Z, visible=ratio_fit.visible
+    )
 
 
 def _suited(name: str, search: str) -> SearchSettings:

@@ -65,7 +65,7 @@ UNSURE = np.array([1e-3, 1e-3, 1e-3, 0.3, 0.3])
 
 
 def assumed_b(unknown: NDArray[np.float64], rig: Rig) -> ParameterValue:
-    """b, kg m^2, from the rig file and ratios (5,) or more that start with them: the scale of all torques."""
+    """b, kg m^2, the scale of all torques, from the rig file and an unknown vector that starts with the five ratios."""
     values = unknown[: len(UNSURE)]
     _, base = update_prior(values, np.diag((UNSURE * np.maximum(values, 1e-3)) ** 2), rig)
     return base["b"]

@@ -31,30 +31,30 @@ class ProfileSettings:
 SETTINGS = ProfileSettings()
 
 
-def profile90(ratio_fit: RatioFit, sure: RatioUncertainty, index: int) -> tuple[float, float]:
+def profile90(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int) -> tuple[float, float]:
     """90 % profile likelihood interval of one unknown; a friction ratio's lower end stops at zero.
 
     Args:
         ratio_fit: maximum of the likelihood
-        sure: its information
+        ratio_uncertainty: its information matrix and standard deviations
         index: index of the unknown
 
     Returns:
         lower and upper end; infinite if the likelihood does not decrease within `widest` standard deviations
     """
-    std = float(sure.cramer_rao_std[index]) * max(1.0, ratio_fit.chi2_per_dof) ** 0.5
+    std = float(ratio_uncertainty.cramer_rao_std[index]) * max(1.0, ratio_fit.chi2_per_dof) ** 0.5
     if std == 0.0:
         return 0.0, 0.0
-    return _end(ratio_fit, sure, index, -std), _end(ratio_fit, sure, index, std)
+    return _end(ratio_fit, ratio_uncertainty, index, -std), _end(ratio_fit, ratio_uncertainty, index, std)
 
 
-def _end(ratio_fit: RatioFit, sure: RatioUncertainty, index: int, unit: float) -> float:
+def _end(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int, unit: float) -> float:
     limit = float(chdtri(1, 0.1)) * max(1.0, ratio_fit.chi2_per_dof)
-    centre, widest = float(sure.values[index]), SETTINGS.widest
+    centre, widest = float(ratio_uncertainty.values[index]), SETTINGS.widest
     furthest = widest if unit > 0 else min(widest, centre / -unit)
 
     def excess(units: float) -> float:
-        return _chi2_at(ratio_fit, sure, index, centre + units * unit) - ratio_fit.fit.chi2 - limit
+        return _chi2_at(ratio_fit, ratio_uncertainty, index, centre + units * unit) - ratio_fit.fit.chi2 - limit
 
     outer = min(2.0, furthest)
     while excess(outer) < 0:
@@ -64,15 +64,17 @@ def _end(ratio_fit: RatioFit, sure: RatioUncertainty, index: int, unit: float) -
     return centre + float(root_scalar(excess, bracket=(0.0, outer), xtol=SETTINGS.tolerance).root) * unit
 
 
-def _chi2_at(ratio_fit: RatioFit, sure: RatioUncertainty, index: int, value: float) -> float:
+def _chi2_at(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int, value: float) -> float:
     """Minimum chi-square with one unknown fixed, starting from the solution of the linear problem."""
-    free = sure.values > 0
+    free = ratio_uncertainty.values > 0
     direction = np.zeros(len(free))
-    direction[free] = np.linalg.inv(sure.information[np.ix_(free, free)])[:, np.count_nonzero(free[:index])]
-    step = direction / direction[index] * (value - sure.values[index])
+    direction[free] = np.linalg.inv(ratio_uncertainty.information[np.ix_(free, free)])[
+        :, np.count_nonzero(free[:index])
+    ]
+    step = direction / direction[index] * (value - ratio_uncertainty.values[index])
     estimate = ratio_fit.fit.estimate
     ratios = estimate.ratios.copy()
-    ratios[list(ratio_fit.visible)] = np.maximum(sure.values + step, 0.0)
+    ratios[list(ratio_fit.visible)] = np.maximum(ratio_uncertainty.values + step, 0.0)
     of_all = np.concatenate([step, np.zeros(len(ratio_fit.fit.free) - len(step))])  # with zeros of encoders, if any
     start = estimate.changed(ratios=ratios, initial=estimate.initial + ratio_fit.fit.linear.initial_steps(of_all))
     return fit_ratios(

@@ -96,8 +96,8 @@ def _order_of_H(ours: Recomputed, rig: Rig) -> Contradiction:
     return Contradiction(
         "Table 3 is sorted by H, its last row best with 0.07534.",
         f"Ours, angles from X1: the last row has {E[-1]:.4g}; the smallest is row {best + 1} with {E[best]:.4g}, "
-        f"printed as {TABLE_3[best, -1]:g}. That row misses the nine parameters by up to {nine:.2g} %, "
-        f"yet the five ratios by no more than {five:.2g} %.",
+        f"printed as {TABLE_3[best, -1]:g}. Its nine parameters are wrong by up to {nine:.2g} %, "
+        f"but its five ratios by at most {five:.2g} %.",
     )
 
 

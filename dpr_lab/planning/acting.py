@@ -51,7 +51,7 @@ class Acting:
         return cls(rods, limits.drive is not None, states != ("held",), "driven" in states)
 
     def besides(self, setups: Sequence[Setup]) -> "Acting":
-        """The same, together with what acted in the recordings."""
+        """What the plan permits, together with what acted in the recordings."""
         driven = [setup.torques for setup in setups if setup.torques is not None]
         return replace(
             self,

@@ -2,19 +2,19 @@ r"""Stopping rule: whether the causes are decided, and the probability that furt
 
 A cause is decided if one effect of a class and of its alternatives has a probability of at least `SURE`, and if it is
 validated by data that were not fitted: by another release, or by the quarters of a single release. The quarters share
-the pose and all that is peculiar to a release. A single release therefore decides one cause only, with a margin: one of
-its amplitudes has at least `margin` standard deviations, twice the size that counts as detectable. Several causes, and
-the absence of a gap, are confirmed by a second release.
+the pose and all other conditions of the release. A single release therefore decides one cause only, with a margin: one
+of its amplitudes has at least `margin` standard deviations, twice the size that counts as detectable. Several causes,
+and the absence of a gap, are confirmed by a second release.
 
 If cause t is true, further releases increase its log odds against each other cause j by a normally distributed amount
 of mean d^2 / 2 and variance d^2 (`dpr_lab.planning.worth.criteria`). The probability of a decision is the share of
 random draws, of the true cause from its posterior and of this amount, in which one cause reaches `SURE`. A cause
 outside the library keeps its probability.
 
-A release may also reveal another alternative, which leaves the cause undecided until a further release. In campaigns a
-share `holds` of certain decisions after one more release occurred; of n releases at least one then decides with the
-probability 1 - (1 - holds)^n. A remainder that no effect explains seldom disappears with further releases: then the
-share is `clears`.
+A release may also reveal another alternative, which leaves the cause undecided until a further release. In blind trials
+only a share `holds` of the decisions that were predicted with certainty occurred after one more release. At least one
+of n releases then decides with the probability 1 - (1 - holds)^n. A remainder that no effect explains seldom
+disappears with further releases; the share is then `clears`.
 """
 
 from collections.abc import Collection, Sequence

@@ -132,10 +132,10 @@ class _Room:
     left: int = LIMITS.surplus_bytes
 
     def take(self, packed: int, expanded: int) -> None:
-        """Subtract a chunk before it is expanded.
+        """Subtract the size of a chunk from the budget before the chunk is expanded.
 
         Raises:
-            McapError: it, or all chunks together, exceed the limits.
+            McapError: the chunk, or all chunks together, exceed the limits.
         """
         credit = LIMITS.expansion * packed
         most = min(LIMITS.record_bytes, credit + LIMITS.small_chunk_bytes, credit + self.left)

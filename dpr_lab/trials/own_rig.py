@@ -160,7 +160,7 @@ def _original(run: Run, rig: Rig, estimate: Estimate) -> _Original:
 
 
 def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random.Generator) -> Effects:
-    """One effect that was not named but is detectable, with a random size; one of its amplitudes."""
+    """A random effect that was not named but is detectable; one of its amplitudes has a random size."""
     named = {effect.name for effect in diagnosis.effects}
     detectable = {name: {k: v for k, v in sizes.items() if v} for name, sizes in diagnosis.detectable.items()}
     names = [n for n in detectable if n in library and n not in named and detectable[n] and not library[n].event]

@@ -94,7 +94,7 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
             return app
 
         async def on_startup(self, app: Any) -> None:
-            """Called for this app and for the one below its token; registers handlers only once."""
+            """Do nothing: textual-serve calls this for both apps, and `announce` is registered for the outer one."""
 
         async def announce(self, app: Any) -> None:
             logging.getLogger("aiohttp.access").setLevel(logging.WARNING)  # the default would log the token

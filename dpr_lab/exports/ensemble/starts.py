@@ -1,7 +1,7 @@
 """Random initial states of segments, drawn from their distribution given readings and model.
 
 With V the covariance of the zeros of the encoders of one recording, R and C of `dpr_lab.fitting.linearise`, and f the
-chi2 of one piece of independent evidence (`dpr_lab.gap.hypothesis.residuals`), a draw is
+variance inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`), a draw is
 
     z ~ N(0, V),    x = x0 + R^-1 (sqrt(f) n - C z),    n ~ N(0, 1).
 

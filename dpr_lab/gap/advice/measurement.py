@@ -41,7 +41,9 @@ class CheckSettings:
     error.
     """
     linear_error: float = 0.3
-    """The same, in addition, if the amplitude comes from a linear score test and was not fitted. Assumed."""
+    """Additional relative standard deviation of an amplitude that was not fitted but comes from a linear score test.
+    Assumed.
+    """
     background: float = 0.1
     """m': standard deviation of an amplitude whose effect is not the cause, relative to the smaller of its typical
     and its fitted size. Every rig has a small amount of every effect; a tenth of the size that explains the gap

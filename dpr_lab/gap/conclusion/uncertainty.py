@@ -1,11 +1,11 @@
 """Uncertainty of the fitted values: by noise, by the integrator, by measured constants, and by the discrepancy term.
 
 With A the Jacobian of a fit, initial states projected out, the noise causes the covariance f (A^T A)^-1, where f is the
-chi2 of one piece of independent evidence. Any other change dr of the readings that the fit does not model shifts the
-values by -(A^T A)^-1 A^T dr. The following shifts count as standard deviations: that of half the integrator's step;
-that of each weighed mass, by its standard uncertainty; and that of each free torque or reading error of the discrepancy
-term, by its prior. Ratios that the recordings do not determine shift the others in the same way, by the bounds of the
-rig file. Sizes of effects assume these ratios, as they assume b.
+variance inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`). Any other change dr of the readings that the fit does
+not model shifts the values by -(A^T A)^-1 A^T dr. The following shifts count as standard deviations: that of half the
+integrator's step; that of each weighed mass, by its standard uncertainty; and that of each free torque or reading error
+of the discrepancy term, by its prior. Ratios that the recordings do not determine shift the others in the same way, by
+the bounds of the rig file. Sizes of effects assume these ratios, as they assume b.
 
 Source: consider covariance, S. F. Schmidt (1966), Application of state-space methods to navigation problems.
 """

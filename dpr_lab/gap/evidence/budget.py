@@ -9,7 +9,7 @@ fitted values and the initial state; u_D by the noise of the compared readings. 
 them; otherwise no error would ever exceed them.
 
 If an input is wrong by one standard uncertainty, the readings change by c, of which c' remains after the fitted values
-absorb their part. With f the chi2 of one piece of independent evidence, the recordings themselves reduce the standard
+absorb their part. With f the variance inflation n / n_eff, the recordings themselves reduce the standard
 uncertainty by the factor (1 + |c'|^2 / f)^-1/2, because a larger error would be visible in them.
 
 Sources: ASME V&V 20-2009, Standard for Verification and Validation in Computational Fluid Dynamics and Heat Transfer;

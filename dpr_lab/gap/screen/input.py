@@ -114,7 +114,8 @@ def _gain(fitted: Fit) -> float:
 def _wrong_sign(rig: Rig, gain: float) -> str:
     """Sentence on the sign that is wrong if the model fits with the opposite sign of theta0 and some gain.
 
-    If the gain is negative then, arm and input agree, and the rods have the other sign: they are named.
+    With a positive gain, theta0 is reversed. With a negative gain, arm and input agree with each other, and the
+    rods are reversed.
     """
     if gain > 0.0:
         return (

@@ -150,16 +150,16 @@ class Recordings:
         """Segments of approximately one length, s, and (segments, 4) initial states estimated from the readings."""
         records = self.records
         cuts = [cut(record.t, length, record.breaks) for record in records]
-        stretches = [(i, s) for i, pieces in enumerate(cuts) for s in pieces]
+        slices = [(i, s) for i, pieces in enumerate(cuts) for s in pieces]
         problem = Problem(
             segments=segments(
-                [records[i].t[s] for i, s in stretches],
-                [i for i, _ in stretches],
+                [records[i].t[s] for i, s in slices],
+                [i for i, _ in slices],
                 [record.setup for record in records],
-                [records[i].step for i, _ in stretches],
+                [records[i].step for i, _ in slices],
             ),
-            measured=np.concatenate([self._widened(records[i].joints[s]) for i, s in stretches]),
-            weight=np.concatenate([self._widened(1 / records[i].sigma[s]) for i, s in stretches]),
+            measured=np.concatenate([self._widened(records[i].joints[s]) for i, s in slices]),
+            weight=np.concatenate([self._widened(1 / records[i].sigma[s]) for i, s in slices]),
             model=RodsWithEffects(self.constants),
             masses_weighed=self.masses_weighed,
             always=self.always,
@@ -192,16 +192,16 @@ class Recordings:
         return replace(self, records=tuple(chosen))
 
 
-def _initial_states(record: Record, stretches: Sequence[slice], relative2: bool) -> Array:
-    """(stretches, states) initial states of segments from cubics through the readings; at rest after a release.
+def _initial_states(record: Record, slices: Sequence[slice], relative2: bool) -> Array:
+    """(segments, states) initial states from cubics through the readings; at rest after a release.
 
     Returns:
         theta1, theta2, omega1, omega2, rad and rad/s
     """
-    begins = np.array([segment_start(float(record.t[s.start])) for s in stretches])
-    near = [_near(record, s.start, begin) for s, begin in zip(stretches, begins, strict=True)]
+    begins = np.array([segment_start(float(record.t[s.start])) for s in slices])
+    near = [_near(record, s.start, begin) for s, begin in zip(slices, begins, strict=True)]
     axes = record.joints.shape[1]
-    states = np.empty((len(stretches), 2 * axes))
+    states = np.empty((len(slices), 2 * axes))
     sizes = np.array([len(window) for window in near])
     for size in np.unique(sizes):
         alike = np.flatnonzero(sizes == size)
@@ -222,9 +222,9 @@ def _initial_states(record: Record, stretches: Sequence[slice], relative2: bool)
     return states
 
 
-def _with_arm(record: Record, stretches: Sequence[slice], relative2: bool) -> Array:
-    """(stretches, 6) the same with the arm, at its mean angle where it is clamped."""
-    states = _initial_states(record, stretches, relative2)
+def _with_arm(record: Record, slices: Sequence[slice], relative2: bool) -> Array:
+    """(segments, 6) initial states with the arm: theta0 and omega0 last; a clamped arm rests at its mean angle."""
+    states = _initial_states(record, slices, relative2)
     if record.setup.arm_moves:
         return states
     held = float(np.mean(record.run.swing.theta[:, 0]))

@@ -172,7 +172,7 @@ def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]
 
 
 def _own_shares(sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypothesis]) -> dict[str, float]:
-    """Own share of each secondary effect next to others, except those that every rig has."""
+    """Own share of each secondary effect, unless it is the only one or every rig has it."""
     limit = excess(chosen) + THRESHOLDS.secondary * sets.bare.residuals.excess
     shares: dict[str, float] = {}
     for name, smaller in without.items():

@@ -39,7 +39,10 @@ class Selection:
     without: Mapping[str, Hypothesis]
     """The selected set without one of its effects, for each effect."""
     without_substitute: Mapping[str, Hypothesis]
-    """The same, also without a curve that would imitate the removed effect (`thresholds.substitute_curve`)."""
+    """The sets of `without`, also without a curve that would imitate the removed effect.
+
+    `thresholds.substitute_curve` names the curve.
+    """
     tests_without: Mapping[str, ScoreTest]
     """The score test on each set of `without`."""
     own_shares: Mapping[str, float]

@@ -29,13 +29,13 @@ class MisreadSettings:
     looked_at_s: float = 5.0
     """Examined duration of each run, s; a wrong interpretation is wrong from the start."""
     tried_s: float = 2.5
-    """The same for the test of other interpretations, s."""
+    """Examined duration of each run in the test of other interpretations, s."""
     suspicious: float = 0.02
     """Residual over the standard deviation of the angle. Free rods reach 2e-4 for a clean plant, 0.002 and 0.065
     for rigs with much friction; wrong interpretations of a clean plant start at 0.05.
     """
     hopeless: float = 0.3
-    """The same, above which the fit does not follow the swing at all."""
+    """Residual over the standard deviation of the angle above which the fit does not follow the swing at all."""
     better: float = 10.0
     """Factor by which chi2 must be smaller in another interpretation that refuses recordings."""
     better_hint: float = 5.0

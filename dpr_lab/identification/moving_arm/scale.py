@@ -134,8 +134,8 @@ def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, determined: Collection[s
         return []
     if motor.input == "current" and motor.kt is None:
         return [
-            f"[motor] of the rig file does not give kt: a current shows kt/{unknowns.scale} only. Add kt, or"
-            " import the torque, to determine absolute sizes"
+            f"[motor] of the rig file does not give kt: a current determines only the ratio"
+            f" kt/{unknowns.scale}. Add kt, or import the torque, to determine absolute sizes"
         ]
     if motor.input != "voltage":
         return []

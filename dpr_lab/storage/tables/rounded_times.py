@@ -29,7 +29,7 @@ SETTINGS = RoundingSettings()
 
 
 def shares_times(t: Array, readings: Mapping[str, Array]) -> NDArray[np.bool_]:
-    """(n - 1,) rows with the time of the row before but other readings."""
+    """(n - 1,) whether a row has the time of the previous row but different readings."""
     changed = np.logical_or.reduce([np.diff(column) != 0 for column in readings.values()])
     return np.asarray(changed & (np.diff(t) == 0))
 

@@ -162,7 +162,7 @@ class Countdown(ModalScreen[bool]):
             raise SafetyStop(f"the code was not typed within {SIGHT.code_s:g} s") from None
 
     async def _come_into_sight(self) -> None:
-        """Wait until a slow line has drawn the dialog and then responds at once."""
+        """Wait until the terminal has drawn the dialog and its round trip time is short, also on a slow line."""
         give_up = time.monotonic() + SIGHT.patience_s
         while (round_trip := await self._drawn()) > SIGHT.round_trip_s:
             if time.monotonic() > give_up:
