@@ -3,15 +3,17 @@
     python benchmarks/plan_bounds.py
 
 Ratios: the best three of a grid of poses by exchange, for the geometric mean of the standard deviations of the ratios
-over those after X1, X2, X3. Causes: releases until one amplitude of the library is decided, for sizes of one to ten
-times the smallest that the average release of the menu shows. An oracle knows the cause and takes the best pose for it.
+over those after X1, X2, X3; then with one rod, a clamped elbow and added masses as well, all of 10 s. Causes: releases
+until one amplitude of the library is decided, for sizes of one to ten times the smallest that the average release of
+the menu shows. An oracle knows the cause and takes the best pose for it. Both are computed for releases as long as
+those of the menu and for those of 30 s; the minutes are those of `dpr-lab plan` for placing and recording.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from _bars import at_most, options, show
+from _bars import Bar, at_most, options, show
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
@@ -20,15 +22,17 @@ from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
 from dpr_lab.gap.classes.posterior import CALIBRATION
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
-from dpr_lab.planning.candidates import spread_poses
+from dpr_lab.planning.acting import Acting
+from dpr_lab.planning.candidates import minutes, mounted_now, mountings, spread_poses
 from dpr_lab.planning.forecast import STOPPING
 from dpr_lab.planning.information import informed
 from dpr_lab.planning.knowledge import RATIO_COLUMNS, Knowledge, known_before
-from dpr_lab.planning.limits import PlanLimits, RecordingTimes
+from dpr_lab.planning.limits import AllowedRods, PlanLimits, RecordingTimes
 from dpr_lab.planning.plan import plan
-from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.release import CandidateRelease, MountedParts
 from dpr_lab.planning.worth.criteria import given, ratio_std
 from dpr_lab.rig import Rig, load_rig
+from dpr_lab.rig_tables import AddedMass
 
 Array = NDArray[np.float64]
 
@@ -38,9 +42,15 @@ class Bounds:
     """Settings of the search."""
 
     duration_s: float = 10.0
+    """Duration of the menu's releases."""
+    longest_s: float = 30.0
+    """Largest duration that a plan chooses by default."""
     releases: int = 3
     grid: int = 36
     """Number of angles of each rod in the grid for the ratios."""
+    mounted_grid: int = 12
+    """The same for releases with one rod, a clamped elbow or an added mass."""
+    mass_kg: float = 0.1
     poses: int = 120
     """Number of poses of the oracle."""
     restarts: int = 12
@@ -51,25 +61,51 @@ class Bounds:
 BOUNDS = Bounds()
 
 
-def releases_from(theta: Sequence[tuple[float, float]]) -> list[CandidateRelease]:
-    """Free swings from start poses."""
-    return [CandidateRelease(a, b, BOUNDS.duration_s) for a, b in theta]
+BOTH_RODS = MountedParts()
 
 
-def information(known: Knowledge, theta: Sequence[tuple[float, float]]) -> Array:
-    """(n, k, k) information of releases from start poses."""
-    return np.array([one.information for one in informed(releases_from(theta), known.model)])
+def information(
+    known: Knowledge, theta: Sequence[tuple[float, float]], duration_s: float, parts: MountedParts = BOTH_RODS
+) -> Array:
+    """(n, k, k) information of free swings from start poses."""
+    one = parts.mounting in ("inner", "outer")
+    swings = [CandidateRelease(a, a if one else b, duration_s, *parts[:2]) for a, b in theta]
+    return np.array([one.information for one in informed(swings, known.model)])
 
 
-def best_ratios(known: Knowledge, menu_std: Array, count: int) -> float:
-    """Least geometric mean of the ratios' standard deviations over those of the menu, by exchange of poses."""
-    k = len(UNKNOWN_RATIOS)
-    only = replace(known, model=replace(known.model, columns=known.model.columns[:k]))
+def grid(count: int) -> list[tuple[float, float]]:
+    """Start poses, `count` angles of each rod."""
     angles = np.linspace(0.0, 2 * np.pi, count, endpoint=False) + 0.05
-    H, prior = information(only, [(a, b) for a in angles for b in angles]), known.prior[:k, :k]
-    rng, least = np.random.default_rng(0), np.inf
+    return [(a, b) for a in angles.tolist() for b in angles.tolist()]
+
+
+def only_ratios(rig: Rig) -> Knowledge:
+    """Knowledge of a rig without any effect."""
+    known, k = known_before(rig, Acting(frozenset({"both", "inner", "outer", "clamped"}))), len(UNKNOWN_RATIOS)
+    prior = known.prior[:k, :k]
+    return replace(
+        known, model=replace(known.model, columns=known.model.columns[:k]), prior=prior, information=prior, places={}
+    )
+
+
+def mounted_differently(rig: Rig) -> list[MountedParts]:
+    """One rod, a clamped elbow, and a mass in the middle or at the end of either rod."""
+    masses = tuple(
+        AddedMass.model_validate({"rod": rod, "mass": BOUNDS.mass_kg, "position": share * length})
+        for rod, length in (("inner", rig.L1), ("outer", rig.L2 or rig.L1))
+        for share in (0.5, 1.0)
+    )
+    rods = AllowedRods(mounted=("both", "inner", "outer"), elbow=("free", "clamped"))
+    every = mountings(rig, PlanLimits(rods=rods, masses=masses))
+    return [parts for parts in every if parts.added is None or parts.mounting == "both"]
+
+
+def best_ratios(known: Knowledge, menu_std: Array, H: Array) -> tuple[float, NDArray[np.int64]]:
+    """Least geometric mean of the ratios' standard deviations over those of the menu by exchange, and the releases."""
+    prior, rng = known.prior, np.random.default_rng(0)
+    least: tuple[float, NDArray[np.int64]] = np.inf, np.zeros(0, dtype=np.int64)
     for _ in range(BOUNDS.restarts):
-        chosen, before = rng.integers(len(H), size=BOUNDS.releases), np.inf
+        chosen, before = np.array(rng.integers(len(H), size=BOUNDS.releases)), np.inf
         means = np.full(1, np.inf)
         while True:
             for place in range(len(chosen)):
@@ -80,8 +116,9 @@ def best_ratios(known: Knowledge, menu_std: Array, count: int) -> float:
             if means.min() > before - 1e-6:
                 break
             before = float(means.min())
-        least = min(least, before)
-    return float(least)
+        if before < least[0]:
+            least = before, chosen.copy()
+    return least
 
 
 def powers(known: Knowledge, H: Array) -> dict[str, Array]:
@@ -113,15 +150,18 @@ def needed(powers_after: Sequence[Array], size: float) -> int:
     return len(powers_after) + 1
 
 
-def releases_needed(known: Knowledge, menu: Array, planned: Array, pool: Array) -> dict[str, float]:
-    """Mean releases until decided: by the menu, by plan, and by the oracle, whose second release always decides."""
-    single = [powers(known, H) for H in menu]
-    after = {
-        name: [powers(known, H[: n + 1].sum(axis=0)) for n in range(len(H))]
-        for name, H in {"menu": menu, "plan": planned}.items()
-    }
-    of_pool = [powers(known, H) for H in pool]
-    counts: dict[str, list[int]] = {"menu": [], "plan": [], "oracle": []}
+def releases_needed(known: Knowledge, sequences: Mapping[str, Array], pools: Mapping[str, Array]) -> dict[str, float]:
+    """Mean releases until decided, of sequences in order, and of oracles whose second release always decides.
+
+    Args:
+        known: before any recording
+        sequences: `menu` and others -> (releases, k, k) information
+        pools: oracle -> (poses, k, k) information
+    """
+    single = [powers(known, H) for H in sequences["menu"]]
+    after = {name: [powers(known, H[: n + 1].sum(axis=0)) for n in range(len(H))] for name, H in sequences.items()}
+    each = {name: [powers(known, H) for H in pool] for name, pool in pools.items()}
+    counts: dict[str, list[int]] = {name: [] for name in (*sequences, *pools)}
     for amplitude in single[0]:
         power = float(np.mean([one[amplitude][0] for one in single]))
         if power <= 0.0:
@@ -129,36 +169,63 @@ def releases_needed(known: Knowledge, menu: Array, planned: Array, pool: Array) 
         for size in np.array(BOUNDS.times) * SIGMAS / np.sqrt(power):
             for name, steps in after.items():
                 counts[name].append(needed([step[amplitude] for step in steps], float(size)))
-            counts["oracle"].append(min(needed([one[amplitude]], float(size)) for one in of_pool))
+            for name, poses in each.items():
+                counts[name].append(min(needed([one[amplitude]], float(size)) for one in poses))
     return {name: float(np.mean(values)) for name, values in counts.items()}
 
 
-def planned_poses(rig: Rig) -> tuple[list[tuple[float, float]], Array]:
+def planned_poses(rig: Rig, duration_s: float) -> tuple[list[tuple[float, float]], Array]:
     """Start poses of a plan before any recording, and the standard deviations of the ratios after them."""
-    times = RecordingTimes(shortest_s=BOUNDS.duration_s, longest_s=BOUNDS.duration_s)
+    times = RecordingTimes(shortest_s=duration_s, longest_s=duration_s)
     made = plan(rig, limits=PlanLimits(recording=times), count=BOUNDS.releases)
     stds = np.array(list(made.releases[-1].ratio_std.values()))
     return [(one.theta1_rad, one.theta2_rad) for one in made.releases], stds
 
 
+def ratio_bars(rig: Rig, planned_std: Mapping[float, Array], quick: bool) -> list[Bar]:
+    """Standard deviations of the ratios after three releases, over those after the menu's."""
+    known, times = only_ratios(rig), BOUNDS.duration_s
+    menu = information(known, [(pose.theta1, pose.theta2) for pose in rig.poses.values()], times)
+    menu_std = ratio_std(known, known.prior + menu.sum(axis=0))
+    free = information(known, grid(6 if quick else BOUNDS.grid), times)
+    bars = [
+        at_most(f"ratios: plan of {duration:g} s", float(np.exp(np.log(stds / menu_std).mean())), 0.6)
+        for duration, stds in planned_std.items()
+    ]
+    bars.append(at_most("ratios: best three poses", best_ratios(known, menu_std, free)[0], 0.6))
+    for parts in mounted_differently(rig)[1:]:
+        poses = grid(4 if quick else BOUNDS.mounted_grid)
+        if parts.mounting in ("inner", "outer"):
+            poses = poses[:: round(len(poses) ** 0.5)]
+        pool = np.concatenate([free, information(known, poses, times, parts)])
+        least, chosen = best_ratios(known, menu_std, pool)
+        used, added = int(np.count_nonzero(chosen >= len(free))), parts.added
+        mass = "" if added is None else f", {added.mass:g} kg on the {added.rod} rod at {added.position:g} m"
+        bars.append(at_most(f"ratios: {used} of the three with {parts.mounting}{mass}", least, 0.6))
+    return bars
+
+
 def main() -> None:
     """Compare plan and bounds with the menu."""
     args = options(__doc__).parse_args()
-    rig = load_rig("paper")
+    rig, durations = load_rig("paper"), (BOUNDS.duration_s, BOUNDS.longest_s)
     known = known_before(rig)
-    menu = information(known, [(pose.theta1, pose.theta2) for pose in rig.poses.values()])
-    menu_std = ratio_std(known, known.prior + menu.sum(axis=0))
-    poses, stds = planned_poses(rig)
-    best = best_ratios(known, menu_std, 8 if args.quick else BOUNDS.grid)
+    poses = {duration: planned_poses(rig, duration) for duration in durations}
     pool = spread_poses(PlanLimits(), 8 if args.quick else BOUNDS.poses, np.random.default_rng(0)).tolist()
-    mean = releases_needed(known, menu, information(known, poses), information(known, pool))
-    ratios = float(np.exp(np.log(stds / menu_std).mean()))
-    bars = [
-        at_most("ratios: standard deviation after the plan over that after X1-X3", ratios, 0.6),
-        at_most("ratios: the same, best three poses", best, 0.6),
-        at_most("releases until decided, plan over menu", mean["plan"] / mean["menu"], 0.6),
-        at_most("releases until decided, oracle over menu", mean["oracle"] / mean["menu"], 0.6),
-    ]
+    menu = [(pose.theta1, pose.theta2) for pose in rig.poses.values()]
+    sequences = {"menu": information(known, menu, durations[0])}
+    sequences |= {f"plan of {s:g} s": information(known, theta, s) for s, (theta, _) in poses.items()}
+    sequences |= {f"menu of {durations[1]:g} s": information(known, menu, durations[1])}
+    pools = {f"oracle of {s:g} s": information(known, pool, s) for s in durations}
+    mean = releases_needed(known, sequences, pools)
+    bars = ratio_bars(rig, {s: stds for s, (_, stds) in poses.items()}, args.quick)
+    bars.append(at_most("releases until decided over the menu's: one for every cause", 1 / mean["menu"], 0.6))
+    of_release = {s: minutes(CandidateRelease(0.0, 0.0, s), mounted_now(rig), PlanLimits()) for s in durations}
+    for name, count in mean.items():
+        if name != "menu":
+            longer = of_release[durations[name.endswith(f"{durations[1]:g} s")]] / of_release[durations[0]]
+            bars.append(at_most(f"releases until decided over the menu's: {name}", count / mean["menu"], 0.6))
+            bars.append(at_most(f"minutes until decided over the menu's: {name}", longer * count / mean["menu"], 0.6))
     show("bounds of a plan", bars, args.json)
 
 

@@ -177,7 +177,16 @@ def show_opened(opened: "Opened", trial: "Trial") -> None:
     line(f"hidden: {effects_listed(outcome.truth)}; diagnosis: {named_by(outcome)}: {outcome.grade}")
 
 
-STRATEGY_COLUMNS = ("strategy", "trials", "median", "mean", "decided", "correct when stopped", "forecast error")
+STRATEGY_COLUMNS = (
+    "strategy",
+    "trials",
+    "median",
+    "mean",
+    "minutes",
+    "decided",
+    "correct when stopped",
+    "forecast error",
+)
 """Columns of the table of strategies."""
 
 
@@ -189,6 +198,7 @@ def strategy_rows(strategies: dict[str, dict[str, Any]]) -> list[tuple[str, ...]
             str(summary["trials"]),
             f"{summary['median_releases']:g}",
             f"{summary['mean_releases']:.2f}",
+            f"{summary['mean_minutes']:.2f}",
             f"{summary['decided']:.2f}",
             f"{summary['right_when_stopped']:.2f}",
             f"{summary['forecast_calibration_error']:.2f}" if summary["forecasts"] else "",
@@ -225,7 +235,7 @@ def campaign(
         typer.Option(
             "--plan",
             help="Record each plant release by release until its cause is decided, or until a bench check must decide:"
-            " by plan, from the fixed menu and from random poses.",
+            " by plan, by plan with durations of its own choice, from the fixed menu and from random poses.",
         ),
     ] = False,
     as_json: Json = False,
@@ -239,14 +249,14 @@ def campaign(
     from dpr_lab.report.trials.html import sentence
     from dpr_lab.report.trials.tables import KIND_COLUMNS, SCORE_COLUMNS, kind_rows, score_rows
     from dpr_lab.trials.campaign import Campaign
-    from dpr_lab.trials.next_release import CHOOSERS
+    from dpr_lab.trials.next_release import STRATEGIES
     from dpr_lab.trials.workers import exposure
     from dpr_lab.workflows.campaign import CampaignRequest, run_campaign
 
     if scheduler is not None and (warning := exposure(scheduler)):
         say(warning)
     kinds = tuple(kind or (DRAWN if arm is None else ON_ARM))
-    strategies = tuple(CHOOSERS) if plan else ()
+    strategies = tuple(STRATEGIES) if plan else ()
     tried_on = Campaign(kinds, level, seed, _centre(rig, arm), _centre(plant, arm), arm, strategies)
     with Listener() as listener:
         done = run_campaign(CampaignRequest(tried_on, n, out, jobs or os.cpu_count() or 1, scheduler), listener)

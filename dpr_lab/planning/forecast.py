@@ -11,10 +11,12 @@ of mean d^2 / 2 and variance d^2 (`dpr_lab.planning.worth.criteria`). The probab
 random draws, of the true cause from its posterior and of this amount, in which one cause reaches `SURE`. A cause
 outside the library keeps its probability.
 
-A release may also reveal another alternative, which leaves the cause undecided until a further release. In blind trials
-only a share `holds` of the decisions that were predicted with certainty occurred after one more release. At least one
-of n releases then decides with the probability 1 - (1 - holds)^n. A remainder that no effect explains seldom
-disappears with further releases; the share is then `clears`.
+A release may also reveal another effect or another alternative, which leaves the causes undecided until a further
+release. `confirmation` is the share of sure diagnoses that one more release confirmed in blind trials, by the kind of
+the diagnosis. `clears` is the share of diagnoses with a remainder that one more release decides. A diagnosis that is
+not confirmed usually leaves a remainder, so k releases decide with the probability
+
+    1 - (1 - confirmation) (1 - clears)^(k - 1).
 """
 
 from collections.abc import Collection, Sequence
@@ -43,12 +45,14 @@ class Stopping:
     """Minimum number of releases for several causes, or for the decision that there is no gap."""
     margin: float = 10.0
     """Minimum amplitude of a cause that a single release decides, in standard deviations."""
-    holds: float = 0.83
-    """Share of certain decisions after one more release that occur: 25 of 30 in `trials campaign --plan`, so its
-    uncertainty is about 0.07.
-    """
-    clears: float = 0.3
-    """The same share while a remainder is unexplained: 2 of 7."""
+    one_cause: float = 0.87
+    """Share of diagnoses of one sure cause that one more release confirms in `trials campaign --plan`."""
+    several_causes: float = 0.75
+    """The same for two or more causes, each of which may get another alternative."""
+    no_gap: float = 0.6
+    """The same for a diagnosis without a gap: more data reveal an effect that was too small."""
+    clears: float = 0.45
+    """The same for a diagnosis with a remainder, which further releases seldom explain."""
     likely: float = 0.8
     """Probability of a decision from which this number of releases is recommended."""
     draws: int = 256
@@ -91,8 +95,17 @@ def _is_large(effect: NamedEffect) -> bool:
     return any(abs(size.value) >= STOPPING.margin * std for size, std in zip(sizes, stds, strict=True))
 
 
+def confirmation(diagnosis: Diagnosis) -> float:
+    """Probability that one more release decides the causes, if those that the diagnosis names are sure."""
+    if diagnosis.verdict not in ("no_gap", "named"):
+        return STOPPING.clears
+    if not diagnosis.effects:
+        return STOPPING.no_gap
+    return STOPPING.one_cause if len(diagnosis.effects) == 1 else STOPPING.several_causes
+
+
 def decision_probability(
-    pairs: Sequence[OpenPairs], gained: Sequence[Array], releases: int = 1, *, explained: bool = True
+    pairs: Sequence[OpenPairs], gained: Sequence[Array], releases: int = 1, confirmed: float = STOPPING.one_cause
 ) -> float:
     """Probability that further releases decide every open cause.
 
@@ -100,9 +113,9 @@ def decision_probability(
         pairs: causes of each named effect
         gained: (n, n) d^2 that the releases add, of each
         releases: number of these releases
-        explained: whether the recordings so far have no gap, or one that the named effects explain
+        confirmed: probability that one release decides sure causes (`confirmation`)
     """
-    probability = 1.0 - (1.0 - (STOPPING.holds if explained else STOPPING.clears)) ** releases
+    probability = 1.0 - (1.0 - confirmed) * (1.0 - STOPPING.clears) ** (releases - 1)
     for pair, d2 in zip(pairs, gained, strict=True):
         probability *= _decided(pair.probabilities, d2)
     return float(probability)

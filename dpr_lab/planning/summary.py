@@ -11,7 +11,7 @@ from dpr_lab.acceptance.judge import SURE
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
-from dpr_lab.planning.forecast import STOPPING, decided, decision_probability
+from dpr_lab.planning.forecast import STOPPING, confirmation, decided, decision_probability
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
@@ -104,8 +104,7 @@ def _forecast(objective: Objective, gained: Sequence[Array], releases: int) -> f
     diagnosis = objective.known.diagnosis
     if diagnosis is None:
         return None
-    explained = diagnosis.verdict in ("no_gap", "named")
-    return decision_probability(objective.pairs, gained, releases, explained=explained)
+    return decision_probability(objective.pairs, gained, releases, confirmation(diagnosis))
 
 
 def _stds(known: Knowledge, F: Array) -> dict[str, float]:

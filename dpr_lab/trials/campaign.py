@@ -43,7 +43,7 @@ class Campaign:
     arm: TrialArm | None = None
     """Mode of the arm; None: that of the rig file."""
     strategies: tuple[str, ...] = ()
-    """Names of `CHOOSERS`: each plant is recorded release by release until decided, by each strategy. Empty: each
+    """Names of `STRATEGIES`: each plant is recorded release by release until decided, by each strategy. Empty: each
     plant is recorded once from each pose of the rig file."""
 
     def cases(self, numbers: Sequence[int]) -> list[Case]:

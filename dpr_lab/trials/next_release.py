@@ -20,7 +20,7 @@ class SequentialSettings:
     """Settings common to all strategies."""
 
     duration_s: float = 10.0
-    """Duration of every release."""
+    """Duration of every release, except those of the strategy `free`."""
     most: int = 6
     """Releases after which a plant counts as undecided."""
 
@@ -28,14 +28,17 @@ class SequentialSettings:
 SEQUENTIAL = SequentialSettings()
 
 
-def limits_of(rig: Rig, largest_input: float | None = None) -> PlanLimits:
+EQUAL_TIMES = RecordingTimes(shortest_s=SEQUENTIAL.duration_s, longest_s=SEQUENTIAL.duration_s)
+
+
+def limits_of(rig: Rig, largest_input: float | None = None, times: RecordingTimes = EQUAL_TIMES) -> PlanLimits:
     """Kinds of releases in a plan: the same as for the menu and the random poses.
 
     Args:
         rig: its rods, and the mode of its arm, remain as they are
         largest_input: of the arm's motor, the largest of the program that the menu and the random poses use
+        times: permitted durations
     """
-    times = RecordingTimes(shortest_s=SEQUENTIAL.duration_s, longest_s=SEQUENTIAL.duration_s)
     return PlanLimits(recording=times, arm=ArmPlan(modes=(arm_of(rig),), input=largest_input))
 
 
@@ -66,7 +69,7 @@ def planned(now: Situation) -> tuple[CandidateRelease, Plan | None]:
     proposal = now.proposal or plan(now.rig, limits=now.limits, count=2)
     first = proposal.releases[0]
     release = _release(now.rig, first.theta1_rad, first.theta2_rad)
-    return replace(release, torques=first.torques, signal=first.signal), proposal
+    return replace(release, duration_s=first.duration_s, torques=first.torques, signal=first.signal), proposal
 
 
 def from_menu(now: Situation) -> tuple[CandidateRelease, Plan | None]:
@@ -93,5 +96,20 @@ def _release(rig: Rig, theta1: float, theta2: float) -> CandidateRelease:
     return CandidateRelease(theta1, theta2, SEQUENTIAL.duration_s, mounting, rig.added_mass, arm=arm_of(rig))
 
 
-CHOOSERS: dict[str, Chooser] = {"plan": planned, "menu": from_menu, "random": at_random}
-"""Name of a strategy -> function that selects the next release."""
+@dataclass(frozen=True, slots=True)
+class Strategy:
+    """A way to choose the releases of a sequential trial."""
+
+    choose: Chooser
+    """Selects the next release."""
+    times: RecordingTimes = EQUAL_TIMES
+    """Durations that a plan may choose."""
+
+
+STRATEGIES: dict[str, Strategy] = {
+    "plan": Strategy(planned),
+    "free": Strategy(planned, RecordingTimes()),
+    "menu": Strategy(from_menu),
+    "random": Strategy(at_random),
+}
+"""Name -> strategy; `free` is a plan that also chooses the durations, 10 to 30 s."""

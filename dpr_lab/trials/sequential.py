@@ -10,6 +10,7 @@ import numpy as np
 
 from dpr_lab.errors import DprError
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.planning.candidates import minutes, mounted_now
 from dpr_lab.planning.forecast import decided
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.plan import plan
@@ -20,7 +21,7 @@ from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
 from dpr_lab.trials.case import run_of
-from dpr_lab.trials.next_release import CHOOSERS, SEQUENTIAL, Chooser, Situation, limits_of
+from dpr_lab.trials.next_release import SEQUENTIAL, STRATEGIES, Chooser, Situation, limits_of
 from dpr_lab.trials.score import score
 from dpr_lab.trials.sealing import HeldPlant, Kind, Level, PlantRequest, sealed_in_memory
 from dpr_lab.trials.truth import Truth, unsealed
@@ -34,12 +35,12 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
     """Run a sequential trial of one sealed plant with each strategy.
 
     Args:
-        case: as of `run_case`; `strategies`, names of `CHOOSERS`
+        case: as of `run_case`; `strategies`, names of `STRATEGIES`
 
     Returns:
         `outcome`, of the last diagnosis of the first strategy; `strategies`: `recordings` until decided or until a
-        bench check must decide, null where neither was reached; `right` and `score`, of the last diagnosis; `looks`,
-        one after each release
+        bench check must decide, null where neither was reached; `minutes` at the rig; `right` and `score`, of the last
+        diagnosis; `looks`, one after each release
 
     Raises:
         DprError: the device, the diagnosis or the seal failed, or another version is installed here.
@@ -52,14 +53,13 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
     request = PlantRequest(Kind(case["kind"]), Level(case["level"]), case["seed"], plant=case["plant"], arm=case["arm"])
     with sealed_in_memory(request, case["rig"], direct=False) as plant:
         rig = parse_rig(plant.public["rig"])
-        limits = limits_of(rig, plant.public.get("largest_input"))
         results = {
             name: played(
                 rig,
-                CHOOSERS[name],
+                STRATEGIES[name].choose,
                 partial(_recorded, plant, rig),
                 np.random.default_rng([case["seed"], *name.encode()]),
-                limits,
+                limits_of(rig, plant.public.get("largest_input"), STRATEGIES[name].times),
             )
             for name in case["strategies"]
         }
@@ -79,8 +79,8 @@ class SequentialLook:
     """Whether the causes are decided."""
     bench_check: bool
     """Whether the causes are decided except for those that no release separates."""
-    stated: float | None
-    """Forecast of this probability by the plan that recommended the release; None without a forecast."""
+    forecast: tuple[float, ...]
+    """Probability of a decision after this release, after the next one, ..., by the plan that recommended it."""
     plan_seconds: float | None
     """Processor time of this plan; None without one."""
 
@@ -124,11 +124,11 @@ def played(
         runs.append(record(release))
         diagnosis = _diagnosed(runs, rig)
         is_decided = decided(diagnosis, len(runs))
-        stated = used.forecast[0] if used and used.forecast else None
+        forecast = tuple(used.forecast) if used else ()
         began = time.process_time()
         proposal = None if is_decided else plan(rig, runs, diagnosis, limits=limits, count=2)
         stuck = proposal is not None and proposal.state == "bench check"
-        looks.append(SequentialLook(release, diagnosis, is_decided, stuck, stated, seconds if used else None))
+        looks.append(SequentialLook(release, diagnosis, is_decided, stuck, forecast, seconds if used else None))
         seconds = time.process_time() - began
     return looks
 
@@ -152,11 +152,21 @@ def _recorded(plant: HeldPlant, rig: Rig, release: CandidateRelease) -> Run:
     return replace(run_of(recording, rig_there), rig_sha256=rig.sha256)
 
 
+def _minutes(releases: Sequence[CandidateRelease], rig: Rig) -> float:
+    """Time at the rig, with the usual durations of its steps."""
+    mounted, total = mounted_now(rig), 0.0
+    for release in releases:
+        total += minutes(release, mounted, PlanLimits())
+        mounted = release.mounted
+    return total
+
+
 def _judged(looks: Sequence[SequentialLook], truth: Truth, rig: Rig) -> dict[str, Any]:
     """Result of one strategy, as JSON values."""
     outcomes = [score(k.diagnosis.to_json(), truth, rig, **truth.drawn, seconds=k.diagnosis.seconds) for k in looks]
     return {
         "recordings": len(looks) if looks[-1].is_last else None,
+        "minutes": _minutes([look.release for look in looks], rig),
         "right": outcomes[-1].grade == "right",
         "score": outcomes[-1].to_json(),
         "looks": [
@@ -168,7 +178,8 @@ def _judged(looks: Sequence[SequentialLook], truth: Truth, rig: Rig) -> dict[str
                 "decided": look.decided,
                 "bench_check": look.bench_check,
                 "right": outcome.grade == "right",
-                "stated": look.stated,
+                "duration_s": look.release.duration_s,
+                "forecast": list(look.forecast),
                 "ratio_std": np.sqrt(np.diag(np.array(look.diagnosis.ratio_covariance))).tolist(),
                 "plan_seconds": look.plan_seconds,
             }

@@ -1,7 +1,7 @@
 """Sequential trials by strategy: releases until decided, right when stopped, and calibration of the forecast."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,12 +35,13 @@ def _of_strategy(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     stopped = [outcome for outcome in outcomes if outcome["recordings"] is not None]
     right = sum(outcome["right"] for outcome in stopped)
     looks = [look for outcome in outcomes for look in outcome["looks"]]
-    claims = [Claim(look["stated"], look["decided"]) for look in looks if look["stated"] is not None]
+    claims = [claim for outcome in outcomes for claim in _claims(outcome["looks"])]
     seconds = [look["plan_seconds"] for look in looks if look["plan_seconds"] is not None]
     return {
         "trials": len(outcomes),
         "median_releases": float(np.median(counts)),
         "mean_releases": float(np.mean(counts)),
+        "mean_minutes": float(np.mean([outcome["minutes"] for outcome in outcomes])),
         "decided": len(stopped) / len(outcomes),
         "right_when_stopped": right / len(stopped) if stopped else float("nan"),
         "right_interval90": wilson90(right, len(stopped)) if stopped else None,
@@ -49,3 +50,16 @@ def _of_strategy(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "forecast_brier": brier(claims),
         "plan_seconds": float(np.median(seconds)) if seconds else float("nan"),
     }
+
+
+def _claims(looks: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
+    """Each forecast of a decision after k more releases, and whether it occurred.
+
+    A trial that a bench check ends earlier counts as undecided. One that ends at the maximum number of releases says
+    nothing about a later release.
+    """
+    for first, look in enumerate(looks):
+        for k, probability in enumerate(look["forecast"], 1):
+            later = looks[first : first + k]
+            if len(later) == k or later[-1]["decided"] or later[-1]["bench_check"]:
+                yield Claim(probability, later[-1]["decided"])

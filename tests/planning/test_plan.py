@@ -75,6 +75,17 @@ def test_what_may_be_mounted_follows_the_limits(paper: Rig) -> None:
     assert list(mountings(paper, allowed)) == [(*one, True) for one in expected]
 
 
+def test_the_outer_rod_alone_is_proposed_where_it_costs_no_more_than_a_release_of_both(paper: Rig) -> None:
+    cheap, usual = (
+        plan(paper, limits=limits(rods={"mounted": ["both", "outer"]}, minutes={"mount": mount}), count=2)
+        for mount in (0.0, 5.0)
+    )
+    assert "outer" in [release.mounted for release in cheap.releases]
+    assert [release.mounted for release in usual.releases] == ["both", "both"]
+    stds = np.array([list(one.releases[-1].ratio_std.values()) for one in (cheap, usual)])
+    assert np.exp(np.log(stds[0] / stds[1]).mean()) < 0.9  # geometric mean over the five ratios
+
+
 def test_rods_that_a_rig_does_not_have_are_not_planned() -> None:
     furuta = load_rig("furuta")
     assert [one.mounting for one in mountings(furuta, PlanLimits())] == ["inner"]
@@ -108,9 +119,10 @@ def test_a_forecast_grows_with_information_and_with_releases() -> None:
     probability = [decision_probability([pairs], [np.full((2, 2), d2)]) for d2 in (0.0, 4.0, 20.0, 200.0)]
     assert probability == sorted(probability)
     assert probability[0] == 0.0
-    assert probability[-1] == pytest.approx(STOPPING.holds, abs=0.01)
-    assert decision_probability([], []) == STOPPING.holds
-    assert decision_probability([], [], 2) == pytest.approx(1 - (1 - STOPPING.holds) ** 2)
+    assert probability[-1] == pytest.approx(STOPPING.one_cause, abs=0.01)
+    assert decision_probability([], []) == STOPPING.one_cause
+    second = 1 - (1 - STOPPING.one_cause) * (1 - STOPPING.clears)  # what is not confirmed leaves a remainder
+    assert decision_probability([], [], 2) == pytest.approx(second)
 
 
 def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
@@ -120,7 +132,7 @@ def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
     mean = np.where(truth, d2 / 2, -d2 / 2)
     log_odds = np.log(p[0] / p[1]) + mean + np.sqrt(d2) * rng.standard_normal(len(truth))
     share = np.mean(np.abs(log_odds) >= np.log(0.95 / 0.05))
-    assert decision_probability([pairs], [np.full((2, 2), d2)]) == pytest.approx(STOPPING.holds * share, abs=0.02)
+    assert decision_probability([pairs], [np.full((2, 2), d2)]) == pytest.approx(STOPPING.one_cause * share, abs=0.02)
 
 
 def test_a_repeated_release_is_worth_less_and_a_plan_does_not_repeat_itself(paper: Rig) -> None:

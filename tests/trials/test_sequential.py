@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import ConfigError, DprError
-from dpr_lab.rig import load_rig, parse_rig
+from dpr_lab.rig import Rig, load_rig, parse_rig
 from dpr_lab.trials.campaign import Campaign, run_campaign
-from dpr_lab.trials.next_release import CHOOSERS, SEQUENTIAL, Situation, limits_of
+from dpr_lab.trials.next_release import SEQUENTIAL, STRATEGIES, Situation, limits_of
 from dpr_lab.trials.sealing import Kind, PlantRequest, sealed_in_memory
 from dpr_lab.trials.sequential_summary import read_strategies, sequential_summary
 from sim_device.options import Options
@@ -39,7 +39,7 @@ def test_a_held_plant_records_what_is_asked_for_and_then_opens() -> None:
 
 def test_the_menu_goes_through_the_poses_of_the_rig_file_first() -> None:
     rig = load_rig("paper")
-    release, plan = CHOOSERS["menu"](Situation(rig, [], None, np.random.default_rng(0), limits_of(rig)))
+    release, plan = STRATEGIES["menu"].choose(Situation(rig, [], None, np.random.default_rng(0), limits_of(rig)))
     assert plan is None
     assert (release.theta1, release.theta2) == (rig.poses["X1"].theta1, rig.poses["X1"].theta2)
 
@@ -51,7 +51,7 @@ def test_every_release_has_the_mode_of_the_arm(mode: str, state: str) -> None:
     now = Situation(rig, [], None, np.random.default_rng(0), limits_of(rig, 2.0))
     assert now.limits.arm.modes == (state,)
     for name in ("menu", "random"):
-        release, _ = CHOOSERS[name](now)
+        release, _ = STRATEGIES[name].choose(now)
         assert (release.arm, release.mounting, release.torques) == (state, "inner", None)
 
 
@@ -71,26 +71,54 @@ def test_a_driven_plant_replays_the_input_of_a_plan() -> None:
         recorded_next(still, {"theta1": 2.0, "theta2": 1.0, "duration_s": 0.5, "input": {"t": [], "values": []}}, 0)
 
 
+def look(decided: bool, *forecast: float, bench_check: bool = False, seconds: float = 1.0) -> dict[str, object]:
+    """A look of one strategy, as `run_sequential_case` writes it."""
+    return {"forecast": list(forecast), "decided": decided, "bench_check": bench_check, "plan_seconds": seconds}
+
+
 def test_a_summary_counts_undecided_plants_and_forecasts() -> None:
-    looks = [
-        {"stated": None, "decided": False, "plan_seconds": 1.0},
-        {"stated": 0.9, "decided": True, "plan_seconds": 2.0},
-    ]
-    decided = {"recordings": 2, "right": True, "looks": looks}
-    undecided = {"recordings": None, "right": False, "looks": [{"stated": 0.9, "decided": False, "plan_seconds": 3.0}]}
+    decided = {"recordings": 2, "minutes": 1.5, "right": True, "looks": [look(False), look(True, 0.9, seconds=2.0)]}
+    undecided = {"recordings": None, "minutes": 4.0, "right": False, "looks": [look(False, 0.9, seconds=3.0)]}
     (one,) = sequential_summary([{"plan": decided}, {"plan": undecided}]).values()
     assert one["mean_releases"] == (2 + SEQUENTIAL.most + 1) / 2
+    assert one["mean_minutes"] == 2.75
     assert (one["decided"], one["right_when_stopped"], one["forecasts"]) == (0.5, 1.0, 2)
     assert one["forecast_calibration_error"] == pytest.approx(0.4)
     assert one["plan_seconds"] == 2.0
 
 
+@pytest.mark.parametrize(
+    ("looks", "forecasts", "error"),
+    [
+        ([look(False, 0.7, 0.9), look(True)], 2, (0.7 + 0.1) / 2),  # not by the first release, but by the second
+        ([look(True, 0.7, 0.9)], 2, (0.3 + 0.1) / 2),  # a decision by the first counts for both
+        ([look(False, 0.7, 0.9)], 1, 0.7),  # ends at the maximum number: nothing is known of the second
+        ([look(False, 0.7, 0.9, bench_check=True)], 2, 0.8),  # only a bench check can decide
+    ],
+)
+def test_a_forecast_of_several_releases_is_judged_by_all_of_them(
+    looks: list[dict[str, object]], forecasts: int, error: float
+) -> None:
+    outcome = {"recordings": None, "minutes": 1.0, "right": False, "looks": looks}
+    (one,) = sequential_summary([{"plan": outcome}]).values()
+    assert one["forecasts"] == forecasts
+    assert one["forecast_calibration_error"] == pytest.approx(error)
+
+
+def test_only_the_plan_that_may_choose_them_records_for_other_durations(paper: Rig) -> None:
+    durations = {}
+    for name, strategy in STRATEGIES.items():
+        now = Situation(paper, [], None, np.random.default_rng(0), limits_of(paper, times=strategy.times))
+        durations[name] = strategy.choose(now)[0].duration_s
+    assert durations == {"plan": 10.0, "free": 30.0, "menu": 10.0, "random": 10.0}
+
+
 @pytest.mark.long
 def test_a_plant_is_played_by_every_strategy(tmp_path: Path) -> None:
-    campaign = Campaign((Kind.SINGLE,), seed=1, strategies=tuple(CHOOSERS))
+    campaign = Campaign((Kind.SINGLE,), seed=1, strategies=tuple(STRATEGIES))
     (outcome,) = run_campaign(campaign, 1, tmp_path).outcomes
     (strategies,) = read_strategies(tmp_path)
-    assert list(strategies) == ["plan", "menu", "random"]
+    assert list(strategies) == ["plan", "free", "menu", "random"]
     assert strategies["plan"]["score"]["named"] == list(outcome.named)
     looks = strategies["plan"]["looks"]
     assert strategies["plan"]["recordings"] == len(looks)

@@ -1,0 +1,210 @@
+"""Releases until the cause is decided on plants that MuJoCo simulates: by plan, from the fixed menu, at random.
+
+    python benchmarks/plan_other_engine.py --plants 10
+
+A plant is drawn around the rig `paper` and has one effect of one to ten times the smallest size that the average
+release of the menu shows, or none. Each plant is recorded release by release until its cause is decided, or until a
+bench check must decide, as in `dpr-lab trials campaign --plan`; a plant that stays undecided counts as one release more
+than the maximum.
+"""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from _bars import Bar, at_least, at_most, options, show
+from _random_rigs import PLACEMENT_STD, WITHIN
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from dpr_lab.gap.hypothesis.detectable import SIGMAS
+from dpr_lab.planning.information import informed
+from dpr_lab.planning.knowledge import known_before
+from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.worth.criteria import detectable
+from dpr_lab.rig import MASSES, PARAMETERS, Rig, load_rig
+from dpr_lab.run import Run
+from dpr_lab.trials.next_release import SEQUENTIAL, STRATEGIES, limits_of
+from dpr_lab.trials.sequential import SequentialLook, played
+
+mujoco: Any = import_module("mujoco")  # its stubs lack half of it
+
+Array = NDArray[np.float64]
+
+STEP_S = 5e-4
+REST_S = 0.5
+FACTOR = (1.0, 10.0)
+"""Size of an effect, in units of the smallest that the average release of the menu shows."""
+
+RODS = """
+<mujoco>
+  <compiler angle="radian"/>
+  <option timestep="{step!r}" integrator="RK4" gravity="{across!r} 0 {down!r}"/>
+  <worldbody><body>
+    <joint type="hinge" axis="0 1 0" damping="{c1!r}" stiffness="{k1!r}" springref="{pi!r}"/>
+    <inertial pos="0 0 {l1!r}" mass="{m1!r}" diaginertia="{J1!r} {J1!r} 1e-9"/>
+    <body pos="0 0 {L1!r}"><inertial pos="0 0 0" mass="{mb!r}" diaginertia="1e-12 1e-12 1e-12"/></body>
+    <body pos="0 0 {L1!r}">
+      <joint type="hinge" axis="0 1 0" damping="{c2!r}" stiffness="{k2!r}" armature="{rotor!r}"/>
+      <inertial pos="{offset!r} 0 {l2!r}" mass="{m2!r}" diaginertia="{J2!r} {J2!r} 1e-9"/>
+    </body>
+  </body></worldbody>
+</mujoco>
+"""
+
+AMPLITUDES = {
+    "spring_joint1": "stiffness_Nm_per_rad",
+    "spring_joint2": "stiffness_Nm_per_rad",
+    "rotor_inertia_joint2": "inertia_kgm2",
+    "base_tilt": "tilt_rad",
+    "com_offset_link2": "offset_m",
+    "encoder_scale_joint1": "excess",
+    "encoder_scale_joint2": "excess",
+    "latency_joint2": "delay_s",
+}
+"""Effect -> the amplitude that is drawn."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plant:
+    """A plant in MuJoCo, and what it hides."""
+
+    Z: Array
+    """(9,) parameters, SI."""
+    effect: str
+    """Name of the hidden effect; empty without one."""
+    size: float
+    rig: Rig
+    """The rig file, which knows the masses to 0.1 %."""
+
+    def model(self) -> Any:
+        """The compiled model with the effects that act on the rods."""
+        size = {name: self.size * (name == self.effect) for name in AMPLITUDES}
+        values = dict(zip(PARAMETERS, self.Z.tolist(), strict=True))
+        text = RODS.format(
+            **values,
+            step=STEP_S,
+            L1=self.rig.L1,
+            pi=np.pi,
+            across=self.rig.g * float(np.sin(size["base_tilt"])),
+            down=-self.rig.g * float(np.cos(size["base_tilt"])),
+            k1=size["spring_joint1"],
+            k2=size["spring_joint2"],
+            rotor=size["rotor_inertia_joint2"],
+            offset=size["com_offset_link2"],
+        )
+        return mujoco.MjModel.from_xml_string(text)
+
+    def swing(self, start: Array, t: Array) -> Array:
+        """(n, 2) absolute angles of the rods at even instants, from rest, rad."""
+        model = self.model()
+        data, substeps = mujoco.MjData(model), round((t[1] - t[0]) / STEP_S)
+        data.qpos[:] = start[0], start[1] - start[0]
+        theta = np.empty((len(t), 2))
+        for i in range(len(t)):
+            theta[i] = data.qpos[0], data.qpos.sum()
+            for _ in range(substeps):
+                mujoco.mj_step(model, data)
+        return theta
+
+    def record(self, release: CandidateRelease, rng: np.random.Generator) -> Run:
+        """Counts of a release by hand."""
+        rate, encoders = self.rig.link.rate_hz, self.rig.encoders
+        t = np.arange(-round(REST_S * rate), round(release.duration_s * rate) + 1) / rate
+        start = np.array([release.theta1, release.theta2]) + rng.normal(0, PLACEMENT_STD, 2)
+        theta = np.zeros((len(t), 3))
+        theta[t < 0, 1:] = start
+        theta[t >= 0, 1:] = self.swing(start, t[t >= 0])
+        positions = self.rig.positions(self._misread(t, theta)) + rng.normal(0, encoders.noise_counts, theta.shape)
+        counts = np.rint(positions).astype(np.int64)
+        return Run("release", t, self.rig.theta(counts), counts, "release", self.rig.name, "", rate)
+
+    def _misread(self, t: Array, theta: Array) -> Array:
+        """Angles with the errors of the encoders."""
+        read = theta.copy()
+        if self.effect == "latency_joint2":
+            bend = CubicSpline(t, theta[:, 2] - theta[:, 1])(np.maximum(t - self.size, t[0]))
+            read[:, 2] = theta[:, 1] + bend
+        elif self.effect == "encoder_scale_joint1":
+            read[:, 1:] += self.size * (theta[:, 1:2] - np.pi)
+        elif self.effect == "encoder_scale_joint2":
+            read[:, 2] += self.size * (theta[:, 2] - theta[:, 1])
+        return read
+
+
+def drawn(seed: int) -> Plant:
+    """A plant, the fifth and every further fifth one without an effect."""
+    rng, paper = np.random.default_rng([seed, 28]), load_rig("paper")
+    Z = paper.nominal * rng.uniform(1 - WITHIN, 1 + WITHIN, len(PARAMETERS))
+    described = paper.model_dump(exclude_none=True)
+    for name, value in zip(PARAMETERS, Z.tolist(), strict=True):
+        if name in MASSES:
+            described["parameters"][name].update(measured=value, std=1e-3 * value)
+    rig = Rig.model_validate(described)
+    assert rig.encoders.joint2 == "relative", "the encoder errors of this file are those of a relative encoder 2"
+    if seed % 5 == 4:
+        return Plant(Z, "", 0.0, rig)
+    effect = str(rng.choice(list(AMPLITUDES)))
+    known, duration = known_before(rig), SEQUENTIAL.duration_s
+    menu = [CandidateRelease(pose.theta1, pose.theta2, duration) for pose in rig.poses.values()]
+    H = np.mean([release.information for release in informed(menu, known.model)], axis=0)
+    smallest = detectable(known, known.prior + H, SIGMAS, [effect])[effect][AMPLITUDES[effect]]
+    assert smallest is not None, effect
+    return Plant(Z, effect, smallest * float(np.exp(rng.uniform(*np.log(FACTOR)))), rig)
+
+
+def is_right(plant: Plant, looks: Sequence[SequentialLook]) -> bool:
+    """Whether the last diagnosis names the effect, its class, or nothing where there is none."""
+    effects = looks[-1].diagnosis.effects
+    names = {name for effect in effects for name in (effect.name, *effect.members)}
+    return plant.effect in names if plant.effect else not effects
+
+
+def bars(results: dict[str, list[tuple[list[SequentialLook], bool]]]) -> list[Bar]:
+    """Releases until decided, right when stopped."""
+    most = SEQUENTIAL.most + 1
+    counts = {name: [len(looks) if looks[-1].is_last else most for looks, _ in each] for name, each in results.items()}
+    mean = {name: float(np.mean(each)) for name, each in counts.items()}
+    made = []
+    for name, each in results.items():
+        right = [ok for looks, ok in each if looks[-1].is_last]
+        made.append(Bar(f"{name}: releases until decided, mean (of {len(each)})", "-", mean[name], None))
+        made.append(at_least(f"{name}: right when stopped (of {len(right)})", float(np.mean(right)), 0.97))
+        if name != "menu" and "menu" in mean:
+            made.append(at_most(f"{name}: releases over the menu's", mean[name] / mean["menu"], 0.6))
+    return made
+
+
+def main() -> None:
+    """Draw, play, print."""
+    parser = options(__doc__)
+    parser.add_argument("--plants", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=0, help="of the first plant")
+    parser.add_argument("--strategies", nargs="+", default=list(STRATEGIES), choices=list(STRATEGIES))
+    args = parser.parse_args()
+    results: dict[str, list[tuple[list[SequentialLook], bool]]] = {name: [] for name in args.strategies}
+    for seed in range(args.seed, args.seed + (1 if args.quick else args.plants)):
+        plant = drawn(seed)
+        print(f"plant {seed}: {plant.effect or 'nothing'} {plant.size:.3g}", file=sys.stderr)
+        for name in args.strategies:
+            rng, strategy = np.random.default_rng([seed, *name.encode()]), STRATEGIES[name]
+            limits = limits_of(plant.rig, times=strategy.times)
+            looks = played(plant.rig, strategy.choose, partial(plant.record, rng=rng), rng, limits)
+            results[name].append((looks, is_right(plant, looks)))
+            named = [effect.name for effect in looks[-1].diagnosis.effects]
+            forecasts = [f"{look.forecast[0]:.2f}" for look in looks if look.forecast]
+            print(
+                f"  {name}: {len(looks)} releases, {looks[-1].diagnosis.verdict} {named},"
+                f" {'right' if results[name][-1][1] else 'wrong'}, stopped {looks[-1].is_last}, forecasts {forecasts}",
+                file=sys.stderr,
+                flush=True,
+            )
+    show("plans on plants of MuJoCo", bars(results), args.json)
+
+
+if __name__ == "__main__":
+    main()
