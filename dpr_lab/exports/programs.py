@@ -47,7 +47,7 @@ class Replay:
     measured: Array
     """(n, 2) measured theta1, theta2, rad; (n, 3) theta0, theta1, theta2 of a moving arm, nan where nothing is read."""
     simulated: Array
-    """The same in dpr-lab's simulation."""
+    """Angles in dpr-lab's simulation, of the same shape, rad."""
     start: float
     """Start of the simulation, s since the release."""
     x0: Array

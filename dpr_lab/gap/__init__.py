@@ -8,7 +8,7 @@ Reading order, about an hour. `diagnose.diagnose` runs the stages; each extends 
     where                      where.locate.locate               at which angle, speed or time does it remain?
     which                      which.select.forward, refined     which set of effects explains it?
     classes                    classes.posterior.effect_posterior  which effects are indistinguishable, how probable?
-    transfer (how far)         transfer.transfer.transfer        does the set predict recordings that were not fitted?
+    transfer                   transfer.transfer.transfer        does the set predict recordings that were not fitted?
     advice                     advice.advise.advise              which check separates the alternatives?
     evidence                   evidence.evidence.evidence        what supports the result?
     conclusion                 conclusion.conclusion.conclude    verdict, intervals, assumptions

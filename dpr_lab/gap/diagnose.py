@@ -54,7 +54,7 @@ from dpr_lab.progress import StageBegan
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_runs, with_distinct_names
 
-STAGES = ("screen", "bare model", "where", "which", "classes", "how far", "advice", "evidence")
+STAGES = ("screen", "bare model", "where", "which", "classes", "transfer", "advice", "evidence")
 """Names of the stages, in order."""
 
 
@@ -75,7 +75,7 @@ def diagnose(
     Args:
         runs: one recorded run or several; three releases or more distinguish effects best
         rig: lengths, masses and encoders
-        held_out: recordings that only measure the reduction of the gap
+        held_out: recordings that are not fitted, to measure the reduction of the gap
         library: the effects to choose from; all of `dpr_lab.effects.EFFECTS` by default
         max_effects: maximum number of effects in the model
         start: (7,) initial ratios, b and p/b; the rig file's values by default
@@ -87,11 +87,11 @@ def diagnose(
         IdentificationError: known torques or masses fit only a negative inertia.
     """
     started = time.perf_counter()
-    fitted = as_runs(runs)
-    named = with_distinct_names([*fitted, *as_runs(held_out)])
+    to_fit = as_runs(runs)
+    named = with_distinct_names([*to_fit, *as_runs(held_out)])
     request = Request(
-        runs=named[: len(fitted)],
-        held_out=named[len(fitted) :],
+        runs=named[: len(to_fit)],
+        held_out=named[len(to_fit) :],
         rig=rig,
         library=EFFECTS if library is None else library,
         max_effects=max_effects,
@@ -123,11 +123,11 @@ def _screened(request: Request) -> ScreenedRuns:
     _begin(request, "screen")
     runs, held_out, cut = in_pieces(request.runs, request.held_out)
     request = replace(request, runs=runs, held_out=held_out)
-    recordings, screened = (
+    to_fit, to_predict = (
         Recordings(tuple(record(run, request.rig) for run in group), request.rig) for group in (runs, held_out)
     )
-    refuse_wrong_input(recordings, request.start)
-    return ScreenedRuns(request=request, recordings=recordings, held_out=screened, cut=cut)
+    refuse_wrong_input(to_fit, request.start)
+    return ScreenedRuns(request=request, recordings=to_fit, held_out=to_predict, cut=cut)
 
 
 def _fitted(screened: ScreenedRuns) -> Fitted:
@@ -212,7 +212,7 @@ def _classified(selected: Selected) -> Classified:
 
 def _transferred(before: Classified) -> Transferred:
     request, recordings, problem, selection = before.request, before.recordings, before.problem, before.selection
-    _begin(request, "how far")
+    _begin(request, "transfer")
     everything = recordings.only([*recordings.records, *before.held_out.records])
     models = {"before": selection.base, "after": selection.chosen}
     runs_by_model = {name: free_runs(everything, model.fit.estimate) for name, model in models.items()}

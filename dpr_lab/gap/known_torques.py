@@ -49,7 +49,7 @@ def with_likeliest_noise(
 
 
 def with_other_noise(recordings: Recordings, problem: Problem, model: Hypothesis) -> Recordings | None:
-    """The recordings with less or no noise of their torques, if a selected model requires it."""
+    """The recordings with less noise of their torques, or none, if a selected model requires it; None: no change."""
     if problem.disturbance is not None and far_from_noise(model):
         return replace(recordings, exact_torques=True)
     return with_likeliest_noise(recordings, problem, model)

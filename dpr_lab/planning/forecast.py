@@ -48,11 +48,11 @@ class Stopping:
     one_cause: float = 0.87
     """Share of diagnoses of one sure cause that one more release confirms in `trials campaign --plan`."""
     several_causes: float = 0.75
-    """The same for two or more causes, each of which may get another alternative."""
+    """This share for two or more causes, each of which may get another alternative."""
     no_gap: float = 0.6
-    """The same for a diagnosis without a gap: more data reveal an effect that was too small."""
+    """This share for a diagnosis without a gap: more data may reveal an effect that was too small."""
     clears: float = 0.45
-    """The same for a diagnosis with a remainder, which further releases seldom explain."""
+    """This share for a diagnosis with a remainder, which further releases seldom explain."""
     likely: float = 0.8
     """Probability of a decision from which this number of releases is recommended."""
     draws: int = 256

@@ -54,7 +54,7 @@ class ExportResult:
     """Assumed inertia of masses, inertias and torques (`b`, kg m^2), its 90 % interval, what determined it, and which
     inertia it is (`inertia`, a of an inner rod alone); None: unknown."""
     scale_sentence: str = ""
-    """The same in words."""
+    """Description of the scale, one sentence."""
 
     def to_json(self) -> dict[str, Any]:
         """Output of `dpr-lab export --json`."""

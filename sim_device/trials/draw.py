@@ -44,7 +44,7 @@ class Background:
     length: float = 0.005
     """Relative standard deviation of the rod's length about L1 of the rig file."""
     mass: float = 0.01
-    """The same for its masses, which are given in the rig file."""
+    """Relative standard deviation of its masses, which are given in the rig file."""
 
 
 BACKGROUND = Background()

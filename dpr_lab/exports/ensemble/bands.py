@@ -55,9 +55,9 @@ class PredictiveBand:
     measured: Array
     """(n, 2) rad; (n, 3) of a moving arm, as its joints are read, nan where nothing is read."""
     low: Array
-    """The same shape, rad."""
+    """Lower end of the band, in the shape of `measured`, rad."""
     high: Array
-    """The same shape, rad."""
+    """Upper end of the band, rad."""
 
     @property
     def readings(self) -> int:

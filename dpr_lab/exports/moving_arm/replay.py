@@ -49,7 +49,7 @@ class FollowedSegments:
     measured: Array
     """(n, 3) readings of joints 0, 1 and 2, rad; nan where nothing is read."""
     simulated: Array
-    """The same of the model."""
+    """(n, 3) simulated joint angles, rad."""
     offsets: NDArray[np.int64]
     """(segments + 1,) first sample of each segment."""
     initial: Array

@@ -82,7 +82,7 @@ def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator
 
 
 def _otherwise(problem: Problem, rig: Rig) -> Iterator[Problem]:
-    """The same problem with a smaller integrator step, or with a heavier part."""
+    """Problems with half the integrator step, and with each weighed mass increased by its standard uncertainty."""
     segments, model = problem.segments, problem.model
     yield replace(problem, segments=replace(segments, step=segments.step / 2))
     for name in MASSES:

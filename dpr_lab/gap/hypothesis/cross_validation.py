@@ -10,7 +10,7 @@ and the quality of the prediction of r is the logarithm of its predictive densit
 
     -2 log p(r | rest) = chi2(all) - chi2(rest) + f (log det H - log det (H - H_r)) + const,
 
-where f is the chi2 of one independent piece of evidence. A parameter that only r determines therefore makes the
+where f is the variance inflation n / n_eff. A parameter that only r determines therefore makes the
 prediction uncertain instead of wrong. Held-out segments keep free initial states: the score measures their course, not
 their initial state. Shape parameters that hardly any other run determines are also kept free, for example the cubic
 term of a spring that only one run winds up: the other runs would extrapolate it. The size of an effect, its first
@@ -138,7 +138,7 @@ def left_out_chi2(fit: Fit, fold: NDArray[np.int64]) -> Array:
         V = np.asarray(np.linalg.inv(H), dtype=np.float64)
         error = parts.e[left_out.segments] - parts.A[left_out.segments] @ (V @ gradient)
         if (directions := parts.seen_by_one_alone(left_out, V)).any():
-            # parameters that are tied to the free ones move along
+            # parameters that are correlated with the free ones change with them
             columns = parts.A[left_out.segments] @ (V[:, directions] @ np.linalg.inv(V[np.ix_(directions, directions)]))
             error = (
                 error - columns @ np.linalg.lstsq(columns.reshape(-1, columns.shape[2]), error.ravel(), rcond=None)[0]

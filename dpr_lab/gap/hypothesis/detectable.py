@@ -22,7 +22,7 @@ def detectable(model: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, 
         size = 5 sqrt(f) / | s |,
 
     where s is the change of the whitened readings per unit, with initial states and fitted parameters projected out,
-    and f is the chi2 of one independent piece of evidence. None if the readings do not change at all.
+    and f is the variance inflation n / n_eff. None if the readings do not change at all.
 
     Args:
         model: the fitted model

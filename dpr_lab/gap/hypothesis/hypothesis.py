@@ -64,16 +64,16 @@ class Hypothesis:
 
     @property
     def cost(self) -> float:
-        """Held-out chi2 plus the penalty of the parameters, in units of independent evidence."""
+        """Predictive loss plus the penalty of the parameters times the variance inflation."""
         return self.cost_at(self.residuals.inflation)
 
     def cost_at(self, inflation: float) -> float:
-        """The same with the variance inflation of another set, whose residual then counts as noise."""
+        """Cost with the variance inflation of another set, whose residual then counts as noise."""
         return float(self.predictive_loss.sum()) + inflation * self.penalty
 
     @property
     def penalty(self) -> float:
-        """Penalty of the parameters in pieces of independent evidence.
+        """Penalty of the parameters, in chi2 of independent readings.
 
         A curve of n amplitudes larger than ordinary is penalised by 2 n ln(s / s0): its prior of unknown common scale
         has the density s^-n. Amplitudes that cancel each other imitate other effects.

@@ -1,4 +1,4 @@
-"""Residuals of a fit relative to the noise, and the number of independent pieces of evidence in them."""
+"""Residuals of a fit relative to the noise, and their effective number of independent values."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -20,7 +20,7 @@ class NoiseAssumptions:
     level: tuple[float, float] = (0.3, 1.3)
     """Range of the variance ratio in which a wrong noise floor counts as noise, not as a gap."""
     most_correlated: float = 0.99
-    """Maximum autocorrelation of neighbours: above it, a record of seconds holds only one independent piece."""
+    """Maximum autocorrelation of neighbours: above it, a record of seconds has an effective sample size of one."""
     lone: float = 8.0
     """Standard deviations by which a single residual must differ from its neighbours."""
     lone_among: float = 6.0

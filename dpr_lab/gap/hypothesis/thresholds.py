@@ -23,7 +23,7 @@ class Thresholds:
     chance: float = 30.0
     """Reduction of chi2 below which an effect is due to chance: the maximum over some 600 shapes."""
     chance_at_floor: float = 90.0
-    """The same for an additional effect if only noise remains."""
+    """Reduction of chi2 below which an additional effect is due to chance if only noise remains."""
     consistent: float = 4.0
     """Standard errors, estimated from the scatter of segments, by which chi2 must fall for a significant reduction
     while a residual remains.
@@ -35,13 +35,13 @@ class Thresholds:
     integrator: float = 5e-4
     """Fraction of the explained chi2 that is uncertain because of the integrator's steps."""
     integrator_at_floor: float = 5e-5
-    """The same if a set leaves only noise, which confirms the steps."""
+    """This fraction if a set leaves only noise, which confirms the steps."""
     slow: float = 1.3
     """Factor by which an additional effect must reduce the excess, unless it is large."""
     keeps: float = 3.0
     """Factor by which the excess must increase without an effect for the effect to be kept."""
     keeps_if_large: float = 1.3
-    """The same for a large effect."""
+    """Factor by which the excess must increase without a large effect for it to be kept."""
     large: float = 0.04
     """Fraction of the whole gap above which another form of a named effect can no longer explain it."""
     small: float = 0.01

@@ -107,7 +107,7 @@ class Diagnosis(Shown, Saved):
     advice: list[str]
     """The next recording or measurement, in sentences."""
     checks: list[AdvisedCheck] = []
-    """The same as data; `dpr-lab check` accepts their results."""
+    """Recommended checks as data; `dpr-lab check` accepts their results."""
     checks_done: list[CheckDone] = []
     """Results of checks that were undone, the latest last."""
     parent: str = ""

@@ -26,7 +26,7 @@ class PosteriorComponent(BaseModel):
     """(free, free) covariance, SI."""
     between: list[list[Number]] = []
     """(free, free) covariance of the values of another recording about these, SI, beyond the noise of the readings.
-    It is zero if the recordings do not differ beyond chance, and empty in a file of an older version.
+    It is zero if the recordings do not differ significantly, and empty in a file of an older version.
     """
 
     left_out: list[list[Number]] = []

@@ -39,14 +39,14 @@ class ThinningSettings:
     gap_s: float = 0.03
     """Duration of a gap above which a segment ends."""
     gap_spacings: float = 4.5
-    """The same in median sampling intervals, for slow recordings; the larger limit applies. A camera's frames are 33 ms
-    apart, and a few of them may be lost.
+    """Duration of a gap in median sampling intervals, for slow recordings; the larger limit applies. A camera's frames
+    are 33 ms apart, and a few of them may be lost.
     """
     averaged_from: float = 1.5
     """Ratio to the rate of the blocks below which a recording is not averaged."""
     bent: float = 0.092
     """Coefficient of (speed times a block)^4 rad: remaining curvature bias of a block mean."""
-    seen: float = 6.0
+    most_bias: float = 6.0
     """Maximum bias, in standard deviations of a block, at the highest speeds: 27 was significant, 7 was not."""
     fastest: float = 0.995
     """Quantile of the speed that is used as the highest speed."""
@@ -147,7 +147,7 @@ def _block_rate(screened: Screened, fastest: float, rate_hz: float) -> float | N
     blocks = RATE_HZ
     while rate_hz >= THINNING.averaged_from * blocks:
         noise = np.sqrt(screened.noise**2 * blocks / rate_hz + (screened.jitter_s * fastest) ** 2).min()
-        if THINNING.bent * (fastest / blocks) ** 4 <= THINNING.seen * noise:
+        if THINNING.bent * (fastest / blocks) ** 4 <= THINNING.most_bias * noise:
             return blocks
         blocks *= 2
     return None

@@ -36,7 +36,7 @@ class SegmentLengths:
     """Length at which effects are distinguished: four to seven times as sensitive as the first, and Gauss-Newton still
     converges."""
     steady: float = 2.0
-    """The same for a single rod. It is not chaotic, and the influence of friction accumulates over several swings."""
+    """Length for a single rod, which is not chaotic: the influence of friction accumulates over several swings."""
     steady_parts: int = 5
     """Minimum number of segments in each recording of a single rod, to estimate their scatter."""
     growths: float = 7.0

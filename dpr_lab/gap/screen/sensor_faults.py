@@ -34,7 +34,7 @@ AXES = ("joint1", "joint2")
 """Encoders of the rods, as named in findings and results."""
 
 ALL_AXES = (*AXES, "joint0")
-"""The same with that of an arm that moves, in the order in which a problem has them."""
+"""Encoders of the rods and of a moving arm, in the order of the columns of a problem."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +64,11 @@ class ScreenSettings:
     distribution.
     """
     repeating: float = 0.5
-    """Fraction of the readings of a cycle equal to the previous reading, from which they are repeated and not late."""
-    stretch: float = 0.05
-    """The same minus that fraction of the other readings, if readings are repeated in a part of the recording only."""
+    """Minimum fraction of the readings at one position of a cycle that equal the previous reading, for a cycle of
+    repeated instead of late readings.
+    """
+    repeating_in_part: float = 0.05
+    """Minimum excess of this fraction over that of all other readings, if only a part of the recording repeats."""
     slowest_period_s: float = 0.012
     """Sampling interval above which steps of two free rods are not sought: below 80 Hz, every large swing of rods
     without a fault contains steps of 12 to 700 counts for the local polynomial; from 100 Hz on, none does.
@@ -219,7 +221,7 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
 
 
 def _late(run: Run, t: Array, joints: Array) -> tuple[NDArray[np.bool_], list[Finding]]:
-    """(n,) readings that are late or repeated in a cycle, perhaps in a stretch of the recording only."""
+    """(n,) readings that are late or repeated in a cycle, perhaps in a part of the recording only."""
     read = joints[:, :1] if run.setup.alone else joints
     delay, repeated = periodic_delay(t, read), np.append(False, (read[1:] == read[:-1]).all(axis=1))
     if delay is None:
@@ -230,7 +232,7 @@ def _late(run: Run, t: Array, joints: Array) -> tuple[NDArray[np.bool_], list[Fi
     name, share, elsewhere = "repeated_sample", np.mean(repeated[cycle_position]), np.mean(repeated[~cycle_position])
     if share > SCREEN.repeating:
         late, evidence = cycle_position, f"one reading in {delay.cycle} repeats the previous one"
-    elif share > elsewhere + SCREEN.stretch:
+    elif share > elsewhere + SCREEN.repeating_in_part:
         late = cycle_position & repeated
         first, last = np.quantile(t[late], [0.1, 0.9])  # by chance, a few others are equal too
         evidence = f"mostly between {first:.2f} and {last:.2f} s, one reading in {delay.cycle} repeats the previous one"

@@ -3,7 +3,7 @@
 A rod swings like a mass point at the distance I / S from its joint, with inertia I and first moment S. Where all mass
 lies between the joint and the end of the rod at L, this equivalent length is at most L (Huygens). Time stamps that are
 k times too long make it k^2 times longer, without any other trace: the motion of one rod determines I / S only together
-with the unit of time. Two rods have no such gap in their evidence, because the coupling d ties gravity to L1.
+with the unit of time. With two rods the unit of time is identifiable, because the coupling d relates gravity to L1.
 
 Source: Huygens (1673), Horologium oscillatorium, part 4.
 """

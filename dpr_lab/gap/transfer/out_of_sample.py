@@ -62,7 +62,7 @@ class OutOfSample:
     chi2: Callable[[Hypothesis], Array]
     """(segments,) by a model."""
     block: int
-    """Number of neighbouring segments that count as one piece of evidence."""
+    """Number of neighbouring segments that count as one independent value."""
 
     @property
     def runs(self) -> list[tuple[str, NDArray[np.bool_]]]:

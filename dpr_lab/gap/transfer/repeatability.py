@@ -163,7 +163,7 @@ class _Varying:
     std: Array
     """(recordings,) standard deviations of the deviations."""
     scatter: float
-    """Q: reduction of chi2 by its own values, in pieces of independent evidence."""
+    """Q: reduction of chi2 by its own values, divided by the variance inflation."""
     chance: float
     """Reduction of chi2 that fitting noise alone would cause."""
 
@@ -197,7 +197,7 @@ class _Parts:
     candidates: tuple[int, ...]
     """Columns that may vary."""
     block: int = 1
-    """Number of neighbouring segments that count as one piece of evidence."""
+    """Number of neighbouring segments that count as one independent value."""
 
     @classmethod
     def of(cls, problem: Problem, fit: Fit, fold: NDArray[np.int64], followed: NDArray[np.bool_]) -> Self:
@@ -235,7 +235,7 @@ class _Parts:
         return chi2
 
     def with_discrepancy(self, columns: Array) -> Self:
-        """The same with free torques and encoder errors of the size that predicts best, if they help."""
+        """Fit with additional free torques and encoder errors of the size that predicts best, if they help."""
         columns = np.where(_used(self.e)[:, None, None], columns, 0.0)
         X, before, best = np.concatenate([self.X, columns], axis=2), self.left_out(), self
         least = before

@@ -82,15 +82,17 @@ class Transfer:
     fitted.
     """
     left_out: Mapping[str, GapReduction]
-    """The same for each fitted run, predicted from the other runs."""
+    """Share of the gap closed in each fitted run, predicted from the other runs."""
     held_out: Mapping[str, GapReduction]
-    """The same for each held-out run."""
+    """Share of the gap closed in each held-out run."""
     effects: Mapping[str, Mapping[str, GapReduction]]
     """Effect -> run -> share of the gap without the effect that the effect closes."""
     withdrawn: tuple[str, ...]
-    """Effects that do not carry over."""
+    """Effects that do not improve the prediction of recordings that were not fitted."""
     unproven: tuple[str, ...]
-    """The same across the quarters of one release. They stay in the model, because its quarters differ in amplitude."""
+    """Effects that do not improve the prediction of a quarter of the only release from its other quarters. They stay in
+    the model, because the quarters differ in amplitude.
+    """
     oversized: tuple[str, ...]
     """Effects whose size is impossible on any rig."""
     worse_free_run: tuple[float, float] | None

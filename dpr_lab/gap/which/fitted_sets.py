@@ -1,9 +1,9 @@
 """Sets of effects and their fits: each set is fitted once, with measures against local minima.
 
-A fit far from the noise may end in a local minimum that a few segments, or long ones, cause. Therefore an effect is
-started from several shapes, from short segments, and from the sets with one effect more and one effect fewer; the best
-of these fits counts. If a set is fitted again, the better fit is kept. Each move fits in its own copy, so that no fit
-changes an earlier state of the search.
+A fit far from the noise may end in a local minimum, caused by a few segments or by long segments. Therefore an effect
+is started from several shapes, from short segments, and from the sets with one effect more and one effect fewer; the
+best of these fits counts. If a set is fitted again, the better fit is kept. Each move fits in its own copy, so that no
+fit changes an earlier state of the search.
 """
 
 from collections.abc import Callable, Mapping
@@ -57,7 +57,7 @@ class Effort:
     outstanding: float = 5.0
     """chi2 of a segment relative to the median from which it may hold a fit in a local minimum."""
     nowhere: float = 0.99
-    """Ratio of chi2 with an effect to chi2 without it from which its fit has led nowhere."""
+    """Ratio of chi2 with an effect to chi2 without it above which the fit of the effect has failed."""
     starts: int = 4
     """Number of shapes of an effect from which more than one is fitted."""
     leading: float = 0.5
@@ -103,11 +103,11 @@ class FittedSets:
     def resumed(
         self, fits: Mapping[frozenset[str], Hypothesis], tests: Mapping[frozenset[str], ScoreTest]
     ) -> "FittedSets":
-        """The same recordings and library, with copies of the fits and score tests."""
+        """Copy with other fits and score tests."""
         return replace(self, _fits=dict(fits), _tests=dict(tests))
 
     def from_bare(self, bare: Hypothesis) -> "FittedSets":
-        """The same recordings and library with another fit of the bare model, and no other fit yet."""
+        """Copy with another fit of the bare model and without any other fit."""
         return replace(self, bare=bare, _fits={}, _tests={}, _refitted_from=set())
 
     def keep(self, model: Hypothesis) -> Hypothesis:
@@ -122,7 +122,7 @@ class FittedSets:
         return not oversized(model.fit.estimate.params, self.problem.limits)
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
-        """Whether a set has sizes that a rig can have, or another set has not either."""
+        """Whether the sizes of a set are possible on a rig, or those of another set are impossible too."""
         return self.possible(model) or not self.possible(other)
 
     def unexpected(self, model: Hypothesis) -> list[str]:
@@ -184,7 +184,7 @@ class FittedSets:
         return FittedSets(self.recordings, cut, self.library, bare, self.on_progress, self.expected)
 
     def carried_over(self, short: Hypothesis) -> Hypothesis:
-        """A set that was fitted to short segments, fitted to these."""
+        """Refit a set from its fit to short segments."""
         long = self._lengthened(short.fit, self.bare.fit.estimate.initial, iterations=2 * EFFORT.fine)
         return self.escaped(hypothesis(self.problem, short.effects, long))
 
@@ -195,7 +195,7 @@ class FittedSets:
         return fit(self.problem, near.estimate.changed(initial=initial_states), near.free, iterations=iterations)
 
     def escaped(self, model: Hypothesis) -> Hypothesis:
-        """Fit the same set again if a few segments, long ones, or an order may cause a local minimum."""
+        """Refit a set that may be in a local minimum because of a few segments, long segments, or a wrong order."""
         if not at_noise_floor(model):
             model = self._in_best_order(model)
             model = self._better(without_outstanding(self.problem, model.fit), model)

@@ -29,7 +29,7 @@ class Beam:
     fitted: int = 4
     """Number of candidates of a score test that are fitted."""
     fitted_when_far: int = 6
-    """The same number far from the noise, where linear scores are unreliable."""
+    """Number of candidates that are fitted far from the noise, where linear scores are unreliable."""
     sets: int = 2
     """Number of sets that are extended to the next size."""
     worse: float = 4.0
@@ -58,7 +58,7 @@ def forward_selection(max_effects: int, *, to_floor: bool = False) -> Move:
         "add",
         "forward selection: the candidates with the largest scores are fitted, the two best sets are extended further",
         partial(_larger_sets, max_effects=max_effects, to_floor=to_floor),
-        _worth_its_price,
+        _significant_and_large,
         then="go on",
     )
 
@@ -108,10 +108,10 @@ def _refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
 
 
 def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:
-    """Sets by the criterion; last those with an effect of an impossible size, or one that adds too little.
+    """Sets by the criterion. Sets with an effect of impossible size, or with one that adds too little, come last.
 
-    It is a curve that follows the remainder, or a vibration at a multiple of the swing's frequency instead of another
-    effect.
+    Two kinds of effects add too little: a curve that follows the remainder, and a vibration at a multiple of the
+    swing's frequency if another effect explains most of the same reduction.
     """
     models = list(models)
 
@@ -124,7 +124,7 @@ def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) ->
     return sorted(models, key=rank)
 
 
-def _worth_its_price(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+def _significant_and_large(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     model = proposal.model
     limit = significance(sets.bare, current, model)
     if current.cost - model.cost < limit:

@@ -25,7 +25,7 @@ from dpr_lab.gap.which.replacements import (
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 
-def _with_what_is_known(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+def _with_known_effects(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """The bare model with the known effects of the rig that these recordings show."""
     start = sets.start()
     if start.effects:
@@ -52,7 +52,7 @@ def _fitted_to_the_end(sets: FittedSets, current: Hypothesis, proposal: Proposal
 START = Move(
     "known effects",
     "effects that every rig of this kind has are included first, as far as the recordings show them",
-    _with_what_is_known,
+    _with_known_effects,
     _known,
 )
 CONVERGE = Move("converge", "the fit is continued to its minimum", _converged, _fitted_to_the_end)

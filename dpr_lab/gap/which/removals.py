@@ -98,7 +98,7 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
     yield from sorted(shares, key=lambda proposal: proposal.value)[:1]
 
 
-def _makes_up_for_another_form(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+def _compensates_for_another_form(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     share = f"{percent(proposal.value)} of its reduction is explained by no other form of the remaining effects"
     return Decision(proposal.value < THRESHOLDS.own_share, share)
 
@@ -152,7 +152,7 @@ OWN_SHARE = Move(
     "while the residual exceeds the noise, an effect is removed if other functional forms of the remaining"
     " effects explain the same residual",
     _without_least_own,
-    _makes_up_for_another_form,
+    _compensates_for_another_form,
     then="repeat",
 )
 HELD_OUT = Move(

@@ -66,7 +66,7 @@ class EnergyFit:
     time_scale: float
     """Factor for the times that balances the exchange of kinetic and potential energy, 1 if correct; nan if unclear."""
     kinetic_scale: float
-    """The same from the magnitudes of both energies, also for driven rods; accurate to a factor of about ten."""
+    """Factor for the times from the magnitudes of both energies, also for driven rods; accurate to a factor of ten."""
 
 
 def mounted_base(rig: Rig, Z: ArrayLike) -> Array:

@@ -40,7 +40,7 @@ class DoubtSettings:
     sudden: float = 4.0
     """Change of speed at a stop, relative to the 90 % quantile of all changes."""
     strong: float = 0.3
-    """The same relative to the largest speed."""
+    """Change of speed at a stop, relative to the largest speed."""
     apart: float = 0.02
     """Distance of the arm from the end of its range at a stop, relative to the range."""
     held_s: float = 0.2

@@ -74,7 +74,7 @@ class PrintedModel(Model):
 
 
 class PrintedMovingArm(MovingArmModel):
-    """The same for a rig with a free or driven arm."""
+    """Output of `identify --json` for a rig with a free or driven arm."""
 
     model: str = ""
     """Path of the written file; not in the file itself."""

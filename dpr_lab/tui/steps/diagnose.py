@@ -43,14 +43,14 @@ STAGES_S: Mapping[str, float] = {
     "where": 0.03,
     "which": 5.0,
     "classes": 0.03,
-    "how far": 0.2,
+    "transfer": 0.2,
     "advice": 0.01,
     "evidence": 0.1,
     "report": 2.0,
 }
 """Typical duration of each stage per release of 10 s with one or two named effects, s, on two cores."""
 
-STEADY = ("bare model", "how far", "evidence")
+STEADY = ("bare model", "transfer", "evidence")
 """Stages whose duration does not depend on the result."""
 
 NONE_LEFT = "every selected run is held out: hold out fewer ({diagnose.hold_out}), or select more ({app.browse})"
