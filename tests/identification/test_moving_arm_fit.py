@@ -23,7 +23,7 @@ from dpr_lab.run import Run
 from tests.three_hinges import L0, three_hinges
 
 NOISE = 3e-4
-T = np.arange(0, 5, 0.005)
+T = np.arange(0, 3, 0.005)
 PUSH = 0.6 * np.sin(4 * T) + 0.5 * np.sin(7.3 * T + 1)
 
 

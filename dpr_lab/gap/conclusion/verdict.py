@@ -9,7 +9,7 @@ from dpr_lab.gap.hypothesis.detectable import visible
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.result.causes import PROBABLE
-from dpr_lab.gap.screen.pieces import whole
+from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.tried import Description
@@ -232,8 +232,8 @@ def how_far(transferred: Transfer) -> str:
 
 
 def _tested_on(transferred: Transfer) -> str:
-    pieces = transferred.basis == "held-out runs" and all(whole(name) != name for name in transferred.held_out)
-    return "On held-out pieces of the recording" if pieces and transferred.held_out else _BASIS[transferred.basis]
+    pieces = transferred.basis == "held-out runs" and are_pieces(transferred.held_out)
+    return "On held-out pieces of the recording" if pieces else _BASIS[transferred.basis]
 
 
 _BASIS = {

@@ -1,7 +1,7 @@
 """Division of a single long record into pieces, every second one held out, so that the diagnosis can be validated."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,12 @@ PIECES = PieceSettings()
 def whole(name: str) -> str:
     """Name of the run from which a piece was cut, or of the whole run itself."""
     return re.sub(r" \d+-\d+ s$", "", name)
+
+
+def are_pieces(names: Iterable[str]) -> bool:
+    """Whether there are names, and all are names of pieces."""
+    names = list(names)
+    return bool(names) and all(whole(name) != name for name in names)
 
 
 def in_pieces(runs: Sequence[Run], held_out: Sequence[Run]) -> tuple[Sequence[Run], Sequence[Run], str]:

@@ -71,7 +71,7 @@ def _local_motion(t: Array, rods: Array, length_s: float, settings: LocalMotionS
     t, rods = t[:rows], rods[:rows]
     if len(t) < settings.fewest:
         return None
-    window = int(np.clip(length_s / float(np.median(np.diff(t))), *settings.window)) // 2 * 2 + 1
+    window = int(np.clip(length_s / np.median(np.diff(t)), *settings.window)) // 2 * 2 + 1
     stride = -(-len(t) // settings.instants)
     if len(t) < settings.fewest + window:
         return None

@@ -179,7 +179,7 @@ def torque_balance(t: Array, rods: Array, torques: Array | None, rig: Rig) -> To
         rig: the recorded rig
     """
     fast = periods(rig)[1]
-    if len(t) < TORQUES.motion.fewest or not fast / float(np.median(np.diff(t))) >= TORQUES.fewest_a_period:
+    if len(t) < TORQUES.motion.fewest or not fast >= TORQUES.fewest_a_period * np.median(np.diff(t)):
         return None
     moving = local_motion(t, rods, fast, TORQUES.motion)
     if moving is None:

@@ -5,6 +5,7 @@ from itertools import pairwise
 from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.gap_budget import VaryingParameter
+from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.digits import three
 from dpr_lab.report.gap.tables import causes, steps
@@ -12,12 +13,20 @@ from dpr_lab.report.pages.page import ShareBar
 from dpr_lab.report.words import named, size_words
 from dpr_lab.shown import listed, parameter_words, percent
 
-BASIS = {
-    "one release": "cross-validation between the quarters of one run",
-    "releases left out": "leave-one-run-out cross-validation",
-    "held-out runs": "held-out runs",
-}
-"""`Diagnosis.basis` -> the data on which the gap reduction is measured, in words."""
+
+def basis_words(diagnosis: Diagnosis) -> str:
+    """The data on which the gap reduction is measured, in words."""
+    if diagnosis.basis == "one release":
+        return "cross-validation between the quarters of one run"
+    if diagnosis.basis == "releases left out":
+        return "leave-one-run-out cross-validation"
+    return held_out_words(diagnosis)
+
+
+def held_out_words(diagnosis: Diagnosis) -> str:
+    """The held-out data: whole runs, or pieces of the only recording."""
+    pieces = are_pieces(diagnosis.gap.closed_held_out.held_out)
+    return "held-out pieces of the recording" if pieces else "held-out runs"
 
 
 def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
@@ -28,7 +37,7 @@ def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
     """
     if diagnosis.evidence is not None and diagnosis.evidence.closing:
         gaps = [(step.effect or "", step.left_rad) for step in diagnosis.evidence.closing]
-        basis = BASIS[diagnosis.basis]
+        basis = basis_words(diagnosis)
     else:
         effects = ["", *(str(step["effect"]) for step in diagnosis.gap.waterfall)]
         gaps = list(zip(effects, (gap for _, gap in steps(diagnosis)), strict=True))
@@ -71,7 +80,8 @@ def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
     """Bar of the mean squared residual by reproducibility; None without a gap."""
     parts = [(f"{label}: {percent(share, 1)}", share) for label, share in repeatability_parts(diagnosis)]
-    title = "Repeatability: mean squared residual of the bare model on held-out recordings"
+    data = "pieces" if diagnosis.gap.budget and diagnosis.gap.budget.basis != "recordings" else "recordings"
+    title = f"Repeatability: mean squared residual of the bare model on held-out {data}"
     return ShareBar(title, parts) if parts else None
 
 

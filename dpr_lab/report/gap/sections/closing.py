@@ -10,6 +10,7 @@ from dpr_lab.report import style
 from dpr_lab.report.digits import three
 from dpr_lab.report.figures import empty_figure, legend_above, new_figure
 from dpr_lab.report.gap.section import EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.gap.summary import held_out_words
 from dpr_lab.report.gap.tables import per_reading
 from dpr_lab.report.words import named
 from dpr_lab.shown import percent
@@ -56,7 +57,7 @@ def closing_words(diagnosis: Diagnosis) -> list[str]:
     data = {
         "one release": "each quarter of the single run, predicted from the other quarters",
         "releases left out": "each run, predicted from the others",
-        "held-out runs": "the held-out runs",
+        "held-out runs": f"the {held_out_words(diagnosis)}",
     }[diagnosis.basis]
     return [
         f"The named effects reduce the gap from {three(1e3 * steps[0].left_rad)} to"
