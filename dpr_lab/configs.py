@@ -97,6 +97,12 @@ def _models_in(annotation: Any) -> set[type[BaseModel]]:
     return {inner for part in get_args(annotation) for inner in _models_in(part)}
 
 
+def first_fault(error: ValidationError) -> str:
+    """The first key that a pydantic model refused, and why: `ratios.a/b: must be greater than 0`."""
+    fault = error.errors()[0]
+    return f"{'.'.join(map(str, fault['loc'])) or 'the file'}: {fault_words(fault)}"
+
+
 def fault_words(fault: "ErrorDetails") -> str:
     """The reason why a pydantic model refused a value: `must be greater than 0`."""
     kind = {"extra_forbidden": "unknown key", "missing": "is missing"}.get(fault["type"])

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from dpr_lab.certificate.lines import Verified
-from dpr_lab.configs import fault_words
+from dpr_lab.configs import first_fault
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
 from dpr_lab.whole_file import regular
@@ -192,10 +192,7 @@ def load_certificate(path: Path) -> Certificate:
         _refuse_other_policies(path, document)
         return Certificate.model_validate_json(text)
     except ValidationError as error:
-        fault = error.errors()[0]
-        key = ".".join(map(str, fault["loc"])) or "the file"
-        words = fault_words(fault)
-        raise RunError(f"{path}: is not a valid certificate of policy {POLICY}: {key}: {words}") from error
+        raise RunError(f"{path}: is not a valid certificate of policy {POLICY}: {first_fault(error)}") from error
     except (ValueError, RecursionError) as error:
         raise RunError(f"{path}: is not a certificate (JSON): {error}") from error
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from dpr_lab.configs import first_fault
 from dpr_lab.dynamics.base import BASE, RATIOS, base_from_ratios
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError, printable
@@ -368,9 +369,7 @@ def load_model(path: Path | str) -> Model:
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise RunError(f"{path}: is not a model of dpr-lab: {key}: {first['msg']}") from error
+        raise RunError(f"{path}: is not a model of dpr-lab: {first_fault(error)}") from error
     except (ValueError, RecursionError) as error:  # other encoding, invalid JSON, a number of thousands of digits
         raise RunError(f"{path}: is not a model file (JSON): {error}") from error
 

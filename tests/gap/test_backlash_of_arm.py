@@ -25,7 +25,7 @@ DURATION_S, RATE_HZ = 3.0, 250
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", thinned(CASES, 2))
+@pytest.mark.parametrize("case", thinned(CASES, 4))
 def test_backlash_is_named_and_not_taken_for_friction_compliance_or_latency(case):
     name, mode, effect, seed = case
     plant, rig = weighed(load_plant(name, seed), load_rig(name))

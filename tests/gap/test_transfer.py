@@ -118,7 +118,9 @@ def test_counts_are_missed_only_where_there_are_counts(dry: list[Run], paper: Ri
 def test_an_effect_larger_than_any_rig_has_is_not_named_with_confidence(recorded: Recorded, paper: Rig):
     name = "encoder_eccentricity_joint1"
     library = {name: EFFECTS[name]}
-    small, large = (diagnose(recorded({name: {"cos1_rad": size}}), paper, library=library) for size in (5e-3, 0.3))
+    small, large = (
+        diagnose(recorded({name: {"cos1_rad": size}}, duration=2.0), paper, library=library) for size in (5e-3, 0.3)
+    )
     assert small.verdict == "named"
     assert large.verdict in ("partly_explained", "unexplained")
     assert all(effect.probability <= 0.5 for effect in large.effects)

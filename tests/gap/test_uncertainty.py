@@ -51,7 +51,7 @@ def test_steps_of_a_play_are_not_missed_counts(recorded, paper: Rig):
 def test_friction_that_follows_the_load_shows_the_scale(paper: Rig):
     plant, rig = weighed_rig(load_plant("paper", 3), paper)
     told = plant.model_copy(update={"effects": {"load_friction_joint2": {"friction_radius_m": 6e-4}}})
-    found = diagnose(record(told, rig, 8.0), rig, library={"load_friction_joint2": EFFECTS["load_friction_joint2"]})
+    found = diagnose(record(told, rig, 5.0), rig, library={"load_friction_joint2": EFFECTS["load_friction_joint2"]})
     true_b = base_parameters(told.Z, rig.rig.L1, rig.rig.g)[BASE.index("b")]
     assert found.scale_b == pytest.approx(true_b, rel=0.02)
     assert found.effects[0].parameters["friction_radius_m"].value == pytest.approx(6e-4, rel=0.02)

@@ -45,18 +45,14 @@ def test_rods_that_turn_the_other_way_are_named():
 def test_rods_whose_zero_is_upright_instead_of_hanging_are_named():
     rng, rig = np.random.default_rng(3), rig_with("driven", "torque", rods="inner")
     Z, arm, start = drawn(rng, rig)
-    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
+    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng).between(0.0, 1.5)
     run.theta[:, 1:] += np.pi
     assert any("with the other --zero" in failure for failure in identify_moving_arm([run], rig).failures)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
-    ("read", "option"),
-    [
-        ((0.5, 1.0), "--scale theta0=2,"),
-        pytest.param((1.0, 2.0), "--scale theta1=0.5,theta2=0.5,", marks=pytest.mark.long),
-    ],
+    ("read", "option"), [((0.5, 1.0), "--scale theta0=2,"), ((1.0, 2.0), "--scale theta1=0.5,theta2=0.5,")]
 )
 def test_halved_or_doubled_angles_of_arm_or_rods_are_named(read, option):
     rng, rig = np.random.default_rng(3), rig_with("driven", "torque")
@@ -154,7 +150,7 @@ def test_an_input_is_scaled_in_a_table(tmp_path):
 def test_an_undetermined_gain_gives_no_motor_constants():
     rng, rig = np.random.default_rng(1), rig_with("driven", "voltage", "inner", kt=KT, R=KT, ke=KT)
     Z, arm, start = drawn(rng, rig)
-    run = recorded(rig, Z, arm, start, rng.normal(0, 1.0, len(PUSH)), 0 * PUSH, rng)
+    run = recorded(rig, Z, arm, start, rng.normal(0, 1.0, len(PUSH)), 0 * PUSH, rng).between(0.0, 1.0)
     model = identify_moving_arm([run], rig)
     assert "kt/(R a)" in model.undetermined
     assert not any("from the recordings" in note or "back-EMF is" in note for note in model.notes)

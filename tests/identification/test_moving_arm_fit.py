@@ -147,7 +147,7 @@ def test_arms_that_cannot_be_are_refused(change, words):
 def test_intervals_cover_and_errors_keep_to_the_cramer_rao_bound(mode):
     rng, rig = np.random.default_rng(5), rig_with(mode, "torque" if mode == "driven" else None)
     scores, sizes = [], []
-    for _ in range(12):
+    for _ in range(8):
         Z, arm, start = drawn(rng, rig)
         driven = mode == "driven"
         run = recorded(rig, Z, arm, start, PUSH if driven else None, PUSH if driven else 0 * T, rng)
@@ -164,7 +164,7 @@ def test_intervals_cover_and_errors_keep_to_the_cramer_rao_bound(mode):
 @pytest.mark.slow
 def test_a_global_search_over_rods_arm_and_drive_finds_the_start_of_a_fit():
     """The search varies the arm's inertia and friction and the gain together with the rods, in wide bounds."""
-    rng, rig = np.random.default_rng(1), rig_with("driven", "torque")
+    rng, rig = np.random.default_rng(2), rig_with("driven", "torque")
     Z, arm, start = drawn(rng, rig)
     run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
     table = rig.model_dump(exclude_none=True)

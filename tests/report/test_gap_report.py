@@ -5,7 +5,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.gap import tables as gap_tables
 from dpr_lab.report.gap.figures import save_gap_figures, where_figure
 from dpr_lab.report.gap.html import write_gap_report
-from dpr_lab.report.gap.summary import budget_bar, summary_note
+from dpr_lab.report.gap.summary import basis_words, budget_bar, summary_note
 from dpr_lab.report.words import in_words, named
 
 OUTSIDE, REMAINDER = 0.2, 0.1
@@ -198,6 +198,21 @@ def test_the_gap_budget_adds_up(diagnosis) -> None:
     assert [share for _, share in bar.parts] == pytest.approx([0.5, 0.18, 0.32])
     assert bar.parts[0][0] == f"{COULOMB}: 1.77 mrad (50.0 %)"
     assert bar.parts[-1][0] == "remainder: 1.13 mrad (32.0 %)"
+
+
+@pytest.mark.parametrize(
+    ("held_out", "words"),
+    [
+        (["swing 10-20 s", "swing 30-40 s"], "held-out pieces of the recording"),
+        (["swing 10-20 s", "low"], "held-out runs"),
+        ([], "held-out runs"),
+    ],
+)
+def test_held_out_pieces_of_one_recording_are_called_so(diagnosis, held_out: list[str], words: str) -> None:
+    result = diagnosis(basis="held-out runs")
+    closed = result.gap.closed_held_out.model_copy(update={"held_out": dict.fromkeys(held_out, 0.9)})
+    gap = result.gap.model_copy(update={"closed_held_out": closed})
+    assert basis_words(result.model_copy(update={"gap": gap})) == words
 
 
 def test_an_improbable_effect_is_not_listed_as_a_cause(diagnosis, tmp_path) -> None:

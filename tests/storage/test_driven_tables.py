@@ -77,7 +77,7 @@ MEASURED, COMMANDED = ("tau1_measured_Nm", "tau2_measured_Nm"), ("tau1_commanded
 
 
 @pytest.mark.parametrize("first", [MEASURED, ("tau1_Nm", "tau2_Nm"), ("tau_meas1", "tau_meas2")])
-def test_of_measured_and_commanded_torques_both_are_kept(paper: Rig, tmp_path: Path, first: tuple[str, str]) -> None:
+def test_measured_and_commanded_torques_are_shown(paper: Rig, tmp_path: Path, first: tuple[str, str]) -> None:
     file = table(tmp_path, ",".join(COMMANDED + first), 2 * TAU, TAU)
     shown = preview(file, paper, ImportOptions())
     assert shown.to_json()["torques"] == [
@@ -85,8 +85,11 @@ def test_of_measured_and_commanded_torques_both_are_kept(paper: Rig, tmp_path: P
         {"kind": "commanded", "columns": list(COMMANDED)},
     ]
     assert f"measured {' and '.join(first)}; commanded tau1_commanded_Nm" in shown.facts()["torques"]
-    made = import_csv(file, paper)
-    import_csv(file, paper, out=tmp_path / "a.mcap")
+
+
+def test_of_measured_and_commanded_torques_both_are_kept(paper: Rig, tmp_path: Path) -> None:
+    file = table(tmp_path, ",".join(COMMANDED + MEASURED), 2 * TAU, TAU)
+    made = import_csv(file, paper, out=tmp_path / "a.mcap")
     export(load_run(tmp_path / "a.mcap"), tmp_path / "a.csv")
     for run in (made, load_run(tmp_path / "a.mcap"), import_csv(tmp_path / "a.csv", paper)):
         assert run.torque_kind == "measured"

@@ -11,7 +11,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.preview import preview
 from tests.storage.mutated_tables import MUTATIONS, MutatedTable, mutated_tables
-from tests.thinned import thinned
+from tests.thinned import FULL, thinned
 
 TURNS = 5
 """As many as there are base tables."""
@@ -43,7 +43,7 @@ def test_no_mistake_in_a_table_ends_in_another_error_than_a_sentence(
 ) -> None:
     chosen = [table for table in tables if turn(table, tables) == number]
     assert number or {table.mutation for table in chosen} == set(MUTATIONS)
-    for table in chosen:
+    for index, table in enumerate(chosen):
         file = table.write(tmp_path)
         try:
             run = import_csv(file, paper, table.options)
@@ -53,4 +53,6 @@ def test_no_mistake_in_a_table_ends_in_another_error_than_a_sentence(
         else:
             assert np.isfinite(run.theta).all(), table.name
             assert (np.diff(run.t) > 0).all(), table.name
+            if index % 3 and not FULL:
+                continue  # a preview reads the table as the import does
             as_json(preview(file, paper, table.options).to_json())

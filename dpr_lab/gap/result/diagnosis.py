@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from dpr_lab.configs import first_fault
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
@@ -201,9 +202,7 @@ def load_diagnosis(path: Path) -> Diagnosis:
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise RunError(f"{path}: is not a diagnosis that this dpr-lab wrote: {key}: {first['msg']}") from error
+        raise RunError(f"{path}: is not a diagnosis that this dpr-lab wrote: {first_fault(error)}") from error
     except (ValueError, RecursionError) as error:
         raise RunError(f"{path}: is not a diagnosis (JSON): {error}") from error
     named = {effect.name for effect in diagnosis.effects} | {

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from dpr_lab.configs import first_fault
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects.coulomb import COULOMB_JOINT0
 from dpr_lab.effects.spring import SPRING_JOINT0
@@ -137,8 +138,6 @@ def load_moving_arm_model(path: Path) -> MovingArmModel | None:
     try:
         model = MovingArmModel.model_validate(content)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise RunError(f"{path}: is not a model of dpr-lab: {key}: {first['msg']}") from error
+        raise RunError(f"{path}: is not a model of dpr-lab: {first_fault(error)}") from error
     refuse_unknown_effects(model.effects, path)
     return model
