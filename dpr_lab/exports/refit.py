@@ -4,7 +4,8 @@ Parameters that were fitted together with an omitted effect are wrong without it
 was estimated as zero. Ratios, simpler effects and all effects that the program supports are therefore refitted.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +95,12 @@ def _best_fit(problem: Problem, effects: Effects, starts: Sequence[tuple[Array, 
     for start, arm in starts:
         estimate = Estimate.of(start, effect_params(named_params(arm) | dict(effects)), initial)
         of_rods = [effect for effect in effects if EFFECTS[effect].stage in MOVING]
-        fits.append(fit(problem, estimate, free_parameters(estimate, of_rods, problem), iterations=20))
+        free = [
+            parameter
+            for parameter in free_parameters(estimate, of_rods, problem)
+            if parameter.name in effects.get(parameter.effect, {parameter.name})
+        ]
+        fits.append(fit(problem, estimate, free, iterations=20))
     return min(fits, key=lambda candidate: candidate.chi2).estimate
 
 
@@ -123,9 +129,31 @@ def _bare_fit(model: AnyModel, runs: Sequence[Run], rig: Rig) -> tuple[Problem, 
 
 def _without(model: AnyModel, lost: frozenset[str], words: frozenset[str]) -> dict[str, dict[str, float]]:
     """Remaining effects, and simpler ones in place of the lost effects."""
-    remaining = {name: values for name, values in known_effects(model.effects).items() if name not in lost}
-    stand_ins = {name for gone in sorted(lost) for name in _simpler(EFFECTS[gone], words)} - set(remaining)
-    return remaining | {name: _typical(EFFECTS[name]) for name in sorted(stand_ins)}
+    known = {name: _without_zeros(name, values) for name, values in known_effects(model.effects).items()}
+    remaining = {name: values for name, values in known.items() if name not in lost}
+    reduced = {name: values for name in sorted(lost) if (values := _reduced(name, known[name], words))}
+    stand_ins = {name for gone in sorted(lost - set(reduced)) for name in _simpler(EFFECTS[gone], words)}
+    return remaining | reduced | {name: _typical(EFFECTS[name]) for name in sorted(stand_ins - set(remaining))}
+
+
+def _without_zeros(name: str, values: Mapping[str, float]) -> dict[str, float]:
+    """The effect without amplitudes of zero: fitted again, they could become sizes that no element expresses."""
+    amplitudes = {p.name for p in EFFECTS[name].amplitudes}
+    return {key: value for key, value in values.items() if value or key not in amplitudes}
+
+
+def _reduced(name: str, values: Mapping[str, float], words: frozenset[str]) -> dict[str, float]:
+    """The effect without some amplitudes besides its first, if these elements can then express it; otherwise {}.
+
+    A spring without its cubic term is a linear spring.
+    """
+    further = [p.name for p in EFFECTS[name].amplitudes if p.name in values][1:]
+    for count in range(1, len(further) + 1):
+        for omitted in combinations(further, count):
+            fewer = {key: value for key, value in values.items() if key not in omitted}
+            if words.issuperset(words_of({name: fewer}).get(name, {"": None})):
+                return fewer
+    return {}
 
 
 def _simpler(effect: Effect, words: frozenset[str]) -> set[str]:

@@ -33,6 +33,11 @@ def test_errors_by_chance_and_small_ones_change_nothing() -> None:
     assert widening([0.01] * 8) == 1.0
     assert widening([2.5, 0.9, 1.0]) == 1.0
     assert widening([4.0, 2.0, 3.0]) > 2.0
+
+
+def test_one_recording_far_from_the_others_does_not_decide() -> None:
+    assert widening([0.8, 60.0, 1.1]) == 1.0
+    assert widening([2.0, 60.0, 3.0]) == widening([2.0, 4.0, 3.0])
     assert widening([]) == 1.0
 
 

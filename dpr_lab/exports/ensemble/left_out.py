@@ -4,15 +4,16 @@ Models fitted to a recording predict it better than the next one: its residuals 
 For each recording r, models are drawn about the values fitted without it (`PosteriorComponent.left_out`). With m and w
 the middle and the half width of their 90 % band, y the readings, and z the normal quantile of the band,
 
-    s_r = mean (z (y - m) / w)^2,    lambda^2 = (n + sum_r s_r) / (n + R)
+    s_r = mean (z (y - m) / w)^2,    v = median(s_r) / median(chi2_q / q)
 
-is the variance of the errors in units of the band's; it is 1 if the posterior is right. n is the number of recordings
-that this expectation counts as. The errors in one recording are correlated, so R recordings are R observations, and the
-standard deviations of the ensemble are multiplied by
+is the variance of the errors in units of the band's; it is 1 if the posterior is right. A recording has about q
+independent errors. The median does not depend on a recording far from the others, to which their values extrapolate. A
+posterior is kept if v is as expected by chance. Otherwise the standard deviations are multiplied by
 
-    lambda t / z,    t = quantile of Student's distribution with n + R degrees of freedom,
+    t / z ((n + R v) / (n + R))^(1/2),    t = quantile of Student's distribution with n + R degrees of freedom,
 
-but only if the mean of s_r is larger than what is expected by chance.
+because R recordings are few observations of a variance. n is the number of recordings that the expectation v = 1 counts
+as.
 
 Source: Student (1908), The probable error of a mean, Biometrika 6, 1-25; M. Stone (1974), Cross-validatory choice and
 assessment of statistical predictions, Journal of the Royal Statistical Society B 36, 111-147.
@@ -22,6 +23,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 from scipy.stats import t as student
 
 from dpr_lab.errors import RunError
@@ -42,9 +44,13 @@ class LeftOutSettings:
     """Number of models for each recording; the band lies between the second values from both ends."""
     expected: float = 1.0
     """Number of recordings that the expectation of a right posterior counts as."""
+    independent: int = 3
+    """Number of independent errors of a recording, q: between 1, an error of one parameter, and 11, by the scatter of s
+    of 21 recordings of simulated rigs.
+    """
     chance: float = 1.5
-    """Mean of s up to which the posterior is kept: 1 and a standard deviation, sqrt(2 / 9), of three recordings with
-    three independent errors each.
+    """v up to which the posterior is kept: 1 and a standard deviation, sqrt(2 / 9), of three recordings with three
+    independent errors each.
     """
 
 
@@ -82,12 +88,14 @@ def without(components: Sequence[PosteriorComponent], place: int) -> list[Poster
 
 def widening(errors: Sequence[float]) -> float:
     """Factor from the squared normalised errors s of recordings."""
-    if not errors or np.mean(errors) <= LEFT_OUT.chance:
+    if not errors:
+        return 1.0
+    variance = float(np.median(errors) * LEFT_OUT.independent / chi2.median(LEFT_OUT.independent))
+    if variance <= LEFT_OUT.chance:
         return 1.0
     count = LEFT_OUT.expected + len(errors)
-    variance = (LEFT_OUT.expected + sum(errors)) / count
-    quantile = float(student.ppf((1 + BANDS.level) / 2, count))
-    return max(1.0, variance**0.5 * quantile / NORMAL_Q90)
+    pooled = (LEFT_OUT.expected + len(errors) * variance) / count
+    return float(pooled**0.5 * student.ppf((1 + BANDS.level) / 2, count) / NORMAL_Q90)
 
 
 def _without(component: PosteriorComponent, place: int) -> PosteriorComponent:
