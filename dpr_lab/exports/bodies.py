@@ -51,6 +51,9 @@ def _reason(name: str, values: Mapping[str, float], program: str) -> str:
         return f"{program} has no element for {' and '.join(words)}"
     if EFFECTS[name].stage in ("timing", "timing0", "encoder", "encoder0", "play", "play1", "play0"):
         return f"{program} describes bodies, but not encoder readings"
+    for parameter in EFFECTS[name].amplitudes[1:]:
+        if words_of({name: {**values, parameter.name: 0.0}}):
+            return f"{program} has no element for its parameter {parameter.name}"
     return f"{program} has no element for it"
 
 

@@ -81,6 +81,16 @@ def fitted_in_words(model: AnyModel, words: frozenset[str], runs: Sequence[Run],
     return _with(model, _best_fit(problem, effects, _starts(bare, model, rig), bare.initial), rig)
 
 
+def unchanged(model: AnyModel, written: AnyModel) -> set[str]:
+    """Effects of a model that a simpler one has with all their amplitudes."""
+    sizes = known_effects(model.effects)
+    return {
+        name
+        for name, values in known_effects(written.effects).items()
+        if all(values.get(p.name) for p in EFFECTS[name].amplitudes if sizes.get(name, {}).get(p.name))
+    }
+
+
 def _starts(bare: Estimate, model: AnyModel, rig: Rig) -> list[tuple[Array, Array]]:
     """(7,) ratios and (SIZE,) effects from which fits start: of the bare model, and of the corrected one."""
     if not isinstance(model, MovingArmModel):

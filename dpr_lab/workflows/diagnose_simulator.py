@@ -92,7 +92,7 @@ def diagnose_simulator(
     from dpr_lab.exports.into.least_change_of_arm import least_change_of_arm
     from dpr_lab.exports.into.replay import replay_files
     from dpr_lab.exports.into.target import arm_to_change, refuse_other_rig
-    from dpr_lab.exports.refit import fitted_in_words
+    from dpr_lab.exports.refit import fitted_in_words, unchanged
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.rig import load_rig
     from dpr_lab.simulator_models import read_model
@@ -123,7 +123,7 @@ def diagnose_simulator(
         least = least_change_of_arm(result.diagnosis, written, rig, chain, runs)
     else:
         least = least_change(result.diagnosis, written, rig, chain, runs)
-    lost = left_out(model, written.effects, read.format)
+    lost = left_out(model, unchanged(model, written), read.format)
     names = tuple(part.joint.name for part in (*chain.rods, *((chain.arm,) if chain.arm else ())))
     done = SimulatorDiagnosis(result, simulator, read.format, names, least, lost=lost)
     try:

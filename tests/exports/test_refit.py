@@ -7,7 +7,7 @@ import pytest
 
 from dpr_lab.effects import effect_params
 from dpr_lab.exports.into import WORDS
-from dpr_lab.exports.refit import fitted_in_words
+from dpr_lab.exports.refit import fitted_in_words, unchanged
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
 from dpr_lab.rig import load_rig
 from dpr_lab.workflows.rig_from import rig_from_model
@@ -36,6 +36,8 @@ def test_a_spring_with_a_cubic_term_becomes_a_linear_one(
     model = model.model_copy(update={"effects": {"spring_joint1": spring, **further}})
     fitted = fitted_in_words(model, WORDS["SDFormat"], runs, rig)
     stiffness = fitted.effects["spring_joint1"]["stiffness_Nm_per_rad"]
+    simplified = {"spring_joint1"} if cubic else set[str]()
+    assert unchanged(model, fitted) == set(fitted.effects) - simplified
     assert fitted.effects["spring_joint1"] == spring | {"stiffness_Nm_per_rad": stiffness, "cubic_Nm_per_rad3": 0.0}
     if cubic or further:
         assert stiffness == pytest.approx(0.08, rel=0.02)
