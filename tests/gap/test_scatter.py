@@ -74,6 +74,14 @@ def test_a_single_recording_has_no_values_without_it() -> None:
     assert left_out_values(fit := _Linear(1.0, runs=1, seed=2), fit).shape == (0, 2)
 
 
+def test_segments_that_cannot_be_linearised_leave_the_common_values() -> None:
+    fit = _Linear(1.0, runs=2, seed=2)
+    fit.free = [_Free(v) for v in (0.5, -0.02)]
+    fit.values = np.array([0.5, -0.02])
+    fit.A[-1] = np.nan
+    assert left_out_values(fit, fit) == pytest.approx(np.array([[0.5, -0.02], [0.5, -0.02]]))
+
+
 @dataclass
 class _Free:
     """A free value within wide bounds."""

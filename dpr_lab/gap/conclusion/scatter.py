@@ -82,7 +82,7 @@ def left_out_values(problem: Problem, fit: Fit) -> Array:
 
         p - (H - H_r + P)^+ g_r
 
-    A value that only this recording determines keeps its common value.
+    A value that only this recording determines keeps its common value; so do all if the others are not finite.
 
     Args:
         problem: segments and noise
@@ -101,6 +101,8 @@ def left_out_values(problem: Problem, fit: Fit) -> Array:
         rest = np.concatenate([A[followed & ~of_run].reshape(-1, len(inside)), prior])
         columns, residual = A[followed & of_run].reshape(-1, len(inside)), e[followed & of_run].ravel()
         normal, gradient = rest.T @ rest, columns.T @ residual
+        if not (np.isfinite(normal).all() and np.isfinite(gradient).all()):
+            continue
         scale = np.sqrt(np.maximum(np.diag(normal + columns.T @ columns), np.finfo(np.float64).tiny))
         inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=SCATTER.singular, hermitian=True)
         values[row, inside] -= inverse @ (gradient / scale) / scale
