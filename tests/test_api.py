@@ -145,6 +145,7 @@ def test_help_of_identify_names_run_and_rig() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_table_in_memory_is_identified_diagnosed_and_compared(runs: list[Run], tmp_path: Path) -> None:
     rig, tables = dpr.load_rig("paper"), []
     for run in runs:

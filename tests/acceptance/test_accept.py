@@ -29,6 +29,7 @@ def answer(found: Diagnosis, size: float) -> str:
     return judge(found, limit("coulomb_joint1", "torque_Nm", size, "N m")).answer
 
 
+@pytest.mark.slow
 def test_an_effect_just_above_its_limit_does_not_pass(found: Diagnosis) -> None:
     assert answer(found, TORQUE_NM / 1.02) != "pass"
 

@@ -102,6 +102,7 @@ def test_no_edit_of_a_signed_certificate_keeps_its_signature(signed: Path, keys:
     assert tried > 100
 
 
+@pytest.mark.slow
 def test_an_unsigned_certificate_fails_where_a_key_is_asked_for(folder: Path, keys: Path) -> None:
     assert signature_line(verify(folder / "certificate.json", signed_by=keys / "ssh.pub")) == (False, "is missing")
 

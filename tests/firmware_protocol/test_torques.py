@@ -91,3 +91,8 @@ def test_the_device_cuts_what_its_unit_cannot_tell_and_obeys_no_torque():
     answer = session.receive(session.torque(COMMANDED, 0, (1, 1)), 0.0)
     assert (answer.frames, answer.task) == ((), None)
     assert isinstance(decode(session.sample(1, (0, 0, 0))), Sample)
+
+
+def test_the_numbers_of_kinds_and_quantities_on_the_wire_stay() -> None:
+    assert {kind.name: kind.value for kind in TorqueKind} == {"MEASURED": 1, "COMMANDED": 2}
+    assert {quantity.name: quantity.value for quantity in ArmQuantity} == {"TORQUE": 1, "CURRENT": 2, "VOLTAGE": 3}

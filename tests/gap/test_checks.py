@@ -92,6 +92,7 @@ def test_a_recording_decides(diagnosis: Diagnosis) -> None:
     assert after["com_offset_link1"] < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_forms_of_one_are_told_apart_by_what_the_wider_adds() -> None:
     """Dry friction with a rise towards rest or without: short releases leave both, and checks that split are told."""

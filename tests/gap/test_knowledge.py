@@ -78,6 +78,7 @@ def diagnosed_errors(rig: Rig, fitted: list[Run], unseen: list[Run]) -> tuple[fl
     return bare, diagnosed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("zero_std", [0.0, ZERO_STD])
 @pytest.mark.parametrize("seed", range(3))
 def test_zeros_of_each_recording_do_not_worsen_the_prediction(seed: int, zero_std: float) -> None:

@@ -206,7 +206,7 @@ def test_times_in_another_unit_are_named(swings, paper: Rig, factor: float, unit
 def test_energy_from_a_source_that_nobody_described_is_named(swings, driven, on_a_moving_arm, paper: Rig) -> None:
     without_torques = [replace(run, torques=None, commanded=None, torque_kind="") for run in driven]
     hidden = [replace(run, theta=run.theta * [0.0, 1.0, 1.0], counts=None) for run in on_a_moving_arm]
-    for runs in (without_torques[:1], hidden[:1]):
+    for runs in (without_torques, hidden):
         sentence = second_look(runs, paper).sentence
         assert "--torque none" in sentence
         assert "--arm prescribed" in sentence
@@ -271,6 +271,7 @@ def test_angles_of_points_in_a_film_have_no_factor(swings, paper: Rig) -> None:
     assert all(reading.read(film) is None for reading in scaled)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dry", "damping"),
     [

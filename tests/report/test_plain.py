@@ -32,6 +32,7 @@ def _finite(value: object) -> bool:
     return all(map(_finite, parts))
 
 
+@pytest.mark.slow
 @given(st.dictionaries(st.text(max_size=3), RESULTS, max_size=4))
 def test_any_result_is_written_as_it_is_or_warned_of(result: dict) -> None:
     if _finite(result):

@@ -98,6 +98,7 @@ def test_of_measured_and_commanded_torques_both_are_kept(paper: Rig, tmp_path: P
         assert run.readings_sha256 == made.readings_sha256
 
 
+@pytest.mark.slow
 def test_of_measured_and_commanded_torques_one_can_be_kept_alone(paper: Rig, tmp_path: Path) -> None:
     file = table(tmp_path, ",".join(MEASURED + COMMANDED), TAU, 2 * TAU)
     commanded = import_csv(file, paper, ImportOptions(torque="commanded"))
@@ -168,6 +169,7 @@ _PUSHED = np.array([[1.0, 0.0], [-1.0, 1.0]])
 """From torques of the joints to generalised ones."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("driven", "passive"), [(1, 2), (2, 1)])
 def test_a_joint_without_a_torque_column_is_passive(paper: Rig, tmp_path: Path, driven: int, passive: int) -> None:
     expected = np.zeros_like(TAU)

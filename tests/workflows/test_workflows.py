@@ -52,6 +52,7 @@ def test_importing_a_job_imports_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
+@pytest.mark.slow
 def test_a_capture_tells_each_release_from_pose_to_report(recorded) -> None:
     result, heard = recorded
     assert isinstance(heard[0], events.DeviceGreeted)
