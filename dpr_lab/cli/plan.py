@@ -14,8 +14,11 @@ if TYPE_CHECKING:
 
 HORIZON = (
     "Horizon: beyond it, the swing depends on small errors of the initial pose. Its samples still contribute"
-    " information. Information: mean expected bits about an effect of the library against another."
+    " information. Information: with all releases up to this one, 0 if they do not tell any two effects of the library"
+    " apart, 1 if they tell all of them apart."
 )
+
+FORECAST = " P(decided): probability that the causes are decided by then."
 
 NOT_SEEN = "Not detectable: not visible at any size, or indistinguishable from an effect of the model."
 
@@ -68,9 +71,12 @@ def plan(
 def show(made: "Plan") -> None:
     """Print a plan."""
     line(made.sentence)
-    columns = ("release", "what to record", "reason", "minutes", "horizon, s", "information, bits", "P(decided)")
+    columns = ["release", "what to record", "reason", "minutes", "horizon, s", "information, bits"]
     if made.releases:
-        table("What to record, in this order", columns, [_row(release) for release in made.releases], note=HORIZON)
+        forecast = bool(made.forecast)
+        rows = [_row(release) for release in made.releases]
+        note = HORIZON + FORECAST * forecast
+        table("What to record, in this order", [*columns, *["P(decided)"] * forecast], rows, note=note)
     if pairs := [
         (str(release.number), *pair.causes, f"{pair.bits:.2f}") for release in made.releases for pair in release.pairs
     ]:
@@ -98,9 +104,9 @@ def show(made: "Plan") -> None:
 
 
 def _row(release: "PlannedRelease") -> tuple[str, ...]:
-    decided = "" if release.decided is None else f"{release.decided:.2f}"
-    figures = (f"{release.minutes:.1f}", f"{release.horizon_s:.1f}", f"{release.library_bits:.2f}", decided)
-    return (str(release.number), release.text, release.reason, *figures)
+    decided = [] if release.decided is None else [f"{release.decided:.2f}"]
+    figures = (f"{release.minutes:.1f}", f"{release.horizon_s:.1f}", f"{release.library_bits:.2f}")
+    return (str(release.number), release.text, release.reason, *figures, *decided)
 
 
 def _show_detectable(made: "Plan", most: int = 12) -> None:

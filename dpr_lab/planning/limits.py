@@ -42,9 +42,10 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.planning.release import ArmState
 from dpr_lab.rig import Rig, refuse_impossible_arm
-from dpr_lab.rig_tables import AddedMass, Angle, Positive, RigTable
+from dpr_lab.rig_tables import AddedMass, Positive, RigTable
 
-Range = tuple[Angle, Angle]
+StartAngle = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+Range = tuple[StartAngle, StartAngle]
 Both = tuple[Positive, Positive]
 Minutes = Annotated[float, Field(ge=0, le=1e4, strict=True)]
 
@@ -63,8 +64,14 @@ class ReachablePoses(RigTable):
     def _in_order(self) -> "ReachablePoses":
         for name in ("theta1_rad", "theta2_rad", "elbow_rad"):
             ends = getattr(self, name)
+            if ends is not None and max(abs(end) for end in ends) > 4 * math.pi:  # more than two turns: degrees
+                radians = [round(math.radians(end), 2) for end in ends]
+                raise ValueError(f"{name} = {list(ends)}: angles are in rad; as degrees these would be {radians}")
             if ends is not None and not ends[0] < ends[1]:
-                raise ValueError(f"{name} is reversed or empty: {list(ends)}")
+                raise ValueError(
+                    f"{name} is reversed or empty: {list(ends)}; write the smaller angle first, and add 2 pi to the"
+                    " larger one if the range contains 0"
+                )
         return self
 
     def reachable(self, theta: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -202,6 +209,15 @@ def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:
     if limits.rods.mounted is not None and not {"both", rig.rods.mounted} & {*limits.rods.mounted}:
         raise ConfigError(
             f"{path}: rods.mounted: does not contain {rig.rods.mounted}, the rods of rig {rig.name}: add it"
+        )
+    if (
+        "elbow" in limits.rods.model_fields_set
+        and rig.rods.mounted == "both"
+        and rig.rods.elbow not in limits.rods.elbow
+    ):
+        raise ConfigError(
+            f"{path}: rods.elbow: does not contain {rig.rods.elbow}, the elbow of rig {rig.name}: add it, or change the"
+            " rig file"
         )
     grid = np.stack(np.meshgrid(*[np.linspace(0.0, 2 * np.pi, 181)] * 2), axis=-1).reshape(-1, 2)
     if not limits.poses.reachable(grid).any():

@@ -47,7 +47,7 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     state = _state(known, stuck)
     return Plan(
         state=state,
-        sentence=_sentence(state, known, releases, stuck, only_ratios_sentence(reasons)),
+        sentence=_sentence(state, known, releases, stuck, only_ratios_sentence(reasons, state == "record")),
         releases=releases,
         minutes=sum(release.minutes for release in releases),
         forecast=[release.decided for release in releases if release.decided is not None],
@@ -65,7 +65,7 @@ def _reasons(objective: Objective, after: Array) -> list[Reason]:
     expected = [Expected(objective.gain(F), ratio_std(objective.known, F)) for F in after]
     first = len(objective.known.made) + 1
     return [
-        reason(before, then, needed=1 < number <= STOPPING.fewest)
+        reason(before, then, 1 < number <= STOPPING.fewest, objective.known.diagnosis is not None)
         for number, (before, then) in enumerate(pairwise(expected), first)
     ]
 
@@ -179,7 +179,8 @@ def _sentence(
     chances = [release.decided or 0.0 for release in releases]
     number = next((k for k, chance in enumerate(chances, 1) if chance >= STOPPING.likely), len(chances))
     more = f"{number} more release{'s' * (number > 1)}"
-    return f"With {more} the probability that the causes are decided is {chances[number - 1]:.2f}.{note}"
+    advice = "Record release 1, diagnose and plan again. " if len(chances) > 1 else ""
+    return f"{advice}With {more} the probability that the causes are decided is {chances[number - 1]:.2f}.{note}"
 
 
 def _assumptions(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[str]:

@@ -20,6 +20,7 @@ from dpr_lab.planning.signals import driven_releases, write_signal
 from dpr_lab.planning.worth.criteria import OpenPairs
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
+from dpr_lab.shown import percent
 from sim_device.plant.config import DriveConfig
 from sim_device.plant.drives import load_drives
 
@@ -149,10 +150,10 @@ def test_a_repeated_release_is_worth_less_and_a_plan_does_not_repeat_itself(pape
 @pytest.mark.slow
 def test_each_release_says_what_it_adds(paper: Rig) -> None:
     first, second, third = plan(paper).releases
-    assert first.reason.startswith("shows effects that are not named so far (0.")
+    assert first.reason.startswith("tells effects apart (0.")
     assert second.reason.startswith("verifies the result of the first release with another swing")
     shares = np.array([third.ratio_std[name] / std for name, std in second.ratio_std.items()])
-    assert third.reason == f"standard deviations of the ratios fall to {np.exp(np.log(shares).mean()):.2g} times"
+    assert third.reason == f"standard deviations of the ratios fall to {percent(np.exp(np.log(shares).mean()))}"
 
 
 @pytest.mark.slow
@@ -189,6 +190,9 @@ def test_a_plan_after_runs_speaks_of_the_open_causes(two_runs: list[Run], two_fo
             "[poses]\ntheta1_rad = [0.0, 0.1]\ntheta2_rad = [3.0, 3.1]\nelbow_rad = [-0.1, 0.1]",
             "no pose is inside the limits",
         ),
+        ("[poses]\ntheta1_rad = [90, 170]", "angles are in rad; as degrees these would be [1.57, 2.97]"),
+        ('[rods]\nelbow = ["clamped"]', "rods.elbow: does not contain free, the elbow of rig paper: add it"),
+        ("[rods]\nelbow = []", "rods.elbow: does not contain free"),
         ("[poses]\ntheta3_rad = [0.0, 1.0]", "unknown key; there are: elbow_rad, theta1_rad, theta2_rad"),
         ("[recrding]\nlongest_s = 20.0", "recrding: unknown key; nearest of 10: recording"),
         (

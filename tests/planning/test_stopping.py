@@ -13,6 +13,7 @@ from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.sequence import Planner
 from dpr_lab.planning.summary import inseparable
 from dpr_lab.planning.worth.objective import Objective
+from dpr_lab.planning.worth.reasons import Reason, only_ratios_sentence
 from dpr_lab.rig import Rig
 
 TWO_NAMED = Path(__file__).parents[1] / "tui" / "data" / "diagnosis.json"
@@ -97,3 +98,19 @@ def test_a_cause_just_below_a_decision_gets_its_bench_check(paper: Rig, probabil
     step = Planner(objective, PlanLimits(), np.random.default_rng(0)).sequence(1, None)
     stuck = inseparable(objective, step)
     assert [pair.causes for pair in stuck] == [("encoder_offset_joint1", "base_tilt")] * listed
+
+
+@pytest.mark.parametrize(
+    ("only_ratios", "undecided", "words"),
+    [
+        ((False, True, True), True, "Releases 2 and 3 are necessary only if the causes are still undecided then."),
+        ((False, False, True), False, "Release 3 only improves the accuracy of the ratios."),
+        ((True, True), True, "Releases 1 and 2 only improve the accuracy of the ratios."),
+        ((False, False), True, ""),
+    ],
+)
+def test_a_sentence_says_which_releases_may_not_be_necessary(
+    only_ratios: tuple[bool, ...], undecided: bool, words: str
+) -> None:
+    reasons = [Reason("", only) for only in only_ratios]
+    assert only_ratios_sentence(reasons, undecided).strip() == words

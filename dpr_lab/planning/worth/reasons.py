@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.planning.worth.objective import Gain
-from dpr_lab.shown import listed
+from dpr_lab.shown import listed, percent
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +41,14 @@ class Reason:
     """Whether its only noticeable contribution is the accuracy of the ratios."""
 
 
-def reason(before: Expected, after: Expected, needed: bool = False) -> Reason:
+def reason(before: Expected, after: Expected, needed: bool = False, diagnosed: bool = True) -> Reason:
     """Compare what is expected before and after a release.
 
     Args:
         before: before it
         after: after it
         needed: whether nothing is decided with the earlier releases alone
+        diagnosed: whether there are recordings whose causes are named
     """
     parts = ["verifies the result of the first release with another swing"] if needed else []
     causes = before.gain.causes
@@ -56,17 +57,27 @@ def reason(before: Expected, after: Expected, needed: bool = False) -> Reason:
         (first, second), bits = max(added.items(), key=lambda bits_by_pair: bits_by_pair[1])
         parts.insert(0, f"separates {first} from {second} ({bits:.2f} bits)")
     if (bits := after.gain.library - before.gain.library) >= NOTICEABLE.library:
-        parts.append(f"shows effects that are not named so far ({bits:.2f} bits)")
+        unnamed = " that are not named so far" if diagnosed else ""
+        parts.append(f"tells effects{unnamed} apart ({bits:.2f} bits)")
     if after.gain.limits - before.gain.limits >= NOTICEABLE.limits:
         parts.append("tests the limits more accurately")
     share = float(np.exp(np.log(after.ratio_std / before.ratio_std).mean()))
-    return Reason("; ".join(parts) or f"standard deviations of the ratios fall to {share:.2g} times", not parts)
+    return Reason("; ".join(parts) or f"standard deviations of the ratios fall to {percent(share)}", not parts)
 
 
-def only_ratios_sentence(reasons: Sequence[Reason]) -> str:
-    """Sentence that lists the releases that only improve the accuracy of the ratios; empty if there are none."""
+def only_ratios_sentence(reasons: Sequence[Reason], undecided: bool) -> str:
+    """Sentence that lists the releases that only improve the accuracy of the ratios; empty if there are none.
+
+    Args:
+        reasons: of all releases
+        undecided: whether a diagnosis left causes undecided, which such a release decides if the first one does not
+    """
     numbers = [str(k) for k, release in enumerate(reasons, 1) if release.only_ratios]
     if not numbers:
         return ""
     several = len(numbers) > 1
-    return f" Release{'s' * several} {listed(numbers)} only improve{'' if several else 's'} the accuracy of the ratios."
+    which = f" Release{'s' * several} {listed(numbers)}"
+    if undecided and "1" not in numbers:
+        need = "are" if several else "is"
+        return f"{which} {need} necessary only if the causes are still undecided then."
+    return f"{which} only improve{'' if several else 's'} the accuracy of the ratios."
