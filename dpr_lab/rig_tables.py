@@ -170,14 +170,14 @@ class Rods(RigTable):
 
 
 InnerMode = Literal["free", "prescribed"]
-"""What the inner rod does: it swings, or it moves as its encoder says, by a strong geared motor or a hand."""
+"""Mode of the inner rod: it swings freely, or its encoder prescribes its motion (a strong geared motor, or a hand)."""
 
 
 class Joints(RigTable):
     """Components on the joints during a swing."""
 
     inner: InnerMode = "free"
-    """`prescribed`: joint 1 moves as its encoder says, and no torque of it need be known; the outer rod alone is
+    """`prescribed`: the encoder of joint 1 gives its motion, and its torque need not be known; the outer rod alone is
     identified. A run keeps it; `import table --inner` overrides it for one recording."""
 
     geared: tuple[Literal[1, 2], ...] = ()

@@ -41,7 +41,7 @@ class IgaSettings(SearchSettings, frozen=True):
     alpha: Share = 0.999
     """f_pop above which dynamic encoding and feedback mutation are used."""
     sigma: NotNegative = 5.0
-    """Best fitness above which they are used."""
+    """Best fitness above which dynamic encoding and feedback mutation are used."""
     mu: Positive = 0.95
     """Lower end of dynamic encoding: mu times the best gene."""
     nu: NotNegative = 0.1

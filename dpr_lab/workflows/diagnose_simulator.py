@@ -41,8 +41,8 @@ class SimulatorDiagnosis:
     lost: dict[str, str] = field(default_factory=dict)
     """Effect -> reason why the file cannot contain it."""
     forced: "PatchedModel | None" = None
-    """The file with the whole corrected model, for which a module of passive forces has the effects that the file
-    cannot contain; None if there are none, or none that the module can contain.
+    """The changed file for use with a module of passive forces, which adds effects that the file cannot contain. None
+    if there are no such effects, or if the module cannot contain them either.
     """
     replays: "tuple[FileReplay, ...]" = ()
     """Errors before and after: on held-out runs, or on the fitted runs if none are held out."""

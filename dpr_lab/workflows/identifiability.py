@@ -58,7 +58,7 @@ def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore)
     if not runs and "prescribed" in (rig.joints.inner, rig.arm.mode):
         joint = "inner rod" if rig.joints.inner == "prescribed" else "arm"
         raise ConfigError(
-            f"the {joint} of rig {rig.name} moves as its encoder says, so that its motion determines what recordings"
+            f"the motion of the {joint} of rig {rig.name} is prescribed by its encoder and determines what recordings"
             " identify: give runs, for example runs/*.mcap"
         )
     answer = identifiability_of(runs, rig, lambda sentence: on_event(Warned(sentence)))

@@ -49,7 +49,7 @@ class RigMeasures:
     elbow: Literal["free", "clamped"] = "free"
     """Whether joint 2 is free or clamped."""
     inner: "InnerMode" = "free"
-    """Whether the inner rod swings, or moves as its encoder says."""
+    """Whether the inner rod swings freely, or its motion is prescribed by its encoder."""
     arm: "ArmMode" = "clamped"
     """Motion of the arm."""
     motor: MotorMeasures | None = None
@@ -192,7 +192,7 @@ name = {toml_text(m.name)}
 def _tail(m: RigMeasures) -> str:
     rods = f"[rods]\nmounted = {toml_text(m.mounted)}\nelbow = {toml_text(m.elbow)}\n\n" if _turn_as_one(m) else ""
     rezeroed = "rezeroed = true" if m.rezeroed else "# rezeroed = true        "
-    prescribed = '\ninner = "prescribed"  # joint 1 moves as its encoder says' if m.inner == "prescribed" else ""
+    prescribed = '\ninner = "prescribed"  # the encoder of joint 1 gives its motion' if m.inner == "prescribed" else ""
     geared = f"geared = {list(m.geared)}" if m.geared else "# geared = [1, 2]        "
     joints = f"{'[joints]' if m.geared or prescribed else '# [joints]'}{prescribed}\n{geared}"
     return f"""[encoders]

@@ -74,7 +74,7 @@ def test_flags_describe_an_inner_rod_that_is_prescribed(cli, tmp_path: Path) -> 
     assert (rig.joints.inner, rig.joints.geared) == ("prescribed", ())
     done = cli("identifiability", "--rig", "servo.toml", cwd=tmp_path)
     assert done.code == 3
-    assert "the inner rod of rig bench moves as its encoder says" in done.err
+    assert "the motion of the inner rod of rig bench is prescribed by its encoder" in done.err
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ def test_a_wrong_setting_is_told_by_its_right_value(named, paper: Rig):
 
     assert "set counts_per_rev of joint 2 in the rig file to 16412 (now 16384)" in scale
     assert "first rule out spring_joint2" in scale
-    assert "Give the simulator coulomb_joint1: model.json in the folder of this diagnosis" in simulate
+    assert "Add coulomb_joint1 to the simulator: model.json in the folder of this diagnosis" in simulate
 
 
 @pytest.mark.parametrize(("excess", "usual"), [(-0.0242, True), (-0.05, False), (0.0012, False)])

@@ -37,7 +37,7 @@ class BandSettings:
     unlike: float = 10.0
     """Misfit of the first readings, standard deviations of their noise, below which a model always follows them."""
     unexplained: float = 0.5
-    """Share of the variance of the first readings that a model that follows them leaves unexplained at most."""
+    """Maximum share of the variance of the first readings that may remain unexplained by a model that follows them."""
 
 
 BANDS = BandSettings()

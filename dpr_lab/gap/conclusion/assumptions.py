@@ -41,9 +41,9 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
         sentences.append("The arm's angle was not recorded.")
     if share := state.recordings.torques_earlier:
         sentences.append(
-            "The known torques change between rows. Held until the next row, they would act late. Each value was"
-            f" therefore assumed to act from {share:.2f} of a row before its instant on, as fitted. A delay shorter"
-            " than a row cannot be distinguished from this."
+            "The known torques change between rows, so that holding each value until the next row would delay them."
+            f" Each value was therefore assumed to act from {share:.2f} of the row interval before its time stamp on, as"
+            " fitted. A delay of the drive shorter than this interval is indistinguishable from this assumption."
         )
     if state.recordings.exact_torques:
         sentences.append(
@@ -82,7 +82,7 @@ def _scale(state: Advised) -> str:
     if any(setup.added for setup in state.problem.segments.setups):
         return "The known added mass fixes the scale of all torques."
     if ("", "b") in state.intervals:
-        return "Friction that follows the load of weighed masses fixes the scale of all torques."
+        return "Load-dependent friction under weighed masses fixes the scale of all torques."
     assumed = state.scale
     return assumed.sentence if assumed.known else f"{assumed.sentence} A release with a known added mass fixes b."
 
@@ -92,7 +92,7 @@ def _arm(state: Advised) -> str:
     rig, setups = state.recordings.rig, state.problem.segments.setups
     text = "The arm's angle is read, and its inertia and viscous friction are fitted"
     if not any(setup.torques and setup.torques.on_arm is not None for setup in setups):
-        return f"{text}; no torque acts on it but friction, springs and the rods."
+        return f"{text}; only friction, springs and the rods act on it."
     kind = rig.motor.input if rig.motor else "torque"
     if DRIVE_GAIN.name in state.problem.always:
         return (
@@ -103,8 +103,8 @@ def _arm(state: Advised) -> str:
     if any(setup.torques and setup.torques.scaled for setup in setups):
         return f"{text}; the torque of the {kind} is known from {known}, which fixes the scale of all torques."
     return (
-        f"{text}; the torque of the {kind} is known from {known}, and the rods from their measured values, so an"
-        " error between the two is detectable."
+        f"{text}; the torque of the {kind} is known from {known}, and the scale of the rods from their measured"
+        " values, so a contradiction between the two is detectable."
     )
 
 
@@ -145,9 +145,9 @@ def _geared(state: Advised) -> list[str]:
 def _misleading(state: Advised) -> list[str]:
     """Effects that are excluded because they worsen the prediction of held-out runs."""
     names = state.selection.misleading
-    was = "was" if len(names) == 1 else "were"
+    was, them = ("was", "it") if len(names) == 1 else ("were", "them")
     text = (
-        "excluded from the model, because the held-out runs are predicted better without it. These runs"
+        f"excluded from the model, because the held-out runs are predicted better without {them}. These runs"
         " therefore influenced the selection."
     )
     return [f"{listed(names)} {was} {text}"] if names else []

@@ -22,7 +22,7 @@ def _restrictions(state: Advised, kind: Verdict) -> Iterator[str]:
     if withdrawn := state.transfer.withdrawn:
         yield f"Effects that do not carry over to held-out data: {listed(withdrawn)}."
     if oversized := state.transfer.oversized:
-        yield f"Effects larger than on any rig, so that another cause has their signature: {listed(oversized)}."
+        yield f"Effects of a size that no rig has; another cause must have a similar signature: {listed(oversized)}."
 
 
 def _families(named_families: Sequence[NamedFamily]) -> Iterator[str]:

@@ -36,7 +36,7 @@ def remedies(
         )
     if simulated:
         sentences.append(
-            f"Give the simulator {listed(simulated)}: model.json in the folder of this diagnosis, and the"
+            f"Add {listed(simulated)} to the simulator: model.json in the folder of this diagnosis, and the"
             " models for other programs, contain the fitted sizes."
         )
     return sentences

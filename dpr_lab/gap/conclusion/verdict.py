@@ -195,7 +195,7 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
         compared = "held-out runs" if transferred.held_out else "recordings"
         return f"But the free run of the {compared} becomes worse, from {before:.3g} to {after:.3g} mrad rms."
     if at_noise_floor(chosen):
-        return "Nothing above the noise floor remains, but these causes are not sure."
+        return "Nothing above the noise floor remains, but the causes are uncertain."
     return (
         f"A remainder of {_two_digits(chosen.residuals.noise_ratio)} times the noise has another cause or another form."
     )

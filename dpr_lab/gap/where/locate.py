@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 CONVINCING = 0.6
 """Share of the excess chi-square from which a location explains the gap."""
 
-WORTH_SAYING = 3.0
+SIGNIFICANT = 3.0
 """Standard deviations of the residual below which there is no gap to locate."""
 
 
@@ -60,7 +60,7 @@ class Place:
 
 def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
     """All residual maps, the one with the largest share first; empty without a gap."""
-    if base.residuals.z < WORTH_SAYING:
+    if base.residuals.z < SIGNIFICANT:
         return ()
     reference = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
     places = [_place(problem, base, reference, joint, name, make) for joint, name, make in _maps(problem)]

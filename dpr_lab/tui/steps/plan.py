@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 COLUMNS = ("release", "start pose", "duration", "minutes", "bits", "P(decided)")
 PLANNING = "planning the next releases"
-ONE = "take a release of the list: {plan.start} makes one"
+ONE = "take a release from the list: {plan.start} makes the list"
 OTHER_SETUP = (
     "{text}: the rig file describes other rods or masses. Change [rods] or [added_mass] in it ({rig.write} in step"
     " {rig}), then plan again"

@@ -206,7 +206,7 @@ def _setup(rig: Rig) -> Iterator[Content]:
     if rig.rods.mounting != "both":
         yield Content("the elbow is clamped" if rig.rods.number == 2 else f"{rig.rods.names[0]} alone, on joint 1")
     if rig.joints.inner == "prescribed":
-        yield Content("inner rod prescribed: it moves as its encoder says")
+        yield Content("inner rod prescribed: its encoder gives its motion")
     if rig.joints.geared:
         yield Content(f"geared motor at joint {' and '.join(map(str, rig.joints.geared))}")
 

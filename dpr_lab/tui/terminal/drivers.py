@@ -1,4 +1,4 @@
-"""Selection of the driver: our own for terminals, which never waits for a slow one, and for browser pages."""
+"""Selection of the driver of the screen: one that never waits for a slow terminal, or one for browser pages."""
 
 from textual.driver import Driver
 
