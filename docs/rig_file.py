@@ -61,7 +61,13 @@ def section(name: str, field: FieldInfo) -> str:
     how = how or ("needed" if field.is_required() else "optional")
     lines = [f"## `{title}`, {how}", "", as_prose(model.__doc__), ""]
     if name == "parameters":
-        lines += [*(f"- `{key}`: {meaning}, {unit}" for key, (unit, meaning) in PARAMETER_UNITS.items()), ""]
+        lines += [
+            *(
+                f"- `{key}`: {meaning.replace('CoM', 'centre of mass')}, {unit}"
+                for key, (unit, meaning) in PARAMETER_UNITS.items()
+            ),
+            "",
+        ]
     lines += ["| key | default | range | meaning |", "|---|---|---|---|"]
     meanings = docstrings(model)
     lines += [row(key, inner, meanings[key]) for key, inner in model.model_fields.items()]

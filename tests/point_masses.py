@@ -1,7 +1,7 @@
 """A rig with a moving arm as point masses, integrated by scipy: shares no code and no equation with the package.
 
-A slender rod of mass m and inertia J about its centroid is two masses m/2 at sqrt(J/m) on either side of it. With p the
-positions of all masses, M = sum m Jp^T Jp + J0 and M theta'' = sum m Jp^T (g - dJp/dt theta') + torques.
+A slender rod of mass m and inertia J about its centre of mass is two masses m/2 at sqrt(J/m) on either side of it. With
+p the positions of all masses, M = sum m Jp^T Jp + J0 and M theta'' = sum m Jp^T (g - dJp/dt theta') + torques.
 """
 
 import numpy as np

@@ -69,7 +69,7 @@ def base_parameters(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
 
 
 def loaded(Z: ArrayLike, added: AddedMass) -> NDArray[np.float64]:
-    """(9,) parameters of the rig with a known attached mass, which changes mass, centroid and inertia of its rod.
+    """(9,) parameters of the rig with a known attached mass, which changes mass, centre of mass and inertia of its rod.
 
     m' = m + ma,    m' l' = m l + ma r,    J' + m' l'^2 = J + m l^2 + ma r^2
     """

@@ -13,7 +13,7 @@ UNKNOWN = RigConstants._make([math.nan] * len(RigConstants._fields))._replace(re
 def rig_constants(rig: Rig) -> RigConstants:
     """Lengths, gravity, best known masses and encoders of a rig without an attached mass.
 
-    An unknown length of a rod is assumed to be twice the distance of its centroid.
+    An unknown length of a rod is assumed to be twice the distance of its centre of mass.
     """
     best = dict(zip(PARAMETERS, rig.nominal.tolist(), strict=True))
     frame, encoders = rig.rig, rig.encoders

@@ -1,7 +1,7 @@
-r"""Centroid offset from the axis of a rod: a bent rod, a screw on one side.
+r"""Offset of the centre of mass from the axis of a rod: a bent rod, a screw on one side.
 
-The centroid lies at l (sin t, cos t) + y (cos t, -sin t) from its pivot. For the outer rod, with p = m2 L1 y and the
-difference angle D = t1 - t2, the kinetic energy gains p sin(D) w1 w2 and (m2 y^2 / 2) w2^2.
+The centre of mass lies at l (sin t, cos t) + y (cos t, -sin t) from its pivot. For the outer rod, with p = m2 L1 y and
+the difference angle D = t1 - t2, the kinetic energy gains p sin(D) w1 w2 and (m2 y^2 / 2) w2^2.
 """
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
@@ -18,7 +18,7 @@ def inner(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
 
 @inlined
 def outer(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
-    """Gravity, coupling inertia and centrifugal torque of the outer rod's centroid."""
+    """Gravity, coupling inertia and centrifugal torque of the outer rod's centre of mass."""
     moment = constants.m2 * offset_m
     sin12 = motion.sin1 * motion.cos2 - motion.cos1 * motion.sin2
     cos12 = motion.cos1 * motion.cos2 + motion.sin1 * motion.sin2
@@ -33,11 +33,11 @@ def outer(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
     )
 
 
-_SOURCE = "Lagrange's equations of a rod whose centroid is not on the line of its pivots; derived here."
+_SOURCE = "Lagrange's equations of a rod whose centre of mass is not on the line of its pivots; derived here."
 
 COM_OFFSET_LINK1 = Effect(
     name="com_offset_link1",
-    words="centroid offset, inner rod",
+    words="offset of the centre of mass, inner rod",
     equation="tau1 = m1 g y cos(theta1), M11 = a + m1 y^2",
     parameters=(EffectParameter("offset_m", "m", 2e-3),),
     site="geometry",
@@ -46,10 +46,10 @@ COM_OFFSET_LINK1 = Effect(
     exported=lambda params: {"offset": params["offset_m"]},
     joints=(0,),
     twins=("detent_joint1",),
-    quantities=(BenchQuantity("offset of the centroid across the inner rod", "y", ("offset_m",)),),
+    quantities=(BenchQuantity("offset of the centre of mass across the inner rod", "y", ("offset_m",)),),
     bench_check=(
         "Mount the inner rod alone and compare its rest position with a plumb line. Attach a known mass on"
-        " its axis and repeat: neither the moment of the centroid nor cogging changes; without the motor,"
+        " its axis and repeat: neither the moment of the centre of mass nor cogging changes; without the motor,"
         " cogging vanishes."
     ),
     source=_SOURCE,
@@ -57,7 +57,7 @@ COM_OFFSET_LINK1 = Effect(
 
 COM_OFFSET_LINK2 = Effect(
     name="com_offset_link2",
-    words="centroid offset, outer rod",
+    words="offset of the centre of mass, outer rod",
     equation=(
         "M12 = d cos(D) + p sin(D), M22 = b + m2 y^2, tau1 = p cos(D) omega2^2,"
         " tau2 = m2 g y cos(theta2) - p cos(D) omega1^2, p = m2 L1 y, D = theta1 - theta2"
@@ -69,7 +69,7 @@ COM_OFFSET_LINK2 = Effect(
     exported=lambda params: {"offset": params["offset_m"]},
     joints=(1,),
     twins=("encoder_offset_joint2",),
-    quantities=(BenchQuantity("offset of the centroid across the outer rod", "y", ("offset_m",)),),
-    bench_check=("Lay the outer rod on a knife edge along its axis: a centroid offset tips it to that side."),
+    quantities=(BenchQuantity("offset of the centre of mass across the outer rod", "y", ("offset_m",)),),
+    bench_check="Lay the outer rod on a knife edge along its axis: an offset centre of mass tips it to that side.",
     source=_SOURCE,
 )

@@ -42,7 +42,7 @@ _JOINT1, DETENT_JOINT2 = pair(
     quantities=(BenchQuantity("peak cogging torque, first harmonic", "A1", ("cos1_Nm", "sin1_Nm")),),
     bench_check=(
         "Turn joint {j} slowly by hand with the rod balanced: cogging is felt at evenly spaced angles."
-        " Remove the motor and repeat: cogging vanishes, a centroid offset remains."
+        " Remove the motor and repeat: cogging vanishes, an offset of the centre of mass remains."
     ),
     source="Hanselman (2003), Brushless Permanent Magnet Motor Design, ch. 9 (cogging torque).",
 )
@@ -57,7 +57,8 @@ DETENT_JOINT1 = replace(
 )
 """Orders of the scan.
 
-At order one its sine is gravity and its cosine is a centroid offset of the inner rod, so the scan starts at order two.
+At order one its sine is gravity and its cosine is an offset of the centre of mass of the inner rod, so the scan starts
+at order two.
 """
 
 DETENT_JOINT0 = at_arm(

@@ -201,7 +201,7 @@ Words = Mapping[str, Any]
     armature                 inertia that turns with the joint, kg m^2
     cogging                  (amplitude N m, poles, phase rad) of each torque amplitude sin(poles q + phase)
     presliding               (torque N m, length rad) of friction that is elastic before sliding
-    offset                   of the rod's centroid across the rod, m
+    offset                   of the rod's centre of mass across the rod, m
     added_length             length error of the inner rod, m
     tilt                     of gravity in the plane of the rods, rad
     arm                      True: the arm is free with the constants of `arm_model`

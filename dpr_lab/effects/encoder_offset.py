@@ -63,7 +63,7 @@ ENCODER_OFFSET_JOINT2 = Effect(
     ),
     bench_check=(
         "Remove the outer rod and turn it by 180 degrees about its long axis: the zero of the encoder does"
-        " not change, a centroid offset changes its side."
+        " not change, an offset of the centre of mass changes its side."
     ),
     source=_SOURCE,
 )

@@ -18,11 +18,11 @@ class Rod:
     length: float
     mass: float
     centroid: float
-    """Distance of the centroid along the rod."""
+    """Distance of the centre of mass along the rod."""
     offset: float
-    """Distance of the centroid across the rod, along x."""
+    """Distance of the centre of mass across the rod, along x."""
     inertia: float
-    """Inertia about its centroid."""
+    """Inertia about its centre of mass."""
     damping: float
     """Viscous friction of its joint."""
     words: Words
@@ -72,9 +72,9 @@ def words_of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]
 def rod_about_joint(
     length: float, mass: float, moment: float, about_joint: float, damping: float, felt: float, words: Words
 ) -> Rod:
-    """A rod from its mass moment, kg m, and its inertia about its joint without the offset of its centroid, kg m^2.
+    """A rod from its first moment, kg m, and its inertia about its joint without the offset of the centre, kg m^2.
 
-    `felt` is the mass to which an offset of the centroid refers, kg.
+    `felt` is the mass to which an offset of the centre of mass refers, kg.
     """
     offset = felt * words.get("offset", 0.0) / mass
     inertia = about_joint + felt * words.get("offset", 0.0) ** 2

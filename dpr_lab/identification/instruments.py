@@ -132,7 +132,7 @@ def _weigh(name: str, part: str) -> Instrument:
 
 def _balance(name: str, part: str) -> Instrument:
     instruction = f"balance {part} on an edge and measure from pivot to edge to 0.5 mm"
-    quantity = BenchReading(f"distance from pivot to centroid of {part}", "m", name)
+    quantity = BenchReading(f"distance from pivot to centre of mass of {part}", "m", name)
     return Instrument(f"balance {name}", (name,), (BENCH.rule_m,), instruction, quantity, _one_parameter)
 
 

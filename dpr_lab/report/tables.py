@@ -63,15 +63,15 @@ OF_OUTER_ROD = ("l2", "m2", "mb", "c2", "J2")
 
 RATIO_UNITS = {"a/b": "1", "d/b": "1", "e1/b": "1/s²", "c1/b": "1/s", "c2/b": "1/s", "e1/a": "1/s²", "c1/a": "1/s"}
 PARAMETER_UNITS = {
-    "l1": ("m", "inner rod, pivot to centroid"),
-    "l2": ("m", "outer rod, pivot to centroid"),
+    "l1": ("m", "inner rod, pivot to CoM"),
+    "l2": ("m", "outer rod, pivot to CoM"),
     "m1": ("kg", "mass of the inner rod"),
     "m2": ("kg", "mass of the outer rod"),
     "mb": ("kg", "mass of the encoder at joint 2"),
     "c1": ("N m s/rad", "viscous friction of joint 1"),
     "c2": ("N m s/rad", "viscous friction of joint 2"),
-    "J1": ("kg m²", "inner rod, inertia at centroid"),
-    "J2": ("kg m²", "outer rod, inertia at centroid"),
+    "J1": ("kg m²", "inner rod, inertia about CoM"),
+    "J2": ("kg m²", "outer rod, inertia about CoM"),
 }
 
 

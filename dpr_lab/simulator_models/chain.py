@@ -1,7 +1,7 @@
 """Types of the rods in a model: an inner rod, an outer rod on it, and optionally an arm with a vertical axis.
 
 An arm may carry the inner rod alone. theta_i is the angle of rod i from upright about the axis of joint 1
-(docs/theory.md). The inner rod points from joint 1 to joint 2, the last rod from its joint to its centroid.
+(docs/theory.md). The inner rod points from joint 1 to joint 2, the last rod from its joint to its centre of mass.
 """
 
 import math
@@ -23,7 +23,7 @@ class ChainLimits:
     elbow: float = 1e-3
     """Distance of a part from the axis of joint 2, in lengths of the rod, up to which it is part of mb."""
     offset: float = 1e-7
-    """Distance of the centroid from the line of the inner rod above which a note is given, m."""
+    """Distance of the centre of mass from the line of the inner rod above which a note is given, m."""
 
 
 CHAIN = ChainLimits()
@@ -49,9 +49,9 @@ class ChainRod:
     joint: ModelJoint
     mass: float
     centroid: float
-    """Distance of the centroid along the rod from its joint, m."""
+    """Distance of the centre of mass along the rod from its joint, m."""
     inertia: float
-    """Inertia about its centroid, kg m^2."""
+    """Inertia about its centre of mass, kg m^2."""
     length: float | None
     """Length, m; None if no shape shows it."""
     hanging: float
@@ -61,7 +61,7 @@ class ChainRod:
     along: Vector
     """(3,) unit vector along the rod, all joints at zero."""
     offset: float = 0.0
-    """Distance of the centroid across the rod, m."""
+    """Distance of the centre of mass across the rod, m."""
     gear: float | None = None
     """Gear of the only motor on its joint; None without one, or if other actuators act on the joint."""
 

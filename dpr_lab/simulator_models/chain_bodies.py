@@ -18,7 +18,7 @@ def fixed_to(model: SimulatorModel, index: int, chain: set[int]) -> list[Part]:
 
 
 def sum_of(parts: Sequence[Part]) -> tuple[float, Vector, Vector]:
-    """Mass, centroid and (3, 3) inertia about the centroid.
+    """Mass, centre of mass and (3, 3) inertia about the centre of mass.
 
     Raises:
         ConfigError: no mass.
@@ -35,7 +35,7 @@ def sum_of(parts: Sequence[Part]) -> tuple[float, Vector, Vector]:
 
 
 def parts_at_elbow(parts: Sequence[Part], joint: ModelJoint, next_joint: ModelJoint, plane: Vector) -> list[Part]:
-    """Parts of the inner rod, except its own body, with their centroid on the axis of joint 2."""
+    """Parts of the inner rod, except its own body, with their centre of mass on the axis of joint 2."""
     length = float(np.linalg.norm(plane @ (next_joint.anchor - joint.anchor)))
     if not length > 1e-6:
         raise ConfigError(f"the axes of {joint.name!r} and {next_joint.name!r} coincide: L1 would be zero")
@@ -55,7 +55,7 @@ def inner_rod(
     distance, offset = float(place @ towards) / length, float(towards[0] * place[1] - towards[1] * place[0]) / length
     if not distance > 0:
         raise ConfigError(
-            f"the centroid of the inner rod is {-distance:.3g} m behind {joint.name!r}: l1 must be above zero"
+            f"the centre of mass of the inner rod is {-distance:.3g} m behind {joint.name!r}: l1 must be above zero"
         )
     inertia_about_joint = float(e @ (inertia + sum((part.inertia for part in at_elbow), np.zeros((3, 3)))) @ e)
     angle, side = math.atan2(towards[1], towards[0]), 1 if joint.axis @ e > 0 else -1
@@ -68,7 +68,7 @@ def inner_rod(
 def last_rod(
     parts: Sequence[Part], joint: ModelJoint, plane: Vector, e: Vector, name: str, inner: float = math.pi
 ) -> ChainRod:
-    """The outer rod, or a single one, whose direction is that of its centroid.
+    """The outer rod, or a single one, whose direction is that of its centre of mass.
 
     Args:
         parts: its parts
@@ -82,7 +82,7 @@ def last_rod(
     towards = plane @ (centroid - joint.anchor)
     distance = float(np.linalg.norm(towards))
     if not distance > 1e-6:
-        raise ConfigError(f"the centroid of the {name} is on the axis of {joint.name!r}: it does not swing")
+        raise ConfigError(f"the centre of mass of the {name} is on the axis of {joint.name!r}: it does not swing")
     reach = [float(plane @ (end - joint.anchor) @ towards) / distance for part in parts for end in part.ends]
     length, side = max(reach, default=0.0), 1 if joint.axis @ e > 0 else -1
     hanging = _wrapped(side * (inner - math.atan2(towards[1], towards[0])))
@@ -119,6 +119,6 @@ def arm_of(
     apart = float(np.ptp([sum_of(rod)[1] @ e for rod in rods]))
     if apart > 1e-3 * length:
         notes.append(
-            f"along the arm, the rods are {1e3 * apart:.3g} mm apart: L0 is the distance of their common centroid"
+            f"along the arm, the rods are {1e3 * apart:.3g} mm apart: L0 is the distance of their common centre of mass"
         )
     return ChainArm(joint, length, inertia_about_axis, 1 if joint.axis @ up > 0 else -1)

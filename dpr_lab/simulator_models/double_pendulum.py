@@ -63,7 +63,8 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
         rods, elbow_mass = _two_rods(groups, joints, plane, e)
     if abs(rods[0].offset) > CHAIN.offset:
         offset = rods[0].offset
-        terms.append(JointTerm(inner.name, "distance of the centroid from the axis of the inner rod", offset, "m"))
+        quantity = "distance of the centre of mass from the axis of the inner rod"
+        terms.append(JointTerm(inner.name, quantity, offset, "m"))
     _driven(model, joints, notes)
     rods = tuple(replace(rod, gear=_gear(model, rod.joint)) for rod in rods)
     arm = arm and replace(arm, gear=_gear(model, arm.joint))

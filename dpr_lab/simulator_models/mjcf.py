@@ -52,7 +52,7 @@ class BodyFrame:
     turned: Vector
     """(3, 3) axes of its frame in world coordinates."""
     local_centroid: Vector
-    """(3,) centroid in its frame, m."""
+    """(3,) centre of mass in its frame, m."""
     local_turn: Vector
     """(4,) quaternion of its principal axes in its frame."""
     principal: Vector

@@ -47,9 +47,9 @@ class Part:
     mass: float
     """Mass, kg."""
     centroid: Vector
-    """(3,) centroid, m."""
+    """(3,) centre of mass, m."""
     inertia: Vector
-    """(3, 3) inertia about the centroid, kg m^2."""
+    """(3, 3) inertia about the centre of mass, kg m^2."""
     ends: tuple[Vector, ...] = ()
     """Points of its shapes, m, which give the length of a rod."""
 

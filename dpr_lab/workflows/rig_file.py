@@ -323,7 +323,7 @@ def _odd_bounds(name: str, p: "Parameter") -> Iterator[RigFinding]:
 
 
 def _odd_rod(rig: "Rig", rod: int, length: float | None) -> Iterator[RigFinding]:
-    """Errors of a rod: centroid beyond its end, or an inertia above the maximum m l (L - l)."""
+    """Errors of a rod: centre of mass beyond its end, or an inertia above the maximum m l (L - l)."""
     centre, mass, inertia = (rig.parameters[f"{name}{rod}"] for name in "lmJ")
     centroid, m, J = (p.measured or p.nominal for p in (centre, mass, inertia))
     if length is None:

@@ -72,10 +72,10 @@ PLANTED = {
     "damping wrong, elbow": Planted(ELBOW, 'damping="0.0004"', "damping", "elbow"),
     "spring missing": Planted(SHOULDER, SHOULDER + ' stiffness="0.08"', "spring stiffness", "shoulder"),
     "inertial frame shifted": Planted(
-        'pos="0 0 -0.125"', 'pos="0 0 -0.135"', "centroid of the body along the rod", "elbow"
+        'pos="0 0 -0.125"', 'pos="0 0 -0.135"', "centre of mass of the body along the rod", "elbow"
     ),
     "inertial frame shifted, upper": Planted(
-        'pos="0 0 -0.12"', 'pos="0 0 -0.13"', "centroid of the body along the rod", "shoulder"
+        'pos="0 0 -0.12"', 'pos="0 0 -0.13"', "centre of mass of the body along the rod", "shoulder"
     ),
     "rod too short": Planted('pos="0 0 -0.3"', 'pos="0 0 -0.315"', "length error, inner rod", "shoulder"),
 }

@@ -48,7 +48,7 @@ PLANTED = {
     "length of the arm": ('<body name="upper" pos="0 0.2 0">', '<body name="upper" pos="0 0.21 0">'),
     "spring of the arm": ('armature="0.001"', 'armature="0.001" stiffness="0.3"'),
     "gear": ('gear="2 0 0 0 0 0"', 'gear="2.4 0 0 0 0 0"'),
-    "centroid of the outer rod": ('pos="0 0 -0.125"', 'pos="0 0 -0.135"'),
+    "centre of mass of the outer rod": ('pos="0 0 -0.125"', 'pos="0 0 -0.135"'),
     "damping of the elbow": ('damping="0.001"', 'damping="0.0004"'),
 }
 T = np.arange(0, 2, 0.005)

@@ -27,7 +27,7 @@ ATTRIBUTES = {
     "rotor inertia (armature)": "armature",
     "damping": "damping",
     "spring stiffness": "stiffness",
-    "centroid of the body along the rod": "pos",
+    "centre of mass of the body along the rod": "pos",
     "length error, inner rod": "pos",
 }
 

@@ -26,10 +26,10 @@ PLANTED = {
     "spring of the arm": ("arm_more", 'stiffness="0.3"', "yaw", "spring stiffness"),
     "gear": ("gear", "2.4", "yaw", "gear of the motor"),
     "damping of the rod": ("rod_damping", "0.006", "shoulder", "damping"),
-    "centroid of the rod": ("rod_centroid", "0.13", "shoulder", "centroid of the body along the rod"),
+    "centre of mass of the rod": ("rod_centroid", "0.13", "shoulder", "centroid of the body along the rod"),
 }
 """Number of the file, its true value, joint and quantity of the first cause."""
-QUICK = [("damping of the arm", 2), ("gear", 1), ("centroid of the rod", 1)]
+QUICK = [("damping of the arm", 2), ("gear", 1), ("centre of mass of the rod", 1)]
 """Errors with the number of rods that `make test` plants: of arm, drive and rod, with one rod and with two.
 
 Friction takes four times as long; `test_least_change.py` plants it at a joint.

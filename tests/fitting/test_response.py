@@ -49,7 +49,7 @@ def test_a_scan_does_not_lose_the_order_that_is_nearly_gravity(recorded, bare, m
     recorded_shapes = Recorded((None,), lambda: [])
     free = shapes(EFFECTS["detent_joint1"], problem, base.fit, along, recorded_shapes)
     order = param_index("detent_joint1", "order")
-    assert min(dict(shape)[order] for shape in free) >= 2.0  # order one is gravity and a centroid offset
+    assert min(dict(shape)[order] for shape in free) >= 2.0  # order one is gravity and an offset of the centre of mass
     every = tuple(
         replace(one, scan=(1.0, *one.scan)) if one.scan else one for one in EFFECTS["detent_joint1"].parameters
     )

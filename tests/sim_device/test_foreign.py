@@ -108,7 +108,7 @@ def test_a_joint_sticks_as_in_the_lab_which_shares_no_code_with_it(body, joint, 
 
 
 def test_the_wobbling_rod_keeps_its_energy(body):
-    """Kinetic and potential energy from the positions of the centroids, not from the equation of motion."""
+    """Kinetic and potential energy from the positions of the centres of mass, not from the equation of motion."""
     free = Body(**{f: getattr(body, f) for f in body.__slots__} | {"c1": 0.0, "c2": 0.0})
     motion = wobbling_rod(free, {"start_rad": 0.2, "frequency_hz": 2.0, "damping_ratio": 0.0})
     states = integrate(motion, np.array([*START, *motion.memory]), T)

@@ -187,7 +187,7 @@ def test_the_radius_of_the_arm_does_not_depend_on_the_angles_of_the_rods(tmp_pat
     )
     notes = written(tmp_path, aside)[0].notes
     assert "the axis of the rods passes that of the arm at 10 mm: treated as zero" in notes
-    assert "along the arm, the rods are 20 mm apart: L0 is the distance of their common centroid" in notes
+    assert "along the arm, the rods are 20 mm apart: L0 is the distance of their common centre of mass" in notes
 
 
 ROBOT = "".join(f'<link name="{name}"/>' for name in "ab")

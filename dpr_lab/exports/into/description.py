@@ -205,7 +205,7 @@ def _change(file: _File, edit: XmlEdit, joint: str, target: RodTarget | ArmTarge
 
 
 def _with_body(file: _File, edit: XmlEdit, joint: str, change: BodyChange) -> XmlEdit:
-    """Move the centroid of the link of a joint and scale its inertia."""
+    """Move the centre of mass of the link of a joint and scale its inertia."""
     model = file.model(edit)
     if not change.moves and not change.scales:
         return edit

@@ -41,7 +41,7 @@ class ModelCause:
     joint: str
     """Name of the joint in the file."""
     quantity: str
-    """Name of the quantity: `Coulomb friction`, `centroid of the body`."""
+    """Name of the quantity: `Coulomb friction`, `centre of mass of the body`."""
     before: float
     """Value in the file, SI."""
     after: float

@@ -44,7 +44,7 @@ Array = NDArray[np.float64]
 
 
 BODY_TERMS = (("a", "e1"), ("b", "d"))
-"""Base parameters that the inertia and the centroid of each rod's body determine."""
+"""Base parameters that the inertia and the centre of mass of each rod's body determine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +160,7 @@ def _same_gear(diagnosis: Diagnosis) -> float:
 
 
 def with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: float) -> Array:
-    """(6,) base parameters with the file's centroid or inertia of a body if only the other one changed."""
+    """(6,) base parameters with the file's centre of mass or inertia of a body if only the other one changed."""
     length, carried = (chain.rods[0].length or 0.0) + longer, sum(r.mass for r in chain.rods[1:]) + chain.elbow_mass
     changed = base.copy()
     for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):
@@ -210,9 +210,12 @@ def _replaced(base: Array, replacement: Array, places: Sequence[int]) -> Array:
 
 
 def body_rows(chain: ModelChain, base: Array, of_file: Array, number: int, longer: float) -> list[ModelCause]:
-    """Centroid and inertia of the body on a joint, with the masses of the file."""
+    """Centre of mass and inertia of the body on a joint, with the masses of the file."""
     before, after = (_bodies(chain, values, longer)[number] for values in (of_file, base))
-    names = ("centroid of the body along the rod", "m"), ("inertia of the body about its centroid", "kg m^2")
+    names = (
+        ("centre of mass of the body along the rod", "m"),
+        ("inertia of the body about its centre of mass", "kg m^2"),
+    )
     return [
         cause(chain, number, words, old, new, unit)
         for (words, unit), old, new in zip(names, before, after, strict=True)
@@ -221,7 +224,7 @@ def body_rows(chain: ModelChain, base: Array, of_file: Array, number: int, longe
 
 
 def _bodies(chain: ModelChain, base: Array, longer: float) -> list[tuple[float, float]]:
-    """Centroid and inertia of each rod from (6,) base parameters."""
+    """Centre of mass and inertia of each rod from (6,) base parameters."""
     inner, *outer = chain.rods
     a, b, d, e1 = base[:4]
     length, carried = (inner.length or 0.0) + longer, sum(rod.mass for rod in outer) + chain.elbow_mass

@@ -141,7 +141,7 @@ def _geared(file: _File, effect: str) -> bool:
 
 
 def _set_body(edit: XmlEdit, file: _File, part: ChainRod | ChainArm, change: BodyChange) -> None:
-    """Move the centroid of a body and scale its inertia."""
+    """Move the centre of mass of a body and scale its inertia."""
     if not change.moves and not change.scales:
         return
     frame, (_, body) = file.compiled.body(part.joint.name), file.tags(edit, part.joint.name)

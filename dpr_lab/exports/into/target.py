@@ -1,8 +1,8 @@
 """Target values of rods and arm in the user's file, and the change of a body that reaches them.
 
 The swing determines inertias, first moments and friction of the rods, but not their masses. Therefore the masses of the
-file are kept, and centroid, inertia, damping, Coulomb friction, armature, spring and length are set. Terms that the
-corrected model does not contain are set to zero, so that the file has the motion of the corrected model.
+file are kept, and centre of mass, inertia, damping, Coulomb friction, armature, spring and length are set. Terms that
+the corrected model does not contain are set to zero, so that the file has the motion of the corrected model.
 """
 
 import math
@@ -47,11 +47,11 @@ class RodTarget:
     """Target values of a rod in the changed file; SI."""
 
     centroid: float
-    """Distance of the centroid along the rod."""
+    """Distance of the centre of mass along the rod."""
     offset: float
-    """Distance of the centroid across the rod."""
+    """Distance of the centre of mass across the rod."""
     inertia: float
-    """Inertia about the centroid."""
+    """Inertia about the centre of mass."""
     damping: float
     words: Words
     gear: float | None
@@ -92,13 +92,13 @@ class BodyChange:
     mass: float
     """Mass, kg; unchanged."""
     shift: Vector
-    """(3,) shift of its centroid in the world, m."""
+    """(3,) shift of its centre of mass in the world, m."""
     factor: float
-    """Factor of its inertia about its centroid."""
+    """Factor of its inertia about its centre of mass."""
 
     @property
     def moves(self) -> bool:
-        """Whether the centroid moves."""
+        """Whether the centre of mass moves."""
         return float(np.linalg.norm(self.shift)) > PATCH.negligible
 
     @property
@@ -154,7 +154,7 @@ def arm_to_change(model: AnyModel, chain: ModelChain, rig: Rig, path: Path) -> C
 
 
 def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> list[RodTarget]:
-    """Centroids and inertias that give the moments of the corrected model with the masses of the file.
+    """Centres of mass and inertias that give the moments of the corrected model with the masses of the file.
 
     Args:
         chain: the rods of the file
@@ -215,9 +215,9 @@ def arm_change(read: SimulatorModel, in_file: ChainArm, target: ArmTarget, path:
 def body_change(
     read: SimulatorModel, chain: ModelChain, joints: Sequence[str], number: int, target: RodTarget, path: Path
 ) -> BodyChange:
-    """Move the centroid of the body of a joint and scale its inertia to reach the target of the whole rod.
+    """Move the centre of mass of the body of a joint and scale its inertia to reach the target of the whole rod.
 
-    The common centroid is shifted by moving this body alone.
+    The common centre of mass is shifted by moving this body alone.
 
     Raises:
         ConfigError: the body has no mass, or no positive inertia gives the target.

@@ -42,8 +42,8 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
     if share := state.recordings.torques_earlier:
         sentences.append(
             "The known torques change between rows, so that holding each value until the next row would delay them."
-            f" Each value was therefore assumed to act from {share:.2f} of the row interval before its time stamp on, as"
-            " fitted. A delay of the drive shorter than this interval is indistinguishable from this assumption."
+            f" Each value was therefore assumed to act from {share:.2f} of the row interval before its time stamp on"
+            " (fitted). A delay of the drive shorter than this interval is indistinguishable from this assumption."
         )
     if state.recordings.exact_torques:
         sentences.append(
