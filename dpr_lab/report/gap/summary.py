@@ -80,7 +80,9 @@ def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
     """Bar of the mean squared residual by reproducibility; None without a gap."""
     parts = [(f"{label}: {percent(share, 1)}", share) for label, share in repeatability_parts(diagnosis)]
-    data = "pieces" if diagnosis.gap.budget and diagnosis.gap.budget.basis != "recordings" else "recordings"
+    budget = diagnosis.gap.budget
+    pieces = (budget is not None and budget.basis != "recordings") or are_pieces(diagnosis.gap.closed_held_out.held_out)
+    data = "pieces" if pieces else "recordings"
     title = f"Repeatability: mean squared residual of the bare model on held-out {data}"
     return ShareBar(title, parts) if parts else None
 
