@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
+from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.hypothesis.hypothesis import free_parameters, hypothesis
 from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forward import forward_selection
 from dpr_lab.gap.which.moves import MOVES
+from dpr_lab.gap.which.replacements import with_alternatives
 from dpr_lab.gap.which.search import SearchState, apply, run
 from dpr_lab.gap.which.select import short_segments
 from dpr_lab.report.gap.tables import SEARCH_COLUMNS, search_rows
@@ -113,6 +116,27 @@ def test_a_move_leaves_the_state_as_it_was_and_repeats_itself(sets: FittedSets) 
         assert one.fits.keys() == other.fits.keys(), move.name
         fitted_more = fitted_more or len(one.fits) > len(fits)
     assert fitted_more
+
+
+@pytest.mark.slow
+def test_an_indistinguishable_effect_fits_as_well_although_its_own_fit_was_stuck(
+    bare: Callable[..., Any], screened: Callable[..., Any], recorded: Callable[..., list[Run]]
+) -> None:
+    dry, clock, length = "coulomb_joint1", "clock_rate", "wrong_length_L1"
+    runs = recorded({dry: {"torque_Nm": 1.5e-3}, clock: {"excess": 2e-3}}, duration=2.0)
+    problem, base = bare(runs)
+    library = {name: EFFECTS[name] for name in (dry, clock, length)}
+    sets = FittedSets(screened(runs), problem, library, base, lambda event: None)
+    chosen = base
+    for name in (dry, clock):
+        score = sets.test(chosen).of(name)
+        assert score is not None
+        chosen = sets.with_one(chosen, score)
+    start, names = base.fit.estimate, (dry, length)
+    stuck = hypothesis(problem, names, fit(problem, start, free_parameters(start, names, problem), iterations=0))
+    sets.keep(stuck)
+    assert stuck.fit.chi2 > 2 * chosen.fit.chi2
+    assert with_alternatives(sets, chosen)[stuck.key].fit.chi2 == pytest.approx(chosen.fit.chi2, rel=1e-3)
 
 
 @pytest.mark.slow

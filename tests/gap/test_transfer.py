@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from dpr_lab.gap.conclusion.verdict import how_far
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.gap.screen.sensor_faults import screen
+from dpr_lab.gap.transfer.free_run import FreeRunError
 from dpr_lab.gap.transfer.out_of_sample import GapReduction, reduction
 from dpr_lab.gap.transfer.transfer import Transfer, worse_free_run
 from dpr_lab.rig import Rig
@@ -126,20 +127,42 @@ def test_an_effect_larger_than_any_rig_has_is_not_named_with_confidence(recorded
     assert all(effect.probability <= 0.5 for effect in large.effects)
 
 
+def free_run_error(rad: float, grows_from_s: float = 3.0, lost_from_s: float = 3.0) -> FreeRunError:
+    """A constant error, which becomes a radian at a time, and cannot be simulated from another."""
+    t = np.arange(0.3, 2.6, 0.005)
+    errors = np.where(t < grows_from_s, rad, 1.0)
+    return FreeRunError(t, np.where(t < lost_from_s, errors, np.nan) ** 2)
+
+
 @pytest.mark.parametrize(
     ("before", "after", "worse"),
     [
-        ({"a": 0.048}, {"a": 0.168}, (0.048, 0.168)),
-        ({"a": 0.048}, {"a": 0.012}, None),
-        ({"a": 0.048}, {"a": 0.05}, None),
-        ({"a": 1.2}, {"a": 2.0}, None),
-        ({"a": 0.048}, {}, (0.048, np.pi)),
+        (free_run_error(0.048), free_run_error(0.168), (0.048, 0.168, 2.595)),
+        (free_run_error(0.048), free_run_error(0.012), None),
+        (free_run_error(0.048), free_run_error(0.05), None),
+        (free_run_error(1.2), free_run_error(2.0), None),
+        (free_run_error(0.048, lost_from_s=0.5), free_run_error(0.168), None),
+        (free_run_error(0.048), free_run_error(0.048, lost_from_s=0.3), (0.048, np.pi, 2.595)),
+        (free_run_error(0.1, 1.3), free_run_error(0.3, 1.0), (0.296, 0.643, 1.38)),
+        (free_run_error(0.1, 1.0), free_run_error(0.05, 1.1), None),
     ],
-    ids=["worse", "better", "alike", "chaos decided it before", "cannot be followed any more"],
+    ids=[
+        "worse",
+        "better",
+        "alike",
+        "chaos at once",
+        "too short",
+        "not followed",
+        "worse till chaos",
+        "better till chaos",
+    ],
 )
 def test_effects_that_spoil_the_free_run_of_a_held_out_run_are_seen(before, after, worse):
-    assert worse_free_run(before, after, ["a"]) == (pytest.approx(worse) if worse else None)
-    assert worse_free_run(before, after, []) is None
+    little, much = free_run_error(0.001), free_run_error(2.0)
+    judged = worse_free_run({"a": before}, {"a": after}, {"a": little}, ["a"])
+    assert (judged and astuple(judged)) == (pytest.approx(worse, rel=5e-3) if worse else None)
+    assert worse_free_run({"a": before}, {"a": after}, {"a": much}, ["a"]) is None
+    assert worse_free_run({"a": before}, {"a": after}, {"a": little}, []) is None
 
 
 def test_the_interval_of_a_short_recording_has_a_width() -> None:

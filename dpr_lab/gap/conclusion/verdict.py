@@ -191,9 +191,13 @@ def _two_digits(ratio: float) -> str:
 def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
     """What remains; the worse of both measures, so a worse free run first."""
     if transferred.worse_free_run:
-        before, after = (1e3 * error for error in transferred.worse_free_run)
+        errors = transferred.worse_free_run
+        before, after = 1e3 * errors.before_rad, 1e3 * errors.after_rad
         compared = "held-out runs" if transferred.held_out else "recordings"
-        return f"But the free run of the {compared} becomes worse, from {before:.3g} to {after:.3g} mrad rms."
+        return (
+            f"But the free run of the {compared} becomes worse, from {before:.3g} to {after:.3g} mrad rms in the first"
+            f" {errors.until_s:.2g} s."
+        )
     if at_noise_floor(chosen):
         return "Nothing above the noise floor remains, but the causes are uncertain."
     return (

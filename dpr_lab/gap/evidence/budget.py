@@ -31,7 +31,7 @@ from dpr_lab.gap.result.evidence import UncertaintySource
 from dpr_lab.rig import MASSES, Rig
 
 if TYPE_CHECKING:
-    from dpr_lab.gap.evidence.free_swing import FreeSwings
+    from dpr_lab.gap.transfer.free_swing import FreeSwings
 
 Array = NDArray[np.float64]
 
@@ -94,8 +94,7 @@ def sources(problem: Problem, model: Hypothesis, rig: Rig) -> list[_Source]:
         step, reduction = fitted_anew(replace(problem, model=problem.model.with_constants(constants)))
         moves = moved(step, reduction, lambda swings, c=constants: swings.otherwise(c))
         listed.append(_Source(name, "input", description, moves, reduction))
-    level, rho = model.residuals.level, model.residuals.noise_correlation
-    noise = level * (1 + rho) / (1 - rho)
+    level, noise = model.residuals.level, model.residuals.independent_noise
     spread = considered(model.fit, noise)
 
     def along(swings: "FreeSwings") -> list[Array]:

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.evidence.budget import mean_squares, sources, uncertainty_sources
-from dpr_lab.gap.evidence.free_swing import FreeSwing, free_swings, growth_rate, horizon
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import Budget, Curves, RunBudget
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FREE_RUN, FreeRuns
+from dpr_lab.gap.transfer.free_swing import FreeSwing, free_swings, growth_rate, horizon
 from dpr_lab.rig_tables import INPUT_UNITS
 
 Array = NDArray[np.float64]

@@ -59,6 +59,14 @@ class ResidualStatistics:
         return self.level * (self.dof * (1 + rho) / (1 - rho)) ** 0.5
 
     @property
+    def independent_noise(self) -> float:
+        """Variance of white noise that has the same influence on fitted values, level (1 + rho) / (1 - rho).
+
+        In units of the noise that was assumed for the fit.
+        """
+        return self.level * (1 + self.noise_correlation) / (1 - self.noise_correlation)
+
+    @property
     def z(self) -> float:
         """Distance of the residual from noise, in standard deviations."""
         return self.excess / self.uncertainty

@@ -158,10 +158,16 @@ def form_indifference(base: Hypothesis, model: Hypothesis) -> float:
 
 
 def significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
-    """Reduction of cost from one set to a larger one that is not significant."""
-    if at_noise_floor(after):
-        return _significance(base, before, after)
-    return min(_significance(base, before, after), scatter(before, after))
+    """Reduction of cost from one set to a larger one that is not significant.
+
+    An effect that follows the noise of a tracker leaves residuals that are less correlated, and the penalty of all
+    parameters falls with their inflation. If only noise remains without it, this is no evidence: both sets are compared
+    at the inflation of the larger one.
+    """
+    limit = _significance(base, before, after)
+    if at_noise_floor(before):
+        limit += max(before.residuals.inflation - after.residuals.inflation, 0.0) * before.penalty
+    return limit if at_noise_floor(after) else min(limit, scatter(before, after))
 
 
 def _significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:

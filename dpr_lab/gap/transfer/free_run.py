@@ -32,6 +32,31 @@ class FreeRunSettings:
 FREE_RUN = FreeRunSettings()
 
 
+@dataclass(frozen=True, slots=True)
+class FreeRunError:
+    """Error of a free run over time."""
+
+    t: Array
+    """(n,) time since the first reading, s."""
+    squares: Array
+    """(n,) mean square over the joints, rad^2."""
+
+    @property
+    def rms_rad(self) -> float:
+        """Root mean square over all times, rad."""
+        return float(np.sqrt(np.mean(self.squares)))
+
+    def followed_s(self, limit_rad: float) -> float:
+        """Time up to which the root mean square from the beginning is below a limit, s; 0 if it never is."""
+        running = np.sqrt(np.cumsum(self.squares) / np.arange(1, len(self.t) + 1))
+        below = np.logical_and.accumulate(running < limit_rad)
+        return float(self.t[below][-1]) if below.any() else 0.0
+
+    def until(self, end_s: float) -> "FreeRunError":
+        """The error up to a time."""
+        return FreeRunError(self.t[self.t <= end_s], self.squares[self.t <= end_s])
+
+
 @dataclass(frozen=True)
 class FreeRuns:
     """Free runs of one model along a set of recordings."""
@@ -56,18 +81,25 @@ class FreeRuns:
         return [slice(i, j) for i, j in pairwise(self.problem.segments.offsets)]
 
     @property
-    def errors_rad(self) -> dict[str, float]:
-        """Root mean square error of each run after the readings to which its initial state was fitted, rad.
+    def errors(self) -> dict[str, FreeRunError]:
+        """Error of each run after the readings to which its initial state was fitted; runs that end there are omitted.
 
-        Runs that end there, or that the model cannot simulate to their end, are omitted.
+        Errors are not finite from where the model cannot be simulated.
         """
         error, t = self.problem.measured - self.predicted, self.problem.t
-        after_fit = [error[samples][t[samples] - t[samples.start] >= FREE_RUN.settle_s] for samples in self.rows]
-        axes = [np.flatnonzero(self.problem.read[samples].any(axis=0)) for samples in self.rows]
-        rms = {
-            record.run.name: float(np.sqrt(np.mean(of_run[:, read] ** 2))) if len(of_run) else np.nan
-            for record, of_run, read in zip(self.items, after_fit, axes, strict=True)
-        }
+        by_run = {}
+        for record, samples in zip(self.items, self.rows, strict=True):
+            since_start, read = t[samples] - t[samples.start], self.problem.read[samples].any(axis=0)
+            compared = since_start >= FREE_RUN.settle_s
+            if compared.any():
+                squares = np.mean(error[samples][compared][:, read] ** 2, axis=1)
+                by_run[record.run.name] = FreeRunError(since_start[compared], squares)
+        return by_run
+
+    @property
+    def errors_rad(self) -> dict[str, float]:
+        """Root mean square error of each run, rad; runs that the model cannot simulate to their end are omitted."""
+        rms = {name: error.rms_rad for name, error in self.errors.items()}
         return {name: value for name, value in rms.items() if np.isfinite(value)}
 
 

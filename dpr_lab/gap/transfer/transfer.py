@@ -32,7 +32,8 @@ from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.cross_validation import FOLDS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.transfer.free_run import FreeRuns
+from dpr_lab.gap.transfer.free_run import FreeRunError, FreeRuns
+from dpr_lab.gap.transfer.free_swing import expected_errors, free_swings
 from dpr_lab.gap.transfer.out_of_sample import GapReduction, OutOfSample, left_out, reduction, share
 from dpr_lab.gap.which.selected import Selection
 
@@ -57,13 +58,31 @@ class TransferSettings:
     """Factor on the probability of an effect with an impossible size: it stands for another cause."""
     worse: float = 1.25
     """Factor by which the named effects may increase the error of free runs."""
+    unpredictable: float = 2.0
+    """Standard deviations of the error of free runs, due to the noise of their first readings, that are chance."""
     followed_rad: float = 0.3
-    """Error of a free run of the bare model up to which free runs are compared: above it, chaos dominates."""
+    """Error of a free run of the bare model, rms from its beginning, up to which free runs are compared: where it is
+    larger, chaos dominates.
+    """
+    followed_s: float = 0.6
+    """Minimum time of this comparison, since the beginning of the recording."""
     wildest: float = 1e12
     """Maximum chi2 of a segment, for one that cannot be simulated."""
 
 
 TRANSFER = TransferSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class WorseFreeRun:
+    """Error of free runs that the named effects increase, up to the time that the bare model can follow."""
+
+    before_rad: float
+    """Of the bare model, rms over the runs, rad."""
+    after_rad: float
+    """With the effects, rad."""
+    until_s: float
+    """Time of the longest comparison, since the beginning of the recording, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +114,9 @@ class Transfer:
     """
     oversized: tuple[str, ...]
     """Effects whose size is impossible on any rig."""
-    worse_free_run: tuple[float, float] | None
-    """Error of free runs without and with the effects, rms, rad, if the effects increase it; otherwise None. On the
-    held-out runs, without these on the fitted ones.
+    worse_free_run: WorseFreeRun | None
+    """Error of free runs without and with the effects, if the effects increase it; otherwise None. On the held-out
+    runs, without these on the fitted ones.
     """
 
     def judged(self, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
@@ -152,7 +171,9 @@ def transfer(
     failed = tuple(
         name for name, smaller in selection.without_substitute.items() if tested and not carries_over(name, smaller)
     )
-    before, after = (runs_by_model[name].errors_rad for name in ("before", "after"))
+    before, after = (runs_by_model[name].errors for name in ("before", "after"))
+    swings = free_swings(runs_by_model["before"], selection.base)
+    expected = expected_errors(swings, selection.base.residuals.independent_noise)
     return Transfer(
         basis=basis,
         tested=tested,
@@ -165,29 +186,41 @@ def transfer(
         withdrawn=() if basis == "one release" else failed,
         unproven=failed if basis == "one release" else (),
         oversized=oversized(selection.chosen.fit.estimate.params, recordings.prior.limits),
-        worse_free_run=worse_free_run(before, after, held_out.names if held_out else before),
+        worse_free_run=worse_free_run(before, after, expected, held_out.names if held_out else before),
     )
 
 
 def worse_free_run(
-    before: Mapping[str, float], after: Mapping[str, float], compared: Collection[str]
-) -> tuple[float, float] | None:
+    before: Mapping[str, FreeRunError],
+    after: Mapping[str, FreeRunError],
+    noise: Mapping[str, FreeRunError],
+    compared: Collection[str],
+) -> WorseFreeRun | None:
     """Error of free runs before and after, rms over some runs, if the effects increase it; else None.
 
     Segments and free runs must agree: an effect that closes the gap of segments but worsens the free run is not
-    confirmed.
+    confirmed. Each run is compared up to the time at which chaos dominates the error of the bare model. An increase
+    that the noise of the first readings explains is none.
 
     Args:
-        before: run -> rms error of the free run of the bare model, rad
-        after: the same with the effects; a run that cannot be simulated is missing
+        before: run -> error of the free run of the bare model
+        after: the same with the effects; where it cannot be simulated, its error is half a turn
+        noise: the part of `before` that is expected from the noise of the first readings
         compared: names of the runs
     """
-    names = [name for name in compared if before.get(name, np.inf) < TRANSFER.followed_rad]
-    if not names:
+    squares, ends = [], []
+    for name in compared:
+        end = before[name].followed_s(TRANSFER.followed_rad) if name in before else 0.0
+        if end >= TRANSFER.followed_s:
+            errors = [runs[name].until(end).squares for runs in (before, after, noise)]
+            squares.append([float(np.mean(np.where(np.isfinite(of), of, np.pi**2))) for of in errors])
+            ends.append(end)
+    if not ends:
         return None
-    errors = [[runs.get(name, np.pi) for name in names] for runs in (before, after)]
-    rms = [float(np.sqrt(np.mean(np.square(values)))) for values in errors]
-    return (rms[0], rms[1]) if rms[1] > TRANSFER.worse * rms[0] else None
+    of_before, of_after, of_noise = np.mean(squares, axis=0).tolist()
+    if of_after <= TRANSFER.worse**2 * of_before + TRANSFER.unpredictable**2 * of_noise:
+        return None
+    return WorseFreeRun(of_before**0.5, of_after**0.5, max(ends))
 
 
 def _closing(test: OutOfSample, selection: Selection, ends: Array, noise: Array) -> Iterator[tuple[str, float, float]]:

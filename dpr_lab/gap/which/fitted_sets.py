@@ -283,11 +283,27 @@ class FittedSets:
         if replaced.fit.chi2 > EFFORT.nowhere * smaller.fit.chi2:
             replaced = self.keep(self._handed_over(model, effect, other))
         if at_noise_floor(model) and not at_noise_floor(replaced):
-            score = self.test(model).of(other)
-            if score is not None:
-                with_both = refit_with(self.problem, model, self.test(model), score, iterations=0)
-                return self.keep(refit_without(self.problem, with_both, effect, self.bare))
+            return self.imaged(model, effect, score)
         return replaced
+
+    def imaged(self, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
+        """The set with another effect in place of one, started at the linear image of the solution with that one.
+
+        Of two indistinguishable effects, one then fits as well as the other, although a fit from neither may end in a
+        local minimum in which another effect of the set has lost its shape.
+
+        Args:
+            model: the solution
+            effect: the replaced effect
+            score: score of the other effect, with its shape
+        """
+        params = model.fit.estimate.params.copy()
+        for index, value in score.shape:
+            params[index] = value
+        start, names = model.fit.estimate.changed(params=params), (*model.effects, score.effect.name)
+        free = free_parameters(start, names, self.problem)
+        with_both = hypothesis(self.problem, names, fit(self.problem, start, free, iterations=0))
+        return self.keep(refit_without(self.problem, with_both, effect, self.bare))
 
     def _handed_over(self, model: Hypothesis, effect: str, other: str) -> Hypothesis:
         """The set with another effect in place of one, started at amplitudes of the same names.

@@ -207,13 +207,16 @@ def _far_more_plausible(sets: FittedSets, current: Hypothesis, proposal: Proposa
 def with_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[str], Hypothesis]:
     """All fitted sets, including those with an alternative in place of each effect.
 
-    Alternatives are effects that the linear scores can hardly distinguish from the effect, or rank above it.
+    Alternatives are effects that the linear scores can hardly distinguish from the effect, or rank above it. If an
+    indistinguishable one fits worse, its fit ended in a local minimum, and is repeated from the chosen solution.
     """
     for name in chosen.effects:
         smaller = sets.without(chosen, name)
         test = sets.test(smaller)
         for score in _indistinguishable(test, name):
-            sets.escaped(sets.with_one(smaller, score))
+            other = sets.escaped(sets.with_one(smaller, score))
+            if other.cost - chosen.cost > THRESHOLDS.chance * chosen.residuals.inflation:
+                sets.imaged(chosen, name, score)
         for score in test.ranking[:REPLACEMENTS]:
             if score.effect.name != name and smaller.cost - score.gain < chosen.cost:
                 sets.with_one(smaller, score)

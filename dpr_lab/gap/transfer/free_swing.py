@@ -18,7 +18,7 @@ from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.linearise import slow_starts
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.record import Record
-from dpr_lab.gap.transfer.free_run import FREE_RUN, FreeRuns
+from dpr_lab.gap.transfer.free_run import FREE_RUN, FreeRunError, FreeRuns
 from dpr_lab.setup import Setup
 
 Array = NDArray[np.float64]
@@ -112,6 +112,22 @@ def free_swings(runs: FreeRuns, model: Hypothesis) -> FreeSwings:
             FreeSwing(recording, since_start - since_start[0], measured, weight, predicted, by_values, by_start, setup)
         )
     return FreeSwings(runs, tuple(predictions))
+
+
+def expected_errors(swings: FreeSwings, noise: float) -> dict[str, FreeRunError]:
+    """Mean square error of each run due to the noise of its first readings alone, as of `FreeRuns.errors`.
+
+    Args:
+        swings: the free runs
+        noise: factor on the variance of a reading: level of the noise, and its correlation
+    """
+    expected = {}
+    for swing in swings.each:
+        read, after = swing.weight.any(axis=0), ~swing.head
+        if after.any():
+            squares = noise * np.mean(swing.start_variance()[after][:, read], axis=1)
+            expected[swing.record.run.name] = FreeRunError(swing.t[after], squares)
+    return expected
 
 
 def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:
