@@ -10,27 +10,32 @@ from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.effects import SIZE
 from dpr_lab.errors import RunError
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.screen.record import Record, record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import free_runs
+from dpr_lab.gap.transfer.free_swing import expected_errors, free_swings
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
 NOISE = 2e-4
 
 
-def swing(rig: Rig, rate_hz: float) -> Record:
+def swing(rig: Rig, rate_hz: float, seed: int = 3) -> Record:
     t = np.arange(0.0, 4.0, 1 / rate_hz)
     base = base_parameters(rig.nominal, rig.L1, rig.g)
     theta = simulate(base, rig.L1, rig.g, [2.6, 2.9, 0, 0], t)[:, :2]
-    theta = np.insert(theta + np.random.default_rng(3).normal(0, NOISE, theta.shape), 0, 0.0, axis=1)
+    theta = np.insert(theta + np.random.default_rng(seed).normal(0, NOISE, theta.shape), 0, 0.0, axis=1)
     return record(Run("x", t, theta, None, None, rig.name, "", rate_hz), rig)
 
 
-def error(rig: Rig, item: Record) -> float:
+def true_model(rig: Rig) -> Estimate:
     base = base_parameters(rig.nominal, rig.L1, rig.g)
-    at = Estimate.of(unknown_ratios(base), np.zeros(SIZE), np.zeros((0, 4)))
-    return free_runs(Recordings((item,), rig), at).errors_rad["x"]
+    return Estimate.of(unknown_ratios(base), np.zeros(SIZE), np.zeros((0, 4)))
+
+
+def error(rig: Rig, item: Record) -> float:
+    return free_runs(Recordings((item,), rig), true_model(rig)).errors_rad["x"]
 
 
 @pytest.mark.parametrize("rate_hz", [200.0, 20.0, 10.0])
@@ -48,3 +53,16 @@ def test_a_recording_in_pieces_too_short_is_refused(paper: Rig) -> None:
     run = Run("x", t, np.full((len(t), 3), np.pi), None, None, paper.name, "", 200.0)
     with pytest.raises(RunError, match="x: no sequence of 8 valid samples without a gap"):
         record(run, paper)
+
+
+def test_the_expected_error_is_that_of_the_noise_of_the_first_readings(paper: Rig) -> None:
+    _, _, model = fit_bare_model(Recordings((swing(paper, 100.0),), paper), nominal_ratios(paper))
+    squares = []
+    for seed in range(20):
+        recordings = Recordings((swing(paper, 20.0, seed),), paper)
+        runs = free_runs(recordings, true_model(paper))
+        expected = expected_errors(free_swings(runs, model), 1.0)["x"]
+        squares.append([runs.errors["x"].rms_rad ** 2 - NOISE**2, expected.rms_rad**2])
+    observed, predicted = np.mean(squares, axis=0)
+    assert predicted > 0.5 * NOISE**2
+    assert observed / predicted == pytest.approx(1.0, abs=0.4)
