@@ -40,6 +40,7 @@ from dpr_lab.gap.state import (
     Transferred,
 )
 from dpr_lab.gap.transfer.free_run import free_runs
+from dpr_lab.gap.transfer.free_swing import expected_errors, free_swings
 from dpr_lab.gap.transfer.gap import gap
 from dpr_lab.gap.transfer.out_of_sample import held_out_prediction
 from dpr_lab.gap.transfer.repeatability import gap_budget
@@ -217,7 +218,9 @@ def _transferred(before: Classified) -> Transferred:
     models = {"before": selection.base, "after": selection.chosen}
     runs_by_model = {name: free_runs(everything, model.fit.estimate) for name, model in models.items()}
     rng = np.random.default_rng(request.seed)
-    transferred = transfer(recordings, before.held_out_prediction, problem, selection, runs_by_model, rng)
+    swings = free_swings(runs_by_model["before"], selection.base)
+    expected = expected_errors(swings, selection.base.residuals.independent_noise)
+    transferred = transfer(recordings, before.held_out_prediction, problem, selection, runs_by_model, expected, rng)
     budget = gap_budget(recordings, everything, problem, selection)
     remainder = discrepancy(problem, selection.chosen)
     return Transferred.after(

@@ -33,7 +33,6 @@ from dpr_lab.gap.hypothesis.cross_validation import FOLDS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FreeRunError, FreeRuns
-from dpr_lab.gap.transfer.free_swing import expected_errors, free_swings
 from dpr_lab.gap.transfer.out_of_sample import GapReduction, OutOfSample, left_out, reduction, share
 from dpr_lab.gap.which.selected import Selection
 
@@ -137,6 +136,7 @@ def transfer(
     problem: Problem,
     selection: Selection,
     runs_by_model: Mapping[str, FreeRuns],
+    expected: Mapping[str, FreeRunError],
     rng: np.random.Generator,
 ) -> Transfer:
     """Test the selected effects on held-out recordings.
@@ -147,6 +147,7 @@ def transfer(
         problem: the segments of the fitted runs
         selection: the selected set of effects
         runs_by_model: free runs of the models before and after along all recordings
+        expected: error of those of the model before that is due to the noise of their first readings
         rng: random generator of the bootstrap
     """
     basis: Basis = "held-out runs" if held_out else "releases left out"
@@ -172,8 +173,6 @@ def transfer(
         name for name, smaller in selection.without_substitute.items() if tested and not carries_over(name, smaller)
     )
     before, after = (runs_by_model[name].errors for name in ("before", "after"))
-    swings = free_swings(runs_by_model["before"], selection.base)
-    expected = expected_errors(swings, selection.base.residuals.independent_noise)
     return Transfer(
         basis=basis,
         tested=tested,
