@@ -1,13 +1,14 @@
 """Predictive bands of an ensemble of sampled models: how many readings of held-out recordings they cover.
 
-    python benchmarks/ensemble.py [--plants 24] [--first 9000] [--members 50] [--real ../shared/data/real] [--json]
+    python benchmarks/ensemble.py [--plants 24] [--first 9000] [--members 50] [--real ../shared/data/real]
+        [--identify] [--json]
 
 Simulated plants are drawn as for blind trials; three recordings of 5 s are diagnosed, three from other poses are held
 out. Of each real rig every recording is held out once; a single recording is cut into pieces, and every second one is
 held out. The readings of one recording are far from independent: the standard error is that of the mean of recordings.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,7 +23,10 @@ from dpr_lab.exports.ensemble.bands import PredictiveBand, predictive_band
 from dpr_lab.exports.ensemble.calibrate import widened
 from dpr_lab.exports.ensemble.left_out import factor_without
 from dpr_lab.exports.ensemble.sampled import posterior_of, sampled_models
+from dpr_lab.exports.ensemble.scatter import scatter_of_ratios
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.result.posterior import PosteriorComponent
+from dpr_lab.identification.identify import identify
 from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -35,17 +39,34 @@ PIECE_S = 5.0
 PIECES = 8
 
 
-def bands(fitted: list[Run], held_out: list[Run], rig: Rig, members: int, seed: int) -> Iterator[PredictiveBand]:
-    """Bands of a diagnosis' ensemble for recordings that were held out; a refusal is printed."""
+Fitted = tuple[Model, list[PosteriorComponent], str]
+"""A model, its posterior, and what fitted it."""
+
+
+def diagnosed(fitted: list[Run], rig: Rig) -> Fitted:
+    """Corrected model and posterior of a diagnosis."""
+    diagnosis = diagnose(fitted, rig)
+    model = corrected_model(diagnosis, fitted, rig)
+    assert isinstance(model, Model)
+    return model, posterior_of(model, diagnosis), diagnosis.verdict
+
+
+def identified(fitted: list[Run], rig: Rig) -> Fitted:
+    """Model and posterior of an identification, without effects."""
+    model = identify(fitted, rig)
+    return model, posterior_of(model, None, scatter_of_ratios(model, fitted, rig)), "identify"
+
+
+def bands(
+    fit: Callable[[list[Run], Rig], Fitted], fitted: list[Run], held_out: list[Run], rig: Rig, members: int, seed: int
+) -> Iterator[PredictiveBand]:
+    """Bands of an ensemble for recordings that were held out; a refusal is printed."""
     try:
-        diagnosis = diagnose(fitted, rig)
-        model = corrected_model(diagnosis, fitted, rig)
-        assert isinstance(model, Model)
-        posterior = posterior_of(model, diagnosis)
+        model, posterior, verdict = fit(fitted, rig)
         factor = factor_without(model, posterior, fitted, rig, seed)
         ensemble = sampled_models(model, widened(posterior, factor), members, seed)
-        sets = [f"{'+'.join(c.effects) or 'none'} {c.probability:.2f}" for c in diagnosis.posterior]
-        print(f"# {diagnosis.verdict}, widened by {factor:.2f}: {'; '.join(sets)}", flush=True)
+        sets = [f"{'+'.join(c.effects) or 'none'} {c.probability:.2f}" for c in posterior]
+        print(f"# {verdict}, widened by {factor:.2f}: {'; '.join(sets)}", flush=True)
         for run in held_out:
             band = predictive_band(model, ensemble, run, rig, seed)
             within = f"{100 * band.covered:.1f} % of {band.readings}"
@@ -57,7 +78,7 @@ def bands(fitted: list[Run], held_out: list[Run], rig: Rig, members: int, seed: 
         print(f"#   not possible: {error}", flush=True)
 
 
-def simulated(seed: int, members: int) -> Iterator[PredictiveBand]:
+def simulated(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[PredictiveBand]:
     """Of one plant."""
     kind = DRAWS[seed % len(DRAWS)]
     plant, rig = hidden(Case("", kind, seed))
@@ -68,10 +89,10 @@ def simulated(seed: int, members: int) -> Iterator[PredictiveBand]:
     }
     elsewhere = rig.model_copy(update={"poses": poses})
     unseen = record(plant, elsewhere, duration=5.0, before=len(poses))
-    yield from bands(list(record(plant, rig, duration=5.0)), list(unseen), rig, members, seed)
+    yield from bands(fit, list(record(plant, rig, duration=5.0)), list(unseen), rig, members, seed)
 
 
-def real(rig: RealRig, members: int) -> Iterator[PredictiveBand]:
+def real(rig: RealRig, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[PredictiveBand]:
     """Of one real rig."""
     print(f"# {rig.title}")
     folds = list(rig.folds)
@@ -79,7 +100,7 @@ def real(rig: RealRig, members: int) -> Iterator[PredictiveBand]:
         pieces = _pieces(rig.runs[0])
         folds = [(pieces[0::2], pieces[1::2])]
     for fitted, unseen in folds:
-        yield from bands(fitted, unseen, rig.rig, members, 0)
+        yield from bands(fit, fitted, unseen, rig.rig, members, 0)
 
 
 def _pieces(run: Run) -> list[Run]:
@@ -107,9 +128,11 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=9000)
     parser.add_argument("--members", type=int, default=50)
     parser.add_argument("--real", type=Path, default=Path(__file__).parents[2] / "shared" / "data" / "real")
+    parser.add_argument("--identify", action="store_true", help="models of `identify` instead of a diagnosis")
     chosen = parser.parse_args()
+    fit = identified if chosen.identify else diagnosed
     drawn = range(chosen.first, chosen.first + (2 if chosen.quick else chosen.plants))
-    made = {seed: list(simulated(seed, chosen.members)) for seed in drawn}
+    made = {seed: list(simulated(seed, chosen.members, fit)) for seed in drawn}
     found = []
     for kind in dict.fromkeys(DRAWS):
         some = [band for seed, each in made.items() if DRAWS[seed % len(DRAWS)] == kind for band in each]
@@ -117,7 +140,7 @@ def main() -> None:
     everything = [band for each in made.values() for band in each]
     found += [pooled("simulated rigs", everything)] if everything else []
     if chosen.real.is_dir() and not chosen.quick:
-        of_rigs = {rig.title: list(real(rig, chosen.members)) for rig in rigs(chosen.real)}
+        of_rigs = {rig.title: list(real(rig, chosen.members, fit)) for rig in rigs(chosen.real)}
         found += [pooled(name, some, target=False) for name, some in of_rigs.items() if some]
         found.append(pooled("real rigs", [band for some in of_rigs.values() for band in some]))
     show("predictive bands of ensembles", found, chosen.json)
