@@ -1,12 +1,22 @@
 """Width of an ensemble from recordings that are predicted by models fitted without them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import norm
 
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.effects import effect_params
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.exports.ensemble.left_out import factor_without, widening, without
+from dpr_lab.fitting.estimate import Estimate, unknown_ratios
 from dpr_lab.gap.result.posterior import PosteriorComponent
+from dpr_lab.rig import load_rig
+from sim_device.plant.config import load_plant
+from sim_device.trials.offline_recorder import record
+from sim_device.trials.parameters import weighed
+from tests.exports.test_export_command import whole_model
 
 COMPONENT = PosteriorComponent(
     probability=1.0,
@@ -56,4 +66,30 @@ def test_an_effect_of_size_zero_is_there_without_a_recording_that_hides_it() -> 
 
 def test_a_posterior_of_an_older_version_keeps_its_width() -> None:
     old = COMPONENT.model_copy(update={"left_out": []})
-    assert factor_without(None, [old], [None, None, None], None, 0) == 1.0  # type: ignore[arg-type]
+    assert factor_without(None, [old], [None] * 4, None, 0) == 1.0  # type: ignore[arg-type]
+
+
+def test_three_recordings_are_too_few() -> None:
+    assert factor_without(None, [COMPONENT], [None] * 3, None, 0) == 1.0  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+def test_a_posterior_that_is_too_narrow_is_widened() -> None:
+    """Four releases of one plant; the values without each differ by ten standard deviations of the posterior."""
+    plant, rig = weighed(load_plant("paper", 5), load_rig("paper"))
+    runs = [replace(run, name=str(i)) for i, run in enumerate([*record(plant, rig, duration=2.0)] * 2)][:4]
+    estimate = Estimate.of(unknown_ratios(base_parameters(plant.Z, rig.L1, rig.g)), effect_params({}), np.zeros((1, 4)))
+    truth = whole_model(rig, estimate).model_copy(update={"effects": {}})
+    ratio = truth.ratios["a/b"].value
+    std = 2e-4 * ratio
+    posterior = PosteriorComponent(
+        probability=1.0,
+        ratios={name: value.value for name, value in truth.ratios.items()},
+        effects={},
+        free=["a/b"],
+        covariance=[[std**2]],
+        left_out=[[ratio + shift * std] for shift in (10, -10, 10, -10)],
+    )
+    assert factor_without(truth, [posterior], runs, rig, 0) > 5.0
+    right = posterior.model_copy(update={"left_out": [[ratio]] * 4})
+    assert factor_without(truth, [right], runs, rig, 0) == 1.0

@@ -48,6 +48,10 @@ class LeftOutSettings:
     """Number of independent errors of a recording, q: between 1, an error of one parameter, and 11, by the scatter of s
     of 21 recordings of simulated rigs.
     """
+    fewest: int = 4
+    """Minimum number of recordings. Without one of three, models extrapolate and predict it worse than they predict a
+    further recording with all three.
+    """
     chance: float = 1.5
     """v up to which the posterior is kept: 1 and a standard deviation, sqrt(2 / 9), of three recordings with three
     independent errors each.
@@ -60,7 +64,7 @@ LEFT_OUT = LeftOutSettings()
 def factor_without(
     model: Model, components: Sequence[PosteriorComponent], runs: Sequence[Run], rig: Rig, seed: int
 ) -> float:
-    """Factor on the standard deviations of the posterior; 1 if there are no values without each of the runs.
+    """Factor on the standard deviations of the posterior; 1 for few runs, or if there are no values without each.
 
     Args:
         model: the corrected model
@@ -69,7 +73,7 @@ def factor_without(
         rig: their rig
         seed: seed of the random models
     """
-    if len(runs) < 2 or any(len(component.left_out) != len(runs) for component in components):
+    if len(runs) < LEFT_OUT.fewest or any(len(component.left_out) != len(runs) for component in components):
         return 1.0
     errors = []
     for place, run in enumerate(runs):
