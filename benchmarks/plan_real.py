@@ -2,14 +2,17 @@
 
     python benchmarks/plan_real.py --data FOLDER [--only pendule_pi]
 
-The information H of each recording is computed at the rig file's values, before any is fitted. The recording k to fit
-first has the least expected error of the prediction of the others,
+Each recording is fitted alone. What the fit predicts of the others, running free, is compared with the median over all
+choices. The recording k to fit first is chosen at the rig file's values, before any is fitted. It has the least
+expected error of the prediction of the others if the rig has an effect that the fit lacks. With H the information, R
+the unknowns that every fit estimates, and a an amplitude of the library, the fit of k is wrong by
 
-    sum over j != k of trace(H_j (P^-1 + H_k)^-1),
+    delta_k = (P + H_k)_RR^-1 (H_k)_Ra    per unit of a,
+    E_k^2 = sum over j != k of (H_j)_aa - 2 delta_k^T (H_j)_Ra + delta_k^T (H_j)_RR delta_k,
 
-with every effect of the library unknown (Bayesian V-optimality: K. Chaloner & I. Verdinelli (1995), Bayesian
-experimental design: a review, Statistical Science 10, 273-304). Each recording is then fitted alone. What the fit
-predicts of the others, running free, is compared with the median over all choices.
+and the criterion is the geometric mean of E_k over all amplitudes. Source: G. E. P. Box & N. R. Draper (1959), A basis
+for the selection of a response surface design, Journal of the American Statistical Association 54, 622-654: where the
+model may be wrong, the bias of its predictions decides, not their variance.
 """
 
 import sys
@@ -20,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from _bars import Bar, at_most, options, show
 from _real import PIECE_S, PIECES
+from numpy.typing import NDArray
 from real import rigs
 
 from dpr_lab.errors import DprError
@@ -66,20 +70,24 @@ SETS: dict[str, Callable[[Path], tuple[Rig, list[Run]]]] = {
 
 
 def expected_errors(rig: Rig, runs: list[Run]) -> list[float]:
-    """Expected error of the prediction of all other recordings from each one, from the rig file alone.
-
-    Returns:
-        root of the mean square over the others, in standard deviations of the noise
-    """
+    """Expected error of the prediction of all other recordings from each one, up to a common factor."""
     acting = Acting(frozenset({rig.rods.mounting})).besides([setup_of(run, rig) for run in runs])
     known = known_before(rig, acting)
     H = [information_of_runs(Recordings((record(run, rig),), rig), known.model) for run in runs]
-    covariances = [np.linalg.inv(known.information + of_run) for of_run in H]
-    squared = [
-        sum(float(np.sum(other * covariance)) for j, other in enumerate(H) if j != k)
-        for k, covariance in enumerate(covariances)
-    ]
-    return np.sqrt(np.array(squared) / (len(runs) - 1)).tolist()
+    squared = biases(np.array(H), known.prior, known.fitted)
+    return np.exp(0.5 * np.log(np.maximum(squared, np.finfo(float).tiny)).mean(axis=1)).tolist()
+
+
+def biases(H: NDArray[np.float64], prior: NDArray[np.float64], fitted: list[int]) -> NDArray[np.float64]:
+    """(n, amplitudes) E_k^2 of each recording, from (n, k, k) information and (k, k) prior."""
+    others = [i for i in range(H.shape[1]) if i not in fitted]
+    inner, cross = H[np.ix_(range(len(H)), fitted, fitted)], H[np.ix_(range(len(H)), fitted, others)]
+    diagonal = np.diagonal(H, axis1=1, axis2=2)[:, others]
+    delta = np.linalg.solve(prior[np.ix_(fitted, fitted)] + inner, cross)
+    errors = np.array(
+        [diagonal - 2 * np.sum(d * cross, axis=1) + np.sum(d * (inner @ d), axis=1) for d in delta]
+    )  # (fitted recording, predicted recording, amplitude)
+    return errors.sum(axis=1) - errors[np.arange(len(H)), np.arange(len(H))]
 
 
 def held_out_error(rig: Rig, runs: list[Run], chosen: int) -> float:
