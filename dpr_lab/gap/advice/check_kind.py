@@ -1,7 +1,7 @@
 """Interface of the kinds of recommended checks: their proposal, their result, and the probability of the result."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +55,9 @@ class CheckAnswer:
 
     @property
     def given(self) -> set[str]:
-        """Names of the given fields."""
-        return {name for name in ("runs", "value", "std") if getattr(self, name) not in ((), None)}
+        """Names of the fields that contain a result."""
+        names = {field.name for field in fields(self)} - {"rig", "confirmed"}
+        return {name for name in names if getattr(self, name) not in ((), None)}
 
 
 @dataclass(frozen=True, slots=True)
