@@ -71,11 +71,16 @@ class NoiseFloor:
         return np.linalg.inv(np.linalg.cholesky(self.covariance)).astype(np.float64)
 
 
-def noise_floor(run: Run, rig: Rig) -> NoiseFloor:
+def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
     """Noise of a recording.
 
     Estimated from the rest before the release if it is long enough, otherwise from high-order differences of the swing;
     at least the rounding of the readings (`rounding_std`), and at least the noise of a film.
+
+    Args:
+        run: the recording
+        rig: its rig
+        still: whether readings that stay within one step increase it; not needed with `same_rounding`
 
     Raises:
         RunError: too few samples.
@@ -86,7 +91,7 @@ def noise_floor(run: Run, rig: Rig) -> NoiseFloor:
         source, std = "rest", _rest_std(run.t[run.t < 0], joints.of_rods(run.rest[:, 1:]))
     else:
         source, std = "differences", difference_std(run.t, joints.of_rods(run.theta[:, 1:]))
-    floor = _rounding(run, joints.of_rods(run.swing.theta[:, 1:]), rig.radians_per_count[1:], std)
+    floor = _rounding(run, joints.of_rods(run.swing.theta[:, 1:]), rig.radians_per_count[1:], std, still)
     std_joint = np.maximum(std, floor)
     if run.film_noise is not None:
         film = _film_std(run.film_noise, joints)
@@ -101,27 +106,67 @@ def _film_std(film: FilmNoise, joints: JointAngles) -> NDArray[np.float64]:
     return np.sqrt(to_joints**2 @ rods**2)
 
 
-def arm_noise(run: Run, rig: Rig) -> float:
+def arm_noise(run: Run, rig: Rig, *, still: bool = True) -> float:
     """Standard deviation of a reading of the arm's encoder, rad: at rest if it was recorded, else by differences."""
     rest, swing = run.rest[:, 0], run.swing
     quiet = len(rest) >= SETTINGS.rest_samples
     std = np.std(rest, keepdims=True) if quiet else difference_std(swing.t, swing.theta[:, :1])
-    return float(np.maximum(std, _rounding(run, swing.theta[:, :1], rig.radians_per_count[:1], std))[0])
+    return float(np.maximum(std, _rounding(run, swing.theta[:, :1], rig.radians_per_count[:1], std, still))[0])
+
+
+def same_rounding(
+    run: Run, readings: NDArray[np.float64], counts: NDArray[np.float64]
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Readings that stay within one step, and the number of readings that share the rounding error of each.
+
+    A rod that a controller balances within one step is read as the same value for many samples, with the same error of
+    up to half a step. Together they contain the information of one reading.
+
+    Args:
+        run: the recording
+        readings: (n, m) of its swing, rad
+        counts: (m,) of their encoders in the rig file, rad
+
+    Returns:
+        (n, m) whether a reading stays within one step; (n, m) length of the sequence of equal readings there, else 1
+    """
+    steps = np.abs(counts) if run.counts is not None else _steps(readings, np.abs(counts))
+    window = _still_window(run)
+    still, shared = np.zeros(readings.shape, dtype=np.bool_), np.ones(readings.shape)
+    if len(readings) < window:
+        return still, shared
+    begins = _still(readings, steps, window)
+    for begin in range(window):
+        still[begin : begin + len(begins)] |= begins
+    for joint, values in enumerate(readings.T):
+        edges = np.flatnonzero(np.diff(values, prepend=np.inf))
+        lengths = np.diff(edges, append=len(values))
+        shared[:, joint] = np.where(still[:, joint], np.repeat(lengths, lengths), 1.0)
+    return still, shared
+
+
+def _still_window(run: Run) -> int:
+    """Number of samples within one step from which rounding errors are not independent."""
+    return max(2, round(SETTINGS.still_s * run.rate_hz))
+
+
+def _still(readings: NDArray[np.float64], steps: NDArray[np.float64], window: int) -> NDArray[np.bool_]:
+    """(n - window + 1, m) whether `window` readings (n, m) from each on stay within one step."""
+    return np.asarray(np.ptp(sliding_window_view(readings, window, axis=0), axis=2) < 1.5 * steps)
 
 
 def _rounding(
-    run: Run, readings: NDArray[np.float64], counts: NDArray[np.float64], std: NDArray[np.float64]
+    run: Run, readings: NDArray[np.float64], counts: NDArray[np.float64], std: NDArray[np.float64], still: bool
 ) -> NDArray[np.float64]:
     """(m,) standard deviation of the rounding of the readings (n, m) of a swing, rad.
 
     A table of angles may come from other encoders than those of the rig file: unless it has no noise at all, it is
     rounded only if its own readings show a step.
     """
-    counts = np.abs(counts)
-    steps = (
-        counts if run.counts is not None else np.where(std > SETTINGS.rounding_rad, _steps(readings, counts), counts)
-    )
-    return rounding_std(readings, steps, max(2, round(SETTINGS.still_s * run.rate_hz)))
+    steps = counts = np.abs(counts)
+    if run.counts is None:
+        steps = np.maximum(_steps(readings, counts), np.where(std > SETTINGS.rounding_rad, 0.0, counts))
+    return rounding_std(readings, steps, _still_window(run)) if still else steps / math.sqrt(12)
 
 
 def _steps(readings: NDArray[np.float64], counts: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -146,8 +191,8 @@ def rounding_std(readings: NDArray[np.float64], steps: NDArray[np.float64], wind
     """
     if len(readings) < window:
         return steps / math.sqrt(12)
-    still = np.ptp(sliding_window_view(readings, window, axis=0), axis=2) < 1.5 * steps
-    return steps * np.sqrt(1 / 12 + (1 / 4 - 1 / 12) * still.mean(axis=0))
+    still = _still(readings, steps, window).mean(axis=0)
+    return steps * np.sqrt(1 / 12 + (1 / 4 - 1 / 12) * still)
 
 
 def difference_std(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.noise import SETTINGS, arm_noise, difference_std, noise_floor
+from dpr_lab.estimation.noise import SETTINGS, arm_noise, difference_std, noise_floor, same_rounding
 from dpr_lab.rig import load_rig
 from dpr_lab.run import Run
 
@@ -159,3 +159,21 @@ def test_whitening_makes_unit_variance():
 def test_too_few_samples_is_said():
     with pytest.raises(RunError, match="5 samples are too few"):
         noise_floor(release(np.arange(5) / 1000, 1.0), RIG)
+
+
+def test_readings_within_one_step_share_their_rounding_error():
+    rate, step = 500, 2 * math.pi / 2048
+    t = np.arange(2 * rate) / rate
+    moving = t < 1
+    angle = np.where(moving, 0.5 * np.sin(8 * t), 0.3 * step)
+    theta = step * np.round(angle / step)[:, None] * np.ones(3)
+    run = Run("balanced", t, theta, None, None, RIG.name, "", float(rate), mounting="inner")
+    still, shared = same_rounding(run, theta[:, :1], np.array([step]))
+    assert still[~moving].all()
+    assert not still[t < 0.9].any()
+    assert (shared[t < 0.9] == 1).all()
+    assert (shared[~moving] == (~moving).sum()).all()
+    # noise of half a step moves the reading within 0.1 s: it is not still
+    rng = np.random.default_rng(1)
+    noisy = step * np.round(angle / step + rng.normal(0, 0.5, len(t)))[:, None]
+    assert same_rounding(run, noisy, np.array([step]))[1].max() == 1

@@ -175,7 +175,10 @@ def test_a_rod_that_is_balanced_within_a_count_is_not_filtered(paper: Rig, rng: 
     run = Run("balanced", t, theta, None, None, paper.name, "", 500.0, mounting="inner")
     screened = screen(run, paper.with_rods("inner"))
     assert "non_white_noise" not in {finding.name for finding in screened.findings}
-    assert not screened.dithered[0]
+    balanced = screened.t > 1.2
+    assert np.mean(screened.shared[balanced, 0]) > 10
+    assert (screened.shared[screened.t < 0.8, 0] == 1).all()
+    assert screened.noise[0] == pytest.approx(count / np.sqrt(12))
 
 
 @pytest.mark.parametrize(

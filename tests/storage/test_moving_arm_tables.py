@@ -14,6 +14,7 @@ from dpr_lab.rig import load_rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.tables.options import ImportOptions
+from dpr_lab.storage.tables.preview import preview
 
 RIG = """
 [arm]
@@ -62,6 +63,19 @@ def test_an_input_without_its_constant_is_noted_at_the_import(rig_file, table):
     assert not any("the torque per current is fitted" in note for note in import_csv(table, load_rig(rig_file)).notes)
     rig_file.write_text(rig_file.read_text().replace("kt = {", "# kt = {"))
     assert any("has no kt: the torque per current is fitted" in n for n in import_csv(table, load_rig(rig_file)).notes)
+
+
+@pytest.mark.parametrize(("factor", "stated", "named"), [(180 / np.pi, "rad", "deg"), (1.0, "deg", "rad")])
+def test_angles_of_a_moving_arm_in_another_unit_are_named(tmp_path, rig_file, table, factor, stated, named):
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)
+    rows[:, 1:4] *= factor
+    other = tmp_path / "other.csv"
+    np.savetxt(other, rows, delimiter=",", header=table.read_text().splitlines()[0], comments="")
+    rig = load_rig(rig_file)
+    assert not preview(table, rig, ImportOptions()).questions
+    questions = preview(other, rig, ImportOptions(unit=stated)).questions
+    assert questions[0].mend == ("--unit", named)
+    assert f"if the angles are in {named}" in questions[0].sentence
 
 
 def test_an_override_and_what_it_lacks(rig_file, table):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.effects import EFFECTS, named_params
+from dpr_lab.effects.hard_stop import HARD_STOP_JOINT0
 from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.conclusion.other_scale import other_scale
@@ -14,6 +15,7 @@ from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.tried import Description, SecondLook, second_look
+from dpr_lab.identification.moving_arm.doubts import stop_sentence
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, moves
 
@@ -59,8 +61,8 @@ def description(
         return Description(hint, True)
     if hint := _delay_within_row(problem, selection):
         return Description(hint, selection.chosen.effects == (INPUT_DELAY.name,))
-    if moves(record.run for record in records):
-        return Description()  # other interpretations of a moving arm were tested before (`gap.screen.input`)
+    if moves(record.run for record in records):  # other interpretations were tested before (`gap.screen.input`)
+        return _stopped(records, selection)
     open_ = not at_noise_floor(selection.chosen) or transferred.withdrawn or transferred.oversized
     residuals = selection.base.residuals
     if not (residuals.chi2 > RULES.gap * residuals.dof and open_):
@@ -69,6 +71,15 @@ def description(
     if not look.tried and selection.share_explained >= RULES.closed:
         return Description()
     return Description(look.sentence, bool(look.sentence) and _as_good(look, selection))
+
+
+def _stopped(records: Sequence[Record], selection: Selection) -> Description:
+    """An arm that hits a stop, if no effect explains its contact: it is the cause then."""
+    explained = at_noise_floor(selection.chosen) or selection.share_explained >= RULES.closed
+    if explained or HARD_STOP_JOINT0.name in selection.chosen.effects:
+        return Description()
+    sentence = next(filter(None, (stop_sentence(record.run.swing) for record in records)), "")
+    return Description(f"{sentence[:1].upper()}{sentence[1:]}." if sentence else "", bool(sentence))
 
 
 def _trusted(record: Record) -> Run:

@@ -156,7 +156,7 @@ def _block_rate(screened: Screened, fastest: float, rate_hz: float) -> float | N
 def _as_read(screened: Screened) -> tuple[Array, Array, Array]:
     """Instants, readings (nan where a reading is not trusted) and their standard deviations."""
     speed = np.gradient(screened.joints, screened.t, axis=0)
-    sigma = np.sqrt(screened.noise**2 + (screened.jitter_s * speed) ** 2)
+    sigma = np.sqrt(screened.noise**2 * screened.shared + (screened.jitter_s * speed) ** 2)
     return screened.t, np.where(screened.keep, screened.joints, np.nan), sigma
 
 
@@ -178,7 +178,8 @@ def _blocks(screened: Screened, rate_hz: float, least_kept: float) -> tuple[Arra
     t, mean, spread, counts = t[good], mean[good], spread[good], counts[good]
     speed = np.gradient(mean, t, axis=0)
     passed = 1 + np.abs(speed) / rate_hz / np.where(screened.count > 0, screened.count, np.inf)
-    independent = np.where(screened.dithered, counts[:, None], np.minimum(counts[:, None], passed))
+    different = np.add.reduceat(keep[:, None] / screened.shared, edges)[good]
+    independent = np.where(screened.dithered, different, np.minimum(different, passed))
     sigma = np.sqrt(screened.noise**2 / independent + (screened.jitter_s * speed) ** 2 / counts[:, None])
     return t, mean - 0.5 * _curvature(t, mean, rate_hz) * spread[:, None], sigma
 

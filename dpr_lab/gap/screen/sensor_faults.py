@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.effects.missed_counts import MISSED_COUNTS
-from dpr_lab.estimation.noise import arm_noise, noise_floor, rest_correlation
+from dpr_lab.estimation.noise import arm_noise, noise_floor, rest_correlation, same_rounding
 from dpr_lab.gap.screen.differences import noise_by_speed, stride_ratio
 from dpr_lab.gap.screen.implausible import repeated, too_fast
 from dpr_lab.gap.screen.instants import even_instants, periodic_delay
@@ -118,6 +118,8 @@ class Screened:
     """(2,) smallest change of a reading, rad; zero for a table of angles."""
     dithered: NDArray[np.bool_]
     """(2,) whether rounding errors of neighbouring readings are independent."""
+    shared: Array
+    """(n, 2) number of readings with the same rounding error: 1 unless the readings stay within one step."""
     on_grid: NDArray[np.bool_]
     """(2,) whether readings are on the grid of the encoder's counts, so that counts can be missed."""
     findings: tuple[Finding, ...]
@@ -134,10 +136,11 @@ def screen(run: Run, rig: Rig) -> Screened:
     t, joints = swing.t, rig.encoders.joint_angles.of_rods(swing.theta[:, 1:])
     late, delayed = _late(run, t, joints)
     count = _count_size(run, rig)
-    dithered, on_grid = _dithered(run, rig, count), _on_grid(run, rig, joints)
+    still, shared = same_rounding(run, joints, rig.radians_per_count[1:])
+    dithered, on_grid = _dithered(run, rig, count, still), _on_grid(run, rig, joints)
     in_time = run.only(~np.pad(late, (len(run.t) - len(t), 0)))
-    at_rest = np.maximum(noise_floor(in_time, rig).std_joint, count / np.sqrt(12))
-    colour, coloured = _colour(run, rig, joints, np.where(dithered, 0.0, at_rest))
+    at_rest = np.maximum(noise_floor(in_time, rig, still=False).std_joint, count / np.sqrt(12))
+    colour, coloured = _colour(run, rig, joints, np.where(dithered & ~still.any(axis=0), 0.0, at_rest))
     noise = at_rest * colour  # filtered noise is visible only over wider spacings
     jitter, jittered = _jitter(run, t[~late], joints[~late], noise)
     wild, stale = too_fast(t, joints), np.zeros(joints.shape, dtype=np.bool_)
@@ -171,7 +174,7 @@ def screen(run: Run, rig: Rig) -> Screened:
         jitter, jittered = (0.0, []) if refuted else (max(jitter, trusted), jittered)
     findings += [*jittered, *coloured]
     screened = Screened(
-        run, t, joints, keep, tuple(sorted(breaks)), noise, jitter, count, dithered, on_grid, tuple(findings)
+        run, t, joints, keep, tuple(sorted(breaks)), noise, jitter, count, dithered, shared, on_grid, tuple(findings)
     )
     return _without_joint2(screened) if run.setup.alone else screened
 
@@ -179,13 +182,14 @@ def screen(run: Run, rig: Rig) -> Screened:
 def with_arm(screened: Screened, rig: Rig) -> Screened:
     """A screened run with the arm's encoder as a third axis."""
     swing = screened.run.swing
-    theta0, noise = swing.theta[:, 0], arm_noise(screened.run, rig)
+    theta0, noise = swing.theta[:, 0], arm_noise(screened.run, rig, still=False)
+    still, shared = same_rounding(screened.run, swing.theta[:, :1], rig.radians_per_count[:1])
     count = 0.0
     if screened.run.counts is not None:
         steps = int(np.gcd.reduce(np.diff(screened.run.counts[:, 0])))
         count = max(steps, 1) * abs(float(rig.radians_per_count[0]))
     noise = max(noise, count / 12**0.5)
-    dithered = screened.run.counts is not None or bool(_changing(theta0[:, None])[0])
+    dithered = screened.run.counts is not None or bool(_changing(theta0[:, None], still)[0])
     keep = np.ones(len(theta0), dtype=np.bool_)
     faults = local_faults(screened.t, theta0, keep, (noise, screened.jitter_s), 1.0 / screened.run.rate_hz)
     keep[faults.outliers] = False
@@ -201,6 +205,7 @@ def with_arm(screened: Screened, rig: Rig) -> Screened:
         noise=np.append(screened.noise, noise),
         count=np.append(screened.count, count),
         dithered=np.append(screened.dithered, dithered),
+        shared=np.column_stack([screened.shared, shared]),
         on_grid=np.append(screened.on_grid, False),
         findings=(*screened.findings, *outliers),
     )
@@ -306,14 +311,14 @@ def _on_grid(run: Run, rig: Rig, joints: Array) -> NDArray[np.bool_]:
     return np.asarray(np.abs(turns.mean(axis=0)) > SCREEN.on_grid)
 
 
-def _dithered(run: Run, rig: Rig, count: Array) -> NDArray[np.bool_]:
+def _dithered(run: Run, rig: Rig, count: Array, still: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Whether rounding errors are independent: the noise before rounding reaches a fifth of a count at rest.
 
     Without a rest this is assumed, except for a table of which most readings equal the one before.
     """
     if run.counts is None:
         readings = rig.encoders.joint_angles.of_rods(run.swing.theta[:, 1:])
-        return _changing(readings)
+        return _changing(readings, still)
     rest = rig.encoders.joint_angles.of_rods(run.rest[:, 1:])
     if len(rest) < SCREEN.fewest_at_rest:
         return np.ones(2, dtype=bool)
@@ -321,9 +326,11 @@ def _dithered(run: Run, rig: Rig, count: Array) -> NDArray[np.bool_]:
     return moved > SCREEN.still_counts * count
 
 
-def _changing(readings: Array) -> NDArray[np.bool_]:
-    """(m,) whether most readings (n, m) differ from the one before."""
-    return np.asarray(np.median(np.abs(np.diff(readings, axis=0)), axis=0) > 1e-12, dtype=np.bool_)
+def _changing(readings: Array, still: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(m,) whether most readings (n, m) that do not stay within one step differ from the one before."""
+    changes = np.where(still[1:], np.nan, np.abs(np.diff(readings, axis=0)))
+    moves = np.isfinite(changes).any(axis=0)
+    return np.asarray(np.nanmedian(np.where(moves, changes, 0.0), axis=0) > 1e-12, dtype=np.bool_)
 
 
 def _levels(run: Run, rig: Rig, std: Array, dithered: NDArray[np.bool_]) -> list[Finding]:

@@ -15,6 +15,7 @@ from dpr_lab.identification.moving_arm.problem import ArmRecording
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import INPUT_UNITS
+from dpr_lab.run import Run
 
 Array = NDArray[np.float64]
 
@@ -65,7 +66,7 @@ def failures(
     """
     if misfit > DOUBTS.doubted and (mirrored := _mirrored_fit(fit, misfit, recordings, rig)):
         return [mirrored]
-    stops = [sentence for recording in recordings if misfit > 1.5 and (sentence := stop_sentence(recording))]
+    stops = [sentence for recording in recordings if misfit > 1.5 and (sentence := stop_sentence(recording.run))]
     if misfit > DOUBTS.doubted and not stops and (other := _other_angles(recordings, rig)):
         return [other]
     of_input = _of_input(fit, rig) if gain_seen else []
@@ -172,9 +173,8 @@ def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
     ]
 
 
-def stop_sentence(recording: ArmRecording) -> str:
+def stop_sentence(run: Run) -> str:
     """Sentence on an arm whose speed jumps at one end of its range twice, or once before it stays there; else empty."""
-    run = recording.run
     if run.arm_mode == "clamped" or np.ptp(run.theta[:, 0]) < DOUBTS.hardly_rad:
         return ""
     for end, angle, contacts in stops(run.t, run.theta[:, 0]):

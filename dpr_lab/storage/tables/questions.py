@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, periods
+from dpr_lab.identification.misread.moving_arm_balance import arm_residual, wrong_unit
 from dpr_lab.identification.misread.torque_balance import inertia_bounds, torque_balance
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import TO_SECONDS
@@ -15,8 +16,10 @@ from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, Quest
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.readings import SETTINGS as READ
 from dpr_lab.storage.tables.readings import (
+    TO_RADIANS,
     OtherReading,
     ReadTable,
+    angles,
     balanced_readings,
     better_readings,
     with_zeros,
@@ -50,6 +53,8 @@ def questions(table: InterpretedTable, settings: QuestionSettings = SETTINGS) ->
     if len(t) < settings.fewest_rows:
         raise RunError(f"{table.path}: only {len(t)} rows of a swing; at least {settings.fewest_rows} are required")
     _refuse_dead(table, theta, settings)
+    if of_unit := _unit_questions(table, settings):
+        return [*of_unit, *_few(table, t, settings)]
     doubts, other = _energy_questions(table, settings)
     arm = _arm_questions(table, theta[:, 0], settings)
     few_rows = [*_few(table, t, settings), *_coarse_torques(table, settings)]
@@ -204,6 +209,26 @@ def _torque_question(table: InterpretedTable, fit: EnergyFit, looked_at: slice) 
         f"with these options the energy of the swing is not conserved; it is if {best.cause} ({' '.join(best.words)})",
         best.words,
     )
+
+
+def _unit_questions(table: InterpretedTable, settings: QuestionSettings) -> list[TableQuestion]:
+    """Doubt about the unit of the angles of a moving arm and its rods, whose energy is not conserved."""
+    unit = table.options.unit
+    if not table.arm_moves or unit not in TO_RADIANS:
+        return []
+    other = "rad" if unit == "deg" else "deg"
+    read, mounted, period = table.read(settings), table.rig.rods.mounted, min(periods(table.rig))
+    converted, _ = angles(read.values, replace(table.options, unit=other), table.rig, table.path)
+    residual, residual_converted = (
+        arm_residual(read.t, theta, mounted, period) for theta in (table.theta[table.looked_at(settings)], converted)
+    )
+    if not wrong_unit(residual, residual_converted):
+        return []
+    sentence = (
+        f"with these options the rod's acceleration does not follow from gravity and the motion of the arm; it does if"
+        f" the angles are in {other} (--unit {other})"
+    )
+    return [TableQuestion(sentence, ("--unit", other))]
 
 
 def _arm_questions(table: InterpretedTable, theta0: Array, settings: QuestionSettings) -> list[TableQuestion]:
