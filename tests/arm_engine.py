@@ -22,7 +22,7 @@ MODEL = """
   <default><joint solreffriction="0.001 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/></default>
   <worldbody><body>
     <joint name="arm" type="hinge" axis="0 0 1" damping="{own0!r}" stiffness="{k0!r}" springref="{q0!r}"
-      frictionloss="{f0!r}"/>
+      frictionloss="{f0!r}" limited="true" range="-1000 {stop!r}" solreflimit="0.002 1"/>
     <inertial pos="0 0 0" mass="1e-6" diaginertia="{J0!r} {J0!r} {J0!r}"/>
     <body pos="{L0!r} 0 0">
       <joint type="hinge" axis="-1 0 0" damping="{c1!r}" frictionloss="{f1!r}"/>
@@ -75,6 +75,8 @@ class Plant:
     """Torque over input."""
     fault: str = ""
     size: dict[str, float] = field(default_factory=dict)
+    stop: float = 1000.0
+    """Largest angle of the arm, where a rigid stop holds it, rad."""
 
     @property
     def both(self) -> bool:
@@ -124,6 +126,7 @@ def swing(plant: Plant, start: np.ndarray, t: np.ndarray, u: np.ndarray) -> np.n
     of_spring = plant.fault == "spring_joint0"
     spring = {"k0": size["stiffness"] if of_spring else 0.0, "q0": size["rest"] if of_spring else 0.0}
     values = {**plant.rods, **friction, **spring, "J0": plant.J0, "c0": plant.c0, "L0": plant.L0, "L1": plant.L1}
+    values["stop"] = plant.stop
     outer = OUTER.format(**values) if plant.both else ""
     loose = plant.fault == "backlash_joint0"
     half = 0.5 * plant.size["play_rad"] if loose else 0.0

@@ -7,6 +7,8 @@ from dpr_lab.errors import DprError
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm.identify import ArmComparison
+from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.run import Run
 from dpr_lab.storage.export import COLUMNS, columns
 
@@ -14,11 +16,14 @@ if TYPE_CHECKING:
     import pandas
 
 RODS = ("theta1", "theta2")
+JOINTS = ("joint0", "joint1", "joint2")
 RATIO_COLUMNS = ("ratio", "ratio_low", "ratio_high", "low_with_scale", "high_with_scale")
 """Columns of a size: ratio to b with interval, and the absolute 90 % interval with the uncertainty of b."""
 
 
-def to_dataframe(result: Run | Model | Comparison | Diagnosis) -> "pandas.DataFrame":
+def to_dataframe(
+    result: Run | Model | MovingArmModel | Comparison | ArmComparison | Diagnosis,
+) -> "pandas.DataFrame":
     """Convert a result to a data frame in SI units.
 
     Rows are samples of a run or a comparison (index: time since the release, s), quantities of a model, or effect
@@ -40,7 +45,7 @@ def to_dataframe(result: Run | Model | Comparison | Diagnosis) -> "pandas.DataFr
 @singledispatch
 def _columns(result: object) -> tuple[Any, str]:
     """Columns or records, and the name of the index column."""
-    raise TypeError(f"cannot convert {type(result).__name__}: expected a Run, Model, Comparison or Diagnosis")
+    raise TypeError(f"cannot convert {type(result).__name__}: expected a Run, a model, a comparison or a Diagnosis")
 
 
 @_columns.register
@@ -57,6 +62,30 @@ def _(model: Model) -> tuple[Any, str]:
         for name, quantity in quantities.items()
     ]
     return records, "name"
+
+
+@_columns.register
+def _(model: MovingArmModel) -> tuple[Any, str]:
+    records = [
+        {
+            "name": name,
+            "value": quantity.value,
+            "std": quantity.std,
+            "fixed_by": quantity.fixed_by,
+            "low": quantity.interval90[0],
+            "high": quantity.interval90[1],
+        }
+        for name, quantity in (model.ratios | model.absolute).items()
+    ]
+    return records, "name"
+
+
+@_columns.register
+def _(comparison: ArmComparison) -> tuple[Any, str]:
+    curves = {"measured": comparison.measured, "tracked": comparison.simulated}
+    read = {joint: i for i, joint in enumerate(JOINTS) if joint.replace("joint", "joint ") in comparison.rms_rad}
+    by_joint = {f"{name}_{joint}": values[:, i] for name, values in curves.items() for joint, i in read.items()}
+    return {"t": comparison.t, **by_joint}, "t"
 
 
 @_columns.register

@@ -8,9 +8,11 @@ from scipy.integrate import solve_ivp
 
 from dpr_lab.certificate.policy import required_claims
 from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
+from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import IdentificationError, RunError
 from dpr_lab.estimation.arm_motion import arm_motion
 from dpr_lab.exports.corrected import corrected_model
+from dpr_lab.gap.conclusion.notes import delay_at_backlash
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.identification.identify import polish
 from dpr_lab.identification.moving_arm.model import MovingArmModel
@@ -21,7 +23,7 @@ from dpr_lab.workflows.compare_moving_arm import compare_with_effects
 from sim_device.options import Options
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.trial import drawn_trial
-from tests.arm_engine import drawn_plant, recorded, rig_of
+from tests.arm_engine import drawn_plant, recorded, rig_of, swing
 
 LARGEST = 0.12
 
@@ -191,3 +193,35 @@ def test_an_order_of_cogging_that_a_short_arc_hides_is_found_and_no_spring_inven
     done = diagnose(record(trial.plant, trial.rig, 6.0, 250, drives=trial.drives), trial.rig)
     assert [effect.name for effect in done.effects] == ["detent_joint0"]
     assert done.effects[0].parameters["order"].value == trial.plant.effects["detent_joint0"]["order"]
+
+
+def test_a_delay_next_to_a_backlash_of_the_arms_gear_is_stated_to_be_inseparable():
+    (note,) = delay_at_backlash(["backlash_joint0", "input_delay"])
+    assert "cannot separate them" in note
+    assert not list(delay_at_backlash(["input_delay"]))
+    assert not list(delay_at_backlash(["backlash_joint0", "coulomb_joint0"]))
+
+
+def pressed_against_a_stop(angle, seed):
+    """A driven arm with one rod and a stop at one side, by MuJoCo."""
+    rng = np.random.default_rng(seed)
+    plant = drawn_plant(rng, False, "", 1.0, LARGEST)
+    t = np.arange(0.0, 3.0, 0.004)
+    u = np.repeat(LARGEST * rng.choice([-1.0, -0.5, 0.5, 1.0], 10), 75)
+    theta = swing(replace(plant, stop=angle), np.array([0.0, np.pi + 1.0, np.pi + 1.0, 0.0, 0.0, 0.0]), t, u)
+    theta += rng.normal(0, 3e-4, theta.shape)
+    run = Run(
+        name=f"stop{seed}", t=t, theta=theta, counts=None, pose=None, rig_name="drawn", rig_sha256="", rate_hz=250.0,
+        mounting="inner", arm_mode="driven", arm_input=u,
+    )  # fmt: skip
+    return plant, run
+
+
+@pytest.mark.slow
+def test_a_stop_that_no_effect_of_the_library_explains_is_named():
+    plant, run = pressed_against_a_stop(0.3, 1)
+    assert run.theta[:, 0].max() > 0.28
+    library = {name: EFFECTS[name] for name in ("coulomb_joint0", "torque_scale_joint0")}
+    done = diagnose(run, rig_of(plant, "driven"), library=library)
+    assert done.verdict == "unexplained"
+    assert "stop1: the arm hits a stop at theta0 = 0.3" in done.sentence

@@ -18,6 +18,7 @@ from dpr_lab.identification.moving_arm.identify import (
 from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
 from dpr_lab.identification.moving_arm.search import searched_start
 from dpr_lab.identification.preprocess import preprocess
+from dpr_lab.report.data_frame import to_dataframe
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from tests.three_hinges import L0, three_hinges
@@ -77,6 +78,10 @@ def test_a_known_torque_determines_ratios_and_absolute_values():
     assert not model.failures
     compared = compare_moving_arm(run, rig, model)
     assert all(compared.rms_rad[name] < 1.3 * NOISE for name in compared.rms_rad)
+    assert to_dataframe(model).loc["A/b", "value"] == model.ratios["A/b"].value
+    frame = to_dataframe(compared)
+    for joint in range(3):
+        np.testing.assert_array_equal(frame[f"tracked_joint{joint}"], compared.simulated[:, joint])
 
 
 @pytest.mark.slow

@@ -79,7 +79,7 @@ def _stopped(records: Sequence[Record], selection: Selection) -> Description:
     if explained or HARD_STOP_JOINT0.name in selection.chosen.effects:
         return Description()
     sentence = next(filter(None, (stop_sentence(record.run.swing) for record in records)), "")
-    return Description(f"{sentence[:1].upper()}{sentence[1:]}." if sentence else "", bool(sentence))
+    return Description(f"{sentence}." if sentence else "", bool(sentence))
 
 
 def _trusted(record: Record) -> Run:

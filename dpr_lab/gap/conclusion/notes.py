@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Sequence
 
 from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.backlash import BACKLASH_JOINT0
+from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.gap.conclusion.verdict import Verdict
 from dpr_lab.gap.result.causes import NamedFamily
 from dpr_lab.gap.state import Advised
@@ -13,7 +15,13 @@ def notes(state: Advised, kind: Verdict, named_families: Sequence[NamedFamily]) 
     """All notes, one sentence each; a wrong description of the recordings leaves none."""
     if state.description.withholds:
         return []
-    return [*_restrictions(state, kind), *_families(named_families), *_varying_sizes(state), *_remainder(state, kind)]
+    return [
+        *_restrictions(state, kind),
+        *_families(named_families),
+        *delay_at_backlash(state.selection.chosen.effects),
+        *_varying_sizes(state),
+        *_remainder(state, kind),
+    ]
 
 
 def _restrictions(state: Advised, kind: Verdict) -> Iterator[str]:
@@ -30,6 +38,19 @@ def _families(named_families: Sequence[NamedFamily]) -> Iterator[str]:
         yield (
             f"Together {listed(family.effects)} are the effects of a {family.words} [{family.name}]:"
             f" {percent(family.share)} of the excess."
+        )
+
+
+def delay_at_backlash(effects: Sequence[str]) -> Iterator[str]:
+    """An input delay next to a backlash of the arm's gear, which may cause it.
+
+    In the law of this backlash the motor has no inertia. A real motor takes some time to cross it, as after a delay.
+    """
+    if {BACKLASH_JOINT0.name, INPUT_DELAY.name} <= set(effects):
+        yield (
+            "The input delay may be the time that the motor needs to cross the backlash of its gear, because the law of"
+            " the backlash contains no inertia of the motor; these recordings cannot separate them. Record with a torque"
+            " of one sign, which keeps the gear in contact: a delay of the input remains visible there."
         )
 
 
