@@ -49,7 +49,7 @@ def delay_at_backlash(effects: Sequence[str]) -> Iterator[str]:
     if {BACKLASH_JOINT0.name, INPUT_DELAY.name} <= set(effects):
         yield (
             "The input delay may be the time that the motor needs to cross the backlash of its gear, because the law of"
-            " the backlash contains no inertia of the motor; these recordings cannot separate them. Record with a torque"
+            " the backlash contains no inertia of the motor; these recordings cannot separate them. Record with torques"
             " of one sign, which keeps the gear in contact: a delay of the input remains visible there."
         )
 
