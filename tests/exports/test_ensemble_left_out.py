@@ -69,8 +69,10 @@ def test_a_posterior_of_an_older_version_keeps_its_width() -> None:
     assert factor_without(None, [old], [None] * 4, None, 0) == 1.0  # type: ignore[arg-type]
 
 
-def test_three_recordings_are_too_few() -> None:
-    assert factor_without(None, [COMPONENT], [None] * 3, None, 0) == 1.0  # type: ignore[arg-type]
+def test_two_diagnosed_or_three_identified_recordings_are_too_few() -> None:
+    pair = COMPONENT.model_copy(update={"left_out": COMPONENT.left_out[:2]})
+    assert factor_without(None, [pair], [None] * 2, None, 0) == 1.0  # type: ignore[arg-type]
+    assert factor_without(None, [COMPONENT], [None] * 3, None, 0, identified=True) == 1.0  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

@@ -48,10 +48,10 @@ class LeftOutSettings:
     """Number of independent errors of a recording, q: between 1, an error of one parameter, and 11, by the scatter of s
     of 21 recordings of simulated rigs.
     """
-    fewest: int = 4
-    """Minimum number of recordings. Without one of three, models extrapolate and predict it worse than they predict a
-    further recording with all three.
-    """
+    fewest: int = 3
+    """Minimum number of recordings of a diagnosis."""
+    fewest_identified: int = 4
+    """Minimum number of recordings of an identification, whose ratios scatter between its recordings already."""
     chance: float = 1.5
     """v up to which the posterior is kept: 1 and a standard deviation, sqrt(2 / 9), of three recordings with three
     independent errors each.
@@ -62,7 +62,13 @@ LEFT_OUT = LeftOutSettings()
 
 
 def factor_without(
-    model: Model, components: Sequence[PosteriorComponent], runs: Sequence[Run], rig: Rig, seed: int
+    model: Model,
+    components: Sequence[PosteriorComponent],
+    runs: Sequence[Run],
+    rig: Rig,
+    seed: int,
+    *,
+    identified: bool = False,
 ) -> float:
     """Factor on the standard deviations of the posterior; 1 for few runs, or if there are no values without each.
 
@@ -72,8 +78,10 @@ def factor_without(
         runs: the fitted recordings, in the order of the posterior's `left_out`
         rig: their rig
         seed: seed of the random models
+        identified: whether the model is of an identification, not of a diagnosis
     """
-    if len(runs) < LEFT_OUT.fewest or any(len(component.left_out) != len(runs) for component in components):
+    fewest = LEFT_OUT.fewest_identified if identified else LEFT_OUT.fewest
+    if len(runs) < fewest or any(len(component.left_out) != len(runs) for component in components):
         return 1.0
     errors = []
     for place, run in enumerate(runs):
