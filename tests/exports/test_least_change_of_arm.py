@@ -26,7 +26,7 @@ PLANTED = {
     "spring of the arm": ("arm_more", 'stiffness="0.3"', "yaw", "spring stiffness"),
     "gear": ("gear", "2.4", "yaw", "gear of the motor"),
     "damping of the rod": ("rod_damping", "0.006", "shoulder", "damping"),
-    "centre of mass of the rod": ("rod_centroid", "0.13", "shoulder", "centroid of the body along the rod"),
+    "centre of mass of the rod": ("rod_centroid", "0.13", "shoulder", "centre of mass of the body along the rod"),
 }
 """Number of the file, its true value, joint and quantity of the first cause."""
 QUICK = [("damping of the arm", 2), ("gear", 1), ("centre of mass of the rod", 1)]

@@ -39,7 +39,7 @@ def test_a_geared_drive_is_named_as_one(recorded: Callable[..., list[Run]], pape
     assert drive.name == "drive_joint2"
     assert set(drive.effects) == {ROTOR, FRICTION}
     assert drive.share == pytest.approx(1.0, abs=0.05)
-    assert "the effects of a geared drive, joint 2 [drive_joint2]" in found.sentence
+    assert any("the effects of a geared drive, joint 2 [drive_joint2]" in note for note in found.notes)
 
 
 @pytest.mark.slow

@@ -320,8 +320,7 @@ def _which(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
     if rows := gap_tables.standing_rows(diagnosis):
         shown += ["", table("Alternatives", gap_tables.STANDING_COLUMNS, rows)]
         shown.append(Text(gap_tables.STANDING_NOTE, "dim"))
-    if diagnosis.sensor_findings:
-        rows = gap_tables.finding_rows(diagnosis)
+    if rows := gap_tables.finding_rows(diagnosis):
         shown += ["", table("Sensor faults", gap_tables.FINDING_COLUMNS, rows)]
     return Group(*shown)
 

@@ -353,7 +353,7 @@ async def test_numbers_out_of_range_are_refused(lab) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("content", "said"),
-    [("{", "is not a diagnosis"), ("[1]", "is not a diagnosis"), ('{"verdict": "named"}', "sentence: Field required")],
+    [("{", "is not a diagnosis"), ("[1]", "is not a diagnosis"), ('{"verdict": "named"}', "sentence: is missing")],
 )
 async def test_a_damaged_diagnosis_is_told_and_the_step_lives_on(lab, tmp_path: Path, content: str, said: str) -> None:
     broken = tmp_path / "diagnosis.json"
