@@ -129,7 +129,7 @@ home folder is read-only: kernels are then compiled in every process.
 """
 
 COMPILING = (f"{FOREIGN}. " if FOREIGN else "") + (
-    "compiling the kernels, once on this computer: about a minute"
+    "compiling numerical kernels that this computer has not compiled yet: up to a minute"
     if CACHE is not None
     else "compiling the kernels: about a minute, every time, because no folder of the cache can be written"
 )

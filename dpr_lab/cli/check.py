@@ -61,12 +61,13 @@ def show(updated: "Diagnosis", out: Path | None) -> None:
     line(tables.sentence(updated))
     title = f"Check {done.check.id}: {done.result}"
     table(title, check_tables.MOVED_COLUMNS, check_tables.moved_rows(done), note=check_tables.MOVED_NOTE)
+    file = "DIAGNOSIS.json" if out is None else str(out / RECORD)
     if updated.checks:
         table(
             "Remaining checks",
             check_tables.CHECK_COLUMNS,
             check_tables.check_rows(updated),
-            note=check_tables.CHECK_NOTE,
+            note=f"{check_tables.EXPECTED_NOTE} {check_tables.how_to_record(file)}",
         )
     if out:
         line(f"diagnosis: {out / RECORD}")

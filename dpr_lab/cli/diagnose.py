@@ -1,5 +1,6 @@
 """`dpr-lab diagnose`: diagnosis of the difference between simulation and rig."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,8 +21,21 @@ from dpr_lab.cli.console import emit, json_mode, line, say, table, text
 from dpr_lab.shown import percent
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.workflows.diagnose_simulator import SimulatorDiagnosis
+
+
+@dataclass(frozen=True, slots=True)
+class ShownRows:
+    """Lengths of the short output."""
+
+    runs: int = 6
+    """Runs in the table of the gap reduction."""
+
+
+SHOWN = ShownRows()
 
 
 def diagnose(
@@ -82,6 +96,9 @@ def diagnose(
     explain: Annotated[
         bool, typer.Option("--explain", help="Print every trial of the model search and the reason for its decision.")
     ] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Print all tables of the report, not only the main results.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Explain the gap between simulation and rig: location, causes, probabilities and gap reduction on held-out data.
@@ -125,24 +142,29 @@ def diagnose(
     if as_json:
         emit((changed or diagnosed).to_json())
     else:
-        show(diagnosed.diagnosis)
+        show(diagnosed.diagnosis, request.out, verbose=verbose)
         if explain:
             show_search(diagnosed.diagnosis)
         if changed is not None:
             show_simulator(changed, request.out)
-        for name, path in diagnosed.files.items():
-            say(f"{name}: {path}")
+        show_files(diagnosed.files)
     if failed := failures(diagnosed.diagnosis, names_in(fail_on) or ()):
         for sentence in failed:
             say(sentence)
         raise typer.Exit(1)
 
 
-def show(diagnosis: "Diagnosis") -> None:
-    """Print the diagnosis, verdict first."""
-    from dpr_lab.report.gap import check_tables, tables
+def show(diagnosis: "Diagnosis", out: Path | None = None, *, verbose: bool = False) -> None:
+    """Print the main results, verdict first; `verbose` adds the other tables of the report.
+
+    Args:
+        diagnosis: the result
+        out: folder of its files; None: none were written
+        verbose: print all tables
+    """
+    from dpr_lab.report.gap import tables
     from dpr_lab.report.gap.sizes import scale_note
-    from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences, summary_note
+    from dpr_lab.report.gap.summary import repeatability_sentences, summary_note
     from dpr_lab.report.gap.trust_trials import trust_words
     from dpr_lab.report.words import in_words
 
@@ -154,40 +176,85 @@ def show(diagnosis: "Diagnosis") -> None:
         line(in_words(text_below))
     if diagnosis.verdict in ("partly_explained", "unexplained"):
         line(in_words(diagnosis.where_sentence))
+    if verbose:
+        _show_effects(diagnosis)
+    elif rows := tables.open_rows(diagnosis):
+        table("Probable alternatives", tables.STANDING_COLUMNS, rows, note=tables.STANDING_NOTE)
     if diagnosis.effects:
-        table(
-            "Contributions of the effects",
-            tables.CONTRIBUTION_COLUMNS,
-            tables.contribution_rows(diagnosis),
-            note=tables.EFFECT_NOTE,
-        )
+        _show_gap_reduction(diagnosis, None if verbose else SHOWN.runs)
+    elif diagnosis.where:
+        table("Residual maps", tables.PLACE_COLUMNS, tables.place_rows(diagnosis))
+    if verbose:
+        _show_repeatability(diagnosis)
+    elif sentences := repeatability_sentences(diagnosis):
+        line(" ".join(sentences))
+    if diagnosis.sensor_findings:
+        table("Sensor faults", tables.FINDING_COLUMNS, tables.finding_rows(diagnosis))
+    for sentence in trust_words(diagnosis) if diagnosis.trust else ():
+        line(sentence)
+    _show_next(diagnosis, out, verbose=verbose)
+    if not verbose:
+        line(f"Further tables: --verbose{'' if out is None else ', or the report'}.")
+
+
+def _show_effects(diagnosis: "Diagnosis") -> None:
+    """Print contributions of the effects, gap budget and all alternatives."""
+    from dpr_lab.report.gap import tables
+
+    if diagnosis.effects:
+        rows = tables.contribution_rows(diagnosis)
+        table("Contributions of the effects", tables.CONTRIBUTION_COLUMNS, rows, note=tables.EFFECT_NOTE)
     if len(diagnosis.effects) > 1:
         table("Gap budget", tables.STEP_COLUMNS, tables.step_rows(diagnosis), note=tables.STEP_NOTE)
     if rows := tables.standing_rows(diagnosis):
         table("Alternatives", tables.STANDING_COLUMNS, rows, note=tables.STANDING_NOTE)
-    if diagnosis.effects:
-        table("Gap reduction by run", tables.CLOSED_COLUMNS, tables.closed_rows(diagnosis), note=tables.CLOSED_NOTE)
-    elif diagnosis.where:
-        table("Residual maps", tables.PLACE_COLUMNS, tables.place_rows(diagnosis))
+
+
+def _show_gap_reduction(diagnosis: "Diagnosis", most: int | None) -> None:
+    """Print the gap reduction of `most` runs, the smallest reductions first, or of all runs in their order."""
+    from dpr_lab.report.gap import tables
+
+    rows, title = tables.closed_rows(diagnosis), "Gap reduction by run"
+    if most is not None and len(rows) > most:
+        title = f"{title}: the {most} smallest of {len(rows)}"
+        rows = tables.closed_rows(diagnosis, most=most)
+    table(title, tables.CLOSED_COLUMNS, rows, note=tables.CLOSED_NOTE)
+
+
+def _show_repeatability(diagnosis: "Diagnosis") -> None:
+    """Print the parts of the mean squared residual."""
+    from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences
+
     if parts := repeatability_parts(diagnosis):
         rows = [(label, percent(share, 1)) for label, share in parts]
         note = " ".join(repeatability_sentences(diagnosis))
         table("Repeatability", ("part", "share of the mean square"), rows, note=note)
-    if diagnosis.sensor_findings:
-        table("Sensor faults", tables.FINDING_COLUMNS, tables.finding_rows(diagnosis))
-    if diagnosis.checks:
-        table(
-            "Recommended checks",
-            check_tables.CHECK_COLUMNS,
-            check_tables.check_rows(diagnosis),
-            note=check_tables.CHECK_NOTE,
-        )
-    if diagnosis.trust:
-        for sentence in trust_words(diagnosis):
-            line(sentence)
+
+
+def _show_next(diagnosis: "Diagnosis", out: Path | None, *, verbose: bool) -> None:
+    """Print the next recordings and checks, and how to record the result of a check."""
+    from dpr_lab.report.gap import check_tables, tables
+    from dpr_lab.workflows.diagnose import RECORD
+
     line("Next recordings and checks")
     for number, step in enumerate(tables.next_steps(diagnosis), 1):
         line(f"{number}. {step}")
+    if not diagnosis.checks:
+        return
+    if verbose:
+        columns, rows = check_tables.CHECK_COLUMNS, check_tables.check_rows(diagnosis)
+        table("Recommended checks", columns, rows, note=check_tables.EXPECTED_NOTE)
+    line(check_tables.how_to_record("DIAGNOSIS.json" if out is None else str(out / RECORD)))
+
+
+def show_files(files: "Mapping[str, str]") -> None:
+    """Name the written files on stderr, one line per folder: `files in out: diagnosis.html (report), ...`."""
+    folders: dict[Path, dict[str, list[str]]] = {}
+    for name, file in files.items():
+        path = Path(file)
+        folders.setdefault(path.parent, {}).setdefault(path.name, []).append(name)
+    for folder, named in folders.items():
+        say(f"files in {folder}: " + ", ".join(f"{name} ({', '.join(what)})" for name, what in named.items()))
 
 
 def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
@@ -196,7 +263,7 @@ def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
     from dpr_lab.report.words import in_words
 
     name, least = done.simulator.name, done.least
-    line(f"Joints of the rods, the inner one first, and of an arm in {name}: {', '.join(map(repr, done.joints))}.")
+    line(f"Joints of {name}, those of the rods first: {', '.join(map(repr, done.joints))}.")
     rows = [
         (
             cause.joint,
@@ -208,6 +275,8 @@ def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
         )
         for cause in least.causes
     ]
+    if rows and done.result.diagnosis.verdict == "no_gap":
+        line(f"The verdict concerns missing effects. Numbers of {name} are wrong:")
     if rows:
         columns = ("joint", "quantity", f"in {name}", "identified", "unit", "error without this change")
         table(f"Changes of {name}", columns, rows)

@@ -2,8 +2,9 @@
 
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -21,6 +22,8 @@ class SystemCheck:
     state: Literal["ok", "note", "wrong"]
     message: str
     """Result of one test, and what to do if it failed."""
+    group: str = ""
+    """Row of the table that this check shares with others of the same state; empty: a row of its own."""
 
     def to_json(self) -> dict[str, str]:
         """The check as an object of `doctor --json`."""
@@ -47,11 +50,25 @@ def doctor(
     if as_json:
         emit({"ok": not any(f.state == "wrong" for f in findings), "findings": [f.to_json() for f in findings]})
     else:
-        table("dpr-lab doctor", ("check", "state", "result"), [(f.what, f.state, f.message) for f in findings])
+        table("dpr-lab doctor", ("check", "state", "result"), _rows(findings))
     if failed:
         raise typer.Exit(failed[0].exit_code)
     if any(f.state == "wrong" for f in findings):
         raise typer.Exit(1)
+
+
+def _rows(findings: Sequence[SystemCheck]) -> list[tuple[str, str, str]]:
+    """One row per check; those of one group and state share a row."""
+    rows: list[tuple[str, str, str]] = []
+    for (group, state), members in groupby(findings, lambda finding: (finding.group, finding.state)):
+        if not group:
+            rows += [(finding.what, state, finding.message) for finding in members]
+            continue
+        messages: dict[str, list[str]] = {}
+        for finding in members:
+            messages.setdefault(finding.message, []).append(finding.what)
+        rows.append((group, state, ", ".join(f"{', '.join(names)} {message}" for message, names in messages.items())))
+    return rows
 
 
 def _examine(link: str | None, rig: str | None, failed: list[DprError]) -> Iterator[SystemCheck]:
@@ -78,11 +95,12 @@ def _packages() -> Iterator[SystemCheck]:
         extra = requirement.partition("extra == ")[2].strip("'\" ")
         if name == "dpr-lab" or extra == "dev":
             continue
+        group = f"libraries of [{extra}]" if extra else "libraries"
         try:
-            yield SystemCheck(name, "ok", version(name))
+            yield SystemCheck(name, "ok", version(name), group)
         except PackageNotFoundError:
             remedy = f"pip install 'dpr-lab[{extra}]'" if extra else f"pip install {name}"
-            yield SystemCheck(name, "note" if extra else "wrong", f"not installed: {remedy}")
+            yield SystemCheck(name, "note" if extra else "wrong", f"not installed: {remedy}", group)
 
 
 def _plugins() -> Iterator[SystemCheck]:

@@ -201,8 +201,8 @@ def show_replays(name: str, replays: "Sequence[FileReplay]") -> None:
         ]
         note = (
             "Errors of free runs, or of segments of 1 s if the arm moves. The error after the change is larger than"
-            " that of dpr-lab if the file cannot contain an effect, or if numbers of the file stay because they"
-            " differ by less than 1 %."
+            " that of dpr-lab if the file cannot contain an effect, if the simulator softens Coulomb friction, or if"
+            " numbers of the file stay because they differ by less than 1 %."
         )
         table(f"Replayed with the numbers of {name}", columns, rows, note=note)
 

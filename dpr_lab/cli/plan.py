@@ -7,18 +7,21 @@ import typer
 
 from dpr_lab.cli.checks import AnyClock, RigName, TorqueKind
 from dpr_lab.cli.console import emit, json_mode, line, table
+from dpr_lab.shown import parameter_words
 
 if TYPE_CHECKING:
-    from dpr_lab.planning.result import Plan, PlannedRelease
+    from dpr_lab.planning.result import Detectable, Plan, PlannedRelease
 
 
 HORIZON = (
-    "Horizon: beyond it, the swing depends on small errors of the initial pose. Its samples still contribute"
-    " information. Information: with all releases up to this one, 0 if they do not tell any two effects of the library"
-    " apart, 1 if they tell all of them apart."
+    "Angles: 0 = upright, 180 deg = hanging. Horizon: beyond it, the swing depends on small errors of the initial pose."
+    " Its samples still contribute information. Information: with all releases up to this one, 0 if they distinguish no"
+    " two effects of the library, 1 if they distinguish all of them."
 )
 
 FORECAST = " P(decided): probability that the causes are decided by then."
+
+BITS = "1 bit decides between two equally probable causes."
 
 NOT_SEEN = "Not detectable: not visible at any size, or indistinguishable from an effect of the model."
 
@@ -66,25 +69,33 @@ def plan(
     show(planned.plan)
     for name, file in planned.files.items():
         line(f"{name}: {file}")
+    for command in _commands(planned.plan):
+        line(command)
 
 
 def show(made: "Plan") -> None:
     """Print a plan."""
-    line(made.sentence)
+    from dpr_lab.report.tables import RATIO_UNITS
+    from dpr_lab.report.words import in_words
+
+    line(in_words(made.sentence))
     columns = ["release", "what to record", "reason", "minutes", "horizon, s", "information, bits"]
     if made.releases:
         forecast = bool(made.forecast)
         rows = [_row(release) for release in made.releases]
         note = HORIZON + FORECAST * forecast
         table("What to record, in this order", [*columns, *["P(decided)"] * forecast], rows, note=note)
-    if pairs := [
-        (str(release.number), *pair.causes, f"{pair.bits:.2f}") for release in made.releases for pair in release.pairs
-    ]:
-        table("Undecided causes", ("after release", "cause", "or", "expected bits"), pairs)
+    if pairs := _pair_rows(made):
+        last = len(made.releases)
+        after = "after release 1" if last == 1 else f"after release 1 to {last}"
+        table("Undecided causes", ("cause", "or", f"expected bits {after}"), pairs, note=BITS)
     if made.releases:
         last = made.releases[-1].ratio_std
-        rows = [(name, f"{std:.2g}", f"{last[name]:.2g}") for name, std in made.ratio_std.items()]
-        table("Standard deviation of each ratio", ("ratio", "now", "after the plan"), rows)
+        rows = [
+            (name, f"{std:.2g}", f"{last[name]:.2g}", RATIO_UNITS.get(name, "")) for name, std in made.ratio_std.items()
+        ]
+        note = "Now: from the bounds of the rig file." if made.state == "first" else ""
+        table("Standard deviation of each ratio", ("ratio", "now", "after the plan", "unit"), rows, note=note)
         _show_detectable(made)
     if made.limits:
         rows = [
@@ -98,7 +109,7 @@ def show(made: "Plan") -> None:
         ]
         table("Limits of the rig", ("quantity", "undecided range", "unit", "decidable after the plan"), rows)
     for release in made.inseparable:
-        line(f"No release separates {' from '.join(release.causes)}. {release.check}")
+        line(in_words(f"No release separates {' from '.join(release.causes)}. {release.check}"))
     if made.releases:
         line(f"{made.minutes:.1f} minutes at the rig.")
 
@@ -106,21 +117,56 @@ def show(made: "Plan") -> None:
 def _row(release: "PlannedRelease") -> tuple[str, ...]:
     decided = [] if release.decided is None else [f"{release.decided:.2f}"]
     figures = (f"{release.minutes:.1f}", f"{release.horizon_s:.1f}", f"{release.library_bits:.2f}")
-    return (str(release.number), release.text, release.reason, *figures, *decided)
+    from dpr_lab.report.words import in_words
+
+    return (str(release.number), release.text, in_words(release.reason), *figures, *decided)
 
 
-def _show_detectable(made: "Plan", most: int = 12) -> None:
+def _pair_rows(made: "Plan") -> list[tuple[str, ...]]:
+    """One row per undecided pair of causes, with the expected bits after each release."""
+    from dpr_lab.report.words import named
+
+    bits: dict[tuple[str, str], list[str]] = {}
+    for release in made.releases:
+        for pair in release.pairs:
+            bits.setdefault(pair.causes, []).append(f"{pair.bits:.2f}")
+    return [(*map(named, causes), ", ".join(values)) for causes, values in bits.items()]
+
+
+def _commands(made: "Plan") -> list[str]:
+    """Commands that record the releases of a first plan, or the next release of a later one."""
+    if made.state not in ("first", "record"):
+        return []
+    return [
+        f"to record release {release.number}: dpr-lab capture --rig {release.rig} --link LINK --pose {release.pose}"
+        f" --duration {release.duration_s:g} --out runs"
+        for release in made.releases[: None if made.state == "first" else 1]
+        if release.pose and not release.signal
+    ]
+
+
+def _show_detectable(made: "Plan", most: int = 6) -> None:
     """The amplitudes that are hardest to detect with the plan, relative to their typical size."""
+    from dpr_lab.report.words import named
+
     worst = sorted(
         made.detectable, key=lambda effect: -(float("inf") if effect.after is None else effect.after / effect.typical)
     )
     rows = [
-        (effect.effect, effect.parameter, _size(effect.before), _size(effect.after), effect.unit)
+        (
+            named(effect.effect),
+            parameter_words(effect.parameter),
+            _size(effect, effect.before),
+            _size(effect, effect.after),
+        )
         for effect in worst[:most]
     ]
     note = f"{len(made.detectable)} amplitudes in total; the table lists those that are hardest to detect. {NOT_SEEN}"
-    table("Minimum detectable size", ("effect", "amplitude", "now", "after the plan", "unit"), rows, note=note)
+    table("Minimum detectable size", ("effect", "amplitude", "now", "after the plan"), rows, note=note)
 
 
-def _size(value: float | None) -> str:
-    return "not detectable" if value is None else f"{value:.2g}"
+def _size(effect: "Detectable", value: float | None) -> str:
+    from dpr_lab.report.angles import RADIANS
+    from dpr_lab.report.words import size_words
+
+    return "not detectable" if value is None else size_words(effect.effect, effect.parameter, RADIANS, value)

@@ -86,14 +86,16 @@ def from_model(
     Example: dpr-lab rig from robot.xml --joints shoulder,elbow --out rig.toml
     """
     json_mode(as_json)
-    from dpr_lab.workflows.rig_from import rig_from_model
+    from dpr_lab.workflows.rig_from import MEANING, rig_from_model
 
     read = rig_from_model(model, out, names_in(joints) or (), name, g)
     if as_json:
         emit(read.to_json())
         return
     line(f"{read.file}: from the {read.format} model {read.model}, joints {', '.join(read.joints)}")
-    table("Nominal values, SI", ("", "value"), [(key, f"{value:.6g}") for key, value in read.nominal.items()])
+    rows = [(key, f"{value:.6g}", *MEANING[key].rsplit(", ", 1)[::-1]) for key, value in read.nominal.items()]
+    rows += [(f"arm.{key}", f"{value:.6g}", *MEANING[key].rsplit(", ", 1)[::-1]) for key, value in read.arm.items()]
+    table("Nominal values", ("key", "value", "unit", "meaning"), rows)
     if read.terms:
         rows = [(term.joint, term.quantity, f"{term.value:.6g}", term.unit) for term in read.terms]
         table(
@@ -103,6 +105,7 @@ def from_model(
         )
     for note in read.notes:
         line(f"note: {note}")
+    line(f"next: give counts_per_rev of your encoders in {read.file}, then dpr-lab rig check {read.file}")
 
 
 Weighed = "as 0.21, or as 0.21+-0.001 if weighed (then not identified)"

@@ -2,21 +2,24 @@
 
 An amplitude whose interval contains zero is set to zero, so that a spring with an insignificant cubic term is a linear
 spring, which every format with springs can hold. The other values are then their conditional means in the joint normal
-distribution: x - C_xz C_zz^-1 z. An effect keeps its amplitudes if all of them are insignificant.
+distribution: x - C_xz C_zz^-1 z. A named effect keeps its amplitudes if all of them are insignificant. An effect that
+is in the fit of every rig of this kind, and is not named, is left out then.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
+from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.ensemble.sampled import signed
 from dpr_lab.exports.moving_arm.corrected import corrected_arm_model, has_moving_arm
 from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.identification.model import (
     Covariance,
     EstimatedValue,
@@ -130,20 +133,44 @@ def significant_values(diagnosis: Diagnosis) -> tuple[NDArray[np.float64], dict[
         for name, parameters in diagnosis.model_effects.items()
         for key, value in parameters.items()
     }
-    values = _without_insignificant(diagnosis, fitted)
+    absent = _insignificant_effects(diagnosis, fitted)
+    values = _without_insignificant(diagnosis, fitted, absent)
     unknown = diagnosis.unknowns
     unknown[: len(RATIOS)] = [values[name] for name in RATIOS]
     return unknown, {
         name: {key: values[f"{name}.{key}"] for key in parameters}
         for name, parameters in diagnosis.model_effects.items()
+        if name not in absent
     }
 
 
-def _without_insignificant(diagnosis: Diagnosis, fitted: Mapping[str, float]) -> dict[str, float]:
-    """Values of ratios and effects (`effect.parameter`) without insignificant amplitudes."""
+def _posterior(diagnosis: Diagnosis) -> PosteriorComponent | None:
+    """The part of the posterior that belongs to the corrected model."""
+    return next((part for part in diagnosis.posterior if set(part.effects) == set(diagnosis.model_effects)), None)
+
+
+def _insignificant_effects(diagnosis: Diagnosis, fitted: Mapping[str, float]) -> set[str]:
+    """Effects that are in the fit of every rig of this kind, are not named, and whose intervals all contain zero."""
+    posterior = _posterior(diagnosis)
+    if posterior is None or has_moving_arm(diagnosis):
+        return set()
+    std = dict(zip(posterior.free, np.sqrt(np.diag(posterior.covariance)).tolist(), strict=True))
+    named = {effect.name for effect in diagnosis.effects}
+    amplitudes = {name: [f"{name}.{p.name}" for p in EFFECTS[name].amplitudes] for name in diagnosis.model_effects}
+    return {
+        name
+        for name, keys in amplitudes.items()
+        if name not in named and all(key in std and abs(fitted[key]) <= NORMAL_Q90 * std[key] for key in keys)
+    }
+
+
+def _without_insignificant(
+    diagnosis: Diagnosis, fitted: Mapping[str, float], absent: Collection[str] = ()
+) -> dict[str, float]:
+    """Values of ratios and effects (`effect.parameter`) without insignificant amplitudes and absent effects."""
     zero = [f"{effect.name}.{key}" for effect in diagnosis.effects for key in _insignificant(effect)]
-    posterior = next((part for part in diagnosis.posterior if set(part.effects) == set(diagnosis.model_effects)), None)
-    values = dict(fitted)
+    zero += [f"{name}.{p.name}" for name in absent for p in EFFECTS[name].amplitudes]
+    posterior, values = _posterior(diagnosis), dict(fitted)
     if zero and posterior is not None and set(zero) <= set(posterior.free):
         places = [posterior.free.index(name) for name in zero]
         covariance = np.array(posterior.covariance)

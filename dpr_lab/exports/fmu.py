@@ -129,7 +129,7 @@ def fmu(model: Model | MovingArmModel, rig: Rig, standard: str = "3.0") -> bytes
     module = python_module(model, rig)
     package = BUILDERS[standard]
     if importlib.util.find_spec(package) is None:
-        raise ConfigError(f"an FMU of FMI {standard} needs {package}: pip install dpr-lab[exports]")
+        raise ConfigError(f"an FMU of FMI {standard} needs {package}: pip install 'dpr-lab[exports]'")
     with tempfile.TemporaryDirectory() as folder:
         script = Path(folder) / f"corrected_model_fmi{standard[0]}.py"
         script.write_text(module + _in_words_of(slave, standard), encoding="utf-8")

@@ -110,7 +110,7 @@ def _engine(file: Path, other: Mapping[str, Any]) -> Callable[[Replay], Array]:
     try:
         names = runpy.run_path(str(file.with_name(CALLBACK)))
     except ModuleNotFoundError as missing:
-        raise ConfigError("replaying in MuJoCo needs it installed: pip install dpr-lab[exports]") from missing
+        raise ConfigError("replaying in MuJoCo needs it installed: pip install 'dpr-lab[exports]'") from missing
     kind, readings = names["EngineSwing"], names["readings"]
     kind.file = str(file)
     readings.__globals__.update(other)
@@ -146,7 +146,7 @@ def in_fmu(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
         )
         if done.returncode:
             last = done.stderr.strip().splitlines()[-1:] or ["it printed nothing"]
-            raise DprError(f"the FMU did not run in FMPy (pip install dpr-lab[exports]): {last[0]}")
+            raise DprError(f"the FMU did not run in FMPy (pip install 'dpr-lab[exports]'): {last[0]}")
         return np.array(json.loads(done.stdout.splitlines()[-1])).T
 
     return read

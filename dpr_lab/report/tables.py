@@ -44,8 +44,8 @@ COMPARISON_COLUMNS = (
 )
 COMPARISON_NOTE = (
     "Pairs are θ1, θ2 (inner, outer rod). rms: residual of segments with free initial states. Free run: rms"
-    " error of one simulation from the release to the horizon. Held out: not fitted. ≥: predictable up to the"
-    " end of the recording."
+    " error of one simulation from the release to the horizon. Held out: not fitted. Horizon: time until which the"
+    " swing is predictable; ≥: up to the end of the recording."
 )
 RUN_COLUMNS = ("file", "pose", "samples", "duration (s)", "segments", "χ² per dof", "SHA-256")
 SEARCH_COLUMNS = ("quantity", "value")

@@ -118,7 +118,8 @@ def _spring_rest(joint: ModelJoint) -> JointTerm:
     return JointTerm(joint.name, "joint angle with the spring relaxed", joint.rest, "rad")
 
 
-def _driven(model: SimulatorModel, joints: Sequence[ModelJoint], notes: list[str]) -> None:
+def _driven(model: SimulatorModel, joints: Sequence[ModelJoint], notes: list[str], unlimited: float = 1e4) -> None:
+    """Add notes on actuators, and on stops unless both are beyond `unlimited` rad."""
     names = {joint.name for joint in joints}
     for actuator in model.actuators:
         if actuator.joint in names:
@@ -126,7 +127,7 @@ def _driven(model: SimulatorModel, joints: Sequence[ModelJoint], notes: list[str
             notes.append(f"actuator {actuator.name!r} on joint {actuator.joint!r}: {actuator.kind}{gear}")
     for joint in joints:
         notes += [f"joint {joint.name!r}: {text} {numbers}" for text, numbers in joint.other.items()]
-        if joint.limits is not None:
+        if joint.limits is not None and min(map(abs, joint.limits)) < unlimited:
             lower, upper = joint.limits
             notes.append(f"joint {joint.name!r}: the stops at {lower:.6g} and {upper:.6g} rad are not in the rig file")
 

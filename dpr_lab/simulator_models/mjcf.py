@@ -100,7 +100,7 @@ def compile_mjcf(path: Path, text: bytes | None = None) -> CompiledMjcf:
     try:
         mujoco = import_module("mujoco")  # its names are created at run time
     except ModuleNotFoundError as missing:
-        raise ConfigError("reading MJCF needs MuJoCo: pip install dpr-lab[exports]") from missing
+        raise ConfigError("reading MJCF needs MuJoCo: pip install 'dpr-lab[exports]'") from missing
     root = with_includes(path, text)
     notes = _bared(root, path)
     refuse_bad_attributes(root, NUMBERS, path, words={"flag"})

@@ -72,7 +72,7 @@ def read_sdf(path: Path, text: bytes | None = None) -> SimulatorModel:
     except (RuntimeError, ValueError, SystemExit) as error:  # Drake exits if one of its own conditions fails
         sentence = " ".join(str(error).replace("<literal-string>.sdf:", "").split())
         if counts["include"]:
-            sentence += " Its <include> was not followed: copy the included model into the file."
+            sentence += " (<include> is not followed: a model that is needed must be copied into the file)"
         raise ConfigError(f"{path}: the library of SDFormat cannot read it: {sentence}") from error
     model = next((element.get("name") for element in root.iter("model")), None)
     notes = [f"<{tag}> elements, not read: {count}" for tag, count in sorted(counts.items())]

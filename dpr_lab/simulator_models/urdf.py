@@ -32,7 +32,7 @@ def read_urdf(path: Path, text: bytes | None = None) -> SimulatorModel:
     try:
         from urdf_parser_py import urdf
     except ModuleNotFoundError as missing:
-        raise ConfigError("reading URDF needs urdf-parser-py: pip install dpr-lab[exports]") from missing
+        raise ConfigError("reading URDF needs urdf-parser-py: pip install 'dpr-lab[exports]'") from missing
     root = read_xml(path, text)
     _refuse_macros(root, path)
     _without_namespaces(root)

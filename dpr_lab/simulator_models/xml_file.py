@@ -100,9 +100,12 @@ def _include(parent: Element, path: Path, folder: Path, above: tuple[Path, ...],
         name = child.get("file", "")
         if not name.strip():
             raise ConfigError(f"{path}: <include> has no attribute file")
-        file = _inside(folder / name, folder, f'{path}: <include file="{name[:200]}">')
+        place = f'{path}: <include file="{name[:200]}">'
+        file = _inside(folder / name, folder, place)
+        if not file.exists():
+            raise ConfigError(f"{place}: there is no such file: copy it there, or remove the element")
         if file in above:
-            raise ConfigError(f'{path}: <include file="{name[:200]}"> includes itself')
+            raise ConfigError(f"{place} includes itself")
         count[0] += 1
         if count[0] > XML_LIMITS.files or len(above) > XML_LIMITS.files:
             raise ConfigError(f"{path}: includes more than {XML_LIMITS.files} files")

@@ -113,7 +113,7 @@ def _one_rod(m: RigMeasures) -> list[str]:
         parameter_table("l1", "distance from joint 1 to the centre of mass of the rod, m", _centre(m.L1)),
         parameter_table("m1", "mass of the rod, kg", mass, m.m1.std),
         parameter_table("c1", "viscous friction of joint 1, N m s/rad", _friction(inertia, moment * m.g)),
-        parameter_table("J1", "inertia of the rod about its centre, kg m^2", _inertia(mass, m.L1)),
+        parameter_table("J1", "inertia of the rod about its centre of mass, kg m^2", _inertia(mass, m.L1)),
     ]
 
 
@@ -135,8 +135,8 @@ def _both_rods(m: RigMeasures, m2: Measure, mb: Measure, L2: float) -> list[str]
         parameter_table("mb", "mass of the parts at the elbow (encoder, bearing, motor), kg", mass["mb"], stds["mb"]),
         parameter_table("c1", "viscous friction of joint 1, N m s/rad", _friction(hanging, moments[0] * m.g)),
         parameter_table("c2", "viscous friction of joint 2, N m s/rad", _friction(tip, moments[1] * m.g)),
-        parameter_table("J1", "inertia of the inner rod about its centre, kg m^2", _inertia(mass["m1"], m.L1)),
-        parameter_table("J2", "inertia of the outer rod about its centre, kg m^2", _inertia(mass["m2"], L2)),
+        parameter_table("J1", "inertia of the inner rod about its centre of mass, kg m^2", _inertia(mass["m1"], m.L1)),
+        parameter_table("J2", "inertia of the outer rod about its centre of mass, kg m^2", _inertia(mass["m2"], L2)),
     ]
 
 

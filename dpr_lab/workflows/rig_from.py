@@ -27,6 +27,8 @@ class RigFromModel:
     """Names of the joints of inner rod, outer rod and arm, as far as the model has them."""
     nominal: dict[str, float]
     """Nominal value of each kinetic parameter, and L1, L2, L0 and g; SI."""
+    arm: dict[str, float]
+    """Nominal values of the arm by their key of the rig file; empty for a clamped arm."""
     terms: "tuple[JointTerm, ...]"
     """Terms of the joints that are effects in dpr-lab: a diagnosis estimates their sizes."""
     notes: tuple[str, ...]
@@ -76,7 +78,8 @@ def rig_from_model(
     write_text(file, text, ConfigError)
     parts = (*chain.rods, *((chain.arm,) if chain.arm else ()))
     names = tuple(part.joint.name for part in parts)
-    return RigFromModel(file, read.name, read.format, names, nominal, chain.terms, tuple(notes))
+    arm = _arm_values(chain.arm, _bounds(chain, nominal, [])) if chain.arm else {}
+    return RigFromModel(file, read.name, read.format, names, nominal, arm, chain.terms, tuple(notes))
 
 
 def _nominal(chain: "ModelChain") -> dict[str, float]:
@@ -97,9 +100,18 @@ MEANING = {
     "mb": "parts on the axis of joint 2 that turn with the inner rod, kg",
     "c1": "viscous friction of joint 1, N m s/rad",
     "c2": "viscous friction of joint 2, N m s/rad",
-    "J1": "inertia of the inner rod about its centre, kg m^2",
-    "J2": "inertia of the outer rod about its centre, kg m^2",
+    "J1": "inertia of the inner rod about its centre of mass, kg m^2",
+    "J2": "inertia of the outer rod about its centre of mass, kg m^2",
+    "L0": "distance from the axis of the arm to the rods, m",
+    "L1": "distance of both joints, or length of a single rod, m",
+    "L2": "length of the outer rod, m",
+    "g": "gravity in the plane of the swing, m/s^2",
+    "A": "inertia of the arm about its axis with the rods at its end, kg m^2",
+    "c0": "viscous friction of the arm, N m s/rad",
+    "k0": "spring of the arm, N m/rad",
+    "f0": "Coulomb friction of the arm, N m",
 }
+"""Keys of a rig file in words, with the unit last."""
 
 
 def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> dict[str, Bounds]:
@@ -186,13 +198,16 @@ def _text(
     )
 
 
-def _zeros(chain: "ModelChain", counts: int, notes: list[str]) -> list[int]:
-    """Readings of encoders at the joints of the model with the rods hanging, counts."""
+def _zeros(chain: "ModelChain", counts: int, notes: list[str], noted: float = 0.01) -> list[int]:
+    """Readings of encoders at the joints of the model with the rods hanging, counts.
+
+    An error of the rounding above `noted` counts is added to the notes.
+    """
     zeros = [0]
     for rod in chain.rods:
         exact = rod.hanging * counts / (2 * math.pi)
         zeros.append(round(exact))
-        if abs(excess := exact - round(exact)) > 1e-6:
+        if abs(excess := exact - round(exact)) > noted:
             notes.append(
                 f"joint {rod.joint.name!r} reads {rod.hanging:.6g} rad if the rods hang: zero_counts is rounded to a"
                 f" whole count, which is an error of {1e3 * excess * 2 * math.pi / counts:.2g} mrad"
@@ -211,10 +226,15 @@ def _reversed(chain: "ModelChain") -> list[str]:
     ]
 
 
-def _arm(arm: "ChainArm", driven: dict[str, float], bounds: dict[str, Bounds]) -> str:
+def _arm_values(arm: "ChainArm", bounds: dict[str, Bounds]) -> dict[str, float]:
+    """Nominal values of the arm by key; A: inertia about its axis with the rods at its end."""
     mass, joint = sum(bounds[name][1] for name in ("m1", "m2", "mb") if name in bounds), arm.joint
     values = {"A": arm.inertia + mass * arm.length**2, "c0": joint.damping, "k0": joint.stiffness, "f0": joint.friction}
-    table = {key: about(value) for key, value in values.items() if key == "A" or value > 0}
+    return {key: value for key, value in values.items() if key == "A" or value > 0}
+
+
+def _arm(arm: "ChainArm", driven: dict[str, float], bounds: dict[str, Bounds]) -> str:
+    table, joint = {key: about(value) for key, value in _arm_values(arm, bounds).items()}, arm.joint
     if joint.name not in driven:
         return arm_table("free", table, digits=12)
     gear = abs(driven[joint.name])

@@ -61,7 +61,7 @@ def test_it_speaks_the_names_of_the_file(cli, bench: tuple[Path, Rig]) -> None:
     folder, _ = bench
     done = cli("diagnose", *RUNS, "--rig", "rig.toml", "--simulator", "robot.xml", cwd=folder)
     assert done.code == 0, done.err
-    assert "the inner one first, and of an arm in robot.xml: 'shoulder', 'elbow'." in done.out
+    assert "Joints of robot.xml, those of the rods first: 'shoulder', 'elbow'." in done.out
     assert "Changes of robot.xml" in done.out
     assert "Replayed with the numbers of robot.xml" in done.out
     assert "With --out FOLDER the changed robot.xml is written to this folder." in done.out

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.base import RATIOS
-from dpr_lab.exports.corrected import _without_insignificant, corrected_model
+from dpr_lab.exports.corrected import _insignificant_effects, _without_insignificant, corrected_model
 from dpr_lab.gap.result.causes import EffectSize, NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.posterior import PosteriorComponent
@@ -56,3 +56,21 @@ def test_without_an_insignificant_amplitude_the_other_values_are_those_of_a_fit_
     assert significant[names[2]] == 0.0
     assert [significant[name] for name in names[:2]] == pytest.approx(np.linalg.lstsq(columns[:, :2], readings)[0])
     assert abs(significant[names[1]] - fitted[names[1]]) > 1e-3
+
+
+@pytest.mark.parametrize(("value", "absent"), [(1e-6, {"load_friction_joint2"}), (1e-4, set())])
+def test_an_effect_that_is_not_named_is_left_out_if_its_interval_contains_zero(value: float, absent: set[str]):
+    """Every rig with a gear is fitted with load-dependent friction, whether it is significant or not."""
+    key = "load_friction_joint2.friction_radius_m"
+    effects = {"load_friction_joint2": {"friction_radius_m": value}}
+    posterior = PosteriorComponent(
+        probability=1.0,
+        ratios=dict.fromkeys(RATIOS, 1.0),
+        effects=effects,
+        free=["c2/b", key],
+        covariance=[[1e-10, 3e-12], [3e-12, 4e-12]],
+    )
+    diagnosis = Diagnosis.model_construct(effects=[], posterior=[posterior], model_effects=effects)
+    fitted = dict.fromkeys(RATIOS, 1.0) | {key: value}
+    assert _insignificant_effects(diagnosis, fitted) == absent
+    assert _without_insignificant(diagnosis, fitted, absent)["c2/b"] == 1.0 - (0.75 * value if absent else 0.0)

@@ -168,7 +168,9 @@ def test_point_masses_keep_their_mass_matrix(tmp_path: Path) -> None:
         for name, parent, child, z in (("s", "world", "a", 0), ("e", "a", "b", -1))
     )
     read, rig = written(tmp_path, f'<robot name="points">{links}{joints}</robot>', "points.urdf")
-    assert any(note.startswith("J1 (inertia of the inner rod about its centre, kg m^2) is 0") for note in read.notes)
+    assert any(
+        note.startswith("J1 (inertia of the inner rod about its centre of mass, kg m^2) is 0") for note in read.notes
+    )
     z = {name: p.nominal for name, p in rig.parameters.items()}
     assert base(z, rig.L1, rig.g)[:5] == pytest.approx([2.0, 1.0, 1.0, 2 * 9.81, 9.81], rel=1e-5)
 
@@ -206,7 +208,7 @@ BAD = {
     "outside": (two_hinges(more='<include file="/etc/passwd"/>'), "is outside the folder"),
     "above": (two_hinges(more='<include file="../x.xml"/>'), "is outside the folder"),
     "circle": (two_hinges(more='<include file="model.xml"/>'), "includes itself"),
-    "not there": (two_hinges(more='<include file="gone.xml"/>'), "cannot be read"),
+    "not there": (two_hinges(more='<include file="gone.xml"/>'), "there is no such file"),
     "laughs": ('<!DOCTYPE m [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]><mujoco>&b;</mujoco>', "document type or entities"),
     "outer file": ('<!DOCTYPE m SYSTEM "file:///etc/passwd"><mujoco/>', "document type or entities"),
     "not xml": ("joint = 3", "not well-formed"),

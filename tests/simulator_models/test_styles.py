@@ -134,7 +134,7 @@ REFUSED = {
     "mjcf, shared folder of a suite": (
         "model.xml",
         '<mujoco><include file="./common/skybox.xml"/><worldbody/></mujoco>',
-        "common/skybox.xml: cannot be read",
+        'common/skybox.xml">: there is no such file',
     ),
     "urdf, macros": (
         "model.urdf",

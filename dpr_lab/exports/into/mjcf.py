@@ -33,9 +33,10 @@ from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
 from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
-from dpr_lab.simulator_models.mjcf import CompiledMjcf, compile_mjcf
+from dpr_lab.simulator_models.mjcf import SWITCHES, CompiledMjcf, compile_mjcf
 from dpr_lab.simulator_models.tree import SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_edit import XmlEdit
+from dpr_lab.simulator_models.xml_file import with_includes
 
 WORDS = frozenset({"friction", "stiffness", "rest_angle", "armature", "offset", "added_length", "gear"})
 """Elements of effects that attributes of joints, bodies and motors represent."""
@@ -123,14 +124,30 @@ def into_mjcf(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
         _set_body(edits[-1], file, file.chain.arm, arm_change(file.read, file.chain.arm, of_arm, path))
         _set_joint(edits[-1], file, file.chain.arm, of_arm)
     text = edits[-1].text()
-    reason = (
-        f"{path}: a <flag> switches off what would change, or its defaults or compiler options (inertiafromgeom,"
-        " settotalmass) override the changed numbers: remove the flag, or save the compiled model with mj_saveLastXML,"
-        " and change that"
-    )
+    reason = f"{path}: {_overriding(path)}: remove it, or save the compiled model with mj_saveLastXML, and change that"
     refuse_overridden(_read(path, file.joints, text).chain, targets, made.rods[0].length, WORDS, reason, of_arm)
     changes = tuple(change for edit in edits for change in edit.changes)
     return PatchedModel(text, changes, left_out(model, {*expressed, *added.effects}, "MJCF"), added)
+
+
+def _overriding(path: Path) -> str:
+    """What in a file overrides the changed numbers: `<flag constraint="disable"> switches off ...`."""
+    root, switches = with_includes(path), {flag for flags in SWITCHES.values() for flag in flags}
+    off = [
+        f'<flag {name}="disable">'
+        for flag in root.iter("flag")
+        for name, state in flag.items()
+        if state == "disable" and name in switches
+    ]
+    global_values = [
+        f'<compiler {name}="{value}">'
+        for compiler in root.iter("compiler")
+        for name, value in compiler.items()
+        if (name, value) == ("inertiafromgeom", "true") or name == "settotalmass"
+    ]
+    if off or global_values:
+        return f"{' and '.join([*off, *global_values])} switches off or overrides what would change"
+    return "a default class or compiler option overrides the changed numbers"
 
 
 def _geared(file: _File, effect: str) -> bool:

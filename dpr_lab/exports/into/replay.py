@@ -194,7 +194,7 @@ def _compiled(text: str) -> Any:
     try:
         mujoco = import_module("mujoco")
     except ModuleNotFoundError as missing:
-        raise ConfigError("replaying the file needs MuJoCo: pip install dpr-lab[exports]") from missing
+        raise ConfigError("replaying the file needs MuJoCo: pip install 'dpr-lab[exports]'") from missing
     return mujoco.MjModel.from_xml_string(text)
 
 

@@ -1,6 +1,5 @@
 """A bench measurement as a check: its proposal, its value with a unit, and the refusal of impossible values."""
 
-import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -11,10 +10,8 @@ from dpr_lab.errors import RunError
 from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion, Result, expected_bits
 from dpr_lab.gap.advice.measurement import SETTINGS, Predictions, has, predictions
 from dpr_lab.gap.advice.next_step import NextStep
-from dpr_lab.gap.result.checks import AdvisedCheck, Quantity
+from dpr_lab.gap.result.checks import SENTENCE_END, AdvisedCheck, Quantity
 from dpr_lab.gap.result.diagnosis import Diagnosis
-
-_SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
 
 
 def form(check: AdvisedCheck) -> str:
@@ -26,7 +23,8 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
     """A measurement for each member of a class; for an alternative only if nothing else distinguishes it."""
     if question.one_class:
         checks = [_check(question, name) for name in question.causes]
-        sentences = (s for check in checks[:2] for s in _SENTENCE_END.split(check.text))
+        decisive = [check for check in checks if check.expected_bits > 0] or checks
+        sentences = (s for check in decisive[:2] for s in SENTENCE_END.split(check.text))
         texts = " ".join(dict.fromkeys(sentences))
         start = f"{'A' if proposed else 'Only a'} bench measurement distinguishes"
         return [NextStep(f"{start} {_listed(question.causes)}: {texts}", tuple(checks))]

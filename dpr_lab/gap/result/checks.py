@@ -1,5 +1,6 @@
 """Recommended checks, and the results of those that were done."""
 
+import re
 from typing import Any, Self
 
 from pydantic import model_validator
@@ -8,6 +9,8 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.gap.result.saved import Interval, Number, Saved
 from dpr_lab.rig_tables import AddedMass
+
+SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
 
 
 class AdvisedRelease(Saved):
@@ -89,6 +92,10 @@ class AdvisedCheck(Saved):
     """
     release: AdvisedRelease | None = None
     """The release to record."""
+
+    def is_part_of(self, advice: str) -> bool:
+        """Whether a recommendation contains every sentence of the instruction."""
+        return all(sentence in advice for sentence in SENTENCE_END.split(self.text))
 
     @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:

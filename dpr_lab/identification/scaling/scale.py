@@ -58,9 +58,9 @@ class Scale(BaseModel):
         if self.fixed_by == "measured":
             return f"Measured values of the rig file determine the scale of masses, inertias and torques: {known}."
         return (
-            f"Only the ratios of masses, inertias and torques to {self.inertia} are identified, the inertia of the"
-            f" {ROD_OF[self.inertia]}. Their absolute values assume {self.inertia} = {self.b:.4g} kg m^2, from the"
-            f" values of the rig file (90 % interval from its bounds {low:.4g} to {high:.4g})."
+            f"Only the ratios of masses, inertias and torques to {self.inertia}, the inertia of the"
+            f" {ROD_OF[self.inertia]}, are identified. Absolute values assume {self.inertia} = {self.b:.4g} kg m^2,"
+            f" from the values of the rig file (90 % interval from its bounds {low:.4g} to {high:.4g})."
         )
 
     def as_inertia(self, inertia: Literal["a", "b"], factor: float) -> "Scale":

@@ -58,7 +58,7 @@ def reason(before: Expected, after: Expected, needed: bool = False, diagnosed: b
         parts.insert(0, f"separates {first} from {second} ({bits:.2f} bits)")
     if (bits := after.gain.library - before.gain.library) >= NOTICEABLE.library:
         unnamed = " that are not named so far" if diagnosed else ""
-        parts.append(f"tells effects{unnamed} apart ({bits:.2f} bits)")
+        parts.append(f"distinguishes effects{unnamed} ({bits:.2f} bits)")
     if after.gain.limits - before.gain.limits >= NOTICEABLE.limits:
         parts.append("tests the limits more accurately")
     share = float(np.exp(np.log(after.ratio_std / before.ratio_std).mean()))

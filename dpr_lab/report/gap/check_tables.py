@@ -13,10 +13,13 @@ MOVED_NOTE = (
     " contradicts the cause. Above 20 or below 1/20 the evidence is strong."
 )
 CHECK_COLUMNS = ("check", "kind", "action", "expected result", "distinguished effects", "expected information (bits)")
-CHECK_NOTE = (
-    "Expected result: size and 90 % interval if the measured effect is the cause; otherwise about zero. To record the"
-    " result: dpr-lab check DIAGNOSIS.json CHECK RUN..., or for a measurement --value 'V UNIT' --std 'S UNIT'."
-)
+EXPECTED_NOTE = "Expected result: size and 90 % interval if the measured effect is the cause; otherwise about zero."
+
+
+def how_to_record(file: str) -> str:
+    """The command that records the result of a recommended check of the diagnosis in a file."""
+    options = "RUN..., or for a measurement --value 'V UNIT' --std 'S UNIT'"
+    return f"To record the result: dpr-lab check {file} CHECK {options}."
 
 
 def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:

@@ -116,6 +116,10 @@ def _actions(diagnosis: Diagnosis) -> Iterator[Block]:
         yield Items([in_words(text) for text in diagnosis.remedies])
         yield Heading("Next recordings and checks")
     yield Items(tables.next_steps(diagnosis), numbered=True)
+    if diagnosis.checks:
+        rows = check_tables.check_rows(diagnosis)
+        note = f"{check_tables.EXPECTED_NOTE} {check_tables.how_to_record('diagnosis.json')}"
+        yield PageTable(check_tables.CHECK_COLUMNS, rows, note, "prose", "Recommended checks")
 
 
 def _effects(diagnosis: Diagnosis) -> Iterator[Block]:

@@ -58,7 +58,7 @@ STANDING_NOTE = (
 CLOSED_NOTE = (
     "Gap reduction: relative decrease of the rms above the noise; each run is predicted from the others (a single run:"
     " each quarter from the other quarters). Free run: rms error over 2.6 s; the initial state is fitted to the first"
-    " 0.3 s."
+    " 0.3 s. Bare model: the fitted double pendulum with viscous friction and no other effect."
 )
 
 ALONE = "none"
@@ -215,6 +215,13 @@ def standing_rows(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBAB
     return rows
 
 
+def open_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Rows of `standing_rows` without improbable alternatives; empty if no alternative is probable."""
+    if not any(alternative.probability >= PROBABLE for alternative in diagnosis.rivals):
+        return []
+    return standing_rows(diagnosis, most=0)
+
+
 def _candidates(diagnosis: Diagnosis) -> Iterator[_Candidate]:
     closest = [alternative for alternative in diagnosis.rivals if not alternative.instead_of]
     for effect in diagnosis.effects or closest:
@@ -286,14 +293,22 @@ def run_words(name: str, held_out: bool = False) -> str:
 
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:
-    """Recommended recordings and checks, and how to continue if a remainder has no named cause."""
+    """Recommended recordings and checks with their ids, and how to continue if a remainder has no named cause."""
     unexplained = {
         "partly_explained": "The remainder has another cause, or the named effect has another form: inspect the rig.",
         "unexplained": "No effect of the library is the cause: inspect the rig where the gap is largest, joint by"
         " joint.",
     }
     last = [unexplained[diagnosis.verdict]] if diagnosis.verdict in unexplained else []
-    return [*map(in_words, diagnosis.advice), *last] or ["No further recording or check is needed."]
+    advised = [f"{in_words(text)}{_check_words(diagnosis, text)}" for text in diagnosis.advice]
+    return [*advised, *last] or ["No further recording or check is needed."]
+
+
+def _check_words(diagnosis: Diagnosis, advice: str) -> str:
+    """` [check 1-47d7, 0.98 bits]` for the checks whose instruction is part of this advice; empty without one."""
+    checks = [check for check in diagnosis.checks if check.is_part_of(advice)]
+    ids = f"check{'s' if len(checks) > 1 else ''} {' or '.join(check.id for check in checks)}"
+    return f" [{ids}, {max(check.expected_bits for check in checks):.2f} bits]" if checks else ""
 
 
 def place_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
@@ -333,11 +348,19 @@ def map_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
     ]
 
 
-def closed_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
-    """Gap reduction by run, in the columns `CLOSED_COLUMNS`; held-out runs are marked."""
+def closed_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, most: int | None = None) -> list[tuple[str, ...]]:
+    """Gap reduction by run, in the columns `CLOSED_COLUMNS`; held-out runs are marked.
+
+    Args:
+        diagnosis: the diagnosis
+        angles: the unit of angles
+        most: number of runs with the smallest reduction, in increasing order; None: all runs
+    """
     gap, closed = diagnosis.gap, diagnosis.gap.closed_held_out
     shares = {name: (run_words(name), share) for name, share in closed.per_run.items()}
     shares |= {name: (run_words(name, held_out=True), share) for name, share in closed.held_out.items()}
+    if most is not None:
+        shares = dict(sorted(shares.items(), key=lambda entry: entry[1][1])[:most])
     rows = []
     for name, (label, share) in shares.items():
         free_run = gap.free_run_rad.get(name, {})

@@ -187,8 +187,10 @@ are diagnosed first.
         return self.workspace.diagnosis if unchanged else None
 
     def _draw(self, made: "Plan") -> None:
+        from dpr_lab.report.words import in_words
+
         self._unit = unit = self.workspace.unit
-        self.say(made.sentence)
+        self.say(in_words(made.sentence))
         releases = self.query_one(DataTable)
         row = releases.cursor_row
         releases.clear(columns=True)
@@ -213,16 +215,18 @@ def _row(release: "PlannedRelease", unit: AngleUnit) -> tuple[str, ...]:
 
 def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
     """The marked release, what no release decides, and the assumptions."""
+    from dpr_lab.report.words import in_words, named
+
     shown: list[RenderableType] = []
     if release is not None:
-        lines = [release.text, f"reason: {release.reason}", f"horizon: {release.horizon_s:.1f} s"]
+        lines = [release.text, f"reason: {in_words(release.reason)}", f"horizon: {release.horizon_s:.1f} s"]
         shown.append(sentences(f"Release {release.number}", lines))
         if release.pairs:
-            rows = [(*pair.causes, f"{pair.bits:.2f}") for pair in release.pairs]
+            rows = [(*map(named, pair.causes), f"{pair.bits:.2f}") for pair in release.pairs]
             shown += [table("Undecided causes", ("cause", "or", "expected bits"), rows), ""]
         rows = [(name, f"{std:.2g}", f"{release.ratio_std[name]:.2g}") for name, std in made.ratio_std.items()]
         shown += [table("Standard deviation of each ratio", ("ratio", "now", "after this release"), rows), ""]
-    checks = [f"{' or '.join(inseparable.causes)}: {inseparable.check}" for inseparable in made.inseparable]
+    checks = [in_words(f"{' or '.join(inseparable.causes)}: {inseparable.check}") for inseparable in made.inseparable]
     shown.append(sentences("No release separates these causes", checks))
     shown.append(sentences("Assumptions", made.assumptions))
     return Group(*shown)
