@@ -2,6 +2,8 @@
 
 import hashlib
 import tomllib
+from collections.abc import Sequence
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
@@ -75,7 +77,7 @@ def parse_config(text: str, source: str, model: type[Model]) -> Model:
 
 
 def _sentence(path: str, fault: "ErrorDetails", model: type[BaseModel]) -> str:
-    key = ".".join(str(part) for part in fault["loc"]) or "the file"
+    key = key_words(fault["loc"]) or "the file"
     shown = "" if isinstance(fault["input"], dict) else f" = {fault['input']!r}"
     sentence = f"{path}: {key}{shown}: {fault_words(fault)}"
     keys = _keys_of(model, fault["loc"][:-1])
@@ -100,7 +102,16 @@ def _models_in(annotation: Any) -> set[type[BaseModel]]:
 def first_fault(error: ValidationError) -> str:
     """The first key that a pydantic model refused, and why: `ratios.a/b: must be greater than 0`."""
     fault = error.errors()[0]
-    return f"{'.'.join(map(str, fault['loc'])) or 'the file'}: {fault_words(fault)}"
+    return f"{key_words(fault['loc']) or 'the file'}: {fault_words(fault)}"
+
+
+def key_words(location: Sequence[int | str]) -> str:
+    """A place in a file, with the entries of lists counted from 1: `masses, entry 2, rod`."""
+    parts = [f"entry {part + 1}" if isinstance(part, int) else part for part in location]
+    separators = [
+        ", " if isinstance(part, int) or isinstance(before, int) else "." for before, part in pairwise(location)
+    ]
+    return "".join(chain.from_iterable(zip(parts, [*separators, ""], strict=False)))
 
 
 def fault_words(fault: "ErrorDetails") -> str:

@@ -22,7 +22,7 @@ def changed(old: str, new: str) -> str:
         ("g = 9.81", 'g = "9.81"', "rig.g = '9.81'"),
         ("g = 9.81", "g = 1e308", "rig.g = 1e+308"),
         ("g = 9.81", f"g = {'9' * 5000}", "is not valid TOML"),
-        ("16384, 16384, 16384", "16384, 1000000000000, 16384", "encoders.counts_per_rev.1"),
+        ("16384, 16384, 16384", "16384, 1000000000000, 16384", "encoders.counts_per_rev, entry 2 ="),
         ("theta1 = 0.1", "theta1 = 1e300", "theta1 = 1e+300"),
     ],
 )

@@ -15,7 +15,7 @@ def play(angle: float, held: float, play_rad: float) -> float:
 
 @inlined
 def driven_play(angle: float, held: float, drift: float, play_rad: float) -> float:
-    """The same for an encoder at a motor that turns by `drift` while the gear transmits no torque, rad."""
+    """Angle held by an encoder at the motor, which turns by `drift` while the gear transmits no torque, rad."""
     return play(angle, held + drift, play_rad)
 
 

@@ -354,7 +354,7 @@ ARM_STAGES: dict[StageName, StageName] = {
 
 
 def at_arm(effect: Effect, *, bench_check: str, equation: str = "", **fields: Any) -> Effect:
-    """The same effect at joint 0, the arm of a rig that is free or driven.
+    """Copy of an effect of a rod for joint 0, the joint of a free or driven arm.
 
     Args:
         effect: at joint 1 or 2

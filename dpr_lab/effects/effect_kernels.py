@@ -142,7 +142,7 @@ effect_torques = scalar_stage("torque")
 """(motion, base, constants, internal, params, active) -> Terms of the equation of motion."""
 
 load_torques = scalar_stage("load")
-"""The same for load-dependent friction, with known joint forces."""
+"""(motion, base, constants, internal, params, active) -> Terms of load-dependent friction, with known joint forces."""
 
 dry_limits = scalar_stage("dry")
 """(motion, push1, push2, params, active) -> limits of Coulomb friction under these torques, N m."""
@@ -151,7 +151,7 @@ arm_model = scalar_stage("arm")
 """(constants, arm, params, active) -> ArmModel: inertia, friction and stiffness of the arm; `arm` without effects."""
 
 free_arm_model = scalar_stage("free_arm")
-"""The same for a free or driven arm."""
+"""(constants, arm, params, active) -> ArmModel of a free or driven arm; `arm` without effects."""
 
 arm_torques = scalar_stage("torque0")
 """(motion, torque0, internal, params, active) -> torque on the arm, N m; `torque0` without effects."""

@@ -18,7 +18,10 @@ class Family:
     """Effects that it always causes, of any size, and that a free swing can show."""
 
     def among(self, effects: Collection[str]) -> tuple[str, ...]:
-        """Its effects among given ones; empty unless there are at least two and one of them is specific."""
+        """The given effects that belong to this family.
+
+        Empty unless there are at least two, of which one is specific.
+        """
         parts = tuple(name for name in effects if name in self.parts)
         return parts if len(parts) > 1 and set(parts) & set(self.marks) else ()
 

@@ -24,7 +24,9 @@ class HeldSettings:
     away from its unstable equilibrium leaves this band within 0.1 s.
     """
     of_motion: float = 0.02
-    """The same relative to the largest excursion in the recording, so that small swings do not count as rest."""
+    """Maximum excursion of a rod at rest relative to the largest excursion in the recording, so that small swings do
+    not count as rest.
+    """
     noise: float = 10.0
     """Minimum width of the band in standard deviations of the readings: the range of a thousand values of white
     noise.

@@ -26,8 +26,8 @@ class MotionSettings:
     turn_rad: float = 0.01
     """Minimum range of an angle of a swinging rod, rad: a hanging rod that is touched moves by some milliradians."""
     above_noise: float = 10.0
-    """The same in standard deviations of a reading. Noise alone has a range of about five, shuffled rows of three. The
-    readings of a camera whose frames are stamped late have one of sixteen.
+    """Minimum range of an angle of a swinging rod in standard deviations of a reading. Noise alone has a range of about
+    five, shuffled rows of three. The readings of a camera whose frames are stamped late have one of sixteen.
     """
     elbow: float = 0.02
     """Range of joint 2 relative to that of joint 1 below which the elbow does not turn. A free elbow turns by a

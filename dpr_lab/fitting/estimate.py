@@ -42,11 +42,11 @@ class DifferenceSteps:
     amplitude: float = 1e-3
     """Increment of an amplitude, relative to its typical size."""
     dry_arm: float = 0.1
-    """The same for Coulomb friction of an arm: where its direction changes, a step is divided, which changes the
-    swing more than a thousandth of the friction does.
+    """Relative increment of the Coulomb friction of an arm: where its direction changes, a step is divided, which
+    changes the swing more than a thousandth of the friction does.
     """
     shape: float = 1e-5
-    """The same for a shape parameter: a frequency error of 1e-3 gives a phase error after ten seconds."""
+    """Relative increment of a shape parameter: a frequency error of 1e-3 gives a phase error after ten seconds."""
     least_ratio: float = 1e-2
     """Minimum size of a ratio for its increment, in its own unit."""
     least_shape: float = 0.2

@@ -82,7 +82,7 @@ class Linearisation:
         return np.subtract(columns, absorbed, out=absorbed)
 
     def carried(self, problem: Problem, predicted: Array) -> "Linearisation | None":
-        """The same derivatives with other predicted readings, (samples, 2); None if a segment cannot be followed."""
+        """Copy with other predicted readings, (samples, 2), and these derivatives; None if a segment diverges."""
         residual = problem.whitened(problem.measured - predicted)
         if not (np.isfinite(self.residual).all() and np.isfinite(residual).all()):
             return None

@@ -28,7 +28,7 @@ class OutputModel(Protocol):
         ...
 
     def with_constants(self, constants: RigConstants) -> "OutputModel":
-        """The same model with other measured constants."""
+        """Copy of the model with other measured constants."""
         ...
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
@@ -184,5 +184,5 @@ class Problem:
         return float(self.chi2_by_segment(self.predict(estimate)).sum())
 
     def weighted(self, factor: Array) -> "Problem":
-        """The same problem with every weight multiplied by a factor, (samples, 1 or 2)."""
+        """Copy of the problem with every weight multiplied by a factor, (samples, 1 or 2)."""
         return replace(self, weight=self.weight * factor)

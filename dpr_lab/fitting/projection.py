@@ -50,7 +50,7 @@ class ColumnSpace:
         return ColumnSpace(self.scale[columns], self.H[columns][:, columns], self.gradient[columns])
 
     def with_prior(self, A: Array, e: Array) -> "ColumnSpace":
-        """The same problem with prior rows (n, k) A and (n,) e; columns have unit norm with these rows."""
+        """Copy of the problem with prior rows (n, k) A and (n,) e; columns have unit norm with these rows."""
         H = self.H / self.scale[:, None] / self.scale + A.T @ A
         scale = 1 / np.maximum(np.sqrt(np.diag(H)), TINY)
         return ColumnSpace(scale, H * scale[:, None] * scale, (self.gradient / self.scale + A.T @ e) * scale)

@@ -42,7 +42,7 @@ class TrajectorySettings:
     grid_s: float = 2.5e-3
     """Spacing of the grid, s; the trapezoidal rule then has an error of 1e-3."""
     coarse_s: float = 5e-3
-    """The same for comparisons of torques, or for values printed with two digits."""
+    """Spacing of the grid for comparisons of torques, or for values printed with two digits, s."""
 
 
 TRAJECTORY = TrajectorySettings()
@@ -297,7 +297,7 @@ def _response_with_arm(
     sums: Array,
     response: Array,
 ) -> None:
-    """The same with any number of states and axes; `sums` is (2, states, k)."""
+    """`_response` for any number of states and axes; `sums` is (2, states, k)."""
     states, axes, count, before, total = into.shape[1], into.shape[2], torque.shape[2], sums[0], sums[1]
     for s in range(len(first) - 1):
         n = first[s]

@@ -32,7 +32,7 @@ class RodsAlone:
     constants: RigConstants
 
     def with_constants(self, constants: RigConstants) -> "RodsAlone":
-        """The same model with other measured constants."""
+        """Copy of the model with other measured constants."""
         return RodsAlone(constants)
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:

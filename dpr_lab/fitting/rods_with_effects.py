@@ -48,7 +48,7 @@ class RodsWithEffects:
     constants: RigConstants
 
     def with_constants(self, constants: RigConstants) -> "RodsWithEffects":
-        """The same model with other measured constants."""
+        """Copy of the model with other measured constants."""
         return RodsWithEffects(constants)
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:

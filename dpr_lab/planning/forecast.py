@@ -48,9 +48,13 @@ class Stopping:
     one_cause: float = 0.87
     """Share of diagnoses of one sure cause that one more release confirmed in blind trials: 14 of 16."""
     several_causes: float = 0.75
-    """The same for two or more causes: 3 of 3, taken as less, because each of them may get another alternative."""
+    """Share of diagnoses of several causes that one more release confirmed: 3 of 3, taken as less, because each cause
+    may get another alternative.
+    """
     no_gap: float = 0.7
-    """The same for a diagnosis without a gap: 17 of 24. More data reveal an effect that was too small."""
+    """Share of diagnoses without a gap that one more release confirmed: 17 of 24. More data reveal an effect that was
+    too small.
+    """
     clears: float = 0.55
     """Share of diagnoses with a remainder that one more release decided: 10 of 18."""
     likely: float = 0.8

@@ -202,7 +202,7 @@ def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:
         longest = rig.L1 if mass.rod == "inner" else rig.L2
         if longest is not None and mass.position > longest:
             raise ConfigError(
-                f"{path}: masses[{number}].position = {mass.position:g}: the {mass.rod} rod of rig {rig.name} is"
+                f"{path}: masses, entry {number}, position = {mass.position:g}: the {mass.rod} rod of rig {rig.name} is"
                 f" {longest:g} m long"
             )
     _refuse_impossible_arms(path, limits, rig)

@@ -25,7 +25,7 @@ class SearchSettings(BaseModel, extra="forbid", frozen=True):
     delta: Positive = 35.0
     """Constant added to H in the fitness; a larger value increases the selection probability of bad individuals."""
     fitness_scale: Positive = 350.0
-    """M of docs/theory.md (10), not published; with 350, sigma = 5 means H < 35."""
+    """M of docs/theory.md (10), not published. With 350, the fitness threshold sigma = 5 corresponds to H < 35."""
 
 
 class IgaSettings(SearchSettings, frozen=True):

@@ -22,7 +22,9 @@ class TextSettings:
     decimals: tuple[int, ...] = (3, 6, 9, 11)
     """Tried numbers of decimals; the smallest that reproduces every number of a column exactly is used."""
     largest: int = 1 << 53
-    """Limit of a number without its point; below it, the quotient with a power of ten is rounded only once."""
+    """Upper limit of the digits of a number, read as one integer. A smaller integer is exact as a float, so that only
+    its division by a power of ten is rounded.
+    """
 
 
 SETTINGS = TextSettings()

@@ -10,7 +10,7 @@ from pathlib import Path
 import platformdirs
 from pydantic import TypeAdapter, ValidationError
 
-from dpr_lab.configs import find_config
+from dpr_lab.configs import find_config, key_words
 from dpr_lab.errors import ConfigError
 from dpr_lab.report.angles import UNITS, AngleUnit
 
@@ -94,7 +94,7 @@ class Workspace:
         }
 
     def move_to(self, out: Path) -> None:
-        """Use a folder; another one than before begins without the runs and results of that one."""
+        """Use a folder. A change of the folder removes runs and results from the workspace."""
         if out == self.out.expanduser().resolve():
             return
         self.runs, self.held_out, self.undecided, self.model, self.diagnosis = [], [], None, None, None
@@ -166,7 +166,7 @@ def load(folder: Path) -> tuple[Workspace, list[str]]:
         return Workspace(), []
     except ValidationError as error:
         fault = error.errors()[0]
-        key = ".".join(str(part) for part in fault["loc"])
+        key = key_words(fault["loc"])
         damage = f"{key} = {str(fault['input'])[:60]} is not valid" if key else "the file is damaged"
         return Workspace(), [f"{path}: {damage}: {FRESH}"]
     except OSError as error:

@@ -24,6 +24,7 @@ from queue import SimpleQueue
 from typing import Any, TypeAlias
 
 from dpr_lab.child_process import ChildFunction
+from dpr_lab.configs import key_words
 from dpr_lab.errors import DprError
 from dpr_lab.progress import compiling, watch_compiling
 from dpr_lab.version import __version__
@@ -344,7 +345,7 @@ def _request(method: Method, params: Mapping[str, Any]) -> Any:
         return TypeAdapter(kind).validate_json(json.dumps(dict(params)))  # its messages have the words of JSON
     except ValidationError as error:
         first = error.errors()[0]
-        name = ".".join(map(str, first["loc"]))
+        name = key_words(first["loc"])
         missing = f"missing parameter {name!r}; there are: {', '.join(known)}"
         sentence = missing if first["type"] == "missing" else f"{name}: {first['msg']}"
         raise RpcError(RpcCode.INVALID_PARAMS, sentence) from error

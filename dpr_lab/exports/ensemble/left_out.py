@@ -53,8 +53,8 @@ class LeftOutSettings:
     fewest_identified: int = 4
     """Minimum number of recordings of an identification, whose ratios scatter between its recordings already."""
     chance: float = 1.5
-    """v up to which the posterior is kept: 1 and a standard deviation, sqrt(2 / 9), of three recordings with three
-    independent errors each.
+    """Maximum v at which the posterior is kept: 1, plus the standard deviation sqrt(2 / 9) of v for three recordings
+    with three independent errors each.
     """
 
 

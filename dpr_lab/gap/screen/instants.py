@@ -40,7 +40,9 @@ class InstantSettings:
     block: int = 32
     """Number of consecutive samples that are judged together."""
     contrary: float = 1.5
-    """Standard errors by which a block must prefer its stamps to keep them, if the recording prefers even instants."""
+    """Minimum evidence of a block for its time stamps, in standard errors, if the whole recording fits even instants
+    better. Blocks with less evidence use even instants.
+    """
     preferred: float = 4.0
     """Standard errors by which the windows that prefer even instants must outnumber the others."""
     likelihood: float = 6.0

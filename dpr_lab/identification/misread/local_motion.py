@@ -34,7 +34,7 @@ class LocalMotion:
     """Motion of the rods at the centres of windows."""
 
     near: NDArray[np.intp]
-    """(k,) rows."""
+    """(k,) indices of the rows in the middle of the windows."""
     t: Array
     """(k,) instants, s."""
     rods: Array

@@ -33,8 +33,6 @@ def eddy_brake(body: Body, values: Values) -> EquationOfMotion:
 def air_draught(body: Body, values: Values) -> EquationOfMotion:
     """Wind across the outer rod, in gusts; only the difference from the drag of still air.
 
-    F = -K [|v - u| (v - u) - |v| v], u = U (1 + sin(2 pi t / T) / 2) cos(theta2)
-
     F = -K [|v - u| (v - u) - |v| v],    u = U (1 + sin(2 pi t / T) / 2) cos(theta2)
     """
     speed, period = values["wind_m_per_s"], values["gusts_s"]
