@@ -106,7 +106,7 @@ def test_a_plan_drives_the_arm_within_its_limits_and_writes_what_a_device_needs(
         ("paper", 'modes = ["driven"]\ninput = 1.0', "needs [motor]"),
         ("driven_double", 'modes = ["driven"]', "needs input, the largest input of its motor"),
         ("driven_double", "modes = []", "modes is empty"),
-        ("driven_double", 'modes = ["loose"]', "arm.modes.0"),
+        ("driven_double", 'modes = ["loose"]', "arm.modes, entry 1"),
         ("driven_double", "input = -1.0", "arm.input = -1.0"),
     ],
 )
