@@ -212,10 +212,8 @@ def short_fit(
         settings: tolerances
         worst: largest reduced chi-square of interest
     """
-    start = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
-    problem, initial = segmented(runs, rig, SHORT.first_segment_s)
-    first = fit_ratios(problem, rods_estimate(start, initial), iterations=iterations, settings=settings)
-    arm_moves = any(setup.arm for setup in problem.segments.setups)
+    first = first_fit(Z, runs, rig, iterations=iterations, settings=settings)
+    arm_moves = any(setup.arm for setup in first.problem.segments.setups)
     if first.fit.converged and not arm_moves and first.chi2_per_dof > SHORT.nested * worst:
         return first
     problem, initial = segmented(runs, rig, SHORT.working_segment_s)
@@ -226,6 +224,15 @@ def short_fit(
         return rough
     noisy = fit_ratios(replace(problem, disturbance=noise), rough.fit.estimate, settings=settings)
     return noisy if noisy.chi2_per_dof < SHORT.noise_alone else rough
+
+
+def first_fit(
+    Z: Array, runs: Sequence[PreprocessedRun], rig: Rig, *, iterations: int, settings: GaussNewton
+) -> RatioFit:
+    """Fit of the ratios to segments of a quarter of a second, which converges from far away; arguments as above."""
+    start = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
+    problem, initial = segmented(runs, rig, SHORT.first_segment_s)
+    return fit_ratios(problem, rods_estimate(start, initial), iterations=iterations, settings=settings)
 
 
 def driving_noise(problem: Problem, estimate: Estimate) -> Disturbance | None:

@@ -213,13 +213,24 @@ def test_energy_from_a_source_that_nobody_described_is_named(swings, driven, on_
     assert second_look(swings, paper).sentence == ""
 
 
-def test_a_fit_that_is_given_up_after_short_segments_would_not_have_become_better(swings, paper: Rig) -> None:
+def test_a_fit_that_is_given_up_would_not_have_become_better(swings, paper: Rig) -> None:
     read = [replace(run, theta=run.theta * [1.0, 1.0, -1.0], counts=None) for run in swings]
-    whole, given_up = fitted(read, paper, quick=True), fitted(read, paper, quick=True, worst=20.0)
+    whole = fitted(read, paper, quick=True)
     assert whole is not None
+    given_up = fitted(read, paper, quick=True, worst=0.05 * whole.chi2_per_dof)
     assert given_up is not None
-    assert 20.0 < given_up.chi2_per_dof < 1.1 * whole.chi2_per_dof
+    assert 0.05 < given_up.chi2_per_dof / whole.chi2_per_dof < 1.1
     assert given_up.longest_s < 0.6 * whole.longest_s
+    assert fitted(read, paper, quick=True, worst=20.0) is None  # after a part of the first run
+    assert whole.chi2_per_dof > 20.0
+
+
+def test_the_right_reading_is_fitted_to_the_whole_runs(swings, paper: Rig) -> None:
+    whole = fitted(swings, paper, quick=True)
+    assert whole is not None
+    limited = fitted(swings, paper, quick=True, worst=whole.chi2_per_dof)
+    assert limited is not None
+    assert limited.chi2_per_dof == whole.chi2_per_dof
 
 
 def test_passive_rods_and_known_torques_let_no_energy_in(swings, driven, paper: Rig) -> None:

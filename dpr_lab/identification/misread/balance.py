@@ -14,8 +14,9 @@ angles and times are interpreted correctly, and a large one otherwise. It needs 
 simulation. A single rod is represented as two equal halves with the same angle (`dpr_lab.dynamics.base`).
 """
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -99,7 +100,16 @@ def energy_fit(t: Array, rods: Array, torques: Array | None, rig: Rig) -> Energy
         rig: the recorded rig
     """
     moving = local_motion(t, rods, periods(rig)[1], ENERGY.motion)
-    return None if moving is None else _balance(moving, torques, rig)
+    if moving is None:
+        return None
+    terms = _terms(moving, torques, rig)
+    residual = _residual(np.cov(terms, bias=True), np.zeros(2))
+    if not np.isfinite(residual):
+        return None
+    kinetic, potential = terms[[0, 1, 2]].sum(axis=0), terms[[4, 6]].sum(axis=0)
+    losses = terms[8:] if torques is None else terms[:0]
+    kinetic_scale = float(np.sqrt(kinetic.mean() / potential.std()))
+    return EnergyFit(residual, _time_scale(kinetic, potential, losses), kinetic_scale)
 
 
 def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
@@ -114,12 +124,8 @@ def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
     moving = local_motion(t[::stride], rods[::stride], periods(rig)[1], ENERGY.motion)
     if moving is None:
         return None
-
-    def residual(added: Array) -> float:
-        fit = _balance(replace(moving, rods=moving.rods + added), None, rig)
-        return np.inf if fit is None else fit.residual
-
-    return best_zeros(residual, rig)
+    covariance = np.cov(_terms(moving, None, rig), bias=True)
+    return best_zeros(lambda added: _residual(covariance, added), rig)
 
 
 def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = False) -> tuple[float, float]:
@@ -149,36 +155,57 @@ def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = 
     return inner, outer
 
 
-def _balance(moving: LocalMotion, torques: Array | None, rig: Rig) -> EnergyFit | None:
-    near, t, rods, omega = moving.near, moving.t, moving.rods, moving.omega
+def _terms(moving: LocalMotion, torques: Array | None, rig: Rig) -> Array:
+    """(m, k) terms of the balance with the values of the rig file, in J.
+
+    They are both kinetic energies, d w1 w2 and e1 and e2 times cosine and sine of their angles, the four losses and,
+    with known torques, minus their work.
+    """
+    t, (th1, th2), (w1, w2) = moving.t, moving.rods.T, moving.omega.T
     a, b, d, e1, c1, c2 = mounted_base(rig, rig.nominal).tolist()
-    (th1, th2), (w1, w2) = rods.T, omega.T
-    kinetic = np.array([a * w1**2 / 2, b * w2**2 / 2, d * np.cos(th1 - th2) * w1 * w2])
-    potential = np.array([e1 * np.cos(th1), d * rig.g / rig.L1 * np.cos(th2)])
-    weight = e1 + d * rig.g / rig.L1
-    gained = [_integral(t, c1 * w1**2), _integral(t, c2 * (w2 - w1) ** 2)]
-    gained += [_integral(t, weight * np.abs(w)) for w in (w1, w2 - w1)]
-    if torques is not None:
-        gained.append(-_integral(t, (torques[near] * np.column_stack([w1, w2 - w1])).sum(axis=1)))
-    size = float(np.std(potential.sum(axis=0)))
+    e2, mixed = d * rig.g / rig.L1, d * w1 * w2
+    weight = e1 + e2
+    losses = (c1 * w1**2, c2 * (w2 - w1) ** 2, weight * np.abs(w1), weight * np.abs(w2 - w1))
+    work = [] if torques is None else [-(torques[moving.near] * np.column_stack([w1, w2 - w1])).sum(axis=1)]
+    return np.array(
+        [
+            a * w1**2 / 2,
+            b * w2**2 / 2,
+            *(mixed * np.cos(th1 - th2), mixed * np.sin(th1 - th2)),
+            *(e1 * np.cos(th1), e1 * np.sin(th1)),
+            *(e2 * np.cos(th2), e2 * np.sin(th2)),
+            *(_integral(t, power) for power in (*losses, *work)),
+        ]
+    )
+
+
+def _residual(covariance: Array, added: Array) -> float:
+    """Rms error of the balance with coefficients within bounds, relative to the potential energy; infinite without it.
+
+    At other zeros, cosine and sine of an angle are linear combinations of those given, so that the covariance of the
+    terms is enough.
+
+    Args:
+        covariance: (m, m) of `_terms`
+        added: (2,) angles added to both rods, rad
+    """
+    inner, outer = added.tolist()
+    driven = len(covariance) - 12
+    columns, target, potential = np.zeros((len(covariance), 7 + driven)), *np.zeros((2, len(covariance)))
+    columns[[0, 1], [0, 1]] = 1.0
+    columns[2:4, 2] = math.cos(inner - outer), -math.sin(inner - outer)
+    columns[6:8, 2] = potential[6:8] = math.cos(outer), -math.sin(outer)
+    columns[8:, 3:] = np.eye(4 + driven)
+    target[4:6] = -math.cos(inner), math.sin(inner)
+    potential -= target
+    size = float(potential @ covariance @ potential)
     if not size > 0:
-        return None
-    columns = np.column_stack([kinetic[0], kinetic[1], kinetic[2] + potential[1], *gained])
-    columns, target = columns - columns.mean(axis=0), potential[0].mean() - potential[0]
-    residual = _bounded(columns / size, target / size)
-    losses = np.array(gained[:4]) if torques is None else np.zeros((0, len(t)))
-    scale = _time_scale(kinetic.sum(axis=0), potential.sum(axis=0), losses)
-    return EnergyFit(residual, scale, float(np.sqrt(np.mean(kinetic.sum(axis=0)) / size)))
-
-
-def _bounded(columns: Array, target: Array) -> float:
-    """Rms residual of a fit within the bounds, columns scaled by the values of the rig file."""
-    driven = columns.shape[1] - 7
+        return np.inf
+    H, gradient = (columns.T @ covariance @ x / size for x in (columns, target))
     least = [1 / ENERGY.slack] * 3 + [0.0] * 4 + [1 / ENERGY.slack] * driven
     most = [ENERGY.slack] * 3 + [ENERGY.friction] * 2 + [ENERGY.dry] * 2 + [ENERGY.slack] * driven
-    H = columns.T @ columns
-    x = bounded_solution(H + RIDGE * np.trace(H) * np.eye(len(H)), columns.T @ target, np.array(least), np.array(most))
-    return float(np.sqrt(np.mean((columns @ x - target) ** 2)))
+    x = bounded_solution(H + RIDGE * np.trace(H) * np.eye(len(H)), gradient, np.array(least), np.array(most))
+    return math.sqrt(max(float(target @ covariance @ target) / size + x @ H @ x - 2 * x @ gradient, 0.0))
 
 
 def _integral(t: Array, power: Array) -> Array:

@@ -14,7 +14,7 @@ from dpr_lab.identification.misread.energy import SETTINGS as ENERGY
 from dpr_lab.identification.misread.energy import energy_rise
 from dpr_lab.identification.misread.readings import Misreading, other_zeros, readings
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
-from dpr_lab.identification.ratio_fit import RatioFit, short_fit
+from dpr_lab.identification.ratio_fit import RatioFit, first_fit, short_fit
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.shown import percent
@@ -30,6 +30,12 @@ class MisreadSettings:
     """Examined duration of each run, s; a wrong interpretation is wrong from the start."""
     tried_s: float = 2.5
     """Examined duration of each run in the test of other interpretations, s."""
+    screened_s: float = 1.0
+    """Duration of the first run to which another interpretation is fitted first, s."""
+    worse: float = 3.0
+    """Factor by which chi2 of this part must exceed the largest one of interest of all runs; the noise of a part is
+    estimated from fewer readings.
+    """
     suspicious: float = 0.02
     """Residual over the standard deviation of the angle. Free rods reach 2e-4 for a clean plant, 0.002 and 0.065
     for rigs with much friction; wrong interpretations of a clean plant start at 0.05.
@@ -136,7 +142,7 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
         ]
         return SecondLook(tuple(tried), 0.0)
     passive = np.isfinite(first) and all(run.inner is None for run in runs)
-    return SecondLook((), energy_rise(_preprocessed(runs, rig), rig) if passive else 0.0)
+    return SecondLook((), energy_rise(_preprocessed(runs, rig, SETTINGS.looked_at_s), rig) if passive else 0.0)
 
 
 def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
@@ -169,8 +175,7 @@ def better_readings(
         good = good or [
             (reading, other)
             for reading, other in _otherwise(tried, runs, rig, limit)
-            if other.chi2_per_dof < limit / max(reading.time_factor, 1.0) ** 4
-            and residual(other) < SETTINGS.suspicious
+            if residual(other) < SETTINGS.suspicious
             and other.chi2_per_dof * _larger_noise(reading, runs, rig) ** 2 < max(limit, chi2_per_dof / SETTINGS.better)
         ]
     good = sorted(good, key=lambda pair: pair[1].chi2_per_dof)
@@ -215,7 +220,10 @@ def impossible(ratios: Array, rig: Rig) -> str:
 def fitted(
     runs: Sequence[Run], rig: Rig, *, quick: bool = False, worst: float = np.inf, time_factor: float = 1.0
 ) -> RatioFit | None:
-    """Fit of the rods without effects to the beginning of each run; None if the fit has no finite result.
+    """Fit of the rods without effects to the beginning of each run.
+
+    None if the fit has no finite result, or if a part of the first run alone has a chi2 far above `worst`. A part of
+    the segments has at most the chi2 of all, because its ratios need to fit nothing else.
 
     Args:
         runs: the runs in one interpretation
@@ -225,14 +233,28 @@ def fitted(
         time_factor: by which the times were multiplied; slower swings are fitted over a longer time, to the same
         samples
     """
+    iterations = SETTINGS.iterations if quick else SETTINGS.thorough
+    longer = float(np.clip(time_factor, 1.0, 2.0))
     with np.errstate(all="ignore"):
         try:
-            prepared = _preprocessed(runs, rig, thinned=quick, longer=float(np.clip(time_factor, 1.0, 2.0)))
-            iterations = SETTINGS.iterations if quick else SETTINGS.thorough
+            if np.isfinite(worst) and _hopeless(runs, rig, worst, longer):
+                return None
+            prepared = _preprocessed(runs, rig, longer * (SETTINGS.tried_s if quick else SETTINGS.looked_at_s), quick)
             ratio_fit = short_fit(rig.nominal, prepared, rig, iterations=iterations, settings=GAUSS_NEWTON, worst=worst)
         except np.linalg.LinAlgError:
             return None
     return ratio_fit if np.isfinite(ratio_fit.chi2_per_dof) else None
+
+
+def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> bool:
+    """Whether the chi2 of a part of the first run alone exceeds that of all runs with a reduced chi-square `worst`."""
+    try:
+        part = _preprocessed(runs[:1], rig, longer * SETTINGS.screened_s, thinned=True)
+    except RunError:  # too short a part
+        return False
+    first = first_fit(rig.nominal, part, rig, iterations=SETTINGS.iterations, settings=GAUSS_NEWTON)
+    shares = len(runs) * SETTINGS.tried_s / SETTINGS.screened_s
+    return first.chi2_per_dof > SETTINGS.worse * shares * worst
 
 
 def residual(ratio_fit: RatioFit) -> float:
@@ -255,19 +277,17 @@ def _otherwise(
         read = [reading.read(run) for run in runs]
         if all(run_read is None for run_read in read):
             continue
+        alike, factor = [run_read or run for run_read, run in zip(read, runs, strict=True)], reading.time_factor
+        worst = limit / max(factor, 1.0) ** 4
         try:
-            alike, factor = [run_read or run for run_read, run in zip(read, runs, strict=True)], reading.time_factor
-            other = fitted(alike, rig, quick=True, worst=limit, time_factor=factor)
+            other = fitted(alike, rig, quick=True, worst=worst, time_factor=factor)
         except RunError:  # without motion or samples in this interpretation
             continue
-        if other is not None and not impossible(other.ratios, rig):
+        if other is not None and other.chi2_per_dof < worst and not impossible(other.ratios, rig):
             yield reading, other
 
 
-def _preprocessed(
-    runs: Sequence[Run], rig: Rig, *, thinned: bool = False, longer: float = 1.0
-) -> list[PreprocessedRun]:
-    seconds = longer * (SETTINGS.tried_s if thinned else SETTINGS.looked_at_s)
+def _preprocessed(runs: Sequence[Run], rig: Rig, seconds: float, thinned: bool = False) -> list[PreprocessedRun]:
     slow = [_slowness(run, rig) for run in runs]
     return [
         preprocess(_beginning(run, times * seconds), rig, _decimation(run, times) if thinned else 1)
