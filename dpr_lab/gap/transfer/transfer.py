@@ -5,12 +5,12 @@ The selected set and the set without one effect are fitted to the same runs and 
     d_s = chi2_s(without) - chi2_s(with)
 
 for each segment s, with neighbouring segments grouped, an effect carries over to held-out data under three conditions:
-d is significantly positive (by its sum or by its signed ranks); d is significantly negative in no run; and the effect
-closes at least half of the share of the gap that it closes in the fitted recordings. Effects that worsen the free runs,
-of held-out runs if there are any, are not confirmed. An effect that does not carry over explains the fitted recordings
-only. If there is a single release, its quarters are held out in turn, and an effect that fails is not withdrawn, but
-not sure either. Fewer segments than quarters predict nothing from each other: nothing is then refuted, and nothing is
-sure.
+d is significantly positive (by its sum or by its signed ranks); d is significantly negative in no run; and the share of
+the gap that the effect closes is not significantly below half of that in the fitted recordings. Effects that worsen the
+free runs, of held-out runs if there are any, are not confirmed. An effect that does not carry over explains the fitted
+recordings only. If there is a single release, its quarters are held out in turn, and an effect that fails is not
+withdrawn, but not sure either. Fewer segments than quarters predict nothing from each other: nothing is then refuted,
+and nothing is sure.
 
 The sum alone has little power if the reduction is largest in a few segments, because its scatter is then as large as
 the sum. The signed ranks detect a reduction in all segments.
@@ -48,7 +48,9 @@ class TransferSettings:
     beyond_chance: float = NORMAL_Q90
     """Standard errors of a sum of reductions: exceeded by chance in one of twenty cases."""
     kept: float = 0.5
-    """Minimum ratio of the share closed on held-out data to the share closed in the fitted recordings."""
+    """Minimum ratio of the share closed on held-out data to the share closed in the fitted recordings; an effect whose
+    interval reaches it is not refuted.
+    """
     gap_from: float = 0.25
     """Ratio of excess chi2 to that of the noise from which a share is determined by the effect, not by the noise."""
     unproven: float = 0.5
@@ -167,7 +169,10 @@ def transfer(
 
     def carries_over(name: str, smaller: Hypothesis) -> bool:
         helps = _helps(test, chi2[name] - chosen)
-        return helps and _keeps(above_noise[name], noise, smaller, selection.chosen, least_kept)
+        if not helps or above_noise[name][0].sum() < TRANSFER.gap_from * noise.sum():
+            return helps
+        kept = least_kept * _share_of_fitted(smaller, selection.chosen)
+        return reduction(above_noise[name], rng, test.block).interval90[1] >= kept
 
     failed = tuple(
         name for name, smaller in selection.without_substitute.items() if tested and not carries_over(name, smaller)
@@ -259,16 +264,13 @@ def _helps(test: OutOfSample, reductions: Array) -> bool:
 
 def _of_fitted(closed: GapReduction, selection: Selection) -> float:
     """Share of the gap closed on held-out data, relative to that in the fitted recordings; of all effects together."""
-    excess = np.array([[selection.base.residuals.excess], [selection.chosen.residuals.excess]])
-    return float(np.clip(closed.estimate / max(share(excess), TRANSFER.kept), 0.0, 1.0))
+    fitted = _share_of_fitted(selection.base, selection.chosen)
+    return float(np.clip(closed.estimate / max(fitted, TRANSFER.kept), 0.0, 1.0))
 
 
-def _keeps(above: Array, noise: Array, smaller: Hypothesis, chosen: Hypothesis, least_kept: float) -> bool:
-    """Whether an effect closes a similar share as in the fitted recordings; (2, segments) chi2 above the noise."""
-    if above[0].sum() < TRANSFER.gap_from * noise.sum():
-        return True
-    fitted = np.array([[smaller.residuals.excess], [chosen.residuals.excess]])
-    return share(above) >= least_kept * share(fitted)
+def _share_of_fitted(smaller: Hypothesis, chosen: Hypothesis) -> float:
+    """Share of the gap of a smaller set that the chosen one closes in the fitted recordings."""
+    return share(np.array([[smaller.residuals.excess], [chosen.residuals.excess]]))
 
 
 def _signed_rank(reductions: Array, block: int) -> float:
