@@ -171,8 +171,8 @@ def transfer(
         helps = _helps(test, chi2[name] - chosen)
         if not helps or above_noise[name][0].sum() < TRANSFER.gap_from * noise.sum():
             return helps
-        kept = least_kept * _share_of_fitted(smaller, selection.chosen)
-        return reduction(above_noise[name], rng, test.block).interval90[1] >= kept
+        least = least_kept * _share_of_fitted(smaller, selection.chosen)
+        return reduction(above_noise[name], rng, test.block).interval90[1] >= least
 
     failed = tuple(
         name for name, smaller in selection.without_substitute.items() if tested and not carries_over(name, smaller)
