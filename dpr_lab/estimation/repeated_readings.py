@@ -34,6 +34,10 @@ class RepeatSettings:
     """Ratio of the time between bursts to that between the rows of a burst."""
     even: float = 0.2
     """Maximum relative deviation of the times between bursts from their median, at both quartiles."""
+    lasting: float = 0.2
+    """Maximum median duration of a burst, in units of the time between bursts: a logger that pauses regularly records
+    new readings between its pauses.
+    """
     rows: float = 2.0
     """Minimum mean number of rows of a burst."""
     bursts: int = 5
@@ -77,7 +81,8 @@ def _bursts(t: Array) -> tuple[NDArray[np.intp], bool]:
     apart = np.diff(t[middle])
     low, usual, high = np.quantile(apart, [0.25, 0.5, 0.75])
     even = high - usual <= SETTINGS.even * usual and usual - low <= SETTINGS.even * usual
-    return middle, bool(even)
+    short = np.median(t[edges[1:] - 1] - t[edges[:-1]]) <= SETTINGS.lasting * usual
+    return middle, bool(even and short)
 
 
 def _held(again: NDArray[np.bool_], columns: Sequence[Array]) -> bool:

@@ -44,3 +44,11 @@ def test_gaps_of_a_recording_are_no_bursts() -> None:
     t = np.delete(T, [*range(30, 60), *range(100, 105), *range(150, 190)])
     kept, note = new_readings(t, [swing(t)])
     assert (len(kept), note) == (len(t), "")
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 200.0, 1000.0])
+def test_a_logger_that_pauses_once_a_second_records_no_bursts(rate_hz: float) -> None:
+    t = np.arange(0.0, 12.0, 1 / rate_hz)
+    t = t[t % 1.0 > 12 / rate_hz]
+    kept, note = new_readings(t, [swing(t)])
+    assert (len(kept), note) == (len(t), "")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import IdentificationError
+from dpr_lab.estimation.arm_motion import arm_motion
 from dpr_lab.identification.identify import identify
 from dpr_lab.identification.misread.energy import SETTINGS as ENERGY
 from dpr_lab.identification.misread.energy import energy_rise
@@ -194,6 +195,24 @@ def test_zeros_that_are_anywhere_are_named_with_their_offset(swings, paper: Rig,
 def test_an_arm_that_moves_but_is_given_as_clamped_is_named(on_a_moving_arm, paper: Rig) -> None:
     with pytest.raises(IdentificationError, match=r"the arm moves .*--arm prescribed"):
         refuse_misread(on_a_moving_arm, paper)
+
+
+@pytest.mark.slow
+def test_rods_that_turn_against_the_arm_are_named(paper: Rig) -> None:
+    plant = load_plant("paper", 5).model_copy(update={"arm": ArmConfig(mode="free", J0=0.05, c0=0.02, k0=1.0)})
+    turned = [replace(run, theta=run.theta * [-1.0, 1.0, 1.0]) for run in record(plant, paper, 3.0, 500)]
+    prescribed = [replace(run, arm=arm_motion(run.t, run.theta[:, 0], run.name), counts=None) for run in turned]
+    with pytest.raises(IdentificationError, match=r"in the opposite direction to the arm .*--scale theta0=-1"):
+        refuse_misread(prescribed, paper)
+
+
+def test_a_single_rod_has_no_sign_against_another(paper: Rig) -> None:
+    signs = [
+        {reading.cause for reading in readings(rig) if "sign is" in reading.cause}
+        for rig in (paper, paper.with_rods("inner"))
+    ]
+    assert any(cause.startswith("one rod's sign") for cause in signs[0])
+    assert not any(cause.startswith("one rod's sign") for cause in signs[1])
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds .*--time-unit ms"), (1e-3, "--time-unit s")])

@@ -47,7 +47,8 @@ ZEROS = ZeroSettings()
 
 def readings(rig: Rig) -> tuple[Misreading, ...]:
     """All other interpretations to try for the runs of a rig."""
-    of_encoders = (replace(reading, read=_of_encoders(reading)) for reading in (*_ANGLES, *_scaled(rig)))
+    signs = (_AGAINST_ARM,) if rig.rods.mounted != "both" else (_AGAINST_ARM, _ONE_SIGN)
+    of_encoders = (replace(reading, read=_of_encoders(reading)) for reading in (*signs, *_ANGLES, *_scaled(rig)))
     return (*_OF_POINTS_TOO, *of_encoders, *_TIMES, *_TORQUES, _arm(rig))
 
 
@@ -104,16 +105,22 @@ _OF_POINTS_TOO = (
 )
 """Interpretations of angles that also apply to points in a picture."""
 
+_ONE_SIGN = _of_angles(
+    "one rod's sign is reversed (import absolute angles with --scale theta2=-1, or correct direction in [encoders])",
+    lambda inner, outer: (-inner, outer),
+)
+
+_AGAINST_ARM = Misreading(
+    "the rods turn in the opposite direction to the arm (import with --scale theta0=-1, or correct direction in"
+    " [encoders])",
+    lambda run: None if run.arm is None else replace(run, theta=run.theta * [1.0, -1.0, -1.0], counts=None),
+)
+
 _ANGLES = (
     _of_angles(
         "the zero of joint 2 is in the opposite direction (add half a turn to theta2 with --offset, or correct"
         " zero_counts)",
         lambda inner, outer: (inner, outer + np.pi),
-    ),
-    _of_angles(
-        "one rod's sign is reversed (import absolute angles with --scale theta2=-1, or correct direction in"
-        " [encoders])",
-        lambda inner, outer: (-inner, outer),
     ),
     _of_angles(
         "the sign of joint 2 is reversed (import relative angles with --scale theta2=-1, or correct direction in"

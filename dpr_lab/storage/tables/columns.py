@@ -126,9 +126,12 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
     if missing:
         rate = "; for a table without time give --rate-hz" if "t" in missing else ""
         needed = "" if NO_ROD in names else "; both rods are needed"
+        unnamed = all(_NO_NAME.fullmatch(name) for name in names if name != NO_ROD)
+        points = "; for points of a film add a first line with their names, for example t,x,y" if unnamed else ""
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {available}."
             f" Name it, for example --columns {','.join(f'{quantity}=NAME' for quantity in missing)}{needed}{rate}"
+            f"{points}"
         )
     other = [name for name in named.values() if name in table.other_lengths]
     if other:

@@ -190,9 +190,16 @@ def _names(early: list[list[str]], comments: Sequence[Line], delimiter: str | No
     """Names of the columns: from the rows above the numbers, otherwise from the last comment, otherwise numbers."""
     if not early:
         return _commented_header(comments, delimiter, width)
-    wide = [row for row in early if len(row) == width]
+    wide = [row for row in early if len(row) == width] or _otherwise_separated(early, delimiter, width)
     # There may be names of groups above the names of columns.
     return next((row for row in wide if all(row)), (wide or early[-1:])[0])
+
+
+def _otherwise_separated(early: list[list[str]], delimiter: str | None, width: int) -> list[list[str]]:
+    """Rows of names whose delimiter is not that of the numbers, with one name for each column."""
+    lines = [(delimiter or " ").join(row) for row in early]
+    split = [line.split(other) for line in lines for other in (*DELIMITERS, None)]
+    return [names for names in split if len(names) == width]
 
 
 def _trimmed(row: list[str], width: int) -> list[str]:

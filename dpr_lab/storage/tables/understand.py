@@ -28,8 +28,8 @@ from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
 from dpr_lab.storage.tables.plausible import PLAUSIBLE, check_spacing, gap_notes, outliers, recorded_by_stamps
 from dpr_lab.storage.tables.questions import questions, refuse_push
 from dpr_lab.storage.tables.readings import TO_RADIANS, angles, wrap_notes
-from dpr_lab.storage.tables.rounded_times import even_times
 from dpr_lab.storage.tables.table import Table
+from dpr_lab.storage.tables.time_stamps import even_times, stamps_at_gaps
 from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, held_torque, torque_column
 
 
@@ -106,6 +106,8 @@ def understand(
     t, rounded = even_times(t, readings)
     unrecorded += [rounded] if rounded else []
     outliers = _drop_outliers(readings, rig, options)
+    t, misplaced = stamps_at_gaps(t, {axis: _unwrapped(column, options) for axis, column in readings.items()})
+    unrecorded += [misplaced] if misplaced else []
     recorded = [
         name
         for name, column in zip(table.names, table.values, strict=True)
@@ -278,9 +280,16 @@ def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> 
 
 def _scaled(column: NDArray[np.float64], axis: str, options: ImportOptions) -> NDArray[np.float64]:
     """A column of readings with wraps removed, multiplied by the scale and shifted by the offset."""
-    if options.wrap is not None:
-        column = np.unwrap(column, period=options.wrap)
-    return column * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)
+    return _unwrapped(column, options) * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)
+
+
+def _unwrapped(column: NDArray[np.float64], options: ImportOptions) -> NDArray[np.float64]:
+    """A column with its wraps removed; missing values remain missing."""
+    if options.wrap is None:
+        return column
+    known, turned = np.isfinite(column), column.copy()
+    turned[known] = np.unwrap(column[known], period=options.wrap)
+    return turned
 
 
 def _recorded(

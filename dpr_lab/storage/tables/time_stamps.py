@@ -1,0 +1,140 @@
+"""Faults of time stamps that the readings reveal: too few digits, and stamps on the wrong side of a gap.
+
+Too few digits, as of a spreadsheet that shows three: several rows share one time. If the rows are evenly spaced, their
+number determines the times: t_i = t_0 + i T, and each written time differs from t_i by at most half of its resolution,
+apart from a constant. Rows of an uneven logger, or lost rows, violate this.
+
+Stamps at gaps: a logger that pauses, for example while it writes to a card, may take the stamp of a row before the
+pause and its reading after it, or the opposite. The reading then continues the motion on the other side of the gap.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class StampSettings:
+    """Limits from which stamps are rounded, or on the wrong side of a gap."""
+
+    shared: float = 0.1
+    """Minimum share of rows with the time of the row before but other readings."""
+    slack: float = 1.2
+    """Maximum range of the deviations from an even spacing, in units of the resolution; exact arithmetic gives 1."""
+    times: int = 10
+    """Minimum number of different times."""
+    digits: int = 6
+    """Maximum number of significant digits of a rounded time."""
+    gap_steps: float = 3.0
+    """Minimum length of a gap, in median steps: at a shorter one both instants are nearly the same."""
+    fitted: int = 6
+    """Rows on one side of a gap whose parabola predicts the next reading."""
+    usual: float = 0.95
+    """Quantile of the errors of such predictions elsewhere in the table, their usual size."""
+    misfit: float = 4.0
+    """Minimum error of a reading at its stamp, in units of the usual size, in at least one column."""
+    fit: float = 2.0
+    """Maximum error on the other side of the gap, in units of the usual size, in all columns."""
+
+
+SETTINGS = StampSettings()
+
+
+def shares_times(t: Array, readings: Mapping[str, Array]) -> NDArray[np.bool_]:
+    """(n - 1,) whether a row has the time of the previous row but different readings."""
+    changed = np.logical_or.reduce([np.diff(column) != 0 for column in readings.values()])
+    return np.asarray(changed & (np.diff(t) == 0))
+
+
+def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
+    """Times of evenly spaced rows whose written times are rounded, and a note; other times are returned unchanged.
+
+    Args:
+        t: (n,) s, not decreasing
+        readings: (n,) of each axis
+    """
+    steps = np.diff(t)
+    known = bool(np.isfinite(t).all())
+    if not known or shares_times(t, readings).sum() <= SETTINGS.shared * len(t):
+        return t, ""
+    if np.count_nonzero(steps) < SETTINGS.times:
+        return t, ""
+    rows = np.arange(len(t), dtype=np.float64)
+    for resolution in (np.full(len(t), steps[steps > 0].min()), _of_digits(t)):
+        spacing, first = np.polyfit(rows, t, 1, w=1 / resolution).tolist()
+        if np.ptp((t - first - spacing * rows) / resolution) <= SETTINGS.slack:
+            note = (
+                f"several rows share one time: its resolution is {resolution.max():g} s. The rows are evenly spaced to"
+                f" within it, at {1 / spacing:.5g} Hz, so their number determines the times"
+            )
+            return first + spacing * rows, note
+    return t, ""
+
+
+def _of_digits(t: Array) -> Array:
+    """(n,) resolution of times with the fewest significant digits that represent all of them, at most `digits`, s."""
+    decade = np.floor(np.log10(np.maximum(np.abs(t), np.finfo(np.float64).tiny)))
+    digits = next(
+        (n for n in range(1, SETTINGS.digits) if np.allclose(t, _rounded(t, 10.0 ** (decade + 1 - n)), rtol=1e-9)),
+        SETTINGS.digits,
+    )
+    return np.asarray(10.0 ** (decade + 1 - digits))
+
+
+def _rounded(t: Array, resolution: Array) -> Array:
+    return np.round(t / resolution) * resolution
+
+
+def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
+    """Times with stamps beside gaps moved to the side whose motion the reading continues, and a note.
+
+    The reading beside a gap is predicted from both sides, each by the parabola through the nearest rows.
+
+    Args:
+        t: (n,) s, increasing where known
+        readings: (n,) of each axis, unwrapped
+    """
+    values = np.stack(list(readings.values()), axis=1)
+    rows = np.flatnonzero(np.isfinite(t) & np.isfinite(values).all(axis=1))
+    time, x = t[rows].copy(), values[rows]
+    steps, n = np.diff(time), SETTINGS.fitted
+    if len(rows) < 4 * n:
+        return t, ""
+    step = float(np.median(steps))
+    errors = np.stack([_error(time, x, slice(i - n, i), i, time[i]) for i in range(n, len(rows))])
+    usual = np.maximum(np.quantile(np.abs(errors), SETTINGS.usual, axis=0), np.finfo(np.float64).tiny)
+    moved = []
+    for gap in np.flatnonzero(steps > SETTINGS.gap_steps * step):
+        for row, own, other, instant in (
+            (gap, slice(gap - n, gap), slice(gap + 1, gap + 1 + n), time[gap + 1] - step),
+            (gap + 1, slice(gap + 2, gap + 2 + n), slice(gap + 1 - n, gap + 1), time[gap] + step),
+        ):
+            if min(own.start, other.start) < 0 or max(own.stop, other.stop) > len(rows):
+                continue
+            at_stamp = np.abs(_error(time, x, own, row, time[row])) / usual
+            beyond = np.abs(_error(time, x, other, row, instant)) / usual
+            if at_stamp.max() >= SETTINGS.misfit and beyond.max() <= SETTINGS.fit:
+                moved.append((int(rows[row]), float(instant)))
+                break
+    corrected = t.copy()
+    for row, instant in moved:
+        corrected[row] = instant
+    if not moved:
+        return t, ""
+    first, instant = moved[0]
+    return corrected, (
+        f"stamps on the wrong side of a gap: {len(moved)}; these readings continue the motion on the other side and"
+        f" are moved there, the first from {t[first]:.7g} to {instant:.7g} s"
+    )
+
+
+def _error(t: Array, x: Array, fitted: slice, row: int, instant: float) -> Array:
+    """(columns,) difference of the readings of a row from the parabola through other rows, at an instant."""
+    scale = max(float(np.ptp(t[fitted])), np.finfo(np.float64).tiny)
+    u = (t[fitted] - instant) / scale
+    parabola = np.linalg.lstsq(np.stack([np.ones_like(u), u, u**2], axis=1), x[fitted], rcond=None)[0]
+    return np.asarray(x[row] - parabola[0])
