@@ -1,10 +1,11 @@
-"""A vibration at a multiple of the frequency of a swing is no evidence of a vibration."""
+"""Effects that follow a single swing: a vibration at a multiple of its frequency, a drift along its decay."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import effect_params
@@ -52,3 +53,43 @@ def test_an_eccentric_encoder_is_not_called_a_vibration(tmp_path: Path) -> None:
     theta[:, 1] += 6e-3 * np.cos(2 * theta[:, 1])
     found = diagnose([replace(runs[1], theta=theta)], rig)
     assert found.probabilities["encoder_eccentricity_joint1"] > 0.9
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_air_drag_is_not_called_a_drift_of_friction_after_one_release(tmp_path: Path, seed: int) -> None:
+    """Along one release the amplitude falls with time, so that a loss which depends on speed looks like a drift."""
+    rng = np.random.default_rng(seed)
+    rod = one_rod.Rod(
+        length=float(rng.uniform(0.2, 0.5)),
+        dry=2e-4,
+        damping=float(rng.uniform(3e-3, 8e-3)),
+        drag=float(rng.uniform(4e-3, 12e-3)),
+        offset=-8e-4,
+        noise=8e-4,
+        counts=2400,
+    )
+    rig, runs = one_rod.recorded(rod, seed, tmp_path)
+    found = diagnose(runs[:1], rig)
+    assert found.probabilities["air_drag_both"] > 0.8
+    assert found.probabilities.get("friction_drift_joint1", 0.0) < 0.2
+
+
+@pytest.mark.slow
+def test_a_drift_of_friction_that_drag_cannot_imitate_is_named(tmp_path: Path) -> None:
+    rod = one_rod.Rod(dry=2e-4, damping=6e-3, offset=-8e-4, noise=8e-4, counts=2400)
+    rig, runs = one_rod.recorded(rod, 1, tmp_path)
+    (run, *_), rng = runs, np.random.default_rng(1)
+    t, w = run.swing.t, rod.frequency
+
+    def drifting(now: float, x: np.ndarray) -> list[float]:
+        return [x[1], -(w**2) * np.sin(x[0]) - 2 * rod.damping * w * (1 - 0.05 * now) * x[1]]
+
+    angle = solve_ivp(drifting, (0.0, t[-1]), [run.swing.theta[0, 1] - np.pi, 0.0], t_eval=t, rtol=1e-9, atol=1e-11).y[
+        0
+    ]
+    step = 2 * np.pi / rod.counts
+    reading = np.pi + np.round((angle + rng.normal(0.0, 3e-4, len(t))) / step) * step
+    theta = run.theta.copy()
+    theta[:, 1:] = np.concatenate([np.full(len(run.t) - len(t), reading[0]), reading])[:, None]
+    found = diagnose([replace(run, theta=theta, counts=None)], rig)
+    assert found.probabilities["friction_drift_joint1"] > 0.9

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import astuple, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from dpr_lab.gap.transfer.transfer import Transfer, worse_free_run
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.shown import percent
+from tests import one_rod
 
 Recorded = Callable[..., list[Run]]
 
@@ -178,3 +180,18 @@ def test_held_out_pieces_of_a_single_recording_are_not_called_runs() -> None:
     cut = Transfer("held-out runs", True, closed, 1.0, (), {}, {"swing 10-19 s": closed}, {}, (), (), (), None)
     assert how_far(cut).startswith("On held-out pieces of the recording the gap closes by 51 %")
     assert how_far(replace(cut, held_out={"other": closed})).startswith("On held-out runs the gap")
+
+
+@pytest.mark.parametrize("length", [0.29, 0.52])
+def test_a_held_out_recording_of_a_rod_of_another_length_is_named_as_such(tmp_path: Path, length: float) -> None:
+    """Its phase is lost within one swing, so that no long segment shows the other length."""
+    steady = one_rod.Rod(dry=2e-4, noise=1e-3, counts=2400)
+    rig, runs = one_rod.recorded(steady, 1, tmp_path)
+    other = one_rod.recorded(replace(steady, length=length), 2, tmp_path)[1][0]
+    found = diagnose(runs[1:], rig, held_out=replace(other, name="after"))
+    assert found.gap.budget is not None
+    changed = found.gap.budget.changed_ratio
+    assert changed is not None
+    of_fitted, of_other = changed.values[runs[1].name], changed.values["after"]
+    assert of_other / of_fitted == pytest.approx(steady.length / length, rel=0.1)
+    assert any("differ in e1/a" in note and "diagnose them separately" in note for note in found.notes)

@@ -50,7 +50,7 @@ def test_stamps_on_the_wrong_side_of_a_gap_are_moved(seed: int, side: str) -> No
 
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("rate_hz", [50.0, 200.0])
-def test_right_stamps_beside_gaps_are_kept(seed: int, rate_hz: float) -> None:
+def test_right_stamps_next_to_gaps_are_kept(seed: int, rate_hz: float) -> None:
     t, counts, before = paused(seed, rate_hz)
     assert len(before) == 5
     assert stamps_at_gaps(t, {"theta1": counts}) == (pytest.approx(t, abs=0.0), "")

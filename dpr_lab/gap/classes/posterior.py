@@ -35,6 +35,7 @@ from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
     at_noise_floor,
+    follows_decay,
     follows_remainder,
     form_indifference,
     indifference,
@@ -71,6 +72,10 @@ class Calibration:
     """Probability of the result if there is no gap, or no effect that explains it."""
     outside_when_closed: float = 0.02
     """Probability of a cause outside the library if only noise remains."""
+    drifting: float = 0.1
+    """Prior odds of a friction drift against a loss that depends on speed, where a single release cannot separate them:
+    every rod has air drag.
+    """
     unseen: float = 0.5
     """Probability of no gap if most effects are undetectable in the recordings: close to zero."""
     least_left: float = 1e-6
@@ -157,6 +162,7 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
     )
     scaled = -added_cost / (2 * chosen.residuals.inflation * calibration.temperature)
     weights = np.exp(np.clip(scaled, -NEGLIGIBLE, NEGLIGIBLE))
+    weights[1:-1] *= [_prior_odds(selection, without, alternative, calibration) for alternative in alternatives]
     of_outside = outside(selection, name, calibration, members=indistinguishable)
     weights *= (1 - of_outside) / weights.sum()
     return EffectPosterior(
@@ -170,6 +176,13 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
         odds=tuple((prior / prior.sum()).tolist()),
         outside=of_outside,
     )
+
+
+def _prior_odds(selection: Selection, without: Hypothesis, alternative: Alternative, calibration: Calibration) -> float:
+    """Prior odds of an alternative against the named effect: a drift that one release cannot separate is rare."""
+    instead = selection.fitted.get(without.key | {alternative.name})
+    drifts = instead is not None and follows_decay(selection.base, instead, selection.chosen)
+    return calibration.drifting if drifts else 1.0
 
 
 def _added_cost(selection: Selection, name: str, alternative: Alternative) -> float:
@@ -192,7 +205,7 @@ def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
     if instead is None:
         return False
     if follows_remainder(selection.base, instead, selection.chosen):
-        return True
+        return not follows_decay(selection.base, instead, selection.chosen)
     return with_both is not None and substitute_curve(with_both, instead) == other
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.effects import EFFECTS, without_effect
+from dpr_lab.effects.friction_drift import FRICTION_DRIFT
 from dpr_lab.effects.limits import relative_size
 from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.estimate import (
@@ -61,6 +62,8 @@ class Hypothesis:
     """Effects of `Penalty.curve` amplitudes or more -> their size s, rms of the amplitudes over their limits."""
     on_line: frozenset[str] = frozenset()
     """Vibrations at a multiple of the frequency of the swing."""
+    of_decay: frozenset[str] = frozenset()
+    """Drifts of friction in a single free release, in which amplitude and time cannot be separated."""
 
     @property
     def cost(self) -> float:
@@ -98,7 +101,13 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
     params, limits = fitted.estimate.params, problem.limits
     sizes = {} if limits is None else {name: relative_size(params, limits, name) for name in curves}
     on_line = frozenset(name for name in names if on_swing_line(problem, name, fitted.estimate))
-    return Hypothesis(names, fitted, residuals, loss, sizes, on_line)
+    drifts = frozenset(names) & {effect.name for effect in FRICTION_DRIFT} if _one_decay(problem) else frozenset[str]()
+    return Hypothesis(names, fitted, residuals, loss, sizes, on_line, drifts)
+
+
+def _one_decay(problem: Problem) -> bool:
+    """Whether the recordings are a single free swing."""
+    return len(np.unique(problem.segments.run)) == 1 and all(setup.free for setup in problem.segments.setups)
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:

@@ -117,7 +117,7 @@ def follows_remainder(base: Hypothesis, with_curve: Hypothesis, simple: Hypothes
     The simpler set explains nearly all that the curve explains, the remainder is below the noise, and with the
     remainder as noise the curve is not significant.
     """
-    if follows_swing(base, with_curve, simple):
+    if follows_swing(base, with_curve, simple) or follows_decay(base, with_curve, simple):
         return True
     curves = set(with_curve.curves) - simple.key
     if not curves or not simple.effects or simple.residuals.noise_ratio > 1.0:
@@ -212,3 +212,14 @@ def need(base: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
         return 0.0
     large = growth > THRESHOLDS.large * excess(base)
     return factor / (THRESHOLDS.keeps_if_large if large else THRESHOLDS.keeps)
+
+
+def follows_decay(base: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> bool:
+    """Whether a set has a drift of friction in a single release, and another of the same size explains nearly as much.
+
+    Amplitude falls with time along a release: a loss that depends on speed, as every rod has, looks like a drift.
+    """
+    if not drifting.of_decay - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
+        return False
+    explained = excess(base) - excess(drifting)
+    return excess(base) - excess(other) > THRESHOLDS.nearly_all * explained

@@ -39,7 +39,7 @@ from dpr_lab.gap.hypothesis.residuals import residual_statistics
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.gap_budget import GapBudget, VaryingParameter
-from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.transfer.out_of_sample import block
 from dpr_lab.gap.where.discrepancy import RULES as DISCREPANCY
 from dpr_lab.gap.where.discrepancy import discrepancy_columns
@@ -63,6 +63,8 @@ class RepeatabilityRules:
     """Standard errors of a sum over segments by which free torques must improve the prediction."""
     iterations: int = 8
     """Iterations of the fits to all recordings, including the held-out ones."""
+    far: float = 100.0
+    """Mean square of the weighted residuals of all recordings above which segments are too long for a linear fit."""
     unfollowed: float = 1e300
     """chi2 of a segment whose simulation overflows."""
     singular: float = 1e-9
@@ -141,14 +143,21 @@ def split(
 
 
 def _fitted_to_all(everything: Recordings, known: Problem, *models: Fit) -> tuple[Problem, Fit, Fit]:
-    """The models fitted to all recordings, starting from their fits to the first of them."""
-    problem, initial = everything.cut(everything.working_length)
-    refitted = []
-    for model in models:
-        first = carried(known.segments, model.estimate.initial, problem.segments, initial)
-        estimate = model.estimate.changed(initial=first, zeros=np.zeros((0, 2)))
-        free = tuple(parameter for parameter in model.free if parameter.block != "zeros")
-        refitted.append(fit(problem, estimate, free, iterations=RULES.iterations))
+    """The models fitted to all recordings, starting from their fits to the first of them.
+
+    In long segments, the phases of a recording of a rig that was changed since then are so wrong that the residual is
+    no longer linear in the ratios. Short segments are used for such recordings.
+    """
+    for length in (everything.working_length, LENGTHS.first):
+        problem, initial = everything.cut(length)
+        refitted = []
+        for model in models:
+            first = carried(known.segments, model.estimate.initial, problem.segments, initial)
+            estimate = model.estimate.changed(initial=first, zeros=np.zeros((0, 2)))
+            free = tuple(parameter for parameter in model.free if parameter.block != "zeros")
+            refitted.append(fit(problem, estimate, free, iterations=RULES.iterations))
+        if min(model.chi2 for model in refitted) < RULES.far * problem.read.sum():
+            break
     before, after = refitted
     return problem, before, after
 

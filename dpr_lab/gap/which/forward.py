@@ -14,6 +14,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
     at_noise_floor,
     excess,
     far_from_noise,
+    follows_decay,
     follows_remainder,
     follows_swing,
     significance,
@@ -110,14 +111,15 @@ def _refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
 def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:
     """Sets by the criterion. Sets with an effect of impossible size, or with one that adds too little, come last.
 
-    Two kinds of effects add too little: a curve that follows the remainder, and a vibration at a multiple of the
-    swing's frequency if another effect explains most of the same reduction.
+    Three kinds of effects add too little: a curve that follows the remainder, a vibration at a multiple of the swing's
+    frequency if another effect explains most of the same reduction, and a drift of friction in a single release if
+    another effect explains nearly all of it.
     """
     models = list(models)
 
     def rank(model: Hypothesis) -> tuple[bool, bool, float]:
         little = follows_remainder(sets.bare, model, best) or any(
-            follows_swing(sets.bare, model, other) for other in models
+            follows_swing(sets.bare, model, other) or follows_decay(sets.bare, model, other) for other in models
         )
         return not sets.possible(model), little, model.cost
 

@@ -77,7 +77,8 @@ def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
 
 def _of_digits(t: Array) -> Array:
     """(n,) resolution of times with the fewest significant digits that represent all of them, at most `digits`, s."""
-    decade = np.floor(np.log10(np.maximum(np.abs(t), np.finfo(np.float64).tiny)))
+    size = np.abs(t)
+    decade = np.floor(np.log10(np.where(size > 0, size, size[size > 0].min())))
     digits = next(
         (n for n in range(1, SETTINGS.digits) if np.allclose(t, _rounded(t, 10.0 ** (decade + 1 - n)), rtol=1e-9)),
         SETTINGS.digits,
@@ -90,9 +91,9 @@ def _rounded(t: Array, resolution: Array) -> Array:
 
 
 def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Times with stamps beside gaps moved to the side whose motion the reading continues, and a note.
+    """Times with stamps next to gaps moved to the side whose motion the reading continues, and a note.
 
-    The reading beside a gap is predicted from both sides, each by the parabola through the nearest rows.
+    The reading next to a gap is predicted from both sides, each by the parabola through the nearest rows.
 
     Args:
         t: (n,) s, increasing where known
