@@ -169,3 +169,34 @@ def test_a_column_that_is_named_as_the_angle_is_no_coordinate(tmp_path: Path) ->
     columns = {"t": "x", "theta1": "y"}
     run = import_csv(file, RIG.with_rods("inner"), ImportOptions(unit="deg", zero="hanging", columns=columns))
     np.testing.assert_allclose(run.theta[:, 1], SWING, atol=1e-9)
+
+
+@pytest.mark.parametrize("digits", [4, 7])
+@pytest.mark.parametrize("noise", [0.0, 0.4])
+def test_frames_that_a_tracker_interpolated_are_removed(tmp_path: Path, noise: float, digits: int) -> None:
+    """Tracker fills the frames in which it lost the point by a straight line; the rod seems to stop there."""
+    t = np.arange(0.0, 6.0, 1 / 60)
+    angle = 0.7 * np.exp(-0.05 * t) * np.cos(4.1 * t)
+    rng = np.random.default_rng(5)
+    point = 180.0 * np.column_stack([np.sin(angle), -np.cos(angle)]) + rng.normal(0.0, noise, (len(t), 2))
+    lost = np.zeros(len(t), dtype=bool)
+    for first, last in ((20, 24), (100, 118), (200, 202), (300, 320)):
+        lost[first:last] = True
+    for coordinate in point.T:
+        coordinate[lost] = np.interp(t[lost], t[~lost], coordinate[~lost])
+    file = text(tmp_path / "film.csv", np.column_stack([t, np.round(point, digits)]), head="t,x,y\n")
+    table = read_text(file, ())
+    np.testing.assert_allclose(table.values[0], t[~lost], atol=1e-5)
+    assert any("of the frames are interpolated, on a straight line at equal steps" in note for note in table.notes)
+
+
+@pytest.mark.parametrize("pixel", [1.0, 0.1, 1e-6])
+def test_frames_of_a_complete_film_are_not_called_interpolated(tmp_path: Path, pixel: float) -> None:
+    t = np.arange(0.0, 20.0, 1 / 60)
+    angle = 0.7 * np.exp(-0.05 * t) * np.cos(4.1 * t)
+    rng = np.random.default_rng(6)
+    point = 180.0 * np.column_stack([np.sin(angle), -np.cos(angle)]) + rng.normal(0.0, 0.3, (len(t), 2))
+    table = read_text(
+        text(tmp_path / "film.csv", np.column_stack([t, np.round(point / pixel) * pixel]), head="t,x,y\n"), ()
+    )
+    assert len(table.lines) == len(t)

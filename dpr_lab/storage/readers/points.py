@@ -45,6 +45,12 @@ class PointSettings:
     """Motion in a frame relative to that in the frames before and after it, below which it repeats the frame before."""
     share_of_repeats: float = 0.1
     """Share of such frames from which they are repeated frames: the noise of a slow motion imitates a few."""
+    straight: float = 1e-3
+    """Second difference of a point in units of its median, below which the point is interpolated between others."""
+    fine: float = 20.0
+    """Minimum median of the second differences in units of the resolution of the table: whole pixels lie on straight
+    lines by chance.
+    """
     frames_of_speed: int = 8
     """Ratio of an interval of motion to half the interval over which its speeds are measured."""
     wild: float = 4.0
@@ -67,6 +73,15 @@ _IN_WORDS = re.compile(rf"(?P<axis>[xy]){_WORDS}(?P<point>.+?){_UNIT}", re.I)
 """As "x coordinate of the elbow"."""
 _ANGLE = re.compile(r"theta|(?<![a-z])th(?![a-z])|phi|angle|^q\d|joint")
 _ALONE = re.compile(rf"([xy]){_UNIT}", re.I)
+
+
+_REPEATED = (
+    "repeat the frame before them while the rods move, as in a film that was converted from fewer frames per second"
+)
+_INTERPOLATED = (
+    "are interpolated, on a straight line at equal steps between others, as trackers fill frames in which they lost a"
+    " point"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,18 +172,17 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     pivot, *ends = _chosen(table, points, take)
     rods = [end.at - start.at for start, end in pairwise([pivot, *ends])]
     upside_down = table.kind == PLAIN and _upside_down(rods)
-    if (again := _repeats(ends)).any():
-        table = replace(
-            table,
-            values=tuple(column[~again] for column in table.values),
-            lines=table.lines[~again],
-            notes=(
-                *table.notes,
-                f"{percent(float(again.mean()))} of the frames repeat the frame before them while the rods move, as in"
-                " a film that was converted from fewer frames per second: these frames are removed",
-            ),
-        )
-        rods = [rod[~again] for rod in rods]
+    again, filled = _repeats(ends), _interpolated(ends)
+    removed = [
+        f"{percent(float(mask.mean()))} of the frames {words}: these frames are removed"
+        for mask, words in ((again, _REPEATED), (filled, _INTERPOLATED))
+        if mask.any()
+    ]
+    if removed:
+        real = ~(again | filled)
+        values = tuple(column[real] for column in table.values)
+        table = replace(table, values=values, lines=table.lines[real], notes=(*table.notes, *removed))
+        rods = [rod[real] for rod in rods]
     if upside_down:
         rods = [rod * (1, -1) for rod in rods]
     used = ", ".join(f"{part} {point.name}" for part, point in zip(PARTS[len(ends)], [pivot, *ends], strict=True))
@@ -206,6 +220,27 @@ def _repeats(ends: list[_Point]) -> NDArray[np.bool_]:
     onwards = (steps[:-2] * steps[2:]).sum(axis=1) > 0
     again[2:-1] = onwards & (sizes[1:-1] < SETTINGS.repeats * np.minimum(sizes[:-2], sizes[2:]))
     return again if again.mean() > SETTINGS.share_of_repeats else np.zeros_like(again)
+
+
+def _interpolated(ends: list[_Point]) -> NDArray[np.bool_]:
+    """(n,) frames in which a moving point is interpolated linearly between other frames.
+
+    Both coordinates of the point have equal steps before and after such a frame, to the last digits.
+    """
+    unreal = np.zeros(len(ends[0].at), dtype=np.bool_)
+    for end in ends:
+        steps = np.diff(end.at, axis=0)
+        bends = np.abs(np.diff(steps, axis=0))
+        known = bends[np.isfinite(bends).all(axis=1)]
+        if len(known) < 3:
+            continue
+        usual = np.median(known, axis=0)
+        values = [np.unique(column[np.isfinite(column)]) for column in end.at.T]
+        resolution = np.array([np.diff(column).min(initial=np.inf) for column in values])
+        if (usual > SETTINGS.fine * resolution).all():
+            straight = (bends <= SETTINGS.straight * usual + 2 * resolution).all(axis=1)
+            unreal[1:-1] |= straight & (np.abs(steps[1:]) > SETTINGS.straight * usual + 2 * resolution).any(axis=1)
+    return unreal
 
 
 def _upside_down(rods: list[NDArray[np.float64]]) -> bool:

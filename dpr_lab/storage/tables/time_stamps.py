@@ -110,14 +110,14 @@ def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]
     usual = np.maximum(np.quantile(np.abs(errors), SETTINGS.usual, axis=0), np.finfo(np.float64).tiny)
     moved = []
     for gap in np.flatnonzero(steps > SETTINGS.gap_steps * step):
-        for row, own, other, instant in (
+        for row, same_side, other_side, instant in (
             (gap, slice(gap - n, gap), slice(gap + 1, gap + 1 + n), time[gap + 1] - step),
             (gap + 1, slice(gap + 2, gap + 2 + n), slice(gap + 1 - n, gap + 1), time[gap] + step),
         ):
-            if min(own.start, other.start) < 0 or max(own.stop, other.stop) > len(rows):
+            if min(same_side.start, other_side.start) < 0 or max(same_side.stop, other_side.stop) > len(rows):
                 continue
-            at_stamp = np.abs(_error(time, x, own, row, time[row])) / usual
-            beyond = np.abs(_error(time, x, other, row, instant)) / usual
+            at_stamp = np.abs(_error(time, x, same_side, row, time[row])) / usual
+            beyond = np.abs(_error(time, x, other_side, row, instant)) / usual
             if at_stamp.max() >= SETTINGS.misfit and beyond.max() <= SETTINGS.fit:
                 moved.append((int(rows[row]), float(instant)))
                 break
