@@ -109,7 +109,7 @@ def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]
     errors = np.stack([_error(time, x, slice(i - n, i), i, time[i]) for i in range(n, len(rows))])
     usual = np.maximum(np.quantile(np.abs(errors), SETTINGS.usual, axis=0), np.finfo(np.float64).tiny)
     moved = []
-    for gap in np.flatnonzero(steps > SETTINGS.gap_steps * step):
+    for gap in np.flatnonzero(steps > SETTINGS.gap_steps * step).tolist():
         for row, same_side, other_side, instant in (
             (gap, slice(gap - n, gap), slice(gap + 1, gap + 1 + n), time[gap + 1] - step),
             (gap + 1, slice(gap + 2, gap + 2 + n), slice(gap + 1 - n, gap + 1), time[gap] + step),
