@@ -143,6 +143,8 @@ def diagnose(
         emit((changed or diagnosed).to_json())
     else:
         show(diagnosed.diagnosis, request.out, verbose=verbose)
+        if not verbose:
+            line(f"Further tables: --verbose{'' if out is None else ', or the report'}.")
         if explain:
             show_search(diagnosed.diagnosis)
         if changed is not None:
@@ -193,8 +195,6 @@ def show(diagnosis: "Diagnosis", out: Path | None = None, *, verbose: bool = Fal
     for sentence in trust_words(diagnosis) if diagnosis.trust else ():
         line(sentence)
     _show_next(diagnosis, out, verbose=verbose)
-    if not verbose:
-        line(f"Further tables: --verbose{'' if out is None else ', or the report'}.")
 
 
 def _show_effects(diagnosis: "Diagnosis") -> None:

@@ -5,7 +5,7 @@ import re
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.report.angles import RADIANS, AngleUnit
-from dpr_lab.report.digits import three
+from dpr_lab.report.digits import three, with_interval
 
 _DISPLAYED = {
     "N m": ("mN m", 1e3),
@@ -59,7 +59,12 @@ def size_words(effect: str, name: str, angles: AngleUnit = RADIANS, *values: flo
         values: SI: the value alone, or the value and both ends of its interval
     """
     unit, factor = _displayed_unit(_parameter(effect, name), angles)
-    value, *ends = (three(factor * value) for value in values)
+    scaled = [factor * value for value in values]
+    value, *ends = map(three, scaled)
+    if value in ends and len(set(scaled)) > 1:  # three digits do not show the interval
+        whole = with_interval(*scaled)
+        value, _, interval = whole.partition(" (")
+        return f"{whole} {unit}".strip() if whole.startswith("(") else f"{value} {unit}".strip() + f" ({interval}"
     return f"{value} {unit}".strip() + (f" ({ends[0]} to {ends[1]})" if ends else "")
 
 

@@ -46,6 +46,7 @@ def test_a_sentence_gets_words_once():
         ("stribeck_joint1", "speed_rad_per_s", (0.3,), "0.300 rad/s"),
         ("spring_joint1", "rest_angle_rad", (0.3, 0.2, 0.4), "300 mrad (200 to 400)"),
         ("gone", "torque_Nm", (0.5,), "0.500"),
+        ("clock_rate", "excess", (-6.4812e-4, -6.4843e-4, -6.4779e-4), "-0.064812 % (-0.064843 to -0.064779)"),
     ],
 )
 def test_a_size_is_shown_in_a_practical_unit(effect, parameter, values, expected):

@@ -1,0 +1,56 @@
+"""The printed diagnosis: the main results on a screen and a half, all tables with --verbose."""
+
+from pathlib import Path
+
+import pytest
+
+from dpr_lab.cli.diagnose import show, show_files
+from dpr_lab.effects import EFFECTS
+from tests.a_diagnosis import CLOCK, LENGTH, made
+
+ADVICE = (
+    f"Only a bench measurement distinguishes {CLOCK} from {LENGTH}: {EFFECTS[CLOCK].bench_check}",
+    f"To distinguish {CLOCK} from base_tilt, record a release from upright.",
+)
+RIVAL = {"name": "base_tilt", "class": ["base_tilt"], "instead_of": CLOCK, "cosine": 0.9}
+RUNS = {f"run{k}": 0.90 + 0.01 * k for k in range(9)}
+
+
+def printed(capsys: pytest.CaptureFixture[str], *, verbose: bool, probability: float = 0.001) -> str:
+    diagnosis = made(advice=list(ADVICE), rivals=[{**RIVAL, "probability": probability}])
+    closed = diagnosis.gap.closed_held_out.model_copy(update={"per_run": RUNS})
+    gap = diagnosis.gap.model_copy(update={"closed_held_out": closed})
+    show(diagnosis.model_copy(update={"gap": gap}), Path("out"), verbose=verbose)
+    return capsys.readouterr().out
+
+
+def test_the_short_output_has_no_table_of_details(capsys: pytest.CaptureFixture[str]) -> None:
+    short, whole = printed(capsys, verbose=False), printed(capsys, verbose=True)
+    for title in ("Contributions of the effects", "Alternatives", "Recommended checks"):
+        assert title not in short
+        assert title in whole
+    assert "the 6 smallest of 9" in short
+    assert [name in short for name in RUNS] == [True] * 6 + [False] * 3
+    assert all(name in whole for name in RUNS)
+    assert len(short.splitlines()) < 0.6 * len(whole.splitlines())
+
+
+def test_a_probable_alternative_is_in_the_short_output(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "Probable alternatives" not in printed(capsys, verbose=False)
+    assert "Probable alternatives" in printed(capsys, verbose=False, probability=0.2)
+
+
+def test_a_step_names_its_check_and_the_command_its_file(capsys: pytest.CaptureFixture[str]) -> None:
+    short = printed(capsys, verbose=False)
+    first, second = (line for line in short.splitlines() if line.startswith(("1. ", "2. ")))
+    assert first.endswith("[check 1-abcd, 1.00 bits]")
+    assert not second.endswith("]")
+    assert "dpr-lab check out/diagnosis.json CHECK RUN..." in short
+
+
+def test_files_are_named_in_one_line_per_folder(capsys: pytest.CaptureFixture[str]) -> None:
+    show_files({"report": "out/a.html", "module": "out/m.py", "python": "out/m.py", "model": "out/other/m.xml"})
+    assert capsys.readouterr().err.splitlines() == [
+        "files in out: a.html (report), m.py (module, python)",
+        "files in out/other: m.xml (model)",
+    ]
