@@ -147,7 +147,7 @@ class _Peer:
         return self.answers()
 
     def fall_silent(self, seconds: float) -> list[Message]:
-        """Unexpected messages."""
+        """Read for some seconds without a request; return the messages that arrived nevertheless."""
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             self.read()

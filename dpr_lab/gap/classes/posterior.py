@@ -79,7 +79,7 @@ class Calibration:
     unseen: float = 0.5
     """Probability of no gap if most effects are undetectable in the recordings: close to zero."""
     least_left: float = 1e-6
-    """Minimum remaining share, due to the integrator."""
+    """Minimum share of the excess that remains: the error of the integrator is never exactly zero."""
 
 
 CALIBRATION = Calibration()

@@ -69,7 +69,7 @@ class Thresholds:
     still_open: float = 0.5
     """Maximum fraction of the gap that the other effects may leave for this test to apply."""
     escaped: float = 10.0
-    """Factor of the reduction of chi2 from which the bare model had been fitted to a local minimum."""
+    """Minimum factor by which a repeated fit reduces chi2 if the first one ended in a local minimum."""
     likelier: float = 10.0
     """Ratio of prior probabilities of the sizes from which an indistinguishable effect replaces a named one."""
     indistinguishable: float = 0.999
