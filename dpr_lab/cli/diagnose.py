@@ -171,7 +171,7 @@ def show(diagnosis: "Diagnosis", out: Path | None = None, *, verbose: bool = Fal
     from dpr_lab.report.words import in_words
 
     line(tables.sentence(diagnosis))
-    if causes := tables.summary_rows(diagnosis):
+    if causes := tables.summary_rows(diagnosis, brief=not verbose):
         note = f"{summary_note(diagnosis)} {scale_note(diagnosis)}".strip()
         table("Causes", tables.SUMMARY_COLUMNS, causes, note=note)
     for text_below in (*diagnosis.notes, *diagnosis.remedies):
@@ -190,8 +190,10 @@ def show(diagnosis: "Diagnosis", out: Path | None = None, *, verbose: bool = Fal
         _show_repeatability(diagnosis)
     elif sentences := repeatability_sentences(diagnosis):
         line(" ".join(sentences))
-    if diagnosis.sensor_findings:
+    if verbose and diagnosis.sensor_findings:
         table("Sensor faults", tables.FINDING_COLUMNS, tables.finding_rows(diagnosis))
+    elif faults := tables.findings_sentence(diagnosis):
+        line(faults)
     for sentence in trust_words(diagnosis) if diagnosis.trust else ():
         line(sentence)
     _show_next(diagnosis, out, verbose=verbose)

@@ -6,7 +6,7 @@ import pytest
 
 from dpr_lab.cli.diagnose import show, show_files
 from dpr_lab.effects import EFFECTS
-from tests.a_diagnosis import CLOCK, LENGTH, made
+from tests.a_diagnosis import CLOCK, LENGTH, interval, made
 
 ADVICE = (
     f"Only a bench measurement distinguishes {CLOCK} from {LENGTH}: {EFFECTS[CLOCK].bench_check}",
@@ -46,6 +46,31 @@ def test_a_step_names_its_check_and_the_command_its_file(capsys: pytest.CaptureF
     assert first.endswith("[check 1-abcd, 1.00 bits]")
     assert not second.endswith("]")
     assert "dpr-lab check out/diagnosis.json CHECK RUN..." in short
+
+
+def test_sensor_faults_are_counted_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    fault = {"name": "outlier", "run": "run0", "axis": "joint1", "evidence": "one reading deviates"}
+    faults = [{**fault, "at_s": 0.1 * k, "count": 2} for k in range(3)]
+    show(made(sensor_findings=[*faults, {**fault, "name": "repeated_sample", "at_s": 1.0, "count": 1}]))
+    assert "Sensor faults: outlier (6), repeated sample (1)." in capsys.readouterr().out
+
+
+def test_amplitudes_that_may_be_zero_are_only_named(capsys: pytest.CaptureFixture[str]) -> None:
+    sizes = {"sin1_Nm": interval(2e-3), "cos1_Nm": {"value": 1e-4, "interval90": [-1e-3, 1e-3]}, "order": interval(1.0)}
+    effect = {
+        "name": "detent_joint1",
+        "class": ["detent_joint1"],
+        "probability": 0.9,
+        "parameters": sizes,
+        "share": 0.9,
+    }
+    diagnosis = made(effects=[effect], checks=[])
+    for verbose in (False, True):
+        show(diagnosis, verbose=verbose)
+        cell = capsys.readouterr().out
+        assert "sin1 2.00 mN m (1.96 to 2.04)" in cell
+        assert ("not distinguishable from zero: cos1" in cell) == (not verbose)
+        assert ("cos1 0.100 mN m" in cell) == verbose
 
 
 def test_files_are_named_in_one_line_per_folder(capsys: pytest.CaptureFixture[str]) -> None:

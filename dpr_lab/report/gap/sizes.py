@@ -26,10 +26,19 @@ def scale_note(diagnosis: Diagnosis) -> str:
     return scaled_unit(diagnosis.scale.sentence) if diagnosis.scale else ""
 
 
-def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RADIANS) -> str:
-    """Parameters of an effect with intervals; ratios first if only these are identified, those held at zero last."""
+def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RADIANS, *, brief: bool = False) -> str:
+    """Parameters of an effect with intervals; ratios first if only these are identified, those held at zero last.
+
+    With `brief`, amplitudes whose interval contains zero are only named, unless all of them are such.
+    """
     sizes = {name: size for name, size in effect.parameters.items() if any((size.value, *size.interval90))}
     zeros = ", ".join(parameter_words(name) for name in effect.parameters if name not in sizes)
+    amplitudes = {p.name for p in EFFECTS[effect.name].amplitudes} & set(sizes)
+    unclear = {name for name in amplitudes if sizes[name].interval90[0] <= 0 <= sizes[name].interval90[1]}
+    if not brief or unclear == amplitudes:
+        unclear = set()
+    open_words = ", ".join(parameter_words(name) for name in sizes if name in unclear)
+    sizes = {name: size for name, size in sizes.items() if name not in unclear}
     words = {
         name: size_words(effect.name, name, angles, size.value, *(size.interval90_with_scale or size.interval90))
         for name, size in sizes.items()
@@ -43,7 +52,8 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
     }
     signs = [negative_words(effect.name, name, size.value) for name, size in sizes.items()]
     at_zero = f"at zero: {zeros}" if zeros else ""
-    return "; ".join([*_ratios_first(diagnosis, words, ratios), *filter(None, [*signs, at_zero])])
+    around_zero = f"not distinguishable from zero: {open_words}" if open_words else ""
+    return "; ".join([*_ratios_first(diagnosis, words, ratios), *filter(None, [*signs, around_zero, at_zero])])
 
 
 def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float]) -> str:

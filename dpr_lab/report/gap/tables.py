@@ -117,10 +117,10 @@ def causes(diagnosis: Diagnosis) -> dict[str, NamedEffect]:
     }
 
 
-def summary_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
-    """One row per probable cause, in the columns `SUMMARY_COLUMNS`."""
+def summary_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, *, brief: bool = False) -> list[tuple[str, ...]]:
+    """One row per probable cause, in the columns `SUMMARY_COLUMNS`; `brief` as in `sizes_cell`."""
     return [
-        (words, sizes_cell(diagnosis, effect, angles), percent(effect.probability))
+        (words, sizes_cell(diagnosis, effect, angles, brief=brief), percent(effect.probability))
         for words, effect in causes(diagnosis).items()
     ]
 
@@ -382,6 +382,15 @@ def detectable_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[t
         )
         for name, sizes in diagnosis.detectable.items()
     ]
+
+
+def findings_sentence(diagnosis: Diagnosis) -> str:
+    """Numbers of sensor faults by kind: `Sensor faults: outlier (236), jitter (2).`; empty without faults."""
+    counts: dict[str, int] = {}
+    for finding in diagnosis.sensor_findings:
+        fault = named(finding.name).replace("_", " ")
+        counts[fault] = counts.get(fault, 0) + finding.count
+    return f"Sensor faults: {', '.join(f'{fault} ({count})' for fault, count in counts.items())}." if counts else ""
 
 
 def finding_rows(diagnosis: Diagnosis, most: int = 3) -> list[tuple[str, ...]]:
