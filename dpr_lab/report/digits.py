@@ -36,6 +36,14 @@ def with_interval(value: float, low: float, high: float) -> str:
     return _scaled("{} ({} to {})", (value, low, high), value, half_width)
 
 
+def with_unit(text: str, unit: str) -> str:
+    """Add a unit to a value with or without an interval: `0.80 mN m (0.70 to 0.90)`, `(8 (7 to 9))e-4 m`."""
+    if text.startswith("("):  # a power of ten of value and interval
+        return f"{text} {unit}".strip()
+    value, _, interval = text.partition(" (")
+    return f"{value} {unit}".strip() + (f" ({interval}" if interval else "")
+
+
 def three(number: float) -> str:
     """Format a number with three digits; integers up to a million in full; a dash if it is not finite."""
     if not math.isfinite(number):

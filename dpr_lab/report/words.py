@@ -5,7 +5,7 @@ import re
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.report.angles import RADIANS, AngleUnit
-from dpr_lab.report.digits import three, with_interval
+from dpr_lab.report.digits import three, with_interval, with_unit
 
 _DISPLAYED = {
     "N m": ("mN m", 1e3),
@@ -62,10 +62,8 @@ def size_words(effect: str, name: str, angles: AngleUnit = RADIANS, *values: flo
     scaled = [factor * value for value in values]
     value, *ends = map(three, scaled)
     if value in ends and len(set(scaled)) > 1:  # three digits do not show the interval
-        whole = with_interval(*scaled)
-        value, _, interval = whole.partition(" (")
-        return f"{whole} {unit}".strip() if whole.startswith("(") else f"{value} {unit}".strip() + f" ({interval}"
-    return f"{value} {unit}".strip() + (f" ({ends[0]} to {ends[1]})" if ends else "")
+        return with_unit(with_interval(*scaled), unit)
+    return with_unit(f"{value} ({ends[0]} to {ends[1]})" if ends else value, unit)
 
 
 def _parameter(effect: str, name: str) -> EffectParameter | None:

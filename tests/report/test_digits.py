@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dpr_lab.report.digits import interval, pair, plus_minus, scaled_unit, three
+from dpr_lab.report.digits import interval, pair, plus_minus, scaled_unit, three, with_interval, with_unit
 
 
 @pytest.mark.parametrize(
@@ -56,3 +56,15 @@ def test_a_pair_names_inner_before_outer():
 
 def test_only_powers_of_one_digit_are_superscripts() -> None:
     assert scaled_unit("N m (s/rad)^0.5 / (kg m^2). 1/m^4.") == "N m (s/rad)^0.5 / (kg m²). 1/m⁴."
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("0.80", "0.80 mN m"),
+        ("0.80 (0.70 to 0.90)", "0.80 mN m (0.70 to 0.90)"),
+        (with_interval(-0.0028, -0.0051, -0.0005), "(-2.8 (-5.1 to -0.5))e-3 mN m"),
+    ],
+)
+def test_a_unit_follows_the_value_or_the_power_of_ten(text, expected):
+    assert with_unit(text, "mN m") == expected

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis
 from dpr_lab.report.gap import tables as gap_tables
 from dpr_lab.report.gap.figures import save_gap_figures, where_figure
 from dpr_lab.report.gap.html import write_gap_report
@@ -109,6 +109,12 @@ def test_next_steps_end_with_the_remainder(diagnosis):
     assert steps[:2] == [in_words(RELEASE), in_words(BENCH)]
     assert "another cause" in steps[2]
     assert gap_tables.next_steps(diagnosis(verdict="named", advice=[])) == ["No further recording or check is needed."]
+
+
+def test_without_a_remainder_the_last_step_asks_for_more_releases(diagnosis):
+    steps = gap_tables.next_steps(diagnosis(sentence=f"The gap is partly explained by {TILT}. {UNCERTAIN}"))
+
+    assert "dpr-lab plan" in steps[2]
 
 
 def test_an_effect_whose_name_is_a_prefix_of_another_does_not_match(diagnosis):

@@ -9,6 +9,7 @@ from dpr_lab.gap.hypothesis.detectable import visible
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.result.causes import PROBABLE
+from dpr_lab.gap.result.diagnosis import UNCERTAIN
 from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.which.selected import Selection
@@ -199,7 +200,7 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
             f" {errors.until_s:.2g} s."
         )
     if at_noise_floor(chosen):
-        return "Nothing above the noise floor remains, but the causes are uncertain."
+        return UNCERTAIN
     return (
         f"A remainder of {_two_digits(chosen.residuals.noise_ratio)} times the noise has another cause or another form."
     )

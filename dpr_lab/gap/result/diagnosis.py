@@ -23,6 +23,9 @@ from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import Row, Shown, percent
 from dpr_lab.whole_file import regular
 
+UNCERTAIN = "Nothing above the noise floor remains, but the causes are uncertain."
+"""Last sentence of the verdict on a gap that effects explain completely, although none of their causes is sure."""
+
 
 class SensorFinding(Saved):
     """A sensor fault that was detected without a model."""
@@ -170,6 +173,11 @@ class Diagnosis(Shown, Saved):
         """(7,) the ratios, b and p/b (nan if no run contains a single rod), as initial values of another fit."""
         p_over_b = np.nan if self.p_over_b is None else self.p_over_b
         return np.array([*(ratio.value for ratio in self.all_ratios.values()), self.scale_b, p_over_b])
+
+    @property
+    def only_uncertain(self) -> bool:
+        """Whether the gap is explained to the noise floor, so that only its causes are uncertain."""
+        return UNCERTAIN in self.sentence
 
     def _heading(self) -> str:
         return self.sentence

@@ -33,8 +33,7 @@ class Scale(BaseModel):
     nominal values and bounds of the rig file, so that only ratios to b are identifiable.
     """
     inertia: Literal["a", "b"] = "b"
-    """`b`, the inertia of the outer rod about joint 2; or `a`, that of the inner rod about joint 1, if no other rod
-    is mounted."""
+    """`b` of the outer rod about joint 2, or `a` of the inner rod about joint 1 if no other rod is mounted."""
 
     @property
     def known(self) -> bool:

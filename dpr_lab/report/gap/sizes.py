@@ -6,7 +6,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.angles import RADIANS, AngleUnit
-from dpr_lab.report.digits import NONE, scaled_unit, three, with_interval
+from dpr_lab.report.digits import NONE, scaled_unit, three, with_interval, with_unit
 from dpr_lab.report.words import negative_words, size_words
 from dpr_lab.shown import parameter_words
 
@@ -83,7 +83,7 @@ def _inertia(diagnosis: Diagnosis) -> str:
 
 def _ratio(name: str, unit: str, inertia: str, ratio: float, *interval90: float) -> str:
     """`torque / b = 0.1472 1/s² (0.1467 to 0.1476)`, or without the interval."""
-    value, _, ends = (with_interval(ratio, *interval90) if interval90 else three(ratio)).partition(" (")
     operator = f"{'·' if unit == 'm^2' else '/'} {inertia}"  # a size in 1/kg falls as the scale rises
-    shown = "" if unit == "1" else f" {scaled_unit(unit)}"
-    return f"{parameter_words(name)} {operator} = {value}{shown}" + (f" ({ends}" if ends else "")
+    shown = "" if unit == "1" else scaled_unit(unit)
+    size = with_unit(with_interval(ratio, *interval90) if interval90 else three(ratio), shown)
+    return f"{parameter_words(name)} {operator} = {size}"

@@ -293,9 +293,11 @@ def run_words(name: str, held_out: bool = False) -> str:
 
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:
-    """Recommended recordings and checks with their ids, and how to continue if a remainder has no named cause."""
+    """Recommended recordings and checks with their ids, and how to continue after a verdict that is open."""
     unexplained = {
-        "partly_explained": "The remainder has another cause, or the named effect has another form: inspect the rig.",
+        "partly_explained": "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
+        if diagnosis.only_uncertain
+        else "The remainder has another cause, or the named effect has another form: inspect the rig.",
         "unexplained": "No effect of the library is the cause: inspect the rig where the gap is largest, joint by"
         " joint.",
     }
