@@ -57,6 +57,11 @@ def listed(names: Sequence[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
 
 
+def counted(number: int, noun: str) -> str:
+    """A number with its noun: `1 run`, `2 runs`."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
 def parameter_words(name: str) -> str:
     """Words of a parameter: `extra at rest` for `extra_at_rest_Nm`."""
     return _UNIT.sub("", name).replace("_", " ")

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import interval, plus_minus
+from dpr_lab.shown import counted
 
 if TYPE_CHECKING:
     from dpr_lab.identification.moving_arm.model import MovingArmModel
@@ -24,9 +25,10 @@ def summary(model: "MovingArmModel", angles: AngleUnit = RADIANS) -> str:
         f"{name} {scale * value:.3g} {angles.small} (noise {scale * model.fit.noise_rad[name]:.2g})"
         for name, value in model.fit.rms_rad.items()
     )
+    runs, segments = counted(len(model.runs), "run"), counted(model.fit.segments, "segment")
     return (
-        f"{len(model.runs)} runs, {model.fit.segments} segments of {model.fit.segment_s:g} s; residual: {rms}; reduced"
-        f" chi-square {model.fit.chi2_per_dof:.3g}"
+        f"{runs}, {segments} of {model.fit.segment_s:g} s; residual: {rms}; reduced chi-square"
+        f" {model.fit.chi2_per_dof:.3g}"
     )
 
 

@@ -16,6 +16,7 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.identification.misread.moving_arm_balance import wrong_scale
 from dpr_lab.identification.misread.scaled_readings import OTHER_ZERO, SCALED_READINGS, ScaledReadings
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.rig import Rig
@@ -72,6 +73,7 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
     as_read = _fitted(recordings, start)
     motor = recordings.rig.motor
     if as_read.chi2 > RULES.suspicious * as_read.linear.residual.size or _gain(as_read) < 0.0:
+        _refuse_measured_scale(recordings)
         as_read = _fitted(recordings, start, RULES.likely)
         mirrored = _fitted(_mirrored(recordings), start, RULES.likely)
         if _far_better(mirrored, as_read, RULES.better):
@@ -151,6 +153,17 @@ def _refuse_scale(recordings: Recordings, start: Array, as_read: Fit) -> None:
     best, scale = min(tried, key=lambda pair: pair[0].chi2)
     if _far_better(best, as_read, RULES.better_scale):
         raise IdentificationError(scale.cause(recordings.rig.rods.mounted))
+
+
+def _refuse_measured_scale(recordings: Recordings) -> None:
+    """Refuse angles of another scale or unit, which the acceleration of the last rod shows.
+
+    Raises:
+        IdentificationError: it is named.
+    """
+    for run in (record.run.swing for record in recordings.records if record.setup.arm_moves):
+        if scale := wrong_scale(run.t, run.theta, recordings.rig):
+            raise IdentificationError(scale.cause(recordings.rig.rods.mounted))
 
 
 def _units(gain: float, kind: str) -> Iterator[tuple[float, str]]:

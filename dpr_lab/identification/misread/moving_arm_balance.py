@@ -4,19 +4,24 @@ The last rod, the inner one or the outer one of two, with its angle th, the angl
 angle th1 of the inner one, obeys (docs/theory.md, three coordinates)
 
     al = k1 sin(th) + k2 cos(th) q'' + k3 sin(th) cos(th) q'^2 + k4 w + k5 s(w)
-         + k6 cos(th1 - th) al1 + k7 sin(th1 - th) w1^2
+         + k6 cos(th1 - th) al1 + k7 sin(th1 - th) w1^2 + k8 w1 + k9 sin(th1) cos(th) q'^2
 
 whichever torque moves the arm. It is linear in the coefficients k, which are fitted without the rig file. The zero and
-the signs of the angles only change signs of coefficients; a wrong unit breaks the equation.
+the signs of the angles only change signs of coefficients; a wrong unit of the rods breaks the equation. With the true
+angle f q instead of q, k2 / k1 = -f L0 / g and k3 = f^2: both give the scale f of the arm's angle.
 """
 
 from dataclasses import dataclass
+from math import log, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.identification.misread.balance import periods
 from dpr_lab.identification.misread.local_motion import local_motion
+from dpr_lab.identification.misread.scaled_readings import PER_DEGREE, ScaledReadings
 from dpr_lab.identification.misread.torque_balance import TORQUES
+from dpr_lab.rig import Rig
 
 Array = NDArray[np.float64]
 
@@ -26,44 +31,111 @@ class ArmBalanceSettings:
     """Limits of the balance of a rod on a moving arm."""
 
     broken: float = 0.2
-    """Share of the acceleration that the equation does not explain from which the unit is doubted: right units of 21
-    simulated rigs left at most 0.13, degrees declared as rad at least 0.92, rad declared as degrees at least 0.27.
+    """Share of the acceleration that the equation does not explain from which the unit is doubted: right units of 33
+    simulated rigs left at most 0.15, degrees declared as rad at least 0.92, rad declared as degrees at least 0.27.
     """
     better: float = 4.0
     """Factor by which this share must fall in the other unit."""
+    scaled: float = 1.5
+    """Factor from which the scale of the arm's angle is doubted."""
+    agree: float = 1.2
+    """Factor within which both estimates of the scale must agree: noise of an arm that hardly moves reduces them
+    differently, and a wrong L0 changes only one of them.
+    """
+    sure: float = 3.0
+    """Standard deviations of the squared scale."""
+    degrees: float = 1.4
+    """Factor within which a scale is that of degrees, the only unit that large: noise reduces the scale by up to 1.3."""
+    simple: float = 1.15
+    """Factor within which a scale is one half or two."""
 
 
 ARM_BALANCE = ArmBalanceSettings()
 
 
-def arm_residual(t: Array, theta: Array, mounted: str, period_s: float) -> float:
-    """Share of the last rod's acceleration that its equation does not explain, rms; nan with too few rows.
+@dataclass(frozen=True, slots=True)
+class ArmBalance:
+    """Fit of the last rod's equation."""
+
+    residual: float
+    """Share of the acceleration that the equation does not explain, rms; nan with too few rows."""
+    coupled: float = 1.0
+    """Scale f of the arm's angle by the coupling with its acceleration."""
+    squared: float = 1.0
+    """f^2 by the coupling with its squared speed."""
+    squared_std: float = np.inf
+
+    @property
+    def arm_scale(self) -> float | None:
+        """True angle of the arm relative to its reading, 1 unless it certainly differs; None without agreement."""
+        limits, reach = ARM_BALANCE, ARM_BALANCE.sure * self.squared_std
+        if not (self.residual < limits.broken and self.squared > reach and self.coupled != 0.0):
+            return None
+        if abs(log(abs(self.coupled) / sqrt(self.squared))) > log(limits.agree):
+            return None
+        off = self.squared + reach < limits.scaled**-2 or self.squared - reach > limits.scaled**2
+        return abs(self.coupled) if off else 1.0
+
+
+def arm_balance(t: Array, theta: Array, rig: Rig) -> ArmBalance:
+    """Fit the equation of the last rod.
 
     Args:
         t: (n,) s
         theta: (n, 3) angles of arm and rods, rad
-        mounted: mounted rods, as in the rig file
-        period_s: period of the rod's small oscillation, s
+        rig: mounted rods, lengths and gravity
     """
-    last = 2 if mounted == "both" else 1
+    last, period_s = 2 if rig.rods.mounted == "both" else 1, min(periods(rig))
     rods = local_motion(t, theta[:, [1, last]], period_s, TORQUES.motion)
     arm = local_motion(t, theta[:, [0, 0]], period_s, TORQUES.motion)
     if rods is None or arm is None:
-        return float("nan")
+        return ArmBalance(np.nan)
     (inner, th), (w1, w), (al1, al) = rods.rods.T, rods.omega.T, rods.alpha.T
+    centrifugal = np.cos(th) * arm.omega[:, 0] ** 2
     columns = [
-        np.sin(th), np.cos(th) * arm.alpha[:, 0], np.sin(2 * th) * arm.omega[:, 0] ** 2,
-        w, np.tanh(w / TORQUES.slipping),
-        *([np.cos(inner - th) * al1, np.sin(inner - th) * w1**2, w1] if last == 2 else []),
+        np.sin(th), np.cos(th) * arm.alpha[:, 0], np.sin(th) * centrifugal, w, np.tanh(w / TORQUES.slipping),
+        *([np.cos(inner - th) * al1, np.sin(inner - th) * w1**2, w1, np.sin(inner) * centrifugal] if last == 2 else []),
     ]  # fmt: skip
     matrix = np.column_stack(columns)
-    size = float(np.sqrt(np.mean(al**2)))
-    if not size > 0:
-        return float("nan")
-    away = al - matrix @ np.linalg.lstsq(matrix, al, rcond=None)[0]
-    return float(np.sqrt(np.mean(away**2))) / size
+    sizes, size = np.linalg.norm(matrix, axis=0), float(np.sqrt(np.mean(al**2)))
+    if not (size > 0 and (sizes[:3] > 0).all()):
+        return ArmBalance(np.nan)
+    scaled = matrix / np.where(sizes > 0, sizes, 1.0)
+    k = np.linalg.lstsq(scaled, al, rcond=None)[0]
+    variance = float(np.mean((al - scaled @ k) ** 2))
+    std = np.sqrt(variance * np.diag(np.linalg.pinv(scaled.T @ scaled)))
+    k1, k2, k3 = (k[:3] / sizes[:3]).tolist()
+    coupled = -k2 / k1 * rig.g / rig.L0 if k1 else 0.0
+    return ArmBalance(sqrt(variance) / size, coupled, k3, float(std[2] / sizes[2]))
 
 
 def wrong_unit(residual: float, converted: float, settings: ArmBalanceSettings = ARM_BALANCE) -> bool:
     """Whether the angles have another unit, from the residuals in the stated unit and in the other one."""
     return residual > settings.broken and settings.better * converted < residual
+
+
+def is_unit(scale: float | None, factor: float) -> bool:
+    """Whether a scale is the factor of a unit."""
+    return scale is not None and abs(log(scale / factor)) < log(ARM_BALANCE.degrees)
+
+
+def wrong_scale(t: Array, theta: Array, rig: Rig) -> ScaledReadings | None:
+    """Another scale of the angle of the arm, or degrees declared as rad; None if the readings show neither.
+
+    Where degrees of the rods leave the scale of the arm open, it is in degrees too.
+
+    Args:
+        t: (n,) s
+        theta: (n, 3) angles of arm and rods in the stated interpretation, rad
+        rig: mounted rods, lengths and gravity
+    """
+    balance, rods = arm_balance(t, theta, rig), 1.0
+    if balance.residual > ARM_BALANCE.broken:
+        factors = np.array([1.0, PER_DEGREE, PER_DEGREE])
+        converted = (arm_balance(t, zero + (theta - zero) * factors, rig) for zero in (0.0, np.pi))
+        best = min(converted, key=lambda other: other.residual)
+        if wrong_unit(balance.residual, best.residual):
+            balance, rods = best, PER_DEGREE
+    arm = PER_DEGREE if is_unit(balance.arm_scale, PER_DEGREE) else balance.arm_scale or rods
+    arm = next((factor for factor in (0.5, 2.0) if abs(log(arm / factor)) < log(ARM_BALANCE.simple)), arm)
+    return None if arm == rods == 1.0 else ScaledReadings(arm, rods)

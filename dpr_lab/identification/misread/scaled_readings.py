@@ -1,4 +1,4 @@
-"""Other interpretations of the angles of recordings with a moving arm: another zero, half or twice the angles."""
+"""Other interpretations of the angles of recordings with a moving arm: another zero, unit or scale."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+PER_DEGREE = float(np.pi / 180)
+"""True angle of a reading in degrees that is declared as rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,13 +38,17 @@ class ScaledReadings:
             mounted: the mounted rods, as in the rig file
         """
         rods = ("theta1", "theta2") if mounted == "both" else ("theta1",)
+        if self.arm == self.rods == PER_DEGREE:
+            return "the angles are in degrees, not in rad: import the table with --unit deg"
         axes = (*(("theta0",) if self.arm != 1.0 else ()), *(rods if self.rods != 1.0 else ()))
         factor = self.arm if self.arm != 1.0 else self.rods
-        option = ",".join(f"{axis}={factor:g}" for axis in axes)
+        option = ",".join(f"{axis}={factor:{'.6g' if factor == PER_DEGREE else '.3g'}}" for axis in axes)
         verb = "are" if len(axes) > 1 else "is"
+        if factor == PER_DEGREE:
+            return f"{' and '.join(axes)} {verb} in degrees, not in rad: import the table with --scale {option}"
         return (
-            f"{' and '.join(axes)} {verb} {1 / factor:g} times the true angle: import the table with --scale {option},"
-            f" or, for a device, multiply counts_per_rev in [encoders] by {1 / factor:g}"
+            f"{' and '.join(axes)} {verb} {1 / factor:.3g} times the true angle: import the table with --scale"
+            f" {option}, or, for a device, multiply counts_per_rev in [encoders] by {1 / factor:.3g}"
         )
 
 

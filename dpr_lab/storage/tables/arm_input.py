@@ -25,6 +25,8 @@ _UNITS = {
     "acceleration": {"rads2": 1.0},
 }
 _KIND = "(?:measured|meas|commanded|command|cmd|desired|des|motor|arm)?"
+_UNNAMED = f"{_KIND}input{_KIND}"
+"""Name of an input whose kind is that of the rig file, as `run export` writes it."""
 
 
 def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[str, str]) -> ImportOptions:
@@ -59,19 +61,37 @@ def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path:
         RunError: no column matches, or several do.
     """
     units = _UNITS[motor.input]
-    pattern = re.compile(f"{_KIND}(?:{_NAMES[motor.input]})0?{_KIND}({'|'.join(units)})?")
-    matches = {name: match for name in names if (match := pattern.fullmatch(re.sub(r"[\W_]+", "", name.lower())))}
+    matches = _columns_of(motor.input, names)
     if given is not None and given not in names:
         raise RunError(f"{path}: no column is named {given!r} (input); the table has: {', '.join(names)}")
-    chosen = list(matches) if given is None else [given]
+    chosen = list(matches or _matching(_UNNAMED, names)) if given is None else [given]
     if len(chosen) != 1:
         which = f"could be any of {', '.join(chosen)}" if chosen else "was not found"
         raise RunError(
-            f"{path}: the {motor.input} that drives the arm {which}: name its column, for example --columns input=NAME."
-            f" The table has: {', '.join(names)}"
+            f"{path}: the {motor.input} that drives the arm {which}: name its column, for example --columns"
+            f" input=NAME{'' if chosen else _other_input(names, motor)}. The table has: {', '.join(names)}"
         )
     match = matches.get(chosen[0])
     return chosen[0], units[match[1]] if match is not None and match[1] else 1.0
+
+
+def _columns_of(kind: str, names: Sequence[str]) -> dict[str, re.Match[str]]:
+    """Columns whose names are those of one kind of input, with the match of the unit."""
+    return _matching(f"{_KIND}(?:{_NAMES[kind]})0?{_KIND}({'|'.join(_UNITS[kind])})?", names)
+
+
+def _matching(pattern: str, names: Sequence[str]) -> dict[str, re.Match[str]]:
+    matches = {name: re.fullmatch(pattern, re.sub(r"[\W_]+", "", name.lower())) for name in names}
+    return {name: match for name, match in matches.items() if match is not None}
+
+
+def _other_input(names: Sequence[str], motor: MotorTable) -> str:
+    """Advice for a table whose input is of another kind than that of the rig file; empty without such a column."""
+    for kind, constant in (("torque", ""), ("current", ", with kt if it is known"), ("voltage", ", with kt and R")):
+        columns = _columns_of(kind, names) if kind != motor.input else {}
+        for name in columns:
+            return f'; if the input is the {kind} in column {name}, set input = "{kind}" in [motor]{constant}'
+    return ""
 
 
 def gain_note(motor: MotorTable) -> list[str]:

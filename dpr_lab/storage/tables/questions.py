@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, periods
-from dpr_lab.identification.misread.moving_arm_balance import arm_residual, wrong_unit
+from dpr_lab.identification.misread.moving_arm_balance import arm_balance, is_unit, wrong_unit
 from dpr_lab.identification.misread.torque_balance import inertia_bounds, torque_balance
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import TO_SECONDS
@@ -212,23 +212,28 @@ def _torque_question(table: InterpretedTable, fit: EnergyFit, looked_at: slice) 
 
 
 def _unit_questions(table: InterpretedTable, settings: QuestionSettings) -> list[TableQuestion]:
-    """Doubt about the unit of the angles of a moving arm and its rods, whose energy is not conserved."""
+    """Doubt about the unit of the angles of a moving arm or its rods, from the equation of the last rod."""
     unit = table.options.unit
     if not table.arm_moves or unit not in TO_RADIANS:
         return []
-    other = "rad" if unit == "deg" else "deg"
-    read, mounted, period = table.read(settings), table.rig.rods.mounted, min(periods(table.rig))
+    other, read = "rad" if unit == "deg" else "deg", table.read(settings)
+    factor = TO_RADIANS[other] / TO_RADIANS[unit]
     converted, _ = angles(read.values, replace(table.options, unit=other), table.rig, table.path)
-    residual, residual_converted = (
-        arm_residual(read.t, theta, mounted, period) for theta in (table.theta[table.looked_at(settings)], converted)
+    balance, balance_converted = (
+        arm_balance(read.t, theta, table.rig) for theta in (table.theta[table.looked_at(settings)], converted)
     )
-    if not wrong_unit(residual, residual_converted):
+    rods = wrong_unit(balance.residual, balance_converted.residual)
+    arm = is_unit(balance.arm_scale, factor) or (rods and not is_unit(balance_converted.arm_scale, 1.0 / factor))
+    if not (arm or rods):
         return []
+    names = [*(["theta0"] if arm else []), *(["theta1", "theta2"][: table.rig.rods.number] if rods else [])]
+    mend = ("--unit", other) if arm and rods else ("--scale", ",".join(f"{name}={factor:.6g}" for name in names))
+    subject = "the angles are" if arm and rods else f"{' and '.join(names)} {'are' if len(names) > 1 else 'is'}"
     sentence = (
         f"with these options the rod's acceleration does not follow from gravity and the motion of the arm; it does if"
-        f" the angles are in {other} (--unit {other})"
+        f" {subject} in {other} ({' '.join(mend)})"
     )
-    return [TableQuestion(sentence, ("--unit", other))]
+    return [TableQuestion(sentence, mend)]
 
 
 def _arm_questions(table: InterpretedTable, theta0: Array, settings: QuestionSettings) -> list[TableQuestion]:
