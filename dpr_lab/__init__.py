@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from dpr_lab.identification.identify import identifiability_of as identifiability
     from dpr_lab.identification.identify import identify
     from dpr_lab.identification.model import Model, load_model
-    from dpr_lab.identification.moving_arm.identify import compare_moving_arm, identify_moving_arm
+    from dpr_lab.identification.moving_arm.identify import identify_moving_arm
     from dpr_lab.planning.plan import plan
     from dpr_lab.planning.result import Plan
     from dpr_lab.report.data_frame import to_dataframe
@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from dpr_lab.storage.csv_import import ImportOptions
     from dpr_lab.storage.csv_import import import_csv as import_table
     from dpr_lab.storage.reader import load_run
+    from dpr_lab.workflows.compare_moving_arm import compare_arm_run as compare_moving_arm
 
 __all__ = [
     "Comparison",
@@ -86,7 +87,7 @@ _PLACES = {
     "identification.compare": ("Comparison", "compare=compare_run"),
     "identification.identify": ("identifiability=identifiability_of", "identify"),
     "identification.model": ("Model", "load_model"),
-    "identification.moving_arm.identify": ("compare_moving_arm", "identify_moving_arm"),
+    "identification.moving_arm.identify": ("identify_moving_arm",),
     "planning.plan": ("plan",),
     "planning.result": ("Plan",),
     "report.data_frame": ("to_dataframe",),
@@ -105,6 +106,7 @@ _PLACES = {
     "run": ("Run",),
     "storage.csv_import": ("ImportOptions", "import_table=import_csv"),
     "storage.reader": ("load_run",),
+    "workflows.compare_moving_arm": ("compare_moving_arm=compare_arm_run",),
 }
 """Module -> names exported here, each `name` or `name=name there`; imported on first use, so that commands start
 fast.

@@ -50,6 +50,8 @@ class RestReading:
     """Whether the rods are at rest."""
     restless: str
     """Reason why they may not be released; empty if they may."""
+    arm: str = ""
+    """Reason why an arm that can move forbids the release; empty if it does not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,4 +293,4 @@ class HeldPose:
         elif worst > self._pose.tolerance:
             restless = f"the rods were {worst:.3f} rad away from the pose"
         restless = restless or arm
-        return RestReading(*_placed(theta[-1], self._pose), self._pose.tolerance, speed, spread, still, restless)
+        return RestReading(*_placed(theta[-1], self._pose), self._pose.tolerance, speed, spread, still, restless, arm)

@@ -22,6 +22,7 @@ from dpr_lab.storage.spool import Spool
 from dpr_lab.storage.writer import RunWriter
 from firmware_protocol.clock import ClockFit
 from firmware_protocol.messages import Event, EventKind, Message, Status
+from firmware_protocol.torques import DrivenRow
 
 
 class Recording:
@@ -62,6 +63,7 @@ class Recording:
         self._lost = dict(lost)
         self._to_epoch = time.time() - time.monotonic()
         self._inputs: list[NDArray[np.float64]] = []
+        self._motor: list[tuple[int, int]] = []
 
     def __enter__(self) -> "Recording":
         return self
@@ -117,6 +119,8 @@ class Recording:
                 self.samples.extend(ticks, counts)
                 if torques is not None and "input_unit_micro" in extra:
                     self._inputs.append(torques[0, :, 0])
+                if self.rig.arm.mode == "free" and "torque_unit_uNm" not in extra:
+                    self._motor += [(row.tick, row.torques[0][0]) for row in rows if isinstance(row, DrivenRow)]
 
     @property
     def full(self) -> bool:
@@ -232,7 +236,7 @@ class Recording:
     def finish(self, clock: tuple[ClockFit | None, str], notes: tuple[str, ...] = ()) -> QualityReport:
         """Check the recording, add `notes` to the report, and complete its file."""
         self.note_clock(*clock)
-        notes = (*notes, *self._torque_notes())
+        notes = (*notes, *self._torque_notes(), *self._motor_notes())
         report = judge(self.run(), self.rig, self._duration, self._hanging, self._limits, self._word)
         report = replace(report, notes=notes)
         with unbroken():
@@ -247,6 +251,20 @@ class Recording:
             f" at these samples is unknown"
         )
         return (note,) if lost else ()
+
+    def _motor_notes(self) -> tuple[str, ...]:
+        """A note if the device drives an arm that is described as free."""
+        if not self._motor or self.release_tick is None:
+            return ()
+        ticks, inputs = np.array(self._motor, dtype=np.float64).T
+        rest, swing = inputs[ticks < self.release_tick], inputs[ticks >= self.release_tick]
+        noise = float(np.std(rest)) if len(rest) else 0.0
+        if not len(swing) or float(np.sqrt(np.mean(swing**2))) <= self._limits.motor_on * (noise + 1.0):
+            return ()
+        return (
+            "the arm is described as free, but the device reported an input of its motor during the swing: if the"
+            " motor was on, record with --arm driven and [motor] in the rig file",
+        )
 
     def abort(self, reason: str) -> None:
         """Close the file as an incomplete run with a reason; a finished file is not changed."""
@@ -266,6 +284,7 @@ class Recording:
             gate=report.sentence if report is not None else "",
             gate_figures={f"{c.name} ({c.unit})": c.measured for c in report.checks} if report is not None else {},
             pose_measured=self.pose_measured,
+            notes=self._motor_notes(),
         )
 
     def _message(self, host_ns: int, message: Message) -> None:

@@ -87,6 +87,8 @@ class QualityLimits:
     """Minimum motion of an encoder, counts."""
     hang_error: float = 0.02
     """Maximum deviation from hanging at rest, rad; the friction of a small bearing holds a rod within a milliradian."""
+    motor_on: float = 5.0
+    """Rms input of the motor of a free arm above which it was on, relative to its noise at rest and its resolution."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -261,6 +261,7 @@ def _arm(world: Element, arm: Arm, friction: float) -> Element:
     element(body, "joint", name="joint0", type="hinge", axis="0 0 1", **hinge)
     inertia = repr(arm.inertia)
     element(body, "inertial", pos="0 0 0", mass="1e-9", diaginertia=f"{inertia} {inertia} {inertia}")
+    _drawn(body, f"0 0 0 0 {-arm.length!r} 0")
     return body
 
 
@@ -276,9 +277,13 @@ def _rod(parent: Element, rod: Rod, joint: int, position: str, friction: float) 
         **_hinge(rod.damping, rod.words, math.pi * (joint == 1), friction),
     )
     _inertia(body, f"{rod.offset!r} 0 {rod.centroid!r}", rod.mass, rod.inertia)
-    end = f"0 0 0 0 0 {rod.length!r}"
-    element(body, "geom", type="capsule", fromto=end, size="0.006", contype="0", conaffinity="0")
+    _drawn(body, f"0 0 0 0 0 {rod.length!r}")
     return body
+
+
+def _drawn(body: Element, ends: str) -> None:
+    """A capsule between two ends that is visible and collides with nothing."""
+    element(body, "geom", type="capsule", fromto=ends, size="0.006", contype="0", conaffinity="0")
 
 
 def _hinge(damping: float, words: Words, zero: float, friction: float) -> dict[str, str]:

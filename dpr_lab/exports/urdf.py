@@ -5,6 +5,7 @@ Gravity is a setting of the simulator; a tilt is a fixed joint below the base. S
 """
 
 import json
+import math
 from collections.abc import Mapping
 from xml.etree.ElementTree import Element
 
@@ -32,7 +33,9 @@ def urdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
     if arm := made.arm:
         if arm.input:
             comment(root, f"joint0: torque = {arm.gain!r} N m per unit of {arm.input}")
-        _inertial(element(root, "link", name="arm"), "0 0 0", 1e-9, arm.inertia, arm.inertia)
+        link = element(root, "link", name="arm")
+        _inertial(link, "0 0 0", 1e-9, arm.inertia, arm.inertia)
+        _drawn(link, f"0 {-arm.length / 2!r} 0", f"{math.pi / 2!r} 0 0", arm.length)
         _hinge(root, "joint0", (parent, "arm"), position, "0 0 1", (arm.damping, arm.words))
         parent, position = "arm", f"0 {-arm.length!r} 0"
     for j, rod in enumerate(made.rods):
@@ -66,9 +69,14 @@ def _hinge(
 def _link(root: Element, name: str, rod: Rod) -> None:
     link = element(root, "link", name=name)
     _inertial(link, f"{rod.offset!r} 0 {rod.centroid!r}", rod.mass, rod.inertia)
+    _drawn(link, f"0 0 {rod.length / 2!r}", "0 0 0", rod.length)
+
+
+def _drawn(link: Element, middle: str, turned: str, length: float) -> None:
+    """A cylinder that is visible and collides with nothing."""
     visual = element(link, "visual")
-    element(visual, "origin", xyz=f"0 0 {rod.length / 2!r}", rpy="0 0 0")
-    element(element(visual, "geometry"), "cylinder", radius="0.006", length=repr(rod.length))
+    element(visual, "origin", xyz=middle, rpy=turned)
+    element(element(visual, "geometry"), "cylinder", radius="0.006", length=repr(length))
 
 
 def _inertial(link: Element, position: str, mass: float, inertia: float, distance: float = THIN) -> None:

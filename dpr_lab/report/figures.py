@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,6 +21,7 @@ from PIL import Image
 
 from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm.identify import JOINTS_READ, ArmComparison
 from dpr_lab.report import style
 from dpr_lab.report.digits import three
 from dpr_lab.report.envelope import trace
@@ -34,6 +35,9 @@ NOISE_SIGMAS = 2
 """Half height of the noise-floor band, in standard deviations."""
 NO_COMPARISON = "No run was compared."
 
+Compared: TypeAlias = Comparison | ArmComparison | Sequence[Comparison] | Sequence[ArmComparison]
+"""One comparison or several, all with a clamped or all with a moving arm."""
+
 _EVOLUTION = {
     "best_cost": "cost of the best\nindividual",
     "best_fitness": "fitness of the\nbest individual",
@@ -42,27 +46,39 @@ _EVOLUTION = {
 
 
 def run_figure(run: Run) -> Figure:
-    """Measured angles of both rods over the time since the release."""
+    """Measured angles over the time since the release; of an arm that moves, its angle and the input of its drive."""
+    further = [("arm (rad)", run.theta[:, 0])] if run.arm_mode != "clamped" else []
+    further += [("input of the arm (SI)", run.arm_input)] if run.arm_input is not None else []
+    names = ("rod",) if run.mounting in ("inner", "outer") else ("inner rod", "outer rod")
     with style.house_style():
-        figure = new_figure(3.2)
-        axes = figure.subplots()
-        for rod, name in ((1, "inner rod"), (2, "outer rod")):
-            axes.plot(run.t, run.theta[:, rod], label=name)
-        _angle_range(axes, run.theta[:, 1:])
-        axes.set(xlabel="time since the release (s)", ylabel="angle (rad, 0 = upright)")
-        axes.set_title(_one_line(run.name), parse_math=False)
-        axes.margins(x=0.01)
+        figure = new_figure(3.2 + 1.4 * len(further))
+        heights = [2.0, *([1.0] * len(further))]
+        panels = figure.subplots(len(heights), squeeze=False, sharex=True, height_ratios=heights)[:, 0]
+        for rod, name in enumerate(names, 1):
+            panels[0].plot(run.t, run.theta[:, rod], label=name)
+        _angle_range(panels[0], run.theta[:, 1 : 1 + len(names)])
+        panels[0].set_ylabel("angle (rad, 0 = upright)")
+        panels[0].set_title(_one_line(run.name), parse_math=False)
+        for axes, (name, values) in zip(panels[1:], further, strict=True):
+            axes.plot(run.t, values)
+            axes.set_ylabel(name)
+        for axes in panels:
+            axes.margins(x=0.01)
+        panels[-1].set_xlabel("time since the release (s)")
+        figure.align_ylabels(panels)
         legend_above(figure)
         return figure
 
 
-def response_figure(comparisons: Comparison | Sequence[Comparison]) -> Figure:
+def response_figure(comparisons: Compared) -> Figure:
     """Measured and simulated angle of both rods, one row per run (figure 2 of the publication).
 
     The free run is drawn strong up to the predictability horizon and faint beyond it. The axis range is that of the
-    measurement, so a free run that diverges leaves the panel.
+    measurement, so a free run that diverges leaves the panel. With a moving arm: one row per run and joint.
     """
-    comparisons = [comparisons] if isinstance(comparisons, Comparison) else comparisons
+    arms, comparisons = _by_kind(comparisons)
+    if arms:
+        return _arm_response(arms)
     with style.house_style():
         if not comparisons:
             return empty_figure(NO_COMPARISON)
@@ -78,13 +94,15 @@ def response_figure(comparisons: Comparison | Sequence[Comparison]) -> Figure:
         return figure
 
 
-def error_figure(comparisons: Comparison | Sequence[Comparison]) -> Figure:
+def error_figure(comparisons: Compared) -> Figure:
     """Errors and residuals of each run with the noise floor (figure 3 of the publication).
 
     Left: error of the free run up to the horizon. Right: residual of segments with free initial states. Inner rod
-    above outer rod, in mrad.
+    above outer rod, in mrad. With a moving arm: the residual of each run and joint.
     """
-    comparisons = [comparisons] if isinstance(comparisons, Comparison) else comparisons
+    arms, comparisons = _by_kind(comparisons)
+    if arms:
+        return _arm_errors(arms)
     with style.house_style():
         if not comparisons:
             return empty_figure(NO_COMPARISON)
@@ -92,6 +110,53 @@ def error_figure(comparisons: Comparison | Sequence[Comparison]) -> Figure:
         grid = figure.subplots(2 * len(comparisons), 2, squeeze=False)
         for row, comparison in enumerate(comparisons):
             _draw_errors(grid[2 * row : 2 * row + 2], comparison)
+        legend_above(figure)
+        return figure
+
+
+def _by_kind(comparisons: Compared) -> tuple[list[ArmComparison], list[Comparison]]:
+    """Comparisons with a moving arm, and those with a clamped one."""
+    every = [comparisons] if isinstance(comparisons, Comparison | ArmComparison) else list(comparisons)
+    arms = [one for one in every if isinstance(one, ArmComparison)]
+    return arms, [one for one in every if isinstance(one, Comparison)]
+
+
+def _panels(runs: Sequence[ArmComparison]) -> tuple[Figure, list[tuple[Any, ArmComparison, int]]]:
+    """A figure with one panel for each run and read joint."""
+    rows = [(run, joint) for run in runs for joint, name in enumerate(JOINTS_READ) if name in run.rms_rad]
+    figure = new_figure(0.6 + 1.5 * len(rows))
+    panels = figure.subplots(len(rows), squeeze=False)[:, 0]
+    rows_of_axes = [(axes, run, joint) for axes, (run, joint) in zip(panels, rows, strict=True)]
+    for axes, run, joint in rows_of_axes:
+        if joint == 0 or JOINTS_READ[0] not in run.rms_rad:
+            axes.set_title(run.run, parse_math=False)
+        axes.set_xlim(float(run.t[0]), float(run.t[-1]))
+    panels[-1].set_xlabel("time since the release (s)")
+    return figure, rows_of_axes
+
+
+def _arm_response(runs: Sequence[ArmComparison]) -> Figure:
+    with style.house_style():
+        figure, panels = _panels(runs)
+        for axes, run, joint in panels:
+            axes.plot(*trace(run.t, run.measured[:, joint]), label="measured", **style.MEASURED)
+            axes.plot(*trace(run.t, run.simulated[:, joint]), label="simulated", **style.SIMULATED)
+            axes.set_ylabel(f"{JOINTS_READ[joint]} (rad)")
+        legend_above(figure)
+        return figure
+
+
+def _arm_errors(runs: Sequence[ArmComparison]) -> Figure:
+    with style.house_style():
+        figure, panels = _panels(runs)
+        for axes, run, joint in panels:
+            band = NOISE_SIGMAS * 1e3 * run.noise_rad[JOINTS_READ[joint]]
+            residual = 1e3 * (run.measured[:, joint] - run.simulated[:, joint])
+            largest = 1.1 * max(1.2 * band, float(np.nanmax(np.abs(residual))))
+            axes.axhspan(-band, band, label=f"noise floor, ±{NOISE_SIGMAS}σ", **style.NOISE_BAND)
+            axes.plot(*trace(run.t, residual), label="measured − simulated", **style.RESIDUAL)
+            axes.set_ylim(-largest, largest)
+            axes.set_ylabel(f"{JOINTS_READ[joint]} (mrad)")
         legend_above(figure)
         return figure
 

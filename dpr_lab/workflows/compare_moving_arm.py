@@ -38,7 +38,6 @@ def compare_moving_arm(
         return None
     import numpy as np
 
-    from dpr_lab.identification.moving_arm.identify import compare_moving_arm as compare_bare
     from dpr_lab.report.pages.moving_arm import write_arm_report
     from dpr_lab.run import refuse_repeated
     from dpr_lab.storage.reader import stored_rig
@@ -52,10 +51,9 @@ def compare_moving_arm(
         for file, rig in zip(runs, rigs, strict=True)
     ]
     refuse_repeated(recorded)
-    compare_run = compare_with_effects if loaded.effects else compare_bare
     compared: list[ArmComparison] = []
     for run, rig in zip(recorded, rigs, strict=True):
-        compared.append(compare_run(run, rig, loaded))
+        compared.append(compare_arm_run(run, rig, loaded))
         on_event(ArmRunCompared(compared[-1]))
     rows = [
         ",".join([comparison.run, *(f"{value:.9g}" for value in (t, *measured, *simulated))])
@@ -72,7 +70,20 @@ def compare_moving_arm(
     return saved | {"report": str(write_arm_report(loaded, compared, saved, out))}
 
 
-def compare_with_effects(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: float = 0.5) -> "ArmComparison":
+def compare_arm_run(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: float = 0.5) -> "ArmComparison":
+    """Simulate a run by segment with a model and its effects; only initial states are fitted.
+
+    Raises:
+        RunError: the model belongs to another rig, or cannot follow the readings.
+    """
+    if model.effects:
+        return _with_effects(run, rig, model, segment_s)
+    from dpr_lab.identification.moving_arm.identify import compare_moving_arm as compare_bare
+
+    return compare_bare(run, rig, model, segment_s)
+
+
+def _with_effects(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: float = 0.5) -> "ArmComparison":
     """Simulate a run by segment with a corrected model and its effects; only initial states are fitted.
 
     Raises:

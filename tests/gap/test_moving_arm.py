@@ -19,7 +19,7 @@ from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
-from dpr_lab.workflows.compare_moving_arm import compare_with_effects
+from dpr_lab.workflows.compare_moving_arm import compare_arm_run
 from sim_device.options import Options
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.trial import drawn_trial
@@ -68,7 +68,7 @@ def test_a_fault_of_the_arm_or_its_drive_is_named_with_its_size(fault, mode):
     assert fault in corrected.effects or done.effects[0].name in corrected.effects
     assert corrected.sizes["A"] / corrected.sizes["a"] == pytest.approx(done.determined["A/a"].value, rel=1e-3)
     bare = corrected.model_copy(update={"effects": {}})
-    rms = [compare_with_effects(run, rig, model).rms_rad for model in (corrected, bare) for run in runs[:1]]
+    rms = [compare_arm_run(run, rig, model).rms_rad for model in (corrected, bare) for run in runs[:1]]
     assert all(rms[0][joint] <= 1.01 * rms[1][joint] for joint in rms[0])
 
 

@@ -1,5 +1,6 @@
 """Recordings of a moving arm that are described wrongly, or that its stop spoils: each gets its sentence."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,10 @@ import pytest
 from dpr_lab.dynamics.arm import ArmParameters
 from dpr_lab.dynamics.simulate import simulate, simulate_arm
 from dpr_lab.errors import RunError
+from dpr_lab.identification.misread.moving_arm_balance import wrong_scale
 from dpr_lab.identification.moving_arm.doubts import stops
 from dpr_lab.identification.moving_arm.identify import identify_moving_arm
+from dpr_lab.identification.moving_arm.soft_stop import soft_stop
 from dpr_lab.rig import load_rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.options import ImportOptions
@@ -116,6 +119,48 @@ def test_an_arm_that_hits_its_stop_is_named():
     assert (end, len(contacts) >= 2) == ("largest", True)
     assert abs(angle - limit) < 0.05
     assert any("hits a stop at theta0" in failure for failure in identify_moving_arm([run], rig).failures)
+
+
+@pytest.mark.slow
+def test_the_end_of_a_cable_is_named_and_a_cable_that_always_pulls_is_not():
+    rng, rig = np.random.default_rng(6), rig_with("driven", "torque")
+    Z, arm, start = drawn(rng, rig)
+    arm = arm._replace(k0=1.0)
+    free = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
+    limit = 0.4 * free.theta[:, 0].max()
+    x = np.zeros((len(T), 6))
+    x[0] = start
+    for i in range(1, len(T)):  # its torque is held for 5 ms
+        torque = np.full(2, PUSH[i - 1] - 8.0 * max(x[i - 1, 0] - limit, 0.0))
+        x[i] = simulate_arm(Z, (rig.L0, rig.L1, rig.g), arm, x[i - 1], T[i - 1 : i + 1], drive=torque)[-1]
+    tight = replace(free, theta=x[:, :3] + rng.normal(0, NOISE, (len(T), 3)))
+    assert not stops(T, tight.theta[:, 0])
+    assert soft_stop(free, rig) is None
+    found = soft_stop(tight, rig)
+    assert (found.end, len(found.contacts) >= 2) == ("largest", True)
+    assert found.angle == pytest.approx(limit, abs=0.1 * np.ptp(tight.theta[:, 0]))
+    assert any("its cable tightens there" in failure for failure in identify_moving_arm([tight], rig).failures)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("read", "option"),
+    [
+        ((np.degrees(1), 1.0), "--scale theta0=0.0174533"),
+        ((1.0, np.degrees(1)), "--scale theta1=0.0174533,theta2=0.0174533"),
+        ((np.degrees(1), np.degrees(1)), "--unit deg"),
+        ((5.0, 1.0), "theta0 is 5.08 times the true angle: import the table with --scale theta0=0.197"),
+    ],
+)
+def test_degrees_of_some_angles_and_a_gear_of_the_encoder_are_named(read, option):
+    rng, rig = np.random.default_rng(3), rig_with("driven", "torque", rods="both")
+    Z, arm, start = drawn(rng, rig)
+    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
+    assert wrong_scale(run.t, run.theta, rig) is None
+    run.theta[:] = run.theta * [read[0], read[1], read[1]]
+    assert option in wrong_scale(run.t, run.theta, rig).cause("both")
+    (failure,) = identify_moving_arm([run], rig).failures
+    assert option in failure
 
 
 def test_an_arm_that_is_pressed_against_its_stop_is_named_and_one_that_friction_holds_is_not():

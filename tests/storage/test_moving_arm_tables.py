@@ -12,6 +12,7 @@ from dpr_lab.dynamics.simulate import simulate_arm
 from dpr_lab.errors import RunError
 from dpr_lab.rig import load_rig
 from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.storage.export import export
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.preview import preview
@@ -78,6 +79,27 @@ def test_angles_of_a_moving_arm_in_another_unit_are_named(tmp_path, rig_file, ta
     assert f"if the angles are in {named}" in questions[0].sentence
 
 
+@pytest.mark.parametrize(
+    ("columns", "mend"),
+    [((1,), "theta0=0.0174533"), ((2, 3), "theta1=0.0174533,theta2=0.0174533")],
+)
+def test_degrees_of_the_arm_or_the_rods_alone_are_named(tmp_path, rig_file, table, columns, mend):
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)
+    rows[:, columns] *= 180 / np.pi
+    other = tmp_path / "other.csv"
+    np.savetxt(other, rows, delimiter=",", header=table.read_text().splitlines()[0], comments="")
+    (question,) = preview(other, load_rig(rig_file), ImportOptions(unit="rad")).questions
+    assert question.mend == ("--scale", mend)
+
+
+def test_an_exported_run_with_a_driven_arm_is_imported_again(tmp_path, rig_file, table):
+    rig = load_rig(rig_file)
+    run = import_csv(table, rig, out=tmp_path / "run.mcap")
+    again = import_csv(export(load_run(tmp_path / "run.mcap"), tmp_path / "run.csv"), rig)
+    assert np.allclose(again.arm_input, run.arm_input)
+    assert np.allclose(again.theta, run.theta)
+
+
 def test_an_override_and_what_it_lacks(rig_file, table):
     rig = load_rig(rig_file)
     assert import_csv(table, rig, ImportOptions(arm="clamped")).arm_mode == "clamped"
@@ -86,7 +108,7 @@ def test_an_override_and_what_it_lacks(rig_file, table):
         import_csv(table, rig, ImportOptions(columns={"input": "amps"}))
     text = table.read_text()
     table.write_text(text.replace("motor_current_mA", "motor_voltage"))
-    with pytest.raises(RunError, match="current that drives the arm was not found"):
+    with pytest.raises(RunError, match=r"current that drives .* not found: .*set input = \"voltage\" in \[motor\]"):
         import_csv(table, rig)
     table.write_text(text.replace("theta0", "shoulder"))
     with pytest.raises(RunError, match="a driven arm needs its angle"):

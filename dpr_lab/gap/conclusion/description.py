@@ -62,7 +62,7 @@ def description(
     if hint := _delay_within_row(problem, selection):
         return Description(hint, selection.chosen.effects == (INPUT_DELAY.name,))
     if moves(record.run for record in records):  # other interpretations were tested before (`gap.screen.input`)
-        return _stopped(records, selection)
+        return _stopped(records, rig, selection)
     open_ = not at_noise_floor(selection.chosen) or transferred.withdrawn or transferred.oversized
     residuals = selection.base.residuals
     if not (residuals.chi2 > RULES.gap * residuals.dof and open_):
@@ -73,12 +73,12 @@ def description(
     return Description(look.sentence, bool(look.sentence) and _as_good(look, selection))
 
 
-def _stopped(records: Sequence[Record], selection: Selection) -> Description:
+def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Description:
     """An arm that hits a stop, if no effect explains its contact: it is the cause then."""
     explained = at_noise_floor(selection.chosen) or selection.share_explained >= RULES.closed
     if explained or HARD_STOP_JOINT0.name in selection.chosen.effects:
         return Description()
-    sentence = next(filter(None, (stop_sentence(record.run.swing) for record in records)), "")
+    sentence = next(filter(None, (stop_sentence(record.run.swing, rig) for record in records)), "")
     return Description(f"{sentence}." if sentence else "", bool(sentence))
 
 

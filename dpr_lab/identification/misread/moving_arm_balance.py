@@ -45,7 +45,7 @@ class ArmBalanceSettings:
     sure: float = 3.0
     """Standard deviations of the squared scale."""
     degrees: float = 1.4
-    """Factor within which a scale is that of degrees, the only unit that large: noise reduces the scale by up to 1.3."""
+    """Factor within which a scale is that of degrees: noise reduces the scale by up to 1.3."""
     simple: float = 1.15
     """Factor within which a scale is one half or two."""
 

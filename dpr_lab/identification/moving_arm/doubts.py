@@ -13,6 +13,7 @@ from dpr_lab.identification.misread.moving_arm_balance import wrong_scale
 from dpr_lab.identification.misread.scaled_readings import OTHER_ZERO, SCALED_READINGS, ScaledReadings
 from dpr_lab.identification.moving_arm.fit import ARM_FIT, ArmFit, fit_moving_arm
 from dpr_lab.identification.moving_arm.problem import ArmRecording
+from dpr_lab.identification.moving_arm.soft_stop import soft_stop
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import INPUT_UNITS
@@ -69,7 +70,7 @@ def failures(
         return [scaled]
     if misfit > DOUBTS.doubted and (mirrored := _mirrored_fit(fit, misfit, recordings, rig)):
         return [mirrored]
-    stops = [sentence for recording in recordings if misfit > 1.5 and (sentence := stop_sentence(recording.run))]
+    stops = [sentence for recording in recordings if misfit > 1.5 and (sentence := stop_sentence(recording.run, rig))]
     if misfit > DOUBTS.doubted and not stops and (other := _other_angles(recordings, rig)):
         return [other]
     of_input = _of_input(fit, rig) if gain_seen else []
@@ -183,18 +184,32 @@ def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
     ]
 
 
-def stop_sentence(run: Run) -> str:
-    """Sentence on an arm whose speed jumps at one end of its range twice, or once before it stays there; else empty."""
+def stop_sentence(run: Run, rig: Rig) -> str:
+    """Sentence on an arm that hits a stop, or whose cable tightens at one end of its range; else empty.
+
+    Its speed jumps there twice, or once before it stays there; at a soft stop, a torque begins beyond an angle.
+    """
     if run.arm_mode == "clamped" or np.ptp(run.theta[:, 0]) < DOUBTS.hardly_rad:
         return ""
+    name = run.file or run.name
     for end, angle, contacts in stops(run.t, run.theta[:, 0]):
         often = f"{len(contacts)} times" if len(contacts) > 1 else "and stays there"
         return (
-            f"{run.file or run.name}: the arm hits a stop at theta0 = {angle:.3g} rad, its {end} angle,"
-            f" {often}: its speed changes abruptly there, first at {contacts[0]:.2f} s. Record"
-            f" smaller motions, or import the part before it (--duration-s {max(contacts[0] - 0.01, 0.0):.2f})"
+            f"{name}: the arm hits a stop at theta0 = {angle:.3g} rad, its {end} angle, {often}: its speed changes"
+            f" abruptly there, first at {contacts[0]:.2f} s. {_without_stop(contacts[0])}"
+        )
+    if soft := soft_stop(run, rig):
+        return (
+            f"{name}: the arm is held back beyond theta0 = {soft.angle:.3g} rad, near its {soft.end} angle, first at"
+            f" {soft.contacts[0]:.2f} s: it hits a soft stop, or its cable tightens there."
+            f" {_without_stop(soft.contacts[0])}"
         )
     return ""
+
+
+def _without_stop(first: float) -> str:
+    """Advice on recordings without the contact whose first instant is given, s."""
+    return f"Record smaller motions, or import the part before it (--duration-s {max(first - 0.01, 0.0):.2f})"
 
 
 def _stays(t: Array, theta0: Array, contact: int, angle: float, reach: float) -> bool:

@@ -55,7 +55,7 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
     try:
         fit = fit_moving_arm(recordings, rig)
     except IdentificationError as error:
-        if stop := next(filter(None, (stop_sentence(recording.run) for recording in recordings)), ""):
+        if stop := next(filter(None, (stop_sentence(recording.run, rig) for recording in recordings)), ""):
             raise IdentificationError(stop) from error
         raise
     covariance = covariance_of(fit)

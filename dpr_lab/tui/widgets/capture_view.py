@@ -230,6 +230,8 @@ def _live(state: CaptureState) -> Iterator[Content]:
         yield Content(state.unit.speeds(attempt.recorded.omega[: state.rig.rods.number]))
     if attempt is not None and attempt.phase is not Phase.RECORDING:
         yield readout.rest_text(attempt.rest, state.rig, state.unit)
+        if state.rig.arm.mode != "clamped":
+            yield readout.arm_text(attempt.rest, state.rig, state.unit)
     if state.ordered is not None:
         yield readout.ordered_text(state.ordered, state.now)
     else:

@@ -81,6 +81,15 @@ def rest_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
     return Content.styled(f"rest   {GOOD if rest.ok else BAD} {text}", _tone(rest.ok))
 
 
+def arm_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
+    """Whether an arm that can move is at rest within its limits; otherwise the reason that forbids a release."""
+    if rest is None:
+        return Content.styled(f"arm    {UNKNOWN} checked when the rods are at the pose", "dim")
+    within = ", within its limits" if rig.arm.limits else ""
+    text = rest.arm or f"still at {unit.text(rest.theta[0])}{within}"
+    return Content.styled(f"arm    {BAD if rest.arm else GOOD} {text}", _tone(not rest.arm))
+
+
 def latch_text(latched: bool | None) -> Content:
     """Whether the latch holds the rods, if it is currently known."""
     if latched is None:
