@@ -117,8 +117,8 @@ def error_figure(comparisons: Compared) -> Figure:
 def _by_kind(comparisons: Compared) -> tuple[list[ArmComparison], list[Comparison]]:
     """Comparisons with a moving arm, and those with a clamped one."""
     every = [comparisons] if isinstance(comparisons, Comparison | ArmComparison) else list(comparisons)
-    arms = [one for one in every if isinstance(one, ArmComparison)]
-    return arms, [one for one in every if isinstance(one, Comparison)]
+    arms = [comparison for comparison in every if isinstance(comparison, ArmComparison)]
+    return arms, [comparison for comparison in every if isinstance(comparison, Comparison)]
 
 
 def _panels(runs: Sequence[ArmComparison]) -> tuple[Figure, list[tuple[Any, ArmComparison, int]]]:
