@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.identification.misread.balance import periods
 from dpr_lab.identification.misread.local_motion import local_motion
-from dpr_lab.identification.misread.scaled_readings import DEGREES, ScaledReadings
+from dpr_lab.identification.misread.scaled_readings import ScaledReadings, per_degree
 from dpr_lab.identification.misread.torque_balance import TORQUES
 from dpr_lab.rig import Rig
 
@@ -131,11 +131,11 @@ def wrong_scale(t: Array, theta: Array, rig: Rig) -> ScaledReadings | None:
     """
     balance, rods = arm_balance(t, theta, rig), 1.0
     if balance.residual > ARM_BALANCE.broken:
-        factors = np.array([1.0, DEGREES.rods, DEGREES.rods])
+        factors = np.array([1.0, per_degree(), per_degree()])
         converted = (arm_balance(t, zero + (theta - zero) * factors, rig) for zero in (0.0, np.pi))
         best = min(converted, key=lambda other: other.residual)
         if wrong_unit(balance.residual, best.residual):
-            balance, rods = best, DEGREES.rods
-    arm = DEGREES.arm if is_unit(balance.arm_scale, DEGREES.arm) else balance.arm_scale or rods
+            balance, rods = best, per_degree()
+    arm = per_degree() if is_unit(balance.arm_scale, per_degree()) else balance.arm_scale or rods
     arm = next((factor for factor in (0.5, 2.0) if abs(log(arm / factor)) < log(ARM_BALANCE.simple)), arm)
     return None if arm == rods == 1.0 else ScaledReadings(arm, rods)

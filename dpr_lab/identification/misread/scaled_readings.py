@@ -8,6 +8,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+def per_degree() -> float:
+    """True angle of a reading of 1 degree that is declared as 1 rad, rad."""
+    return float(np.deg2rad(1.0))
+
+
 @dataclass(frozen=True, slots=True)
 class ScaledReadings:
     """True angles as a multiple of the readings: of the arm, and of the rods from hanging."""
@@ -35,22 +40,19 @@ class ScaledReadings:
             mounted: the mounted rods, as in the rig file
         """
         rods = ("theta1", "theta2") if mounted == "both" else ("theta1",)
-        if self == DEGREES:
+        if self.arm == self.rods == per_degree():
             return "the angles are in degrees, not in rad: import the table with --unit deg"
         axes = (*(("theta0",) if self.arm != 1.0 else ()), *(rods if self.rods != 1.0 else ()))
         factor = self.arm if self.arm != 1.0 else self.rods
-        option = ",".join(f"{axis}={factor:{'.6g' if factor == DEGREES.arm else '.3g'}}" for axis in axes)
+        option = ",".join(f"{axis}={factor:{'.6g' if factor == per_degree() else '.3g'}}" for axis in axes)
         verb = "are" if len(axes) > 1 else "is"
-        if factor == DEGREES.arm:
+        if factor == per_degree():
             return f"{' and '.join(axes)} {verb} in degrees, not in rad: import the table with --scale {option}"
         return (
             f"{' and '.join(axes)} {verb} {1 / factor:.3g} times the true angle: import the table with --scale"
             f" {option}, or, for a device, multiply counts_per_rev in [encoders] by {1 / factor:.3g}"
         )
 
-
-DEGREES = ScaledReadings(np.pi / 180, np.pi / 180)
-"""Readings in degrees that are declared as rad."""
 
 SCALED_READINGS = tuple(ScaledReadings(*factors) for f in (2.0, 0.5) for factors in ((1.0, f), (f, 1.0), (f, f)))
 """Interpretations to try: the readings are half or twice the true angles."""
