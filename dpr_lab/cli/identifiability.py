@@ -156,6 +156,7 @@ def _show_advice(analysis: "Identifiability | ArmIdentifiability") -> None:
                 f"{advice.gain_bits:z.1f}",
             )
             for advice in analysis.advice
+            if advice.frees or advice.gain_bits >= 0.05
         ],
     )
     if analysis.advice:

@@ -11,6 +11,7 @@ from dpr_lab.acquisition.rest import arm_restless
 from dpr_lab.acquisition.settings import RestLimits
 from dpr_lab.errors import SafetyStop
 from dpr_lab.rig import Rig, load_rig
+from dpr_lab.storage.reader import load_run
 
 
 def furuta_with(**arm: object) -> Rig:
@@ -37,6 +38,16 @@ def test_rods_are_not_released_while_the_arm_stands_outside_its_limits(tmp_path:
         with pytest.raises(SafetyStop, match=r"the arm stands at .* outside its limits of 0.5 to 1 rad"):
             capture(device, rig, "X1", options, tmp_path, confirm=agree)
         assert max(spy.sent) <= 39
+
+
+def test_a_motor_that_drives_an_arm_described_as_free_is_named(tmp_path: Path, bench, agree) -> None:
+    options = CaptureOptions(duration=1.0, pose_timeout=3.0, rest_timeout=2.0)
+    with bench(rig="furuta", plant="furuta") as (device, _):
+        free = capture(device, furuta_with(mode="free"), "X1", options, tmp_path, confirm=agree)
+        driven = capture(device, load_rig("furuta"), "X1", options, tmp_path, confirm=agree)
+    assert any("record with --arm driven" in note for note in free.quality.notes)
+    assert any("record with --arm driven" in note for note in load_run(free.run_file).notes)
+    assert not any("--arm driven" in note for note in driven.quality.notes)
 
 
 def test_limits_in_the_wrong_order_are_refused() -> None:

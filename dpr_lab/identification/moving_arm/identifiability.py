@@ -126,7 +126,7 @@ class ArmIdentifiability(Shown):
     @property
     def heading(self) -> str:
         """One line: mode of the arm, its input, and the number of determined directions."""
-        drive = f" by its {self.input}" if self.input else ""
+        drive = f" (input: {self.input})" if self.input else ""
         return (
             f"Identifiability with a {' and '.join(self.arm)} arm{drive}: {self.rank} of"
             f" {len(self.fixed_by)} directions are determined"
