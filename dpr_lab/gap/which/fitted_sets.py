@@ -181,7 +181,7 @@ class FittedSets:
         cut, initial = self.short()
         start = self.bare.fit.estimate.changed(initial=initial)
         bare = hypothesis(cut, (), fit(cut, start, free_parameters(start, (), cut), iterations=EFFORT.fine))
-        return FittedSets(self.recordings, cut, self.library, bare, self.on_progress, self.expected)
+        return FittedSets(self.recordings, cut, self.library, bare, self.on_progress, self.expected, _short=self._short)
 
     def carried_over(self, short: Hypothesis) -> Hypothesis:
         """Refit a set from its fit to short segments."""
