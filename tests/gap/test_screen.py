@@ -92,6 +92,19 @@ def test_two_equal_readings_on_both_sides_of_a_turning_point_are_no_fault_of_a_s
         assert repeated(t, joints, np.full(2, count / np.sqrt(12)), 0.0, 0.1)[41:43, 0].all() or not fast
 
 
+def test_a_rod_that_vibrates_stands_and_moves_on_but_one_that_is_not_read_again_catches_up():
+    t, count = np.arange(0.0, 1.0, 0.005), 2 * np.pi / 2400
+    speed = 260 * count
+    smooth = speed * (t + 0.9 * np.sin(2 * np.pi * 25 * t) / (2 * np.pi * 25))
+    readings = np.round(np.column_stack([smooth, smooth]) / count) * count
+    assert (np.diff(readings[:, 0]) == 0).sum() > 30
+    assert repeated(t, readings, np.full(2, count / np.sqrt(12)), 0.0, 0.005)[4:-4].sum() <= 2
+    fast = np.round(np.column_stack([4 * speed * t, 4 * speed * t]) / count) * count
+    fast[[50, 80, 81]] = fast[[49, 79, 79]]
+    found = repeated(t, fast, np.full(2, count / np.sqrt(12)), 0.0, 0.005)
+    assert np.flatnonzero(found[:, 0]).tolist() == [50, 80, 81]
+
+
 def test_missing_samples_are_counted(clean: Run, paper: Rig, rng: np.random.Generator):
     keep = (rng.random(len(clean.t)) > 0.02) | (clean.t < 0)
     keep[-1] = True

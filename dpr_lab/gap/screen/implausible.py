@@ -18,6 +18,10 @@ class ImplausibleSettings:
     """Motion of a rod, in standard deviations, from which an equal reading counts as repeated."""
     goes_on: float = 0.25
     """Fraction of the motion per sample by which the rod must move just before and after a repeated reading."""
+    catches_up: float = 0.6
+    """Least change of the first new reading after repeated ones, in units of the motion since the last new reading: it
+    contains the motion that the repeated ones lack. A rod that vibrates moves on where it stood.
+    """
     reach: int = 4
     """Number of samples on either side for the speed, so that a single wrong instant has little influence."""
 
@@ -66,10 +70,20 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
         all_axes &= goes_on[:, turning[0]]
     last_new = np.maximum.accumulate(np.where(all_axes, 0, np.arange(len(t))))
     travelled = np.cumsum(path, axis=0)
+    all_axes &= _catches_up(joints, travelled, all_axes)
     significance = np.sqrt(np.sum(((travelled - travelled[last_new]) / std) ** 2, axis=1))
     highest = np.zeros(len(t))
     np.maximum.at(highest, last_new, significance)
     return alone | (all_axes & (highest[last_new] > IMPLAUSIBLE.moved))[:, None]
+
+
+def _catches_up(joints: Array, travelled: Array, held: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(n,) rows whose next new reading contains most of the motion since the last new one."""
+    n = np.arange(len(held))
+    last_new = np.maximum.accumulate(np.where(held, 0, n))
+    next_new = np.minimum.accumulate(np.where(held, len(held) - 1, n)[::-1])[::-1]
+    made, missing = joints[next_new] - joints[last_new], travelled[next_new] - travelled[last_new]
+    return np.sum(made * missing, axis=1) > IMPLAUSIBLE.catches_up * np.sum(missing**2, axis=1)
 
 
 def _before(step: Array) -> Array:
