@@ -24,7 +24,6 @@ from queue import SimpleQueue
 from typing import Any, TypeAlias
 
 from dpr_lab.child_process import ChildFunction
-from dpr_lab.configs import key_words
 from dpr_lab.errors import DprError
 from dpr_lab.progress import compiling, watch_compiling
 from dpr_lab.version import __version__
@@ -336,6 +335,8 @@ def _request(method: Method, params: Mapping[str, Any]) -> Any:
         RpcError: unknown, missing or wrong parameters.
     """
     from pydantic import TypeAdapter, ValidationError  # heavy: the start of a command imports all jobs' events
+
+    from dpr_lab.configs import key_words
 
     kind = _imported(method.request)
     known = [field.name for field in fields(kind)]
