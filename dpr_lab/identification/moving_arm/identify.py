@@ -141,8 +141,9 @@ def _warnings(fit: ArmFit) -> list[str]:
     if _misfit(fit) <= ARM_WARNINGS.gap:
         return []
     return [
-        f"the residual is {_misfit(fit) ** 0.5:.1f} times the noise: the model is incomplete. The standard"
-        f" deviations are those of residuals clustered by segment, and a systematic error may be larger"
+        f"the residual is {_misfit(fit) ** 0.5:.1f} times the noise: the model is incomplete, and `diagnose`"
+        f" looks for the missing effect. The standard deviations are those of residuals clustered by segment, and a"
+        f" systematic error may be larger"
     ]
 
 
