@@ -115,10 +115,10 @@ def show(made: "Plan") -> None:
 
 
 def _row(release: "PlannedRelease") -> tuple[str, ...]:
-    decided = [] if release.decided is None else [f"{release.decided:.2f}"]
-    figures = (f"{release.minutes:.1f}", f"{release.horizon_s:.1f}", f"{release.library_bits:.2f}")
     from dpr_lab.report.words import in_words
 
+    decided = [] if release.decided is None else [f"{release.decided:.2f}"]
+    figures = (f"{release.minutes:.1f}", f"{release.horizon_s:.1f}", f"{release.library_bits:.2f}")
     return (str(release.number), release.text, in_words(release.reason), *figures, *decided)
 
 

@@ -72,6 +72,18 @@ def test_a_fault_of_the_arm_or_its_drive_is_named_with_its_size(fault, mode):
     assert all(rms[0][joint] <= 1.01 * rms[1][joint] for joint in rms[0])
 
 
+@pytest.mark.slow
+def test_an_effect_that_leaves_only_noise_is_not_called_unexplained():
+    """The gap is small relative to the noise, so that the share of it that an effect explains means little."""
+    rng = np.random.default_rng(912)
+    plant = replace(drawn_plant(rng, False, "coulomb_joint1", 1.0, 0.12), size={"torque_Nm": 5e-5})
+    rig = rig_of(plant, "driven")
+    done = diagnose(recorded(plant, rig, "driven", rng, 4.0, 0.12), rig)
+    assert done.verdict == "partly_explained"
+    assert [effect.name for effect in done.effects] == ["coulomb_joint1"]
+    assert "Nothing above the noise floor remains" in done.sentence
+
+
 def scaled(runs: list[Run], factor: float) -> list[Run]:
     """The runs with all inputs of the arm times a factor."""
     return [replace(run, arm_input=factor * np.asarray(run.arm_input)) for run in runs]

@@ -94,7 +94,7 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], transf
         return "named"
     no_reduction = _fitted_only(posteriors, transferred)
     likely = any(cause.outside <= RULES.outside * cause.probability for cause in listed_causes(posteriors))
-    if share >= RULES.partly_share and not no_reduction and likely:
+    if (complete or share >= RULES.partly_share) and not no_reduction and likely:
         return "partly_explained"
     only_expected = set(chosen.effects) <= selection.expected
     return "no_gap" if _small(selection.base) and only_expected else "unexplained"
@@ -201,9 +201,10 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
         )
     if at_noise_floor(chosen):
         return UNCERTAIN
-    return (
-        f"A remainder of {_two_digits(chosen.residuals.noise_ratio)} times the noise has another cause or another form."
-    )
+    ratio = chosen.residuals.noise_ratio
+    small = f"A small but significant remainder, {_two_digits(ratio)} times the noise,"
+    remainder = f"A remainder of {_two_digits(ratio)} times the noise" if ratio >= 1.0 else small
+    return f"{remainder} has another cause or another form."
 
 
 def _causes_named(
