@@ -69,11 +69,12 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 
     Far from the noise, a single effect that does not reduce the excess does not stop the search: two effects of similar
     size may reduce it only together. It ends as soon as the noise of known torques is refuted, because it is then
-    repeated without this noise (`dpr_lab.gap.known_torques`).
+    repeated without this noise (`dpr_lab.gap.known_torques`). Down to the noise, at least one effect is fitted before:
+    the linear test of a backlash says little about its fit.
     """
     best, front, passed = start, [start], False
     for _ in range(max_effects - len(sets.unexpected(start))):
-        if _refutes_process_noise(sets, best):
+        if not (to_floor and best is start) and _refutes_process_noise(sets, best):
             return
         level: dict[frozenset[str], Hypothesis] = {}
         for model in front:

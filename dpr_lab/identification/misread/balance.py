@@ -103,13 +103,12 @@ def energy_fit(t: Array, rods: Array, torques: Array | None, rig: Rig) -> Energy
     if moving is None:
         return None
     terms = _terms(moving, torques, rig)
-    residual = _residual(np.cov(terms, bias=True), np.zeros(2))
-    if not np.isfinite(residual):
-        return None
     kinetic, potential = terms[[0, 1, 2]].sum(axis=0), terms[[4, 6]].sum(axis=0)
+    residual, size = _residual(np.cov(terms, bias=True), np.zeros(2)), float(potential.std())
+    if not (np.isfinite(residual) and size > 0):
+        return None
     losses = terms[8:] if torques is None else terms[:0]
-    kinetic_scale = float(np.sqrt(kinetic.mean() / potential.std()))
-    return EnergyFit(residual, _time_scale(kinetic, potential, losses), kinetic_scale)
+    return EnergyFit(residual, _time_scale(kinetic, potential, losses), float(np.sqrt(kinetic.mean() / size)))
 
 
 def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:

@@ -35,6 +35,10 @@ class StampSettings:
     """Rows on one side of a gap whose parabola predicts the next reading."""
     usual: float = 0.95
     """Quantile of the errors of such predictions elsewhere in the table, their usual size."""
+    elsewhere: int = 1000
+    """Maximum number of rows, evenly spaced over the table, that determine it."""
+    far: float = 1e3
+    """Maximum distance of a predicted instant, in units of the duration of the rows that predict it."""
     misfit: float = 4.0
     """Minimum error of a reading at its stamp, in units of the usual size, in at least one column."""
     fit: float = 2.0
@@ -106,18 +110,25 @@ def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]
     if len(rows) < 4 * n:
         return t, ""
     step = float(np.median(steps))
-    errors = np.stack([_error(time, x, slice(i - n, i), i, time[i]) for i in range(n, len(rows))])
-    usual = np.maximum(np.quantile(np.abs(errors), SETTINGS.usual, axis=0), np.finfo(np.float64).tiny)
+    gaps = np.flatnonzero(steps > SETTINGS.gap_steps * step).tolist() if step > 0 else []
+    if not gaps:
+        return t, ""
+    some = np.unique(np.linspace(n, len(rows) - 1, SETTINGS.elsewhere).astype(int))
+    errors = np.stack([_error(time, x, slice(i - n, i), i, float(time[i])) for i in some.tolist()])
+    errors = errors[np.isfinite(errors).all(axis=1)]
+    if not len(errors):
+        return t, ""
+    usual = np.maximum(np.quantile(errors, SETTINGS.usual, axis=0), np.finfo(np.float64).tiny)
     moved = []
-    for gap in np.flatnonzero(steps > SETTINGS.gap_steps * step).tolist():
+    for gap in gaps:
         for row, same_side, other_side, instant in (
             (gap, slice(gap - n, gap), slice(gap + 1, gap + 1 + n), time[gap + 1] - step),
             (gap + 1, slice(gap + 2, gap + 2 + n), slice(gap + 1 - n, gap + 1), time[gap] + step),
         ):
             if min(same_side.start, other_side.start) < 0 or max(same_side.stop, other_side.stop) > len(rows):
                 continue
-            at_stamp = np.abs(_error(time, x, same_side, row, time[row])) / usual
-            beyond = np.abs(_error(time, x, other_side, row, instant)) / usual
+            at_stamp = _error(time, x, same_side, row, time[row]) / usual
+            beyond = _error(time, x, other_side, row, instant) / usual
             if at_stamp.max() >= SETTINGS.misfit and beyond.max() <= SETTINGS.fit:
                 moved.append((int(rows[row]), float(instant)))
                 break
@@ -134,8 +145,10 @@ def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]
 
 
 def _error(t: Array, x: Array, fitted: slice, row: int, instant: float) -> Array:
-    """(columns,) difference of the readings of a row from the parabola through other rows, at an instant."""
-    scale = max(float(np.ptp(t[fitted])), np.finfo(np.float64).tiny)
-    u = (t[fitted] - instant) / scale
+    """(columns,) absolute error of the parabola through other rows at an instant; infinite far from these rows."""
+    duration = float(np.ptp(t[fitted]))
+    if np.abs(t[fitted] - instant).max() > SETTINGS.far * duration or duration <= 0:
+        return np.full(x.shape[1], np.inf)
+    u = (t[fitted] - instant) / duration
     parabola = np.linalg.lstsq(np.stack([np.ones_like(u), u, u**2], axis=1), x[fitted], rcond=None)[0]
-    return np.asarray(x[row] - parabola[0])
+    return np.abs(x[row] - parabola[0])
