@@ -113,8 +113,8 @@ def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]
     gaps = np.flatnonzero(steps > SETTINGS.gap_steps * step).tolist() if step > 0 else []
     if not gaps:
         return t, ""
-    some = np.unique(np.linspace(n, len(rows) - 1, SETTINGS.elsewhere).astype(int))
-    errors = np.stack([_error(time, x, slice(i - n, i), i, float(time[i])) for i in some.tolist()])
+    predicted = np.unique(np.linspace(n, len(rows) - 1, SETTINGS.elsewhere).astype(int))
+    errors = np.stack([_error(time, x, slice(i - n, i), i, float(time[i])) for i in predicted.tolist()])
     errors = errors[np.isfinite(errors).all(axis=1)]
     if not len(errors):
         return t, ""
