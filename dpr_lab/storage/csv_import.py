@@ -113,11 +113,11 @@ def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
     if options.arm == "driven":
         assert torques is not None
         torques, commanded, arm_input = None, None, torques[:, 0]
-    turns = full_turns(rig, options.pose, t, swing.theta)
+    theta = swing.theta - full_turns(rig, options.pose, t, swing.theta)
     return Run(
         name=table_name(path),
         t=t,
-        theta=as_mounted(np.ascontiguousarray(swing.theta - turns), rig.rods.mounting, str(path)),
+        theta=as_mounted(np.ascontiguousarray(theta), rig.rods.mounting, str(path)),
         mounting=rig.rods.mounting,
         counts=swing.counts,
         torques=torques,
@@ -126,7 +126,7 @@ def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
         input_delay_s=options.input_delay_s,
         arm=_arm(path, rig, swing) if options.arm == "prescribed" else None,
         arm_mode=options.arm or rig.arm.mode,
-        inner=prescribed_inner(t, swing.theta[:, 1], str(path)) if options.inner == "prescribed" else None,
+        inner=prescribed_inner(t, theta[:, 1], str(path)) if options.inner == "prescribed" else None,
         arm_input=arm_input,
         pose=options.pose,
         rig_name=rig.name,

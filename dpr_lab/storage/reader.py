@@ -52,6 +52,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     t = _time(stored, samples)
     recorded_rig = stored.metadata.rig
     theta = samples.theta if samples.counts is None else recorded_rig.theta(samples.counts)
+    theta = theta - full_turns(recorded_rig, stored.metadata.pose, t, theta)
     summary = stored.summary
     torques, commanded = _torques(samples)
     mode = _arm_mode(stored)
@@ -67,9 +68,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     run = Run(
         name=stored.path.stem,
         t=t,
-        theta=as_mounted(
-            theta - full_turns(recorded_rig, stored.metadata.pose, t, theta), recorded_rig.rods.mounting, str(path)
-        ),
+        theta=as_mounted(theta, recorded_rig.rods.mounting, str(path)),
         mounting=recorded_rig.rods.mounting,
         counts=samples.counts,
         torques=torques,
@@ -227,12 +226,23 @@ def release_row(release: int | None, ticks: NDArray[np.int64]) -> int:
 
 
 def full_turns(rig: Rig, pose: str | None, t: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3,) whole turns to subtract, rad, so that each rod lies within pi of the pose at t = 0; zero without a pose."""
+    """(3,) whole turns to subtract, rad, so that each rod lies within pi of the pose at t = 0.
+
+    Without a pose, those of a rod that was turned before the recording and hangs only in another turn than its zero.
+    """
     turns = np.zeros(3)
     if pose is not None:
         difference = theta[np.argmin(np.abs(t))] - rig.poses[pose].theta
         turns[1:] = 2 * np.pi * np.round(difference[1:] / (2 * np.pi))
+    else:
+        turns[1:] = [2 * np.pi * _turn_of_hanging(angle) for angle in theta[:, 1:].T]
     return turns
+
+
+def _turn_of_hanging(angle: NDArray[np.float64]) -> float:
+    """Turn in which a rod first swings below its pivot; 0 if it also does so in the turn of its zero, or never."""
+    below = np.round((angle[np.cos(angle) < 0.0] - np.pi) / (2 * np.pi))
+    return float(below[0]) if len(below) and below.all() else 0.0
 
 
 def _check_hash(stored: Scan) -> None:
