@@ -301,6 +301,6 @@ def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
 
 def show_search(diagnosis: "Diagnosis") -> None:
     """Print all trials of the model search on stdout."""
-    from dpr_lab.report.gap import tables
+    from dpr_lab.report.gap.trials_of_search import TRIAL_COLUMNS, TRIAL_NOTE, trial_rows
 
-    table("Model search", tables.SEARCH_COLUMNS, tables.search_rows(diagnosis), note=tables.SEARCH_NOTE)
+    table("Model search", TRIAL_COLUMNS, trial_rows(diagnosis), note=TRIAL_NOTE)

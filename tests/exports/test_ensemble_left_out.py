@@ -12,7 +12,9 @@ from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.exports.ensemble.left_out import factor_without, widening, without
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
 from dpr_lab.gap.result.posterior import PosteriorComponent
-from dpr_lab.rig import load_rig
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.run import Run
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import weighed
@@ -64,24 +66,32 @@ def test_an_effect_of_size_zero_is_there_without_a_recording_that_hides_it() -> 
     assert part.effects == {"coulomb_joint2": {"torque_Nm": 9e-4}}
 
 
-def test_a_posterior_of_an_older_version_keeps_its_width() -> None:
-    old = COMPONENT.model_copy(update={"left_out": []})
-    assert factor_without(None, [old], [None] * 4, None, 0) == 1.0  # type: ignore[arg-type]
-
-
-def test_two_diagnosed_or_three_identified_recordings_are_too_few() -> None:
-    pair = COMPONENT.model_copy(update={"left_out": COMPONENT.left_out[:2]})
-    assert factor_without(None, [pair], [None] * 2, None, 0) == 1.0  # type: ignore[arg-type]
-    assert factor_without(None, [COMPONENT], [None] * 3, None, 0, identified=True) == 1.0  # type: ignore[arg-type]
-
-
-@pytest.mark.slow
-def test_a_posterior_that_is_too_narrow_is_widened() -> None:
-    """Four releases of one plant; the values without each differ by ten standard deviations of the posterior."""
+@pytest.fixture(scope="module")
+def released() -> tuple[Model, list[Run], Rig]:
+    """A plant's true model, four of its releases and its rig."""
     plant, rig = weighed(load_plant("paper", 5), load_rig("paper"))
     runs = [replace(run, name=str(i)) for i, run in enumerate([*record(plant, rig, duration=2.0)] * 2)][:4]
     estimate = Estimate.of(unknown_ratios(base_parameters(plant.Z, rig.L1, rig.g)), effect_params({}), np.zeros((1, 4)))
-    truth = whole_model(rig, estimate).model_copy(update={"effects": {}})
+    return whole_model(rig, estimate).model_copy(update={"effects": {}}), runs, rig
+
+
+def test_a_posterior_of_an_older_version_keeps_its_width(released: tuple[Model, list[Run], Rig]) -> None:
+    truth, runs, rig = released
+    old = COMPONENT.model_copy(update={"left_out": []})
+    assert factor_without(truth, [old], runs, rig, 0) == 1.0
+
+
+def test_two_diagnosed_or_three_identified_recordings_are_too_few(released: tuple[Model, list[Run], Rig]) -> None:
+    truth, runs, rig = released
+    pair = COMPONENT.model_copy(update={"left_out": COMPONENT.left_out[:2]})
+    assert factor_without(truth, [pair], runs[:2], rig, 0) == 1.0
+    assert factor_without(truth, [COMPONENT], runs[:3], rig, 0, identified=True) == 1.0
+
+
+@pytest.mark.slow
+def test_a_posterior_that_is_too_narrow_is_widened(released: tuple[Model, list[Run], Rig]) -> None:
+    """Four releases of one plant; the values without each differ by ten standard deviations of the posterior."""
+    truth, runs, rig = released
     ratio = truth.ratios["a/b"].value
     std = 2e-4 * ratio
     posterior = PosteriorComponent(

@@ -18,7 +18,7 @@ from dpr_lab.gap.which.moves import MOVES
 from dpr_lab.gap.which.replacements import with_alternatives
 from dpr_lab.gap.which.search import SearchState, apply, run
 from dpr_lab.gap.which.select import short_segments
-from dpr_lab.report.gap.tables import SEARCH_COLUMNS, search_rows
+from dpr_lab.report.gap.trials_of_search import TRIAL_COLUMNS, trial_rows
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from sim_device.plant.config import load_plant
@@ -155,8 +155,8 @@ def test_the_trace_leads_from_the_bare_model_to_the_chosen_set(paper: Rig, recor
         assert step.before == ([] if step.move == "short segments" else current)
         current = step.tried if step.accepted else step.before
     assert sorted(current) == sorted(diagnosis.model_effects)
-    rows = search_rows(diagnosis)
-    assert {len(row) for row in rows} == {len(SEARCH_COLUMNS)}
+    rows = trial_rows(diagnosis)
+    assert {len(row) for row in rows} == {len(TRIAL_COLUMNS)}
     assert "+ Coulomb friction, joint 2" in {row[1] for row in rows if "accepted" in row}
 
 

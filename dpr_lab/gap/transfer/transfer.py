@@ -208,7 +208,7 @@ def worse_free_run(
 
     Args:
         before: run -> error of the free run of the bare model
-        after: the same with the effects; where it cannot be simulated, its error is half a turn
+        after: run -> error of the free run with the effects; half a turn where it cannot be simulated
         noise: the part of `before` that is expected from the noise of the first readings
         compared: names of the runs
     """

@@ -12,6 +12,7 @@ from dpr_lab.report.gap.sections import SECTIONS
 from dpr_lab.report.gap.sections.closing import CLOSING
 from dpr_lab.report.gap.sizes import scale_note
 from dpr_lab.report.gap.summary import budget_bar, repeatability_bar, repeatability_sentences, summary_note
+from dpr_lab.report.gap.trials_of_search import TRIAL_COLUMNS, TRIAL_NOTE, trial_rows
 from dpr_lab.report.pages.page import Block, Heading, Items, PageTable, Section, page_html, pictures, write_page
 from dpr_lab.report.words import in_words
 
@@ -81,7 +82,7 @@ def write_gap_report(
         Section("Sensor faults", [_faults(diagnosis)]),
         *evidence.values(),
         Section("Minimum detectable effects", [_detectable(diagnosis)]),
-        Section("Model search", [PageTable(tables.SEARCH_COLUMNS, tables.search_rows(diagnosis), tables.SEARCH_NOTE)]),
+        Section("Model search", [PageTable(TRIAL_COLUMNS, trial_rows(diagnosis), TRIAL_NOTE)]),
         Section("Assumptions", [Items([in_words(text) for text in diagnosis.assumptions])]),
     ]
     page = page_html(title, in_words(diagnosis.sentence), sections, lead=list(_lead(diagnosis)))

@@ -1,7 +1,7 @@
 """Tables of a diagnosis as rows of text, with notes that explain their columns."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,13 +33,6 @@ DETECTABLE_COLUMNS = ("effect", "minimum detectable size")
 HORIZON_COLUMNS = ("segment length (s)", "gap, bare model (mrad rms)", "gap, corrected model (mrad rms)")
 MAP_COLUMNS = ("place", "coordinate", "coordinate value", "quantity", "value", "90 % half width")
 FINDING_COLUMNS = ("fault", "run", "axis", "time (s)", "evidence")
-
-SEARCH_COLUMNS = ("move", "change of the set", "criterion", "change", "decision", "reason")
-SEARCH_NOTE = (
-    "Every trial of the model search in order; each starts from the last accepted set. Criterion of the tested"
-    " set: held-out chi-square plus a penalty for the parameters; negative changes are better. Trials above"
-    " the row 'short segments' were made with short segments."
-)
 
 EFFECT_NOTE = (
     "Unique contribution: share of the excess chi-square that returns when this effect is removed and the others are"
@@ -142,28 +135,6 @@ def effect_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple
 def contribution_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """One row per effect of the corrected model, in the columns `CONTRIBUTION_COLUMNS`."""
     return [(name, members, share) for name, members, _, share, _ in effect_rows(diagnosis)]
-
-
-def search_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """One row per trial of the model search, in the columns `SEARCH_COLUMNS`."""
-    return [
-        (
-            step.move,
-            _changed(step.before, step.tried),
-            NONE if step.criterion is None else f"{step.criterion:.5g}",
-            NONE if step.change is None else f"{step.change:+.4g}",
-            "accepted" if step.accepted else "rejected",
-            in_words(step.reason),
-        )
-        for step in diagnosis.search
-    ]
-
-
-def _changed(before: Sequence[str], tried: Sequence[str]) -> str:
-    """Difference between two sets of effects: `+ Coulomb friction, joint 2`."""
-    removed = [f"− {EFFECTS[name].words}" for name in before if name not in tried]
-    added = [f"+ {EFFECTS[name].words}" for name in tried if name not in before]
-    return "; ".join([*removed, *added]) or "same effects"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,37 @@
+"""Table of the trials of a diagnosis's model search."""
+
+from collections.abc import Sequence
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.report.digits import NONE
+from dpr_lab.report.words import in_words
+
+TRIAL_COLUMNS = ("move", "change of the set", "criterion", "change", "decision", "reason")
+TRIAL_NOTE = (
+    "Every trial of the model search in order; each starts from the last accepted set. Criterion of the tested"
+    " set: held-out chi-square plus a penalty for the parameters; negative changes are better. Trials above"
+    " the row 'short segments' were made with short segments."
+)
+
+
+def trial_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """One row per trial of the model search, in the columns `TRIAL_COLUMNS`."""
+    return [
+        (
+            step.move,
+            _changed(step.before, step.tried),
+            NONE if step.criterion is None else f"{step.criterion:.5g}",
+            NONE if step.change is None else f"{step.change:+.4g}",
+            "accepted" if step.accepted else "rejected",
+            in_words(step.reason),
+        )
+        for step in diagnosis.search
+    ]
+
+
+def _changed(before: Sequence[str], tried: Sequence[str]) -> str:
+    """Difference between two sets of effects: `+ Coulomb friction, joint 2`."""
+    removed = [f"− {EFFECTS[name].words}" for name in before if name not in tried]
+    added = [f"+ {EFFECTS[name].words}" for name in tried if name not in before]
+    return "; ".join([*removed, *added]) or "same effects"
