@@ -202,10 +202,10 @@ def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
     """Whether another effect is a curve that in place of the named effect only follows it, or small unknown causes."""
     with_both = selection.fitted.get(selection.chosen.key | {other})
     instead = selection.fitted.get(without.key | {other})
-    if instead is None:
+    if instead is None or follows_decay(selection.base, instead, selection.chosen):
         return False
     if follows_remainder(selection.base, instead, selection.chosen):
-        return not follows_decay(selection.base, instead, selection.chosen)
+        return True
     return with_both is not None and substitute_curve(with_both, instead) == other
 
 

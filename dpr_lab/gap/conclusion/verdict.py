@@ -201,9 +201,9 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
         )
     if at_noise_floor(chosen):
         return UNCERTAIN
-    ratio = chosen.residuals.noise_ratio
-    small = f"A small but significant remainder, {_two_digits(ratio)} times the noise,"
-    remainder = f"A remainder of {_two_digits(ratio)} times the noise" if ratio >= 1.0 else small
+    size = f"{_two_digits(chosen.residuals.noise_ratio)} times the noise"
+    small = chosen.residuals.noise_ratio < 1.0
+    remainder = f"A small but significant remainder, {size}," if small else f"A remainder of {size}"
     return f"{remainder} has another cause or another form."
 
 
