@@ -119,16 +119,17 @@ def _trials(angle: Array, basis: Array) -> tuple[list[_Trial], list[_Trial]]:
     """Stops at the largest and at the smallest angle."""
     low, high = float(angle.min()), float(angle.max())
     shares = np.linspace(SOFT_STOP.nearest, 1.0, SOFT_STOP.angles, endpoint=False)
-    trials: tuple[list[_Trial], list[_Trial]] = ([], [])
-    for share in shares.tolist():
-        reach = share * (high - low)
-        for k, (end, where, over) in enumerate(
-            (("largest", low + reach, angle - low - reach), ("smallest", high - reach, high - reach - angle))
+    largest, smallest = list[_Trial](), list[_Trial]()
+    for reach in ((high - low) * shares).tolist():
+        for trials, end, where, sign in (
+            (largest, "largest", low + reach, -1.0),
+            (smallest, "smallest", high - reach, 1.0),
         ):
-            torque = np.maximum(over, 0.0) * (-1.0 if k == 0 else 1.0)
-            if 0.0 < np.mean(over > 0) <= SOFT_STOP.rarely:
-                trials[k].append(_Trial(end, where, over > 0, torque - basis @ (basis.T @ torque)))
-    return trials
+            torque = sign * np.maximum(sign * (where - angle), 0.0)
+            beyond = torque != 0.0
+            if 0.0 < np.mean(beyond) <= SOFT_STOP.rarely:
+                trials.append(_Trial(end, where, beyond, torque - basis @ (basis.T @ torque)))
+    return largest, smallest
 
 
 def _pairs(trials: tuple[list[_Trial], list[_Trial]]) -> list[tuple[_Trial, ...]]:
