@@ -175,7 +175,9 @@ class QemuRole:
         self.port.reset_input_buffer()
         self.decoder, self.heard = FrameDecoder(), list[Message]()
         self.released: Event | None = None
+        self.allowed_errors = 1  # QEMU may still pass on the frame that the reset cut off
         self._barrier()
+        self.allowed_errors = self._errors()
 
     def send(self, frame: Frame) -> list[Message]:
         self.port.write(encode_frame(frame))
@@ -221,7 +223,10 @@ class QemuRole:
 
     def _read(self) -> None:
         self.heard += map(decode, self.decoder.feed(self.port.read(self.port.in_waiting or 1)))
-        assert self.decoder.crc_errors + self.decoder.framing_errors == 0
+        assert self._errors() <= self.allowed_errors
+
+    def _errors(self) -> int:
+        return self.decoder.crc_errors + self.decoder.framing_errors
 
     def _answers(self, said: list[Message]) -> list[Message]:
         """What is neither report nor sample nor mark; of a release repeated with every report only the first."""
