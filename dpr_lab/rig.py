@@ -201,7 +201,7 @@ class Rig(Shown, RigTable):
         return self.rig.g
 
     def read_from(self, path: Path) -> "Rig":
-        """The same rig with the file from which it was read."""
+        """A copy of the rig that names the file from which it was read."""
         rig = self.model_copy()
         rig._path, rig._sha256 = path, sha256_of(path)
         return rig

@@ -271,5 +271,5 @@ class RigGeometry(RigTable):
 
     @staticmethod
     def on_earth(g: float) -> bool:
-        """Whether a gravity occurs on the surface of the earth, m/s^2."""
+        """Whether a gravitational acceleration, m/s^2, is possible on the surface of the earth."""
         return 9.76 <= g <= 9.84

@@ -116,7 +116,7 @@ class Run(Shown):
         return float(np.median(self.theta[:, 2] - self.theta[:, 1])) if clamped else 0.0
 
     def driven_by(self, kind: str | None) -> Run:
-        """The same run with torques, or input of the arm, of one kind, `measured` or `commanded`; None: the default.
+        """A copy of the run with one kind of torques or arm input, `measured` or `commanded`; None: the default.
 
         Raises:
             RunError: it holds none of that kind.
@@ -156,7 +156,7 @@ class Run(Shown):
 
     @property
     def swing(self) -> Run:
-        """The same run from the release on."""
+        """The part of the run from the release on."""
         return self.only(self.t >= 0)
 
     @property
@@ -211,7 +211,7 @@ def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
 
 
 def with_distinct_names(runs: Iterable[Run]) -> tuple[Run, ...]:
-    """The same runs; a name that occurred before is numbered, because results are listed by the names of runs."""
+    """Number the names that occur more than once, because results are listed by the names of runs."""
     named: dict[str, Run] = {}
     for run in runs:
         numbered = (f"{run.name} ({i})" for i in count(2))

@@ -43,7 +43,7 @@ class Torques:
         return _knots(self)
 
     def earlier(self, share: float) -> Torques:
-        """The same torques, each beginning before its instant by a share of the interval from the previous one.
+        """Shift each torque to an earlier time, by a share of the interval from the previous instant.
 
         With one half they are samples of a continuous signal. Every share from 0 to 1 contains the instant itself.
         """

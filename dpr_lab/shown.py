@@ -121,7 +121,7 @@ def _explain_fields(cls: Any) -> None:
 
 
 def readable(signature: inspect.Signature) -> inspect.Signature:
-    """The same signature with short type names and without long default values."""
+    """Shorten type names in a signature and remove long default values."""
     parameters = [
         parameter.replace(annotation=_annotated(parameter.annotation), default=_short(parameter.default))
         for parameter in signature.parameters.values()

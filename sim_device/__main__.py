@@ -87,7 +87,11 @@ def _parser() -> argparse.ArgumentParser:
     add("--exit-with-parent", action="store_true", help="stop when standard input closes")
     add("--reveal", action="store_true", help="print the plant's truth as JSON and exit")
     add("--seal", type=Path, metavar="FOLDER", help=SEAL_HELP)
-    add("--direct", action="store_true", help="with --seal: print the recordings too, made without device and link")
+    add(
+        "--direct",
+        action="store_true",
+        help="with --seal: also print the recordings, simulated without device and link",
+    )
     add("--unseal", type=Path, metavar="FOLDER", help="print the truth kept in FOLDER and its salt as JSON and exit")
     return parser
 

@@ -22,6 +22,7 @@ from numba.core.registry import cpu_target
 import dpr_lab
 from dpr_lab import child_process
 from dpr_lab.report.schemas import SCHEMAS
+from dpr_lab.trials import sealing
 from sim_device.__main__ import main as simulate
 from tests.schemas import validator
 
@@ -75,6 +76,15 @@ def started(command: Sequence[str], **options: Any) -> Any:
     return Forked(lambda: simulate([*command[3:]]), **options)
 
 
+def finished(command: Sequence[str], *, stdin: int, text: bool, capture_output: bool, check: bool) -> Any:
+    """As `subprocess.run`, with what `dpr_lab.trials.sealing` gives it."""
+    assert capture_output
+    assert not check
+    with started(command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=text) as process:
+        out, err = process.communicate()
+    return subprocess.CompletedProcess(command, process.returncode, out, err)
+
+
 for module in pkgutil.walk_packages(dpr_lab.__path__, "dpr_lab."):
     if not module.name.startswith(("dpr_lab.tui", "dpr_lab.__main__", "dpr_lab.cli.tui")):
         import_module(module.name)
@@ -82,9 +92,14 @@ for module in ("assemble", "serve", "options", "plant.plant", "links.open_link")
     import_module(f"sim_device.{module}")
 import_module("tests.one_compiler")
 import_module("tests.valid_files")
-child_process.subprocess = SimpleNamespace(  # pyright: ignore[reportAttributeAccessIssue]
-    Popen=started, PIPE=subprocess.PIPE, TimeoutExpired=subprocess.TimeoutExpired
-)
+for starts in (child_process, sealing):
+    starts.subprocess = SimpleNamespace(  # pyright: ignore[reportAttributeAccessIssue]
+        Popen=started,
+        run=finished,
+        PIPE=subprocess.PIPE,
+        DEVNULL=subprocess.DEVNULL,
+        TimeoutExpired=subprocess.TimeoutExpired,
+    )
 for name in SCHEMAS:
     validator(name)
 cpu_target.typing_context.refresh()  # pyright: ignore[reportAttributeAccessIssue]

@@ -56,7 +56,7 @@ class Choices:
         return None if value is None else [self._known(name) for name in value]
 
     def _split(self, value: str) -> list[str]:
-        """Names separated by commas, where names in words may contain commas themselves."""
+        """Split a list at its commas, except at those inside a name in words ('Coulomb friction, joint 1')."""
         parts: list[str] = []
         for part in value.split(","):
             whole = f"{parts[-1]},{part}" if parts else ""

@@ -125,14 +125,14 @@ def _ensemble(
         columns = ("run", "readings in the band", "until, s", "mean width, mrad")
         rows = [(b.run, percent(b.covered), f"{b.until_s:.3g}", f"{1e3 * b.width_rad:.3g}") for b in done.bands]
         note = (
-            f"Standard deviations multiplied by {done.factor:.3g} in total: with it, 90 % bands of many models cover"
-            " these runs."
+            f"Standard deviations are multiplied by {done.factor:.3g} in total. With this factor, 90 % bands of many"
+            " models cover these runs."
         )
         table("Predictive bands", columns, rows, note=note)
     if done.factor_of_fit > 1:
         line(
-            f"Standard deviations multiplied by {done.factor_of_fit:.3g}: with it, 90 % bands cover each fitted"
-            " recording if it is predicted by models fitted without it."
+            f"Standard deviations are multiplied by {done.factor_of_fit:.3g}, a factor from cross-validation: with it,"
+            " 90 % bands cover each fitted recording when the others predict it."
         )
     if done.expected_coverage < BANDS.level:
         line(

@@ -110,7 +110,7 @@ def _engine(file: Path, other: Mapping[str, Any]) -> Callable[[Replay], Array]:
     try:
         names = runpy.run_path(str(file.with_name(CALLBACK)))
     except ModuleNotFoundError as missing:
-        raise ConfigError("replaying in MuJoCo needs it installed: pip install 'dpr-lab[exports]'") from missing
+        raise ConfigError("a replay in MuJoCo requires the package mujoco: pip install 'dpr-lab[exports]'") from missing
     kind, readings = names["EngineSwing"], names["readings"]
     kind.file = str(file)
     readings.__globals__.update(other)

@@ -203,7 +203,7 @@ def _assumptions(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[s
 def _about_arm(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[str]:
     if not known.always:
         unused = known.rig.arm.mode == "driven" and known.rig.motor is not None
-        hint = " A limits file with input in [arm] lets a plan drive it." if unused else ""
+        hint = " If a limits file has input in [arm], the plan may drive the arm." if unused else ""
         return [f"The arm is held.{hint}"]
     moving = [release for release in releases if release.arm != "held"]
     return ["The arm starts at rest at theta0 = 0 and is held until the release."] if moving else []

@@ -138,7 +138,7 @@ def _kept(result: DiagnoseResult, out: Path | None) -> DiagnoseResult:
 
 
 def _of_all(event: StageBegan | FitBegan | ScoreTestBegan, stages: int) -> StageBegan | FitBegan | ScoreTestBegan:
-    """The same event, with the stage counted among those of this job, which may have one more."""
+    """Renumber the stage of an event by the stages of this job, which may have one more than the diagnosis."""
     return replace(event, of=stages) if isinstance(event, StageBegan) else event
 
 

@@ -107,7 +107,7 @@ def _one_rod(m: RigMeasures) -> list[str]:
         ConfigError: one rod although two are mounted.
     """
     if m.mounted != "inner":
-        raise ConfigError("two rods need the mass and the length of the outer one; a rig with one rod has --rods inner")
+        raise ConfigError("two rods require the mass and length of the outer rod; for one rod, give --rods inner")
     mass, inertia, moment = _mass(m.m1), m.m1.value * m.L1**2 / 3, m.m1.value * m.L1 / 2
     return [
         parameter_table("l1", "distance from joint 1 to the centre of mass of the rod, m", _centre(m.L1)),

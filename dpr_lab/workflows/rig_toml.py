@@ -30,7 +30,7 @@ def parameter_table(name: str, meaning: str, bounds: Bounds, std: float | None =
 
 
 def inline_table(bounds: Bounds, std: float | None = None, digits: int = 4) -> str:
-    """The same values in one line, as in `[arm]` and `[motor]`."""
+    """Inline table of the values, as in `[arm]` and `[motor]`."""
     return "{" + ", ".join(_keys(bounds, std, digits)) + "}"
 
 

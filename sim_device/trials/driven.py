@@ -103,7 +103,7 @@ def drawn_fault(seed: int, wanted: EffectRequest = ANY_FAULT) -> DriveFault | No
     rng = generator(seed, RandomStream.DRAW)
     names = list(wanted.effects) or [*FAULTS, None]
     if wanted.effects and (len(names) > 1 or names[0] not in FAULTS):
-        raise ConfigError(f"draw driven: drives do one of {', '.join(FAULTS)}, not {', '.join(wanted.effects)}")
+        raise ConfigError(f"draw driven: the faults of drives are {', '.join(FAULTS)}, not {', '.join(wanted.effects)}")
     name = names[int(rng.integers(len(names)))]
     size = float(rng.uniform(0.2, 1.0) * rng.choice([-1.0, 1.0])) * (DRIVING.subtle if wanted.level == "subtle" else 1)
     return None if name is None else DriveFault(name, FAULTS[name](size, rng))

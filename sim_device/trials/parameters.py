@@ -29,7 +29,7 @@ SPREAD = PartSpread()
 
 
 def drawn(config: PlantConfig, rig: Rig) -> PlantConfig:
-    """The same plant with other true parameters, drawn from its seed.
+    """A copy of the plant with other true parameters, drawn from its seed.
 
     Each searched parameter is uniform within `SPREAD` of the file's value and within the rig's bounds, so that the
     truth can be identified; a parameter that the rig file gives as measured keeps its value.

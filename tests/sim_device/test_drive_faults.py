@@ -46,7 +46,7 @@ def test_chance_draws_every_fault_and_none() -> None:
 def test_a_fault_may_be_asked_for_and_no_other_effect(paper: Rig) -> None:
     subtle = draw_plant(parse_request("driven:subtle:torque_scale_joint2"), load_plant("paper", 5), paper)
     assert 0 < abs(subtle.drives.gain[1] - 1) < 0.02
-    with pytest.raises(ConfigError, match="drives do one of"):
+    with pytest.raises(ConfigError, match="the faults of drives are"):
         draw_plant(parse_request("driven:clear:coulomb_joint1"), load_plant("paper", 5), paper)
     assert all(with_kind("any:clear", seed) != "driven:clear" for seed in range(40))
 

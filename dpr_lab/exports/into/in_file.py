@@ -56,7 +56,7 @@ class ModelCause:
     """
 
     def with_share(self, share: float) -> "ModelCause":
-        """The same cause with its share."""
+        """A copy of the cause with its share."""
         return replace(self, share=share)
 
 

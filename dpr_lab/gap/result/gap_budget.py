@@ -81,7 +81,7 @@ class GapBudget(Saved):
 
     @property
     def changed_ratio(self) -> VaryingParameter | None:
-        """The ratio that differs between recordings by so much that the rig must have been changed; not of friction."""
+        """Ratio, other than of friction, that differs between recordings by more than an unchanged rig allows."""
         if self.basis != "recordings" or self.varying < CHANGED_RIG.share:
             return None
         ratios = (

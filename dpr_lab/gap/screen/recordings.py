@@ -135,7 +135,7 @@ class Recordings:
         return effect_params(arm if self.arm_moves else {})
 
     def with_earlier_torques(self, share: float) -> "Recordings":
-        """The same recordings with known torques that act before their rows by a share of the interval between rows."""
+        """Shift known torques to earlier times, by a share of the interval between rows."""
         setups = [record.setup for record in self.records]
         earlier = [s if s.torques is None else replace(s, torques=s.torques.earlier(share)) for s in setups]
         records = [replace(record, setup=setup) for record, setup in zip(self.records, earlier, strict=True)]

@@ -171,7 +171,7 @@ class FittedSets:
         return refit_with(self.problem, model, test, score, EFFORT.thorough, best)
 
     def short(self) -> tuple[Problem, NDArray[np.float64]]:
-        """The same recordings in short segments, with their initial states."""
+        """The recordings cut into short segments, with their initial states."""
         if not self._short:
             self._short.append(self.recordings.cut(LENGTHS.first))
         return self._short[0]

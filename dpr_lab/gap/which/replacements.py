@@ -50,7 +50,10 @@ def _simpler(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 
 
 def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    """While a residual remains, a richer form may merely compensate for it; it must then explain more."""
+    """Accept a replacement that explains as much as the current set, within the indifference margin.
+
+    Above the noise floor a richer form may compensate for an effect outside the set: it must then explain more.
+    """
     model, margin = proposal.model, form_indifference(sets.bare, current)
     alike = at_noise_floor(model) if at_noise_floor(current) else excess(model) < THRESHOLDS.slow * excess(current)
     if alike and model.cost - current.cost < margin:

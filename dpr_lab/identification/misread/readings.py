@@ -185,12 +185,12 @@ def _times(s1: float, s2: float, relative: bool = False) -> Angles:
 
 
 def _of_tables(reading: Misreading) -> Callable[[Run], Run | None]:
-    """The same interpretation for runs with angles and without counts."""
+    """Adapt the interpretation to runs that contain angles but no counts."""
     return lambda run: reading.read(run) if run.counts is None else None
 
 
 def _of_encoders(reading: Misreading) -> Callable[[Run], Run | None]:
-    """The same interpretation except for films: the angles of points in a picture have a known sign and unit."""
+    """Exclude films from the interpretation: the angles of points in a picture have a known sign and unit."""
     return lambda run: reading.read(run) if run.film_noise is None else None
 
 

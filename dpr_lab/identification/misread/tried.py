@@ -247,7 +247,7 @@ def fitted(
 
 
 def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> bool:
-    """Whether the chi2 of a part of the first run alone exceeds that of all runs with a reduced chi-square `worst`."""
+    """Whether a part of the first run alone already fits worse than all runs with a reduced chi-square of `worst`."""
     try:
         part = _preprocessed(runs[:1], rig, longer * SETTINGS.screened_s, thinned=True)
     except RunError:  # too short a part

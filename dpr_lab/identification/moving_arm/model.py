@@ -99,7 +99,7 @@ class MovingArmModel(Shown, BaseModel):
         return {name: value if name == "L0" else value * scale for name, value in values.items()}
 
     def with_arm_effects(self) -> "MovingArmModel":
-        """The same model with stiffness and dry friction of the arm as effects, in place of k0 and f0."""
+        """A copy of the model in which effects replace k0 and f0, the stiffness and dry friction of the arm."""
         sizes, effects = self.sizes, dict(self.effects)
         for effect, name in ((SPRING_JOINT0, "k0"), (COULOMB_JOINT0, "f0")):
             if sizes[name]:

@@ -125,7 +125,7 @@ class ArmProblem:
         return np.stack(columns, axis=2) * weight, np.stack(states, axis=2) * weight
 
     def with_std(self, std: Array) -> "ArmProblem":
-        """The same problem with other standard deviations (3,) of the joints, rad."""
+        """A copy of the problem with the standard deviations (3,) of the joints, rad."""
         return replace(self, weight=np.where(self.weight > 0, 1.0 / std, 0.0))
 
 

@@ -100,7 +100,7 @@ def soft_stop(run: Run, rig: Rig) -> SoftStop | None:
 
 
 def _terms(rods: LocalMotion, arm: LocalMotion, run: Run, number: int) -> Array:
-    """(k, terms) of the arm's equation besides its own inertia and its stops."""
+    """Regressors (k, terms) of the equation of the arm, except its own inertia and its stops."""
     q, speed, alpha = arm.rods[:, 0], arm.omega[:, 0], arm.alpha[:, 0]
     sin, cos = np.sin(rods.rods).T, np.cos(rods.rods).T
     w, al = rods.omega.T, rods.alpha.T

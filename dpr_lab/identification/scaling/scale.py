@@ -64,7 +64,7 @@ class Scale(BaseModel):
         )
 
     def as_inertia(self, inertia: Literal["a", "b"], factor: float) -> "Scale":
-        """The same scale by another inertia, which is `factor` times this one."""
+        """Express the scale by another inertia, which is `factor` times this one."""
         low, high = self.interval90
         ends = (low * factor, high * factor)
         return Scale(b=self.b * factor, interval90=ends, fixed_by=self.fixed_by, inertia=inertia)

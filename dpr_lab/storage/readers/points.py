@@ -64,7 +64,7 @@ class PointSettings:
 SETTINGS = PointSettings()
 PLAIN = "table of points"
 PARTS = {1: ("pivot", "tip"), 2: ("pivot", "elbow", "tip")}
-WANTED = "the pivot, the elbow and the tip, or the elbow and the tip of a pivot at rest; of a single rod its tip"
+WANTED = "pivot, elbow and tip (the pivot may be omitted if it does not move); for a single rod its tip"
 _COORDINATE = r"(?:(?P<c1>[xy])[\W_]*(?P<n1>\w+)|(?P<n2>\w+?)[\W_]*(?P<c2>[xy]))"
 _UNIT = r"([\W_]*(px|pixels?|mm|cm|m)\W*)?"
 _BY_NAME = re.compile(rf"{_COORDINATE}{_UNIT}", re.I)

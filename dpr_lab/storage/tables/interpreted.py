@@ -123,7 +123,7 @@ class InterpretedTable:
         return slice(self.part.start, min(self.part.stop, self.part.start + settings.energy_rows))
 
     def read(self, settings: QuestionSettings) -> ReadTable:
-        """The same samples as they are read; at even instants, if their stamps jitter about them."""
+        """Samples at the instants of reading: evenly spaced ones, if the time stamps jitter about these."""
         rows = self.looked_at(settings)
         even = even_instants(self.t[rows], self.theta[rows, 1:])
         values = {axis: column[rows] for axis, column in self.values.items()}

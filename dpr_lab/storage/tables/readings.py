@@ -183,7 +183,7 @@ def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
 
 
 def _with_other_zeros(read: ReadTable) -> OtherReading | None:
-    """The same table with the zeros of the rods at which a free swing conserves its energy; None if there are none."""
+    """Correct the zeros of the rods so that a free swing conserves its energy; None if no zeros do."""
     rods = read.rods(read.values, read.options)
     added = energy_zeros(read.t, rods, read.rig)
     refitted = None if added is None else energy_fit(read.t, rods + added, None, read.rig)
@@ -239,7 +239,7 @@ def _by_energy(read: ReadTable, balancing: tuple[float, float]) -> tuple[float, 
 
 
 def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
-    """The same table with two angles added to the absolute angles, rad, by --offset or by zero_counts."""
+    """Add two offsets, rad, to the absolute angles of a table, as --offset or zero_counts do."""
     values, options, rig = read.values, read.options, read.rig
     if options.unit != "counts":
         return with_zeros(values, options, added)
@@ -253,7 +253,7 @@ def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
 
 
 def with_zeros(values: Values, options: ImportOptions, added: ArrayLike, tolerance: float = 0.0) -> OtherReading:
-    """The same table with two angles added to the absolute angles, rad; small ones are left out.
+    """Add two offsets, rad, to the absolute angles of a table; small ones are omitted.
 
     Args:
         values: of the table
@@ -331,7 +331,7 @@ def _scaled(values: Values, options: ImportOptions, rig: Rig) -> Iterator[OtherR
 
 
 def _slower(values: Values, options: ImportOptions, factor: float) -> OtherReading:
-    """The same angles with times multiplied by this factor."""
+    """Multiply the times of a table by this factor."""
     if options.rate_hz is not None:
         cause = f"the rate is about {options.rate_hz / factor:.3g} Hz (--rate-hz)"
     else:

@@ -11,7 +11,7 @@ class Plain(LineFilter):
     """Replaces control characters by visible text and cuts the line to its width."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
-        """The same line without control characters."""
+        """Remove the control characters of a line."""
         if all(text.isprintable() or printable(text) == text for text, _, _ in segments):
             return segments
         spelled = [Segment(printable(text), style, control) for text, style, control in segments]
