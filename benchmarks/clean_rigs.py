@@ -2,6 +2,9 @@
 
     python benchmarks/clean_rigs.py --count 100
 
+"Inconclusive" is no false alarm: most effects of their typical size are below five standard deviations there. It is
+counted apart.
+
 The swings are scipy's, by equations written here, and share no code with the lab but the description of the rig.
 """
 
@@ -10,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from _bars import at_most, options, show
+from _bars import Bar, at_most, options, show
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
@@ -159,17 +162,20 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the first")
     args = parser.parse_args()
     count, alarms, began = 10 if args.quick else args.count, {}, time.process_time()
+    inconclusive = dict.fromkeys(KINDS, 0)
     for kind in KINDS:
         alarms[kind] = []
         for seed in range(args.seed, args.seed + count):
             rig, runs, logger = drawn(kind, seed)
             said = diagnose(runs, rig).to_json()
-            if said["verdict"] != "no_gap":
+            inconclusive[kind] += said["verdict"] == "inconclusive"
+            if said["verdict"] not in ("no_gap", "inconclusive"):
                 named = [effect["name"] for effect in said["effects"]]
                 alarms[kind].append({"seed": seed, "L1": rig.L1, "logger": str(logger), "said": said["verdict"]})
                 alarms[kind][-1]["effects"] = named
     seconds = (time.process_time() - began) / (count * len(KINDS))
     bars = [at_most(f"{kind}: false alarms of {count}", len(alarms[kind]), 0) for kind in KINDS]
+    bars += [Bar(f"{kind}: inconclusive of {count}", "-", inconclusive[kind], None) for kind in KINDS]
     show("Clean rigs", bars, args.json, alarms=alarms, cpu_s_each=seconds)
     if not args.json:
         for kind in KINDS:

@@ -19,6 +19,7 @@ from clean_rigs import KINDS, drawn
     [
         pytest.param("odd rig", 3, id="rods of 7 and 4 cm at 200 Hz", marks=pytest.mark.long),
         pytest.param("odd rig", 35, id="65536 counts at 4 kHz", marks=pytest.mark.long),
+        pytest.param("odd rig", 47002, id="rods of 1.4 m, 2000 counts at 100 Hz", marks=pytest.mark.slow),
         pytest.param("bad logger", 1, id="repeats and outliers at 200 Hz", marks=pytest.mark.long),
         pytest.param("bad logger", 5, id="late stamps, repeats, outliers and gaps", marks=pytest.mark.slow),
         pytest.param("bad logger", 11, id="a segment that begins wrong", marks=pytest.mark.long),

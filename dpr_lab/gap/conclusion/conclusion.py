@@ -18,7 +18,7 @@ from dpr_lab.gap.conclusion.notes import notes
 from dpr_lab.gap.conclusion.ratios import determined, ratio_covariance, ratios
 from dpr_lab.gap.conclusion.remedies import remedies
 from dpr_lab.gap.conclusion.verdict import listed_causes, sentence, verdict
-from dpr_lab.gap.hypothesis.detectable import detectable
+from dpr_lab.gap.hypothesis.detectable import detectable, visible
 from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep, SensorFinding
 from dpr_lab.gap.result.gap_size import Where
@@ -40,7 +40,8 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
     """Build the diagnosis; `seconds` is its computing time."""
     chosen, minimum_sizes = state.selection.chosen, detectable(state.selection.chosen, state.selection.final_test)
     withheld = state.description.withholds
-    kind = verdict(state.selection, state.posteriors, state.transfer, minimum_sizes, withheld=withheld)
+    visible_counts = visible(minimum_sizes, state.recordings.prior.limits)
+    kind = verdict(state.selection, state.posteriors, state.transfer, visible_counts, withheld=withheld)
     shown = state.posteriors if kind == "named" else listed_causes(state.posteriors)
     named = [named_effect(state, posterior) for posterior in shown] if kind in ("named", "partly_explained") else []
     named_families = families(state.problem, state.selection, named)
@@ -49,7 +50,7 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
     alone = only_inner(state.problem.segments.setups)
     return Diagnosis(
         verdict=kind,
-        sentence=sentence(kind, state.selection, state.posteriors, state.transfer, minimum_sizes, state.description),
+        sentence=sentence(kind, state.selection, state.posteriors, state.transfer, visible_counts, state.description),
         notes=notes(state, kind, named_families),
         hints=[state.description.hint] if state.description.hint else [],
         basis=state.transfer.basis,

@@ -1,11 +1,10 @@
 """The verdict, as one word and up to three sentences: the causes, the reduction of the gap, and the remainder."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from dpr_lab.gap.classes.posterior import EffectPosterior
-from dpr_lab.gap.hypothesis.detectable import visible
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.result.causes import PROBABLE
@@ -17,9 +16,6 @@ from dpr_lab.identification.misread.tried import Description
 from dpr_lab.shown import listed, percent
 
 Verdict = Literal["no_gap", "inconclusive", "named", "partly_explained", "unexplained"]
-
-Detectable = Mapping[str, Mapping[str, float | None]]
-"""Effect -> amplitude -> minimum detectable size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +53,7 @@ def verdict(
     selection: Selection,
     posteriors: Sequence[EffectPosterior],
     transferred: Transfer,
-    least: Detectable,
+    visible_counts: tuple[int, int],
     *,
     withheld: bool = False,
 ) -> Verdict:
@@ -67,11 +63,11 @@ def verdict(
         selection: the selected set of effects
         posteriors: of each of them
         transferred: their performance on held-out recordings
-        least: minimum detectable size of each effect
+        visible_counts: number of effects detectable at their typical size, and of those detectable at all
         withheld: whether a wrong description of the recordings explains as much
     """
     kind = "unexplained" if withheld else _verdict(selection, posteriors, transferred)
-    shown, all_ = visible(least)
+    shown, all_ = visible_counts
     return "inconclusive" if kind == "no_gap" and shown < RULES.visible * all_ else kind
 
 
@@ -125,12 +121,12 @@ def sentence(
     selection: Selection,
     posteriors: Sequence[EffectPosterior],
     transferred: Transfer,
-    least: Detectable,
+    visible_counts: tuple[int, int],
     described: Description,
 ) -> str:
     """The verdict in sentences; arguments as of `verdict`, and the test of the description."""
     if kind == "inconclusive":
-        return _inconclusive(least)
+        return _inconclusive(visible_counts)
     if described.withholds:
         gap = selection.base.residuals.noise_ratio
         return f"Unexplained: a gap of {_two_digits(gap)} times the noise. {described.hint}"
@@ -138,8 +134,8 @@ def sentence(
     return f"{text} {described.hint}" if described.hint else text
 
 
-def _inconclusive(least: Detectable) -> str:
-    shown, all_ = visible(least)
+def _inconclusive(visible_counts: tuple[int, int]) -> str:
+    shown, all_ = visible_counts
     return (
         f"Inconclusive: these recordings cannot show a gap. Of {all_} effects only {shown} are detectable"
         f" at their typical size. Record more releases, longer, with larger swings, at a higher rate or"

@@ -1,13 +1,20 @@
 """Minimum detectable size of each effect in these recordings."""
 
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dpr_lab.effects import EFFECTS
+from dpr_lab.effects import EFFECTS, param_index
+from dpr_lab.effects.effect import EffectParameter
+from dpr_lab.fitting.prior import prior_of
 from dpr_lab.fitting.projection import TINY
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import ScoreTest
+from dpr_lab.rig import load_rig
+
+Array = NDArray[np.float64]
 
 SIGMAS = 5.0
 """Standard deviations from which an effect is detectable: beyond chance among some 600 shapes."""
@@ -55,17 +62,41 @@ def _size(spread: float, scale: float, remaining: float) -> float | None:
     return float(spread * scale / remaining**0.5) if remaining > SEEN and scale < 1 / TINY else None
 
 
-def visible(least: Mapping[str, Mapping[str, float | None]]) -> tuple[int, int]:
+def visible(least: Mapping[str, Mapping[str, float | None]], limits: Array | None = None) -> tuple[int, int]:
     """Count the effects that are detectable at their typical size, and those that are detectable at any size.
 
     An effect that is undetectable at any size does not act in these recordings or is absorbed by the ratios.
 
     Args:
         least: result of `detectable`
+        limits: (SIZE,) maximum sizes on this rig; None: those of the laboratory rig
     """
     acting = {name: sizes for name, sizes in least.items() if any(size is not None for size in sizes.values())}
     shown = [
-        any(size is not None and size <= p.typical for p in EFFECTS[name].amplitudes if (size := sizes.get(p.name)))
+        any(
+            size is not None and size <= _typical(name, p, limits)
+            for p in EFFECTS[name].amplitudes
+            if (size := sizes.get(p.name))
+        )
         for name, sizes in (acting or least).items()
     ]
     return sum(shown), len(shown)
+
+
+def _typical(effect: str, parameter: EffectParameter, limits: Array | None) -> float:
+    """Typical size of an amplitude on this rig.
+
+    The library states sizes on a laboratory rig. Torques and inertias of larger rods are larger in proportion to their
+    limits, which are the gravity torque and the inertia about the joint. Friction of 1 mN m is typical for rods of
+    0.4 m, and not for rods of 1.4 m.
+    """
+    if limits is None or parameter.scale_power != 1:
+        return parameter.typical
+    index = param_index(effect, parameter.name)
+    return parameter.typical * max(1.0, float(limits[index] / _laboratory_limits()[index]))
+
+
+@cache
+def _laboratory_limits() -> Array:
+    """(SIZE,) maximum sizes on the rig of the published measurements, for which typical sizes are stated."""
+    return prior_of(load_rig("paper")).limits
