@@ -99,23 +99,33 @@ def recover(
 def export(
     file: RunFile,
     out: Annotated[
-        Path, typer.Option(help="File to write; its suffix is the format: .csv .parquet .h5 .hdf5 .nc .mat .mcap")
-    ],
+        Path | None,
+        typer.Option(help="File to write; its suffix is the format: .csv .parquet .h5 .hdf5 .nc .mat .mcap"),
+    ] = None,
+    xarray: Annotated[
+        bool, typer.Option("--xarray", help="NetCDF, which xarray opens. Without --out: next to the run file, as .nc.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Write a run as CSV, Parquet, HDF5, NetCDF, MATLAB or JointState (MCAP, ROS 2); absolute angles, upright = 0.
 
     Example: dpr-lab run export runs/20261121T101500Z_X1_1a2b3c4d.mcap --out run.csv
+
+    Example: dpr-lab run export runs/20261121T101500Z_X1_1a2b3c4d.mcap --xarray
     """
     json_mode(as_json)
+    if out is None and not xarray:
+        raise typer.BadParameter("--out is required: its suffix is the format; or give --xarray")
+    if out is not None and xarray and out.suffix.lower() != ".nc":
+        raise typer.BadParameter(f"--xarray writes NetCDF, but {out.name} does not end with .nc")
     from dpr_lab.storage.export import export as export_run
     from dpr_lab.storage.reader import load_run
 
-    export_run(load_run(file), out)
+    written = export_run(load_run(file), out or file.with_suffix(".nc"))
     if as_json:
-        emit({"out": str(out)})
+        emit({"out": str(written)})
     else:
-        line(out)
+        line(written)
 
 
 @app.command()

@@ -6,7 +6,7 @@ variance inflation of a reading in these runs. Without runs, the prior alone is 
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +25,10 @@ from dpr_lab.gap.bare_model import nominal_ratios
 from dpr_lab.gap.result.checks import NONE_OF_THEM
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.record import RATE_HZ, record
-from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.identification.moving_arm.setup import arm_start, drive_gain
 from dpr_lab.planning.acting import GRAVITY_ONLY, Acting
-from dpr_lab.planning.information import PresentModel
+from dpr_lab.planning.information import PresentModel, informed
 from dpr_lab.planning.release import ArmState, CandidateRelease
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -181,7 +181,20 @@ def _model(rig: Rig, ratios: Array, params: Array, noise: Array, acting: Acting)
     )
     tolerance = float(np.median([pose.tolerance for pose in rig.poses.values()] or [0.05]))
     rods = RodsWithEffects(rig_constants(rig))
-    return PresentModel(estimate, columns, rods, noise, tolerance / 2, rig.encoders.rezeroed)
+    model = PresentModel(estimate, columns, rods, noise, tolerance / 2, rig.encoders.rezeroed)
+    return model if acting.elbow else _of_one_rod(model, acting)
+
+
+def _of_one_rod(model: PresentModel, acting: Acting) -> PresentModel:
+    """The model without effects that need two rods: no reading of a rod alone depends on their amplitudes."""
+    swings = [CandidateRelease(2.0, 2.0, LENGTHS.working, mounting) for mounting in acting.rods]
+    information = np.sum([swing.information for swing in informed(swings, model)], axis=0)
+    seen = {column.effect for column, own in zip(model.columns, np.diag(information), strict=True) if own > 0}
+
+    def acts(name: str) -> bool:
+        return name in seen or EFFECTS[name].of_arm or EFFECTS[name].driven
+
+    return replace(model, columns=tuple(column for column in model.columns if not column.effect or acts(column.effect)))
 
 
 def _can_act(effect: Effect, rig: Rig, acting: Acting) -> bool:

@@ -120,7 +120,7 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         if diagnosis is None and fitted:
             scatter = scatter_of_ratios(model, fitted, rig)
         posterior = posterior_of(model, diagnosis, scatter)
-        factor_of_fit = factor_without(model, posterior, fitted, rig, request.seed, identified=diagnosis is None)
+        factor_of_fit = factor_without(model, posterior, fitted, rig, request.seed)
         ensemble = _of_rods(model, widened(posterior, factor_of_fit), rig, request.seed)
     factor = calibrated(ensemble.drawn, ensemble.band, runs).factor if runs else 1.0
     models = ensemble.drawn(factor, request.size)

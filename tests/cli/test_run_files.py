@@ -5,6 +5,7 @@ from pathlib import Path
 
 import h5py
 import pytest
+import xarray
 
 from dpr_lab.storage.sidecar import sidecar_of
 
@@ -65,3 +66,15 @@ def test_an_export_makes_its_folder(runs: list[Path], tmp_path: Path, cli) -> No
     done = cli("run", "export", runs[0], "--out", blocked)
     assert done.code == 3
     assert f"{blocked}: cannot be written" in done.err
+
+
+def test_an_export_for_xarray_needs_no_name(runs: list[Path], tmp_path: Path, cli) -> None:
+    copied = shutil.copy(runs[0], tmp_path / "x1.mcap")
+    done = cli("run", "export", copied, "--xarray", "--json")
+    assert done.json["out"] == str(tmp_path / "x1.nc"), done.err
+    with xarray.open_dataset(tmp_path / "x1.nc") as opened:
+        assert opened["theta1_rad"].dims == ("t_s",)
+    assert "--out is required" in cli("run", "export", copied).err
+    wrong = cli("run", "export", copied, "--xarray", "--out", "x1.csv")
+    assert wrong.code == 2
+    assert "x1.csv does not end with .nc" in wrong.err

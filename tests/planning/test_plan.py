@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.acting import Acting
@@ -94,6 +95,16 @@ def test_rods_that_a_rig_does_not_have_are_not_planned() -> None:
     assert made.releases[0].mounted == "inner"
     assert set(made.ratio_std) == {"e1/b", "c1/b"}
     assert not [one.effect for one in made.detectable if one.effect.endswith("joint2")]
+
+
+@pytest.mark.parametrize("rods", ["inner", "outer"])
+def test_effects_that_need_two_rods_are_not_planned_for_one(paper: Rig, rods: str) -> None:
+    rigs = (paper.with_rods(rods), paper)
+    one, both = (known_before(rig, Acting.of(rig, PlanLimits())).places for rig in rigs)
+    with_elbow = {name for name in both if EFFECTS[name].joints == (1,)}
+    assert set(both) - set(one) - with_elbow == {"air_drag_outer", "wrong_length_L1"}
+    assert set(one) <= set(both)
+
 
 
 def test_a_signal_keeps_speed_and_torque_and_a_device_replays_it(paper: Rig, tmp_path: Path) -> None:

@@ -1,8 +1,10 @@
 """Width of an ensemble from the recordings of its fit, each predicted by models that were fitted without it.
 
 Models fitted to a recording predict it better than the next one: its residuals cannot show that a model is incomplete.
-For each recording r, models are drawn about the values fitted without it (`PosteriorComponent.left_out`). With m and w
-the middle and the half width of their 90 % band, y the readings, and z the normal quantile of the band,
+For each recording r, models are drawn about the values fitted without it (`PosteriorComponent.left_out`). Errors of
+models fitted to R - 1 of R recordings have R / (R - 1) times the variance of those fitted to all (the jackknife), so
+their covariance is larger by this factor. With m and w the middle and the half width of their 90 % band, y the
+readings, and z the normal quantile of the band,
 
     s_r = mean (z (y - m) / w)^2,    v = median(s_r) / median(chi2_q / q)
 
@@ -16,7 +18,8 @@ because R recordings are few observations of a variance. n is the number of reco
 as.
 
 Source: Student (1908), The probable error of a mean, Biometrika 6, 1-25; M. Stone (1974), Cross-validatory choice and
-assessment of statistical predictions, Journal of the Royal Statistical Society B 36, 111-147.
+assessment of statistical predictions, Journal of the Royal Statistical Society B 36, 111-147; R. G. Miller (1974), The
+jackknife: a review, Biometrika 61, 1-15.
 """
 
 from collections.abc import Sequence
@@ -49,9 +52,7 @@ class LeftOutSettings:
     of 21 recordings of simulated rigs.
     """
     fewest: int = 3
-    """Minimum number of recordings of a diagnosis."""
-    fewest_identified: int = 4
-    """Minimum number of recordings of an identification, whose ratios scatter between its recordings already."""
+    """Minimum number of recordings."""
     chance: float = 1.5
     """Maximum v at which the posterior is kept: 1, plus the standard deviation sqrt(2 / 9) of v for three recordings
     with three independent errors each.
@@ -62,13 +63,7 @@ LEFT_OUT = LeftOutSettings()
 
 
 def factor_without(
-    model: Model,
-    components: Sequence[PosteriorComponent],
-    runs: Sequence[Run],
-    rig: Rig,
-    seed: int,
-    *,
-    identified: bool = False,
+    model: Model, components: Sequence[PosteriorComponent], runs: Sequence[Run], rig: Rig, seed: int
 ) -> float:
     """Factor on the standard deviations of the posterior; 1 for few runs, or if there are no values without each.
 
@@ -78,10 +73,8 @@ def factor_without(
         runs: the fitted recordings, in the order of the posterior's `left_out`
         rig: their rig
         seed: seed of the random models
-        identified: whether the model is of an identification, not of a diagnosis
     """
-    fewest = LEFT_OUT.fewest_identified if identified else LEFT_OUT.fewest
-    if len(runs) < fewest or any(len(component.left_out) != len(runs) for component in components):
+    if len(runs) < LEFT_OUT.fewest or any(len(component.left_out) != len(runs) for component in components):
         return 1.0
     errors = []
     for place, run in enumerate(runs):
@@ -94,7 +87,7 @@ def factor_without(
 
 
 def without(components: Sequence[PosteriorComponent], place: int) -> list[PosteriorComponent]:
-    """The posterior without one of its R recordings, with R / (R - 1) times the covariance of the fit."""
+    """The posterior without one of its R recordings, with R / (R - 1) times its covariances."""
     return [_without(component, place) for component in components]
 
 
@@ -118,12 +111,13 @@ def _without(component: PosteriorComponent, place: int) -> PosteriorComponent:
     for name, value in of_effects.items():
         effect, _, parameter = name.partition(".")
         effects.setdefault(effect, {})[parameter] = value
-    wider = recordings / (recordings - 1) * np.array(component.covariance)
+    wider = recordings / (recordings - 1)
     return component.model_copy(
         update={
             "ratios": {name: values.get(name, value) for name, value in component.ratios.items()},
             "effects": effects,
-            "covariance": wider.tolist(),
+            "covariance": (wider * np.array(component.covariance)).tolist(),
+            "between": (wider * np.array(component.between)).tolist(),
         }
     )
 
