@@ -1,13 +1,17 @@
 """Predictive bands of an ensemble of sampled models: how many readings of held-out recordings they cover.
 
     python benchmarks/ensemble.py [--plants 24] [--first 9000] [--members 50] [--real ../shared/data/real]
-        [--identify] [--json]
+        [--mujoco 12] [--identify] [--json]
 
 Simulated plants are drawn as for blind trials; three recordings of 5 s are diagnosed, three from other poses are held
-out. Of each real rig every recording is held out once; a single recording is cut into pieces, and every second one is
-held out. The readings of one recording are far from independent: the standard error is that of the mean of recordings.
+out. `--mujoco` plays rigs in MuJoCo in the same way, with one to three of the planted errors of
+`benchmarks/simulator_models.py`. Of each real rig every recording is held out once; a single recording is cut into
+pieces, and every second one is held out. The readings of one recording are far from independent: the standard error is
+that of the mean of recordings.
 """
 
+import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +20,9 @@ import numpy as np
 from _bars import Bar, options, show
 from _trial_cases import Case, hidden
 from real import RealRig, rigs
+from simulator_models import KINDS, PLANTED, RIGHT, mjcf
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
 from dpr_lab.errors import DprError
 from dpr_lab.exports.corrected import corrected_model
 from dpr_lab.exports.ensemble.bands import PredictiveBand, predictive_band
@@ -28,9 +34,11 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.identification.identify import identify
 from dpr_lab.identification.model import Model
-from dpr_lab.rig import Rig
+from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
+from dpr_lab.workflows.rig_from import rig_from_model
 from sim_device.trials.offline_recorder import record
+from tests.exports.planted_errors import STARTS, recordings
 
 DRAWS = ("single", "clean", "pair", "single", "triple", "background")
 """Kinds of the plants, in turn."""
@@ -92,6 +100,24 @@ def simulated(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) 
     yield from bands(fit, list(record(plant, rig, duration=5.0)), list(unseen), rig, members, seed)
 
 
+def in_mujoco(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[PredictiveBand]:
+    """Of one rig that MuJoCo simulates; the rig file is made from the model without the errors."""
+    rng = np.random.default_rng([29, seed])
+    kinds = [kind for kind in KINDS["xml"] if not kind.startswith("gear")]  # a gear shows in driven rods only
+    errors = rng.choice(kinds, 1 + seed % 3, replace=False).tolist()
+    truth = mjcf(RIGHT | {kind: float(rng.uniform(*PLANTED[kind][2])) for kind in errors})
+    print(f"# MuJoCo {seed}: {', '.join(errors)}")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "robot.xml"
+        file.write_text(mjcf(RIGHT), encoding="utf-8")
+        rig_from_model(file, Path(folder) / "rig.toml")
+        rig = load_rig(Path(folder) / "rig.toml")
+    elsewhere = [(theta1 + 0.5, theta2 - 0.7) for theta1, theta2 in STARTS]
+    fitted, unseen = (recordings(truth, rig, 5.0, starts=starts) for starts in (STARTS, elsewhere))
+    renamed = [replace(run, name=f"held out {k}") for k, run in enumerate(unseen)]
+    yield from bands(fit, fitted, renamed, rig, members, seed)
+
+
 def real(rig: RealRig, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[PredictiveBand]:
     """Of one real rig."""
     print(f"# {rig.title}")
@@ -128,6 +154,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=9000)
     parser.add_argument("--members", type=int, default=50)
     parser.add_argument("--real", type=Path, default=Path(__file__).parents[2] / "shared" / "data" / "real")
+    parser.add_argument("--mujoco", type=int, default=0, help="number of rigs in MuJoCo")
     parser.add_argument("--identify", action="store_true", help="models of `identify` instead of a diagnosis")
     chosen = parser.parse_args()
     fit = identified if chosen.identify else diagnosed
@@ -139,6 +166,9 @@ def main() -> None:
         found += [pooled(f"simulated, {kind}", some, target=False)] if some else []
     everything = [band for each in made.values() for band in each]
     found += [pooled("simulated rigs", everything)] if everything else []
+    mujoco = range(chosen.first, chosen.first + chosen.mujoco)
+    others = [band for seed in mujoco for band in in_mujoco(seed, chosen.members, fit)]
+    found += [pooled("rigs in MuJoCo", others)] if others else []
     if chosen.real.is_dir() and not chosen.quick:
         of_rigs = {rig.title: list(real(rig, chosen.members, fit)) for rig in rigs(chosen.real)}
         found += [pooled(name, some, target=False) for name, some in of_rigs.items() if some]

@@ -185,7 +185,7 @@ STRATEGY_COLUMNS = (
     "minutes",
     "decided",
     "correct when stopped",
-    "forecast error",
+    "forecast error (if exact)",
 )
 """Columns of the table of strategies."""
 
@@ -201,10 +201,15 @@ def strategy_rows(strategies: dict[str, dict[str, Any]]) -> list[tuple[str, ...]
             f"{summary['mean_minutes']:.2f}",
             f"{summary['decided']:.2f}",
             f"{summary['right_when_stopped']:.2f}",
-            f"{summary['forecast_calibration_error']:.2f}" if summary["forecasts"] else "",
+            _forecast_error(summary) if summary["forecasts"] else "",
         )
         for name, summary in strategies.items()
     ]
+
+
+def _forecast_error(summary: dict[str, Any]) -> str:
+    """Calibration error, and that of an exact forecast with as few outcomes."""
+    return f"{summary['forecast_calibration_error']:.2f} ({summary['forecast_error_if_exact']:.2f})"
 
 
 @app.command()

@@ -10,7 +10,7 @@ import numpy as np
 from dpr_lab.trials.campaign import TRIALS
 from dpr_lab.trials.next_release import SEQUENTIAL
 from dpr_lab.trials.score import Claim
-from dpr_lab.trials.summary import brier, calibration_error, wilson90
+from dpr_lab.trials.summary import brier, calibration_error, error_if_exact, wilson90
 
 Outcome = Mapping[str, Any]
 
@@ -47,6 +47,7 @@ def _of_strategy(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "right_interval90": wilson90(right, len(stopped)) if stopped else None,
         "forecasts": len(claims),
         "forecast_calibration_error": calibration_error(claims),
+        "forecast_error_if_exact": error_if_exact(claims),
         "forecast_brier": brier(claims),
         "plan_seconds": float(np.median(seconds)) if seconds else float("nan"),
     }

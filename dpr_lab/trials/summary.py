@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -40,6 +41,20 @@ def calibration_error(claims: Sequence[Claim]) -> float:
     table = reliability(claims)
     weight = sum(row["claims"] for row in table)
     return sum(row["claims"] * abs(row["stated"] - row["true"]) for row in table) / weight if weight else float("nan")
+
+
+def error_if_exact(claims: Sequence[Claim], draws: int = 200) -> float:
+    """Mean calibration error of outcomes drawn with the stated probabilities: that of an exact forecast.
+
+    Bins of few claims have an error by chance alone. A forecast is miscalibrated only if its error exceeds this one.
+
+    Source: J. Broecker & L. A. Smith (2007), Increasing the reliability of reliability diagrams, Weather and
+    Forecasting 22, 651-661.
+    """
+    rng = np.random.default_rng(0)
+    outcomes = rng.random((draws, len(claims))) < [claim.probability for claim in claims]
+    drawn = ([replace(claim, true=true) for claim, true in zip(claims, row, strict=True)] for row in outcomes.tolist())
+    return float(np.mean([calibration_error(row) for row in drawn])) if claims else float("nan")
 
 
 def brier(claims: Sequence[Claim]) -> float:

@@ -128,11 +128,16 @@ def controls(seed: int, t: Array) -> Array:
 
 
 def recordings(
-    text: str, rig: Rig, seconds: float = 10.0, rate_hz: int = 200, gears: Sequence[float] | None = None
+    text: str,
+    rig: Rig,
+    seconds: float = 10.0,
+    rate_hz: int = 200,
+    gears: Sequence[float] | None = None,
+    starts: Sequence[tuple[float, float]] = STARTS,
 ) -> list[Run]:
-    """A release from each of `STARTS`, with encoders of 14 bits; where `gears` of the file are given, under torques."""
+    """A release from each start, with encoders of 14 bits; where `gears` of the file are given, under torques."""
     runs = []
-    for number, start in enumerate(STARTS):
+    for number, start in enumerate(starts):
         rng = np.random.default_rng(number)
         t = np.arange(-rate_hz, round(seconds * rate_hz) + 1) / rate_hz
         theta = np.zeros((len(t), 3))

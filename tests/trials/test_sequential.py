@@ -84,6 +84,8 @@ def test_a_summary_counts_undecided_plants_and_forecasts() -> None:
     assert one["mean_minutes"] == 2.75
     assert (one["decided"], one["right_when_stopped"], one["forecasts"]) == (0.5, 1.0, 2)
     assert one["forecast_calibration_error"] == pytest.approx(0.4)
+    by_chance = 0.81 * 0.1 + 0.18 * 0.4 + 0.01 * 0.9  # both, one or none of two events with a probability of 0.9
+    assert one["forecast_error_if_exact"] == pytest.approx(by_chance, abs=0.03)
     assert one["plan_seconds"] == 2.0
 
 
