@@ -17,7 +17,14 @@ from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.effect import Effect
 from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.effects.torque_scale import TORQUE_SCALE_JOINT0
-from dpr_lab.fitting.estimate import ON_ELBOW, UNKNOWN_RATIOS, Estimate, effect_parameters, ratio_parameters
+from dpr_lab.fitting.estimate import (
+    ON_ELBOW,
+    UNKNOWN_RATIOS,
+    Estimate,
+    FreeParameter,
+    effect_parameters,
+    ratio_parameters,
+)
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.prior import STRENGTH, Prior, prior_of
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
@@ -188,13 +195,14 @@ def _model(rig: Rig, ratios: Array, params: Array, noise: Array, acting: Acting)
 def _of_one_rod(model: PresentModel, acting: Acting) -> PresentModel:
     """The model without effects that need two rods: no reading of a rod alone depends on their amplitudes."""
     swings = [CandidateRelease(2.0, 2.0, LENGTHS.working, mounting) for mounting in acting.rods]
-    information = np.sum([swing.information for swing in informed(swings, model)], axis=0)
-    seen = {column.effect for column, own in zip(model.columns, np.diag(information), strict=True) if own > 0}
+    power = np.diag(np.sum([swing.information for swing in informed(swings, model)], axis=0))
 
-    def acts(name: str) -> bool:
-        return name in seen or EFFECTS[name].of_arm or EFFECTS[name].driven
+    def acts(column: FreeParameter, power: float) -> bool:
+        effect = EFFECTS.get(column.effect)
+        return effect is None or power > 0 or effect.of_arm or effect.driven
 
-    return replace(model, columns=tuple(column for column in model.columns if not column.effect or acts(column.effect)))
+    columns = tuple(column for column, value in zip(model.columns, power.tolist(), strict=True) if acts(column, value))
+    return replace(model, columns=columns)
 
 
 def _can_act(effect: Effect, rig: Rig, acting: Acting) -> bool:
