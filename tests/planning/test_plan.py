@@ -106,7 +106,6 @@ def test_effects_that_need_two_rods_are_not_planned_for_one(paper: Rig, rods: st
     assert set(one) <= set(both)
 
 
-
 def test_a_signal_keeps_speed_and_torque_and_a_device_replays_it(paper: Rig, tmp_path: Path) -> None:
     allowed = limits(drive={"torque_Nm": [0.2, 0.1], "speed_rad_s": [6.0, 8.0], "rate_hz": 100})
     assert allowed.drive is not None
