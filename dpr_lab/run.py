@@ -226,7 +226,7 @@ def moves(runs: Iterable[Run]) -> bool:
 
 
 def refuse_moving_arms(runs: Iterable[Run]) -> None:
-    """Check that the arm of no run is free or driven.
+    """Refuse runs whose arm was free or driven.
 
     Raises:
         RunError: the arm of a run was free or driven.

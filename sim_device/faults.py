@@ -158,7 +158,7 @@ class Faults:
         return struck.tobytes()
 
     def connected(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(n, 3) counts of encoders of which that of joint 2 may measure no rod."""
+        """Counts (n, 3) of the encoders; that of joint 2 is constant if it is not connected to a rod."""
         constant = self._values.get("constant_encoder2")
         return counts if constant is None else np.column_stack([counts[:, :2], np.full(len(counts), int(constant))])
 

@@ -222,7 +222,7 @@ def _save(figure: Figure, path: Path) -> None:
         canvas.draw()
     # A palette reduces the files to a third without a visible change of colours.
     picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(256, dither=Image.Dither.NONE)
-    picture.save(path, format="PNG", optimize=True, dpi=(style.DPI, style.DPI))
+    picture.save(path, format="PNG", dpi=(style.DPI, style.DPI))
 
 
 def new_figure(height_in: float) -> Figure:

@@ -15,6 +15,7 @@ from dpr_lab.rig import Rig, load_rig
 from dpr_lab.storage.reader import load_run
 from dpr_lab.transports import open_transport
 from sim_device.plant.config import load_plant
+from tests.thinned import thinned
 
 OPTIONS = CaptureOptions(duration=3.0, pose_timeout=3.0, rest_timeout=3.0)
 FURUTA = {"rig": "furuta", "plant": "furuta"}
@@ -66,6 +67,7 @@ def test_a_captured_run_identifies_rod_arm_and_motor(furuta: Rig, tmp_path: Path
         assert model.ratios[name].std < 1e-3 * value
 
 
+@pytest.mark.slow
 def test_what_the_driver_cuts_off_is_commanded_and_not_measured(furuta: Rig, tmp_path: Path, bench, agree) -> None:
     plant = changed(tmp_path, "limit = 10.0", "limit = 2.5")
     with bench(rig="furuta", plant=plant) as (device, _):
@@ -83,6 +85,7 @@ def test_what_the_driver_cuts_off_is_commanded_and_not_measured(furuta: Rig, tmp
     assert model.fit.chi2_per_dof < 1.2
 
 
+@pytest.mark.slow
 def test_inputs_that_never_came_are_counted_and_not_made_up(furuta: Rig, tmp_path: Path, bench, agree) -> None:
     with bench(**FURUTA, fault=("lose_torques=0.02",)) as (device, _):
         captured = capture(device, furuta, "X1", OPTIONS, tmp_path, confirm=agree)
@@ -116,8 +119,9 @@ def test_other_programs_excite_the_arm_too(furuta: Rig, tmp_path: Path, bench, a
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("firmware", ["python", "c"])
+@pytest.mark.parametrize("firmware", thinned(["python", "c"], 2))
 def test_a_device_whose_arm_has_a_drive_conforms(simulated, firmware: str) -> None:
+    """Both run every exchange without waiting in `tests/firmware_c/test_c_traces.py`."""
     link = open_transport(simulated(**FURUTA, clock="realtime", firmware=firmware).url)
     try:
         patient = ConformanceSettings(patience_s=60.0, rate_off=0.5, reports_hz=(1.0, 30.0))
@@ -150,6 +154,7 @@ def test_a_free_arm_with_both_rods_is_captured_and_identified(tmp_path: Path, be
         assert estimate.value == pytest.approx(value / base[1], abs=4 * estimate.std), name
 
 
+@pytest.mark.slow
 def test_the_driven_double_pendulum_is_captured_and_identified(tmp_path: Path, bench, agree) -> None:
     rig = load_rig("driven_double")
     with bench(rig="driven_double", plant="driven_double") as (device, _):

@@ -19,6 +19,7 @@ from dpr_lab.transports.transport import Received
 from firmware_protocol.identity import PAGES
 from firmware_protocol.messages import NUMBERS, Info
 from sim_device.plant.config import load_plant
+from tests.thinned import thinned
 
 SHORT = CaptureOptions(duration=1.0, pose_timeout=3.0, rest_timeout=3.0)
 T = np.arange(0, 3.0, 0.05)
@@ -97,8 +98,9 @@ def test_a_driven_rig_is_identified_in_absolute_numbers_over_either_link(
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("firmware", ["python", "c"])
+@pytest.mark.parametrize("firmware", thinned(["c", "python"], 2))
 def test_a_device_with_drives_conforms(simulated, table: Path, firmware: str) -> None:
+    """Both run every exchange without waiting in `tests/firmware_c/test_c_traces.py`."""
     from dpr_lab.acquisition.conformance import ConformanceSettings
 
     link = open_transport(simulated(clock="realtime", firmware=firmware, torques=table).url)

@@ -85,9 +85,8 @@ def test_the_rods_follow_a_prescribed_arm_as_lagrange_says():
     assert read(Setup(arm=known)) == pytest.approx(swung(), abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    "model", [pytest.param(RodsAlone, marks=pytest.mark.slow), RodsWithEffects], ids=["ratios", "lanes"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("model", [RodsAlone, RodsWithEffects], ids=["ratios", "lanes"])
 def test_the_ratios_are_found_with_the_arm_s_encoder_alone(model, rng):
     noise, logged = 2e-4, np.arange(0.0, 1.605, 5e-3)
     arm = arm_motion(logged, moved(logged, np.cos) + noise * rng.standard_normal(len(logged)), "a run")

@@ -16,6 +16,7 @@ from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig import Rig
 from tests import one_rod
+from tests.thinned import thinned
 
 STEADY = one_rod.Rod(dry=2e-4, damping=1e-3, noise=1e-3, counts=16384, duration=6.0)
 
@@ -55,7 +56,8 @@ def test_an_eccentric_encoder_is_not_called_a_vibration(tmp_path: Path) -> None:
     assert found.probabilities["encoder_eccentricity_joint1"] > 0.9
 
 
-@pytest.mark.parametrize("seed", [3, 5])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", thinned([3, 5], 2))
 def test_air_drag_is_not_called_a_drift_of_friction_after_one_release(tmp_path: Path, seed: int) -> None:
     """Along one release the amplitude falls with time, so that a loss which depends on speed looks like a drift."""
     rng = np.random.default_rng(seed)

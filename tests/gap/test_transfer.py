@@ -20,6 +20,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.shown import percent
 from tests import one_rod
+from tests.thinned import thinned
 
 Recorded = Callable[..., list[Run]]
 
@@ -182,7 +183,8 @@ def test_held_out_pieces_of_a_single_recording_are_not_called_runs() -> None:
     assert how_far(replace(cut, held_out={"other": closed})).startswith("On held-out runs the gap")
 
 
-@pytest.mark.parametrize("length", [0.29, 0.52])
+@pytest.mark.slow
+@pytest.mark.parametrize("length", thinned([0.52, 0.29], 2))
 def test_a_held_out_recording_of_a_rod_of_another_length_is_named_as_such(tmp_path: Path, length: float) -> None:
     """Its phase is lost within one swing, so that no long segment shows the other length."""
     steady = one_rod.Rod(dry=2e-4, noise=1e-3, counts=2400)

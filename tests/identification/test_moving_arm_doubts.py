@@ -11,7 +11,10 @@ from dpr_lab.dynamics.simulate import simulate, simulate_arm
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.moving_arm_balance import wrong_scale
 from dpr_lab.identification.moving_arm.doubts import stops
+from dpr_lab.identification.moving_arm.fit import covariance_of, fit_moving_arm
 from dpr_lab.identification.moving_arm.identify import identify_moving_arm
+from dpr_lab.identification.moving_arm.problem import recordings_of
+from dpr_lab.identification.moving_arm.scale import motor_notes, scale_of_arm
 from dpr_lab.identification.moving_arm.soft_stop import soft_stop
 from dpr_lab.rig import load_rig
 from dpr_lab.storage.csv_import import import_csv
@@ -196,9 +199,13 @@ def test_an_undetermined_gain_gives_no_motor_constants():
     rng, rig = np.random.default_rng(1), rig_with("driven", "voltage", "inner", kt=KT, R=KT, ke=KT)
     Z, arm, start = drawn(rng, rig)
     run = recorded(rig, Z, arm, start, rng.normal(0, 1.0, len(PUSH)), 0 * PUSH, rng).between(0.0, 1.0)
-    model = identify_moving_arm([run], rig)
-    assert "kt/(R a)" in model.undetermined
-    assert not any("from the recordings" in note or "back-EMF is" in note for note in model.notes)
+    fit = fit_moving_arm(recordings_of([run], rig), rig)
+    covariance = covariance_of(fit)
+    relative_std = np.sqrt(np.diag(covariance)) / np.abs(fit.values)
+    determined = [name for name, std in zip(fit.problem.unknowns.free, relative_std, strict=True) if std < 0.5]
+    assert "gain" in {*fit.problem.unknowns.free} - {*determined}
+    notes = motor_notes(fit, scale_of_arm(fit, covariance, rig), rig, determined)
+    assert not any("from the recordings" in note or "back-EMF is" in note for note in notes)
 
 
 @pytest.mark.slow

@@ -107,6 +107,7 @@ def test_a_forecast_of_several_releases_is_judged_by_all_of_them(
     assert one["forecast_calibration_error"] == pytest.approx(error)
 
 
+@pytest.mark.slow
 def test_only_the_plan_that_may_choose_them_records_for_other_durations(paper: Rig) -> None:
     durations = {}
     for name, strategy in STRATEGIES.items():

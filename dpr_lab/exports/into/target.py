@@ -177,7 +177,7 @@ def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> l
 
 
 def arm_target(chain: ModelChain, in_file: ChainArm, made: Bodies, nominal_gain: float) -> ArmTarget:
-    """Inertia of the arm that gives the total one of the corrected model with the masses of the file.
+    """Inertia of the arm in a file: with the masses of the file, it gives the total inertia of the corrected model.
 
     Args:
         chain: the rods of the file

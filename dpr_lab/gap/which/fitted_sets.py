@@ -329,7 +329,7 @@ class FittedSets:
         return self.keep(model if other is None or other.cost >= model.cost else other)
 
     def converged(self, model: Hypothesis) -> Hypothesis:
-        """A set fitted to convergence where it was fitted only approximately; effects of zero size are removed."""
+        """Continue the fit of a set until it converges, then remove effects whose size is zero."""
         model = self._fits[model.key]
         if model.effects and not model.fit.converged:
             refitted = fit(self.problem, model.fit.estimate, model.fit.free, iterations=2 * EFFORT.fine)

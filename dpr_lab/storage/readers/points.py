@@ -322,7 +322,7 @@ def _direction(rod: NDArray[np.float64]) -> NDArray[np.float64]:
 def _noise(table: Table, axis: str, rod: NDArray[np.float64]) -> tuple[float, float]:
     """Standard deviation of the angle of a rod, rad, and autocorrelation of its errors in neighbouring frames.
 
-    Both are those of the length of the rod: errors along and across the rod have the same size and colour.
+    Both are estimated from the measured length of the rod, because errors along and across the rod are alike.
     """
     from scipy.special import ndtri
     from scipy.stats import median_abs_deviation
