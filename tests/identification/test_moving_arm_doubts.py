@@ -9,7 +9,7 @@ import pytest
 from dpr_lab.dynamics.arm import ArmParameters
 from dpr_lab.dynamics.simulate import simulate, simulate_arm
 from dpr_lab.errors import RunError
-from dpr_lab.identification.misread.moving_arm_balance import wrong_scale
+from dpr_lab.identification.misread.moving_arm_balance import angles_are_right, wrong_scale
 from dpr_lab.identification.moving_arm.doubts import stops
 from dpr_lab.identification.moving_arm.fit import covariance_of, fit_moving_arm
 from dpr_lab.identification.moving_arm.identify import identify_moving_arm
@@ -45,6 +45,24 @@ def test_rods_that_turn_the_other_way_are_named():
     run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
     run.theta[:, 1:] *= -1
     assert any("--scale theta1=-1,theta2=-1" in failure for failure in identify_moving_arm([run], rig).failures)
+
+
+@pytest.mark.parametrize("rods", ["inner", "both"])
+def test_right_angles_are_recognised_without_a_fit(rods):
+    rng, rig = np.random.default_rng(3), rig_with("driven", "torque", rods=rods)
+    Z, arm, start = drawn(rng, rig)
+    if rods == "inner":
+        Z[[3, 4, 6, 8]], start[2] = 1e-9, start[1]
+    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
+
+    def read_as(arm=1.0, rods=1.0, turned=0.0):
+        angles = np.column_stack([arm * run.theta[:, 0], np.pi + rods * (run.theta[:, 1:] - np.pi) + turned])
+        return replace(run, theta=angles)
+
+    assert angles_are_right([run], rig)
+    wrong = [read_as(arm=-1.0), read_as(rods=-1.0), read_as(turned=np.pi)]
+    wrong += [read_as(arm=f) for f in (0.5, 2.0)] + [read_as(rods=f) for f in (0.5, 2.0)]
+    assert not any(angles_are_right([other], rig) for other in wrong)
 
 
 @pytest.mark.slow

@@ -117,6 +117,13 @@ def test_without_a_remainder_the_last_step_asks_for_more_releases(diagnosis):
     assert "dpr-lab plan" in steps[2]
 
 
+def test_a_remainder_below_the_noise_needs_no_inspection(diagnosis):
+    gap = diagnosis().gap
+    small = gap.model_copy(update={"after_rad": {joint: 0.5 * noise for joint, noise in gap.floor_rad.items()}})
+
+    assert "smaller than the noise" in gap_tables.next_steps(diagnosis(gap=small))[2]
+
+
 def test_an_effect_whose_name_is_a_prefix_of_another_does_not_match(diagnosis):
     rows = gap_tables.standing_rows(diagnosis(advice=[RELEASE.replace("stribeck_joint1", "stribeck_joint12")]))
 

@@ -16,10 +16,11 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
-from dpr_lab.identification.misread.moving_arm_balance import wrong_scale
+from dpr_lab.identification.misread.moving_arm_balance import angles_are_right, wrong_scale
 from dpr_lab.identification.misread.scaled_readings import OTHER_ZERO, SCALED_READINGS, ScaledReadings
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.rig import Rig
+from dpr_lab.run import Run
 
 Array = NDArray[np.float64]
 
@@ -75,12 +76,8 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
     if as_read.chi2 > RULES.suspicious * as_read.linear.residual.size or _gain(as_read) < 0.0:
         _refuse_measured_scale(recordings)
         as_read = _fitted(recordings, start, RULES.likely)
-        mirrored = _fitted(_mirrored(recordings), start, RULES.likely)
-        if _far_better(mirrored, as_read, RULES.better):
-            raise IdentificationError(_wrong_sign(recordings.rig, _gain(mirrored)))
-        if _far_better(_fitted(_turned(recordings), start, RULES.likely), as_read, RULES.better_scale):
-            raise IdentificationError(OTHER_ZERO)
-        _refuse_scale(recordings, start, as_read)
+        if not angles_are_right(_moving(recordings), recordings.rig):
+            _refuse_other_angles(recordings, start, as_read)
     if _falls_upwards(as_read, recordings):
         turned = _fitted(_turned(recordings), start)
         if turned.chi2 < RULES.alike * as_read.chi2 and not _falls_upwards(turned, recordings):
@@ -143,6 +140,20 @@ def _far_better(other: Fit, as_read: Fit, factor: float) -> bool:
     return not poor.any() or bool(np.mean(factor * changed[poor] < given[poor]) > 0.5)
 
 
+def _refuse_other_angles(recordings: Recordings, start: Array, as_read: Fit) -> None:
+    """Refuse the opposite sign of theta0, another zero of the rods, and half or twice the angles.
+
+    Raises:
+        IdentificationError: one of them explains the recordings; it is named.
+    """
+    mirrored = _fitted(_mirrored(recordings), start, RULES.likely)
+    if _far_better(mirrored, as_read, RULES.better):
+        raise IdentificationError(_wrong_sign(recordings.rig, _gain(mirrored)))
+    if _far_better(_fitted(_turned(recordings), start, RULES.likely), as_read, RULES.better_scale):
+        raise IdentificationError(OTHER_ZERO)
+    _refuse_scale(recordings, start, as_read)
+
+
 def _refuse_scale(recordings: Recordings, start: Array, as_read: Fit) -> None:
     """Refuse half or twice the angles of the arm or of the rods.
 
@@ -161,9 +172,14 @@ def _refuse_measured_scale(recordings: Recordings) -> None:
     Raises:
         IdentificationError: it is named.
     """
-    for run in (record.run.swing for record in recordings.records if record.setup.arm_moves):
+    for run in _moving(recordings):
         if scale := wrong_scale(run.t, run.theta, recordings.rig):
             raise IdentificationError(scale.cause(recordings.rig.rods.mounted))
+
+
+def _moving(recordings: Recordings) -> list[Run]:
+    """The swings whose arm moved."""
+    return [record.run.swing for record in recordings.records if record.setup.arm_moves]
 
 
 def _units(gain: float, kind: str) -> Iterator[tuple[float, str]]:

@@ -11,6 +11,7 @@ the signs of the angles only change signs of coefficients; a wrong unit of the r
 angle f q instead of q, k2 / k1 = -f L0 / g and k3 = f^2: both give the scale f of the arm's angle.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import log, sqrt
 
@@ -22,6 +23,7 @@ from dpr_lab.identification.misread.local_motion import local_motion
 from dpr_lab.identification.misread.scaled_readings import ScaledReadings, per_degree
 from dpr_lab.identification.misread.torque_balance import TORQUES
 from dpr_lab.rig import Rig
+from dpr_lab.run import Run
 
 Array = NDArray[np.float64]
 
@@ -59,6 +61,8 @@ class ArmBalance:
 
     residual: float
     """Share of the acceleration that the equation does not explain, rms; nan with too few rows."""
+    gravity: float = 0.0
+    """Coefficient of gravity, 1/s^2: positive, unless the zero of the rod is off by half a turn."""
     coupled: float = 1.0
     """Scale f of the arm's angle by the coupling with its acceleration."""
     squared: float = 1.0
@@ -75,6 +79,12 @@ class ArmBalance:
             return None
         off = self.squared + reach < limits.scaled**-2 or self.squared - reach > limits.scaled**2
         return abs(self.coupled) if off else 1.0
+
+    @property
+    def is_right(self) -> bool:
+        """Whether signs, zero and scales of the angles are right: the coefficients are those of the rig."""
+        near_one = self.gravity > 0.0 < self.coupled and abs(log(self.coupled)) < log(ARM_BALANCE.scaled)
+        return near_one and self.arm_scale == 1.0
 
 
 def arm_balance(t: Array, theta: Array, rig: Rig) -> ArmBalance:
@@ -106,7 +116,17 @@ def arm_balance(t: Array, theta: Array, rig: Rig) -> ArmBalance:
     std = np.sqrt(variance * np.diag(np.linalg.pinv(scaled.T @ scaled)))
     k1, k2, k3 = (k[:3] / sizes[:3]).tolist()
     coupled = -k2 / k1 * rig.g / rig.L0 if k1 else 0.0
-    return ArmBalance(sqrt(variance) / size, coupled, k3, float(std[2] / sizes[2]))
+    return ArmBalance(sqrt(variance) / size, k1, coupled, k3, float(std[2] / sizes[2]))
+
+
+def angles_are_right(runs: Iterable[Run], rig: Rig) -> bool:
+    """Whether a recording shows that signs, zeros and scales of the angles are right.
+
+    Args:
+        runs: recordings of a moving arm
+        rig: mounted rods, lengths and gravity
+    """
+    return any(arm_balance(run.t, run.theta, rig).is_right for run in runs)
 
 
 def wrong_unit(residual: float, converted: float, settings: ArmBalanceSettings = ARM_BALANCE) -> bool:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.errors import DprError
-from dpr_lab.identification.misread.moving_arm_balance import wrong_scale
+from dpr_lab.identification.misread.moving_arm_balance import angles_are_right, wrong_scale
 from dpr_lab.identification.misread.scaled_readings import OTHER_ZERO, SCALED_READINGS, ScaledReadings
 from dpr_lab.identification.moving_arm.fit import ARM_FIT, ArmFit, fit_moving_arm
 from dpr_lab.identification.moving_arm.problem import ArmRecording
@@ -68,10 +68,11 @@ def failures(
     """
     if misfit > DOUBTS.doubted and (scaled := _wrong_scale(recordings, rig)):
         return [scaled]
-    if misfit > DOUBTS.doubted and (mirrored := _mirrored_fit(fit, misfit, recordings, rig)):
+    doubted = misfit > DOUBTS.doubted and not angles_are_right(_moving(recordings), rig)
+    if doubted and (mirrored := _mirrored_fit(fit, misfit, recordings, rig)):
         return [mirrored]
     stops = [sentence for recording in recordings if misfit > 1.5 and (sentence := stop_sentence(recording.run, rig))]
-    if misfit > DOUBTS.doubted and not stops and (other := _other_angles(recordings, rig)):
+    if doubted and not stops and (other := _other_angles(recordings, rig)):
         return [other]
     of_input = _of_input(fit, rig) if gain_seen else []
     return [*stops, *of_input, *([] if fit.converged else [_unconverged(recordings)])]
@@ -79,9 +80,13 @@ def failures(
 
 def _wrong_scale(recordings: Sequence[ArmRecording], rig: Rig) -> str:
     """A sentence if the last rod's acceleration shows another scale or unit of the angles; empty otherwise."""
-    moving = [recording.run for recording in recordings if recording.run.arm_mode != "clamped"]
-    scales = filter(None, (wrong_scale(run.t, run.theta, rig) for run in moving))
+    scales = filter(None, (wrong_scale(run.t, run.theta, rig) for run in _moving(recordings)))
     return next((scale.cause(rig.rods.mounted) for scale in scales), "")
+
+
+def _moving(recordings: Sequence[ArmRecording]) -> list[Run]:
+    """The runs whose arm moved."""
+    return [recording.run for recording in recordings if recording.run.arm_mode != "clamped"]
 
 
 def _unconverged(recordings: Sequence[ArmRecording]) -> str:

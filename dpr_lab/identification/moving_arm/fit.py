@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.errors import IdentificationError
 from dpr_lab.identification.moving_arm.merge import merged
-from dpr_lab.identification.moving_arm.problem import ArmProblem, ArmRecording, arm_problem
+from dpr_lab.identification.moving_arm.problem import ArmProblem, ArmRecording, arm_problem, problem_of
 from dpr_lab.identification.moving_arm.search import searched_start
 from dpr_lab.rig import Rig
 
@@ -38,6 +38,8 @@ class ArmFitSettings:
     """Damping above which no step can reduce the cost."""
     searched: float = 20.0
     """Reduced chi-square of the first segments above which a global search looks for another start."""
+    searched_segments: int = 32
+    """Number of segments, spread over all recordings, that this search simulates."""
     misfit: float = 1.5
     """Reduced chi-square above which the covariance is that of clustered residuals."""
 
@@ -91,7 +93,7 @@ def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFi
         IdentificationError: the values of the rig file cannot be simulated.
     """
     problem, initial = arm_problem(recordings, rig, settings.first_s)
-    best = _short_fit(problem, initial, rig, settings)
+    best = _short_fit(problem, initial, recordings, rig, settings)
     limit, ranges = settings.worse * max(1.0, best.chi2_per_dof), list(settings.ranges_rad)
     while ranges:
         longer = merged(best.problem, best.p, best.initial, recordings, rig, ranges[0])
@@ -112,7 +114,9 @@ def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFi
     return best
 
 
-def _short_fit(problem: ArmProblem, initial: Array, rig: Rig, settings: ArmFitSettings) -> ArmFit:
+def _short_fit(
+    problem: ArmProblem, initial: Array, recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFitSettings
+) -> ArmFit:
     """Fit of the first segments from the values of the rig file; from a global search if that fails.
 
     Raises:
@@ -126,7 +130,9 @@ def _short_fit(problem: ArmProblem, initial: Array, rig: Rig, settings: ArmFitSe
         failed = error
     if local is not None and local.converged and local.chi2_per_dof < settings.searched:
         return local
-    start = searched_start(problem, initial, rig)
+    spread = _spread(problem, settings.searched_segments)
+    thinned = problem_of(recordings, rig, [problem.cuts[s] for s in spread])
+    start = searched_start(thinned, initial[spread], rig)
     fits = [local] if local is not None else []
     if start is not None:
         with suppress(IdentificationError):
@@ -134,6 +140,12 @@ def _short_fit(problem: ArmProblem, initial: Array, rig: Rig, settings: ArmFitSe
     if not fits:
         raise failed or IdentificationError("no values within the bounds of the rig file can be simulated")
     return min(fits, key=lambda fit: fit.chi2_per_dof)
+
+
+def _spread(problem: ArmProblem, most: int) -> list[int]:
+    """About `most` segments at equal distances, and the first one of each recording."""
+    first = {recording: s for s, (recording, _) in reversed(list(enumerate(problem.cuts)))}
+    return sorted({*first.values(), *range(0, len(problem.cuts), -(-len(problem.cuts) // most))})
 
 
 def _start(problem: ArmProblem, initial: Array, settings: ArmFitSettings) -> Array:

@@ -265,10 +265,13 @@ def run_words(name: str, held_out: bool = False) -> str:
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:
     """Recommended recordings and checks with their ids, and how to continue after a verdict that is open."""
+    partly = "The remainder has another cause, or the named effect has another form: inspect the rig."
+    if diagnosis.only_uncertain:
+        partly = "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
+    elif per_reading(diagnosis.gap.after_rad) < per_reading(diagnosis.gap.floor_rad):
+        partly = "The remainder is smaller than the noise of a reading: inspect the rig only if it matters to you."
     unexplained = {
-        "partly_explained": "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
-        if diagnosis.only_uncertain
-        else "The remainder has another cause, or the named effect has another form: inspect the rig.",
+        "partly_explained": partly,
         "unexplained": "No effect of the library is the cause: inspect the rig where the gap is largest, joint by"
         " joint.",
     }
