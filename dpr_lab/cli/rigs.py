@@ -116,6 +116,10 @@ Measured = "as 0.042, or as 0.042+-0.001 if measured"
 def new(
     name: Annotated[str | None, typer.Option(help="Name of the rig.")] = None,
     l0: Annotated[float | None, typer.Option("--l0", help="Length of the arm, m.")] = None,
+    l0_std: Annotated[
+        float | None,
+        typer.Option("--l0-std", help="Standard uncertainty of --l0, m; identify then fits L0 of a moving arm."),
+    ] = None,
     l1: Annotated[
         float | None, typer.Option("--l1", help="Distance between the two joints, m; length of a single rod.")
     ] = None,
@@ -199,6 +203,7 @@ def new(
         joint2 or "relative",
         url or "sim://",
         l0,
+        l0_std,
         l1_std,
         tuple(sorted(set(geared or ()))),
         rezeroed,

@@ -38,6 +38,8 @@ class RigMeasures:
     url: str = "sim://"
     L0: float | None = None
     """Length of the arm, m; None: not measured."""
+    L0_std: float | None = None
+    """Standard uncertainty of L0, m; None: L0 is not fitted."""
     L1_std: float | None = None
     """Standard uncertainty of L1, m; None: that of a ruler."""
     geared: tuple[int, ...] = ()
@@ -174,6 +176,8 @@ def _friction(inertia: float, stiffness: float) -> Bounds:
 
 def _head(m: RigMeasures) -> str:
     arm = f"L0 = {toml_number(m.L0, 9)}  # length of the arm, m\n" if m.L0 is not None else ""
+    if m.L0 is not None and m.L0_std:
+        arm += f"L0_std = {toml_number(m.L0_std)}  # standard uncertainty of L0, m: identify fits L0 of a moving arm\n"
     std = (
         f"L1_std = {toml_number(m.L1_std)}  # standard uncertainty of L1, m: a diagnosis fits L1\n" if m.L1_std else ""
     )

@@ -53,11 +53,12 @@ ONE = ("--name", "qube", "--rods", "inner", "--l1", "0.129", "--m1", "0.024")
 
 def test_flags_describe_one_rod_on_an_arm_with_a_motor(cli, tmp_path: Path) -> None:
     motor = ("--input", "voltage", "--kt", "0.042", "--ke", "0.042", "--resistance", "8.4+-0.1", "--gear", "2")
-    words = (*ONE, "--l0", "0.085", "--arm", "driven", *motor)
+    words = (*ONE, "--l0", "0.085", "--l0-std", "0.001", "--arm", "driven", *motor)
     done = cli("rig", "new", *words, "--out", "qube.toml", cwd=tmp_path)
     assert done.code == 0, done.err
     rig = load_rig(tmp_path / "qube.toml")
     assert (rig.L0, rig.L1, rig.rods.mounted, rig.arm.mode) == (0.085, 0.129, "inner", "driven")
+    assert rig.rig.L0_std == 0.001
     assert rig.motor is not None
     assert rig.motor.model_dump(include={"input", "gear"}) == {"input": "voltage", "gear": 2.0}
     table, built_in = rig.model_dump(), load_rig("furuta").model_dump()
