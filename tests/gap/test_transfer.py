@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.conclusion.verdict import how_far
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.screen.pieces import whole
@@ -71,6 +72,15 @@ def test_an_effect_that_misleads_on_held_out_runs_is_left_out_of_the_model(dry: 
 def test_a_gap_that_grows_is_not_said_to_close() -> None:
     grown = Transfer("held-out runs", True, GapReduction(-0.51, (-0.74, -0.22)), 1.0, (), {}, {}, {}, (), (), (), None)
     assert how_far(grown) == "On held-out runs the gap does not close (-51 %, 90 % interval -74 % to -22 %)."
+
+
+@pytest.mark.parametrize(("closed", "probability"), [(-0.42, 0.49), (0.31, 0.98)])
+def test_no_effect_is_sure_if_all_together_increase_the_gap_of_the_quarters_left_out(closed, probability) -> None:
+    """Although each carries over compared with the others alone."""
+    quarters = GapReduction(closed, (closed - 0.3, closed + 0.46))
+    tested = Transfer("one release", True, quarters, 1.0, (), {}, {}, {}, (), (), (), None)
+    (judged,) = tested.judged([EffectPosterior("base_vibration", ("base_vibration",), (), 0.98)])
+    assert judged.probability == pytest.approx(probability)
 
 
 @pytest.mark.slow

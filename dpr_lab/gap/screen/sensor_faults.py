@@ -12,6 +12,7 @@ A swing is smooth over a few milliseconds, so an encoder fault is visible in nei
     undithered_quantisation     constant counts at rest: rounding does not average out
     stamp_jitter                time stamps with jitter, readings taken evenly: replaced by even instants
     periodic_delay              every n-th reading is taken later than its stamp, or before it: excluded
+    queued_rows                 rows wait in the queue of a saturated link, with a delay that varies: excluded
 """
 
 from dataclasses import dataclass, replace
@@ -25,6 +26,7 @@ from dpr_lab.gap.screen.differences import noise_by_speed, stride_ratio
 from dpr_lab.gap.screen.implausible import repeated, too_fast
 from dpr_lab.gap.screen.instants import even_instants, periodic_delay
 from dpr_lab.gap.screen.local_faults import local_faults
+from dpr_lab.gap.screen.queued_rows import queued_rows
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -131,10 +133,11 @@ def screen(run: Run, rig: Rig) -> Screened:
     Raises:
         RunError: too few samples to estimate the noise.
     """
+    late, waiting = _queued(run, rig)
     run, stamped = _on_true_instants(run, rig)
     swing, period = run.swing, 1.0 / run.rate_hz
     t, joints = swing.t, rig.encoders.joint_angles.of_rods(swing.theta[:, 1:])
-    late, delayed = _late(run, t, joints)
+    late[~late], delayed = _late(run, t[~late], joints[~late])
     count = _count_size(run, rig)
     still, shared = same_rounding(run, joints, rig.radians_per_count[1:])
     dithered, on_grid = _dithered(run, rig, count, still), _on_grid(run, rig, joints)
@@ -147,6 +150,7 @@ def screen(run: Run, rig: Rig) -> Screened:
     stale[~late] = repeated(t[~late], joints[~late], noise, jitter, period)
     keep = ~(wild | stale | late[:, None])
     findings = [
+        *waiting,
         *stamped,
         *delayed,
         *_gaps(run.name, t, period),
@@ -223,6 +227,22 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
         " better"
     )
     return replace(run, t=even), [Finding("stamp_jitter", run.name, None, None, evidence)]
+
+
+def _queued(run: Run, rig: Rig) -> tuple[NDArray[np.bool_], list[Finding]]:
+    """(swing,) readings that waited in the queue of a saturated link, and the finding."""
+    swing = run.t >= 0.0
+    queue = queued_rows(run.t[swing], _read_joints(run, rig)[swing])
+    if queue is None:
+        return np.zeros(np.count_nonzero(swing), dtype=np.bool_), []
+    evidence = (
+        f"a row is sent for each count, over a saturated link: behind {queue.series} turning points the rows come in an"
+        f" even rhythm, one count each; their delay differs from that of the other rows by"
+        f" {1e3 * queue.differ_s:.2g} ms (median). These {queue.rows.sum()} readings are excluded. Increase the baud"
+        " rate, or send the time of the board with each row"
+    )
+    first = float(run.t[swing][queue.rows][0])
+    return queue.rows, [Finding("queued_rows", run.name, None, first, evidence)]
 
 
 def _late(run: Run, t: Array, joints: Array) -> tuple[NDArray[np.bool_], list[Finding]]:

@@ -9,8 +9,8 @@ d is significantly positive (by its sum or by its signed ranks); d is significan
 the gap that the effect closes is not significantly below half of that in the fitted recordings. Effects that worsen the
 free runs, of held-out runs if there are any, are not confirmed. An effect that does not carry over explains the fitted
 recordings only. If there is a single release, its quarters are held out in turn, and an effect that fails is not
-withdrawn, but not sure either. Fewer segments than quarters predict nothing from each other: nothing is then refuted,
-and nothing is sure.
+withdrawn, but not sure either. If all effects together increase the gap of the data that were not fitted, none is sure.
+Fewer segments than quarters predict nothing from each other: nothing is then refuted, and nothing is sure.
 
 The sum alone has little power if the reduction is largest in a few segments, because its scatter is then as large as
 the sum. The signed ranks detect a reduction in all segments.
@@ -123,7 +123,7 @@ class Transfer:
     def judged(self, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
         """Probabilities of the effects; reduced for those that fail a test."""
         doubtful = {*self.withdrawn, *self.unproven}
-        if self.worse_free_run or not self.tested:
+        if self.worse_free_run or not self.tested or self.closed.estimate < 0.0:
             doubtful |= {posterior.name for posterior in posteriors}
         factors = dict.fromkeys(doubtful, TRANSFER.unproven) | dict.fromkeys(self.oversized, TRANSFER.oversized)
         return tuple(
