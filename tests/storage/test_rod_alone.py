@@ -1,5 +1,6 @@
 """One rod alone through rig file, import and run file."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.inspect import info
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.tables.preview import preview
+from dpr_lab.storage.tables.understand import understand
 
 ONE_ROD = """
 [rig]
@@ -201,3 +203,66 @@ def test_a_zero_of_rods_with_a_clamped_elbow_is_questioned(paper: Rig, tmp_path:
     option, value = preview(wrong, clamped, ImportOptions(zero="hanging")).mend
     assert option == "--offset"
     assert float(value) == pytest.approx(-0.5, abs=0.02)
+
+
+def fallen(a0: float = 1.2, seconds: float = 3.0) -> tuple[np.ndarray, np.ndarray]:
+    """Instants and angle from hanging, rad, of the rod of `ONE_ROD`."""
+    t = np.arange(0.0, seconds, 0.01)
+    rod = solve_ivp(lambda _, x: [x[1], -45.3 * np.sin(x[0]) - 0.1 * x[1]], (0, seconds), [a0, 0], t_eval=t, rtol=1e-8)
+    return t, rod.y[0]
+
+
+@pytest.mark.parametrize(
+    ("header", "of_rod"),
+    [
+        ("Timestamp,Pendulo,flag", "Pendulo"),
+        ("time,position[0],velocity[0]", "position[0]"),
+        ("__time,/joint_states/joint1/position,/joint_states/joint1/velocity", "/joint_states/joint1/position"),
+        ("__time,/joint_states/pole/position,/joint_states/pole/velocity", "/joint_states/pole/position"),
+    ],
+)
+def test_the_column_of_the_rod_is_found_under_foreign_names(one: Rig, tmp_path: Path, header: str, of_rod: str) -> None:
+    t, angle = fallen()
+    other = np.gradient(angle, t) if "velocity" in header else np.zeros_like(t)
+    understood = understand(table(tmp_path, header, t, angle, other), one, ImportOptions(zero="hanging"))
+    assert understood.columns["theta1"] == of_rod
+    assert understood.questions == ()
+
+
+def test_time_and_angle_of_a_table_without_a_header_are_found(one: Rig, tmp_path: Path) -> None:
+    t, angle = fallen()
+    understood = understand(table(tmp_path, "", t, angle, np.full_like(t, 0.0167)), one, ImportOptions(zero="hanging"))
+    assert (understood.columns["t"], understood.columns["theta1"]) == ("1", "2")
+    assert any("the only column that varies" in note for note in understood.notes)
+    rows = table(tmp_path, "", np.arange(len(t)), angle)
+    assert understand(rows, one, ImportOptions(zero="hanging", rate_hz=100.0)).columns["theta1"] == "2"
+
+
+def test_two_columns_that_vary_are_asked_for(one: Rig, tmp_path: Path) -> None:
+    t, angle = fallen()
+    with pytest.raises(RunError, match="no single column found for theta1"):
+        understand(table(tmp_path, "t,left,right", t, angle, angle[::-1]), one)
+
+
+def test_a_column_named_theta2_is_no_other_rod_if_theta1_is_given(one: Rig, tmp_path: Path) -> None:
+    (t, angle), (_, other) = fallen(), fallen(0.8)
+    file = table(tmp_path, "t1,theta1,t2,theta2", t, angle, t, other)
+    options = ImportOptions(zero="hanging", columns={"t": "t1", "theta1": "theta1"})
+    assert import_csv(file, one, options).mounting == "inner"
+
+
+def test_whole_numbers_are_doubted_to_be_counts_with_a_zero_in_their_turn(one: Rig, tmp_path: Path) -> None:
+    t, angle = fallen()
+    counts = np.rint(angle * 1000 / (2 * np.pi)) + 522
+    rig = one.model_copy(update={"encoders": one.encoders.model_copy(update={"counts_per_rev": (1000, 1000, 1000)})})
+    (doubt, *_) = understand(table(tmp_path, "t,theta1", t, counts), rig).questions
+    assert doubt.mend == ("--unit", "counts")
+    assert "counts of the encoders" in doubt.sentence
+    zero = int(re.search(r"zero_counts of the rig file is (-?\d+)", doubt.sentence)[1])
+    assert zero == pytest.approx(522, abs=3)
+
+
+def test_a_zero_near_hanging_is_hanging_with_an_error_that_the_diagnosis_names(one: Rig, tmp_path: Path) -> None:
+    t, angle = fallen()
+    (doubt, *_) = understand(table(tmp_path, "t,theta1", t, angle + 0.06), one).questions
+    assert doubt.mend == ("--zero", "hanging")

@@ -19,7 +19,10 @@ NO_ROD = "joint 2, without a rod"
 _TIME_NAME = r"(t|time|timestamp|elapsed|tout|zeit)?({unit})?(?<=.)"
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds", "us": "us|usec|microseconds"}
 _ANGLE_UNIT = r"(rad|radians?|deg|degrees?)"
-_ANGLE_NAME = rf"(theta|th|phi|q|angle|joint|pos|position|θ|φ){{axis}}{_ANGLE_UNIT}?|(enc|encoder){{axis}}{_ANGLE_UNIT}"
+_ANGLE_NAME = (
+    rf"(theta|th|phi|q|angle|joint|pos|position|θ|φ){{axis}}{_ANGLE_UNIT}?|(enc|encoder){{axis}}{_ANGLE_UNIT}"
+    r"|joint{axis}(pos|position)"
+)
 _ARM_NAME = rf"arm(angle|pos|position)?{_ANGLE_UNIT}?"
 _ROD_NAME = rf"(rod|pendulum)(angle|pos|position)?{_ANGLE_UNIT}?"
 _COUNT_NAME = (
@@ -32,6 +35,8 @@ _ONLY_UNIT = re.compile(
     r"\W*(rad|radians?|deg|degrees?|°|counts?|ticks?|m?s|us|sec|seconds|px|pixels?|[mc]?m)\W*", re.I
 )
 _NO_NAME = re.compile(r"\d+|.+\[\d+\]")
+_JOINT_STATES = (re.compile(r"(?:.*[/.])?positions?\[\d+\]", re.I), re.compile(r".+/position", re.I))
+"""Angles of joints as tables of ROS name them: `/joint_states/position[0]`, `/joint_states/shoulder/position`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +85,10 @@ def find_columns(
     unit = unit or _said_unit(names, given)
     time_unit = time_unit or _said_time_unit(names, given)
     named, notes = guess_columns(names, unit, time_unit) | dict(given), ()
-    if not {"theta1", "theta2"} & set(named):
+    if joints := _of_joint_states(names, given):
+        named = {quantity: name for quantity, name in named.items() if name not in joints.values()} | joints
+        notes = (f"columns {', '.join(joints.values())} are interpreted as {', '.join(joints)}",)
+    elif not {"theta1", "theta2"} & set(named):
         by_place = _by_place(table, named.get("t"), rate_hz is not None)
         notes = (f"columns without names are interpreted as {', '.join(by_place)}",) if by_place else ()
         named |= by_place
@@ -91,20 +99,47 @@ def find_columns(
     return Columns(named, unit, time_unit, notes)
 
 
-def with_still_joint2(table: Table, given: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
+def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tuple[Table, dict[str, str]]:
     """A table of one rod with an additional column of a fixed joint 2 if it has none, and the given columns.
 
-    The name of the rod's own column may lack a number.
+    The name of the rod's own column may lack a number, and the only column that varies needs no name. If the column of
+    theta1 is given, one that is named like theta2 is not another rod, but for example another recording.
     """
-    has_joint2 = any("theta2" in guess_columns(table.names, unit) for unit in ("rad", "counts"))
-    if has_joint2 or "theta2" in given:
+    guessed = [guess_columns(table.names, unit) for unit in ("rad", "counts")]
+    if "theta2" in given or ("theta1" not in given and any("theta2" in guess for guess in guessed)):
         return table, dict(given)
+    given, notes = dict(given), table.notes
     alone = [name for name in table.names if _ONE_ROD.fullmatch(bare(name))]
-    if len(alone) == 1 and not any("theta1" in guess_columns(table.names, unit) for unit in ("rad", "counts")):
-        given = {"theta1": alone[0], **given}
+    if "theta1" not in given and not any("theta1" in guess for guess in guessed):
+        if len(alone) != 1:
+            alone, clock = _only_varying(table, given, timed)
+            given = clock | given
+            notes = (*notes, *(f"the only column that varies, {name}, is interpreted as theta1" for name in alone))
+        given |= dict(zip(("theta1",), alone, strict=False))
     values = (*table.values, np.zeros(len(table.lines)))
-    grown = replace(table, names=(*table.names, NO_ROD), values=values, strange=(*table.strange, ""))
+    grown = replace(table, names=(*table.names, NO_ROD), values=values, strange=(*table.strange, ""), notes=notes)
     return grown, {**given, "theta2": NO_ROD}
+
+
+def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[list[str], dict[str, str]]:
+    """The only column that varies beside the time, if there is one, and the time of a table without names."""
+    if table.settled:
+        return [], {}
+    clock = {}
+    if timed and "t" not in given and all(_NO_NAME.fullmatch(name) for name in table.names) and _runs(table.values[0]):
+        clock = {"t": table.names[0]}
+    times = {*given.values(), *clock.values()}
+    varying = [
+        name
+        for name, column in zip(table.names, table.values, strict=True)
+        if name not in times and not is_time(name) and not _runs(column) and _varies(column)
+    ]
+    return (varying, clock) if len(varying) == 1 else ([], {})
+
+
+def _varies(column: NDArray[np.float64]) -> bool:
+    known = column[np.isfinite(column)]
+    return bool(len(known) and np.ptp(known) > 0.0)
 
 
 def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], timed: bool) -> None:
@@ -171,6 +206,23 @@ def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, s
     return named | dict(zip(AXES[-len(others) :], others, strict=True))
 
 
+def _of_joint_states(names: Sequence[str], given: Mapping[str, str]) -> dict[str, str]:
+    """Angles of the rods, or of the arm and the rods, in the order of the columns, if ROS names them.
+
+    Joints with a number in their name are recognised by it.
+    """
+    if {"theta0", "theta1"} & set(given):
+        return {}
+    rods = AXES[1:2] if NO_ROD in names else AXES[1:]
+    for pattern in _JOINT_STATES:
+        found = [name for name in names if pattern.fullmatch(name)]
+        numbered = "[" not in "".join(found) and {"theta1"} <= set(guess_columns(found))
+        for axes in (rods, (AXES[0], *rods)):
+            if len(found) == len(axes) and not numbered:
+                return dict(zip(axes, found, strict=True))
+    return {}
+
+
 def _runs(column: NDArray[np.float64]) -> bool:
     """Whether a column increases in nearly equal steps."""
     steps = np.diff(column)
@@ -188,6 +240,8 @@ def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: s
 def own_name(name: str) -> str:
     """A column name without the name of its group, as Logger Pro writes it: `X` of `VideoAnalysis: X`."""
     rest = name.partition(": ")[2].strip()
+    if not rest and name.endswith("/position"):  # of ROS: topic, joint, quantity
+        return "/".join(name.split("/")[-2:])
     return name if not rest or _ONLY_UNIT.fullmatch(rest) else rest
 
 

@@ -174,12 +174,29 @@ def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
         refitted = energy_fit(read.t * reading.time_factor, rods, read.torques, read.rig)
         if refitted is not None and refitted.residual < min(SETTINGS.sure, fit.residual / SETTINGS.better):
             tried.append((refitted.residual, reading))
-    if not tried and read.torques is None and (moved := _with_other_zeros(read)):
+    if not tried and read.torques is None and (moved := _as_counts(read) or _with_other_zeros(read)):
         return [moved]
     best = min((residual for residual, _ in tried), default=np.inf)
     alike = [reading for residual, reading in tried if residual <= SETTINGS.alike * best]
     fewest = min((len(reading.causes) for reading in alike), default=0)
     return [reading for reading in alike if len(reading.causes) == fewest]
+
+
+def _as_counts(read: ReadTable) -> OtherReading | None:
+    """Whole numbers as counts of the encoders, perhaps with other zeros, if a free swing then conserves its energy."""
+    whole = all(np.array_equal(column, np.round(column)) for column in read.values.values())
+    if read.options.unit == "counts" or read.options.offset or read.options.scale or not whole:
+        return None
+    counted = replace(read, options=replace(read.options, unit="counts", wrap=None))
+    fit = energy_fit(read.t, counted.rods(read.values, counted.options), None, read.rig)
+    if fit is not None and fit.residual <= SETTINGS.right / SETTINGS.alike:
+        moved: OtherReading | None = OtherReading((), (), read.values, counted.options)
+    else:
+        moved = _with_other_zeros(counted)
+    if moved is None:
+        return None
+    causes = ("the angles are counts of the encoders", *moved.causes)
+    return replace(moved, causes=causes, words=("--unit", "counts"))
 
 
 def _with_other_zeros(read: ReadTable) -> OtherReading | None:
@@ -242,11 +259,17 @@ def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
     """Add two offsets, rad, to the absolute angles of a table, as --offset or zero_counts do."""
     values, options, rig = read.values, read.options, read.rig
     if options.unit != "counts":
+        from_pi = np.abs((np.asarray(added) % (2 * np.pi)) - np.pi)
+        if from_pi.max() < SETTINGS.wrong_zero_rad:  # the rest is an error of the zero, which a diagnosis names
+            return _changed(values, options, read.columns, True, False, False, False)
         return with_zeros(values, options, added)
     turned = (rig.encoders.joint_angles.of_rods(added) + np.pi) % (2 * np.pi) - np.pi
     counts = np.round(turned / np.asarray(rig.radians_per_count)[1:])
     moved = {axis: values[axis] + count for axis, count in zip(AXES[1:], counts, strict=True)}
-    zeros = [round(zero) for zero in np.asarray(rig.encoders.zero_counts)[1:] - counts]
+    turn = 2 * np.pi / np.abs(np.asarray(rig.radians_per_count)[1:])
+    middle = np.array([np.median(values.get(axis, np.zeros(1))) for axis in AXES[1:]])
+    zeros = np.asarray(rig.encoders.zero_counts)[1:] - counts
+    zeros = np.round(zeros + turn * np.round((middle - zeros) / turn)).astype(int).tolist()  # in the turn of the swing
     of_joint2 = f" and {zeros[1]} for joint 2" if rig.rods.mounted == "both" else ""
     cause = f"zero_counts of the rig file is {zeros[0]} for joint 1{of_joint2}"
     return OtherReading((cause,), (), {**values, **moved}, options)

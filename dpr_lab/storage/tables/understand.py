@@ -92,7 +92,7 @@ def understand(
     named_angles = not set(AXES).isdisjoint(options.columns)
     table, given = read_any(path, options.take, on_progress, points=not named_angles), dict(options.columns)
     if rig.rods.mounted != "both":
-        table, given = with_still_joint2(table, given)
+        table, given = with_still_joint2(table, given, options.rate_hz is None)
     for driving_column in ("input", *JOINTS):
         given.pop(driving_column, None)
     columns = find_columns(table, given, options.unit, options.time_unit, options.rate_hz)
