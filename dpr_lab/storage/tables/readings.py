@@ -266,10 +266,10 @@ def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
     turned = (rig.encoders.joint_angles.of_rods(added) + np.pi) % (2 * np.pi) - np.pi
     counts = np.round(turned / np.asarray(rig.radians_per_count)[1:])
     moved = {axis: values[axis] + count for axis, count in zip(AXES[1:], counts, strict=True)}
-    turn = 2 * np.pi / np.abs(np.asarray(rig.radians_per_count)[1:])
-    middle = np.array([np.median(values.get(axis, np.zeros(1))) for axis in AXES[1:]])
-    zeros = np.asarray(rig.encoders.zero_counts)[1:] - counts
-    zeros = np.round(zeros + turn * np.round((middle - zeros) / turn)).astype(int).tolist()  # in the turn of the swing
+    zeros = [round(zero) for zero in np.asarray(rig.encoders.zero_counts)[1:] - counts]
+    if rig.rods.mounting != "both":  # in the turn of the swing
+        turn = 2 * np.pi / abs(rig.radians_per_count[1])
+        zeros[0] += round(turn * round((float(np.median(values["theta1"])) - zeros[0]) / turn))
     of_joint2 = f" and {zeros[1]} for joint 2" if rig.rods.mounted == "both" else ""
     cause = f"zero_counts of the rig file is {zeros[0]} for joint 1{of_joint2}"
     return OtherReading((cause,), (), {**values, **moved}, options)
