@@ -122,7 +122,7 @@ def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tu
 
 
 def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[list[str], dict[str, str]]:
-    """The only column that varies beside the time, if there is one, and the time of a table without names."""
+    """The only column that varies, apart from the time, if there is one; and the time of a table without names."""
     if table.settled:
         return [], {}
     clock = {}
