@@ -215,11 +215,11 @@ def _of_joint_states(names: Sequence[str], given: Mapping[str, str]) -> dict[str
         return {}
     rods = AXES[1:2] if NO_ROD in names else AXES[1:]
     for pattern in _JOINT_STATES:
-        found = [name for name in names if pattern.fullmatch(name)]
-        numbered = "[" not in "".join(found) and {"theta1"} <= set(guess_columns(found))
+        positions = [name for name in names if pattern.fullmatch(name)]
+        numbered = "[" not in "".join(positions) and "theta1" in guess_columns(positions)
         for axes in (rods, (AXES[0], *rods)):
-            if len(found) == len(axes) and not numbered:
-                return dict(zip(axes, found, strict=True))
+            if len(positions) == len(axes) and not numbered:
+                return dict(zip(axes, positions, strict=True))
     return {}
 
 
