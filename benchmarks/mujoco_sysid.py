@@ -1,6 +1,6 @@
 """MuJoCo's own system identification toolbox on the recordings of `benchmarks/identify.py`.
 
-    python -m pip install "mujoco[sysid]>=3.5"
+    python -m pip install "mujoco[sysid]>=4"
     python benchmarks/mujoco_sysid.py [--quick] [--json] [--rigs N]
 
 Every program gets the same recordings, starts from the middle of the same box, and is given the same start states:
@@ -78,7 +78,8 @@ def programs() -> dict[str, Program]:
     try:
         from _mujoco_toolbox import toolbox
     except ImportError as error:
-        print(f"MuJoCo's toolbox is not installed ({error}): pip install 'mujoco[sysid]>=3.5'", file=sys.stderr)
+        hint = "it needs the extra `sysid` of MuJoCo 4 or newer: pip install 'mujoco[sysid]>=4'"
+        print(f"MuJoCo's toolbox is left out: {hint} ({error})", file=sys.stderr)
     else:
         made |= {f"{TOOLBOX}, {s:g} s": partial(toolbox, length=s) for s in SEGMENTS_S}
     made |= {f"dpr-lab, start states kept, {s:g} s": partial(states_kept, length=s) for s in SEGMENTS_S}
