@@ -11,7 +11,7 @@ from dpr_lab.acceptance.judge import SURE
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
-from dpr_lab.planning.forecast import STOPPING, confirmation, decided, decision_probability
+from dpr_lab.planning.forecast import STOPPING, decided, decision_probability
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
@@ -101,10 +101,9 @@ def _planned(number: int, step: SequenceStep, F: Array, objective: Objective, re
 
 def _forecast(objective: Objective, gained: Sequence[Array], releases: int) -> float | None:
     """Probability that this number of releases decides the causes; None before the first diagnosis."""
-    diagnosis = objective.known.diagnosis
-    if diagnosis is None:
+    if objective.known.diagnosis is None:
         return None
-    return decision_probability(objective.pairs, gained, releases, confirmation(diagnosis))
+    return decision_probability(objective.pairs, gained, releases)
 
 
 def _stds(known: Knowledge, F: Array) -> dict[str, float]:

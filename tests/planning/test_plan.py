@@ -130,10 +130,9 @@ def test_a_forecast_grows_with_information_and_with_releases() -> None:
     probability = [decision_probability([pairs], [np.full((2, 2), d2)]) for d2 in (0.0, 4.0, 20.0, 200.0)]
     assert probability == sorted(probability)
     assert probability[0] == 0.0
-    assert probability[-1] == pytest.approx(STOPPING.one_cause, abs=0.01)
-    assert decision_probability([], []) == STOPPING.one_cause
-    second = 1 - (1 - STOPPING.one_cause) * (1 - STOPPING.clears)  # what is not confirmed leaves a remainder
-    assert decision_probability([], [], 2) == pytest.approx(second)
+    assert probability[-1] == pytest.approx(STOPPING.confirmed, abs=0.01)
+    assert decision_probability([], []) == STOPPING.confirmed
+    assert decision_probability([], [], 2) == pytest.approx(1 - (1 - STOPPING.confirmed) ** 2)
 
 
 def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
@@ -143,7 +142,7 @@ def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
     mean = np.where(truth, d2 / 2, -d2 / 2)
     log_odds = np.log(p[0] / p[1]) + mean + np.sqrt(d2) * rng.standard_normal(len(truth))
     share = np.mean(np.abs(log_odds) >= np.log(0.95 / 0.05))
-    assert decision_probability([pairs], [np.full((2, 2), d2)]) == pytest.approx(STOPPING.one_cause * share, abs=0.02)
+    assert decision_probability([pairs], [np.full((2, 2), d2)]) == pytest.approx(STOPPING.confirmed * share, abs=0.02)
 
 
 def test_a_repeated_release_is_worth_less_and_a_plan_does_not_repeat_itself(paper: Rig) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.gap.result.diagnosis import Diagnosis, load_diagnosis
-from dpr_lab.planning.forecast import STOPPING, confirmation, decided, decision_probability
+from dpr_lab.planning.forecast import decided
 from dpr_lab.planning.knowledge import Causes, known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.sequence import Planner
@@ -74,19 +74,6 @@ def test_inseparable_causes_count_as_one() -> None:
     assert not decided(divided, 2)
     assert decided(divided, 2, {"coulomb_joint1", "stribeck_joint1"})
     assert not decided(divided, 2, {"coulomb_joint1", "spring_joint1"})
-
-
-def test_a_forecast_depends_on_the_kind_of_the_diagnosis() -> None:
-    nothing, one = one_cause(verdict="no_gap", effects=[]), one_cause()
-    other = one.effects[0].model_copy(update={"name": "spring_joint1"})
-    two = one.model_copy(update={"effects": [*one.effects, other]})
-    kinds = [one, two, nothing, one_cause(verdict="partly_explained"), one_cause(verdict="unexplained", effects=[])]
-    shares = [STOPPING.one_cause, STOPPING.several_causes, STOPPING.no_gap, STOPPING.clears, STOPPING.clears]
-    assert [confirmation(diagnosis) for diagnosis in kinds] == shares
-    assert shares == sorted(shares, reverse=True)
-    forecasts = [decision_probability([], [], 1, share) for share in shares]
-    assert forecasts == pytest.approx(shares)
-    assert all(decision_probability([], [], 2, share) > share for share in shares)
 
 
 @pytest.mark.parametrize(("probability", "listed"), [(0.947, True), (0.96, False)])
