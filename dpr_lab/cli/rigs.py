@@ -134,6 +134,9 @@ def new(
     mb: Annotated[str | None, typer.Option(help=f"Mass of the parts at joint 2, kg, {Weighed}.")] = None,
     g: Annotated[float, typer.Option(help="Gravity, m/s^2.")] = 9.81,
     counts_per_rev: Annotated[int | None, typer.Option(help="Counts per turn of the encoders.")] = None,
+    arm_counts_per_rev: Annotated[
+        int | None, typer.Option(help="Counts per turn of the arm's encoder, if it has another number.")
+    ] = None,
     joint2: Annotated[
         Literal["relative", "absolute"] | None, typer.Option(help="Reference of the outer rod's encoder.")
     ] = None,
@@ -212,6 +215,7 @@ def new(
         inner,
         arm,
         _motor(input_, {"kt": kt, "ke": ke, "resistance": resistance}, gear),
+        arm_counts_per_rev,
     )
     file = new_rig(measures, out or Path(f"{name}.toml"))
     if as_json:

@@ -56,6 +56,8 @@ class RigMeasures:
     """Motion of the arm."""
     motor: MotorMeasures | None = None
     """Motor at the arm; None: none."""
+    arm_counts_per_rev: int | None = None
+    """Counts per turn of the arm's encoder; None: as many as of the others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,8 +201,9 @@ def _tail(m: RigMeasures) -> str:
     prescribed = '\ninner = "prescribed"  # the encoder of joint 1 gives its motion' if m.inner == "prescribed" else ""
     geared = f"geared = {list(m.geared)}" if m.geared else "# geared = [1, 2]        "
     joints = f"{'[joints]' if m.geared or prescribed else '# [joints]'}{prescribed}\n{geared}"
+    counts = [m.arm_counts_per_rev or m.counts_per_rev, m.counts_per_rev, m.counts_per_rev]
     return f"""[encoders]
-counts_per_rev = [{m.counts_per_rev}, {m.counts_per_rev}, {m.counts_per_rev}]  # arm, inner rod, outer rod
+counts_per_rev = {counts}  # arm, inner rod, outer rod
 joint2 = {toml_text(m.joint2)}  # encoder of the outer rod: relative to the inner rod, or absolute
 # zero_counts = [0, 0, 0]  # readings with the rods hanging
 # direction = [1, 1, 1]    # -1 for an encoder that counts backwards

@@ -69,6 +69,13 @@ def test_flags_describe_one_rod_on_an_arm_with_a_motor(cli, tmp_path: Path) -> N
     assert cli("rig", "check", "qube.toml", "--json", cwd=tmp_path).json["ok"]
 
 
+def test_flags_give_the_encoder_of_the_arm_another_number_of_counts(cli, tmp_path: Path) -> None:
+    words = (*ONE, "--l0", "0.085", "--arm", "driven", "--input", "torque", "--counts-per-rev", "4096")
+    done = cli("rig", "new", *words, "--arm-counts-per-rev", "1000", "--out", "qube.toml", cwd=tmp_path)
+    assert done.code == 0, done.err
+    assert load_rig(tmp_path / "qube.toml").encoders.counts_per_rev == (1000, 4096, 4096)
+
+
 def test_flags_describe_an_inner_rod_that_is_prescribed(cli, tmp_path: Path) -> None:
     assert cli("rig", "new", *FLAGS, "--inner", "prescribed", "--out", "servo.toml", cwd=tmp_path).code == 0
     rig = load_rig(tmp_path / "servo.toml")
