@@ -69,6 +69,8 @@ class Run(Shown):
     """(n, 2) commanded torques, if `torques` are the measured ones and both are known."""
     input_delay_s: float = 0.0
     """Delay between the logged and the acting torque, s, as far as known."""
+    continuous: bool = False
+    """Whether known torques and inputs are samples of a continuous signal; otherwise each is held until the next."""
     arm: ArmMotion | None = None
     """Motion of the arm if it is prescribed; None if it was clamped, free or driven."""
     arm_mode: ArmMode = "clamped"
@@ -144,10 +146,14 @@ class Run(Shown):
         """Mounting and known inputs of the run."""
         drives = None
         if self.torques is not None:
-            drives = Torques(self.t + self.input_delay_s, self.torques, self.torque_kind)
+            drives = self.between_rows(Torques(self.t + self.input_delay_s, self.torques, self.torque_kind))
         if self.inner is not None:
             drives = inner_torques(self.inner)
         return Setup(self.mounting, self.added_mass, round(self.elbow, 1), drives, self.arm, self.inner)
+
+    def between_rows(self, torques: Torques) -> Torques:
+        """Torques of the rows as they act between rows: held until the next row, or as a continuous signal."""
+        return torques.as_samples() if self.continuous and len(torques.t) > 1 else torques
 
     @property
     def rest(self) -> NDArray[np.float64]:
@@ -179,6 +185,8 @@ class Run(Shown):
             unread += ("commanded_input",)
         if self.inner is None:
             unread += ("inner",)
+        if not self.continuous:
+            unread += ("continuous",)
         for member in fields(self):
             if member.name not in unread:
                 digest.update(f"{member.name}=".encode())

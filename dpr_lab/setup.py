@@ -49,6 +49,22 @@ class Torques:
         """
         return replace(self, t=self.t - share * np.diff(self.t, prepend=2 * self.t[:1] - self.t[1:2]))
 
+    def as_samples(self, parts: int = 8) -> Torques:
+        """The same torques as samples of a continuous signal, in steps of a part of the interval between rows.
+
+        The signal is piecewise cubic without overshoot (Fritsch & Carlson, SIAM J. Numer. Anal. 17, 238, 1980). Each
+        step has its mean torque.
+        """
+        from scipy.interpolate import PchipInterpolator
+
+        rows = np.arange(len(self.t))
+        t = np.interp(np.arange(parts * (len(self.t) - 1) + 1) / parts, rows, self.t)
+        arm = np.zeros((len(self.t), 0)) if self.on_arm is None else self.on_arm[:, None]
+        values = np.hstack([self.joints, arm])
+        impulse = PchipInterpolator(self.t, values).antiderivative()(t)
+        means = np.vstack([np.diff(impulse, axis=0) / np.diff(t)[:, None], values[-1:]])
+        return replace(self, t=t, joints=means[:, :2], on_arm=None if self.on_arm is None else means[:, 2])
+
     def mean_before(self, instants: ArrayLike, first: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """(m, 2) mean generalised torques on theta1, theta2 between each of (m,) instants and the previous one, N m.
 

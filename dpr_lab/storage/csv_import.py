@@ -124,6 +124,7 @@ def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
         torque_kind=kind,
         commanded=commanded,
         input_delay_s=options.input_delay_s,
+        continuous=options.intersample == "continuous",
         arm=_arm(path, rig, swing) if options.arm == "prescribed" else None,
         arm_mode=options.arm or rig.arm.mode,
         inner=prescribed_inner(t, theta[:, 1], str(path)) if options.inner == "prescribed" else None,

@@ -11,7 +11,7 @@ import numpy as np
 from dpr_lab.errors import RunError
 from dpr_lab.storage.layout import SAMPLES, TORQUE_KEYS
 from dpr_lab.storage.metadata import RunSummary
-from dpr_lab.storage.reader import lost_by_gaps, release_row
+from dpr_lab.storage.reader import arm_mode, inner_mode, lost_by_gaps, release_row
 from dpr_lab.storage.samples import Samples
 from dpr_lab.storage.scan import Scan, scan, stored_messages
 from dpr_lab.storage.sidecar import read_note, read_sidecar, sidecar_of
@@ -47,6 +47,12 @@ class RunInfo:
     clock: Mapping[str, float]
     mounted: str
     elbow: str
+    arm: str
+    """Mode of the arm in this run: clamped, free, prescribed or driven."""
+    inner: str
+    """Mode of joint 1 in this run: free or prescribed."""
+    input: str
+    """Input of a driven arm, such as `measured voltage`; empty without one."""
     rig: str
     rig_sha256: str
     source: str
@@ -110,6 +116,9 @@ def info(path: Path | str) -> RunInfo:
         clock=summary.clock,
         mounted=meta.rig.rods.mounted,
         elbow=meta.rig.rods.elbow,
+        arm=arm_mode(stored),
+        inner=inner_mode(stored),
+        input=_input(stored),
         rig=meta.rig.name,
         rig_sha256=stored.rig_sha256,
         source=meta.source,
@@ -125,6 +134,15 @@ def info(path: Path | str) -> RunInfo:
         notes=summary.notes,
         extra=meta.extra,
     )
+
+
+def _input(stored: Scan) -> str:
+    """Kind and quantity of the input of a driven arm."""
+    motor = stored.metadata.rig.motor
+    if arm_mode(stored) != "driven" or motor is None:
+        return ""
+    extra = stored.metadata.extra
+    return f"{extra.get('torque_kind', extra.get('input_kind', ''))} {motor.input}".strip()
 
 
 def holds_both_torques(path: Path) -> bool:

@@ -55,7 +55,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     theta = theta - full_turns(recorded_rig, stored.metadata.pose, t, theta)
     summary = stored.summary
     torques, commanded = _torques(samples)
-    mode = _arm_mode(stored)
+    mode = arm_mode(stored)
     arm_input = commanded_input = None
     if mode == "driven":
         if torques is None:
@@ -77,7 +77,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         input_delay_s=_delay(stored),
         arm=prescribed_arm(t, theta[:, 0], recorded_rig, str(path)) if mode == "prescribed" else None,
         arm_mode=mode,
-        inner=prescribed_inner(t, theta[:, 1], str(path)) if _inner_mode(stored) == "prescribed" else None,
+        inner=prescribed_inner(t, theta[:, 1], str(path)) if inner_mode(stored) == "prescribed" else None,
         arm_input=arm_input,
         commanded_input=commanded_input,
         pose=stored.metadata.pose,
@@ -98,12 +98,13 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
 
 
 def of_a_table(metadata: RunMetadata) -> dict[str, Any]:
-    """Fields of a run that only imported tables have: `keep_rest`, `arm_read` and `film_noise`."""
+    """Fields of a run that only imported tables have: `keep_rest`, `continuous`, `arm_read` and `film_noise`."""
     if metadata.time_source != "table":
         return {}
     options, columns, film = (_object(metadata.extra.get(key, "")) for key in ("options", "columns", "film_noise"))
     return {
         "keep_rest": options.get("keep_rest") is True,
+        "continuous": options.get("intersample") == "continuous",
         "arm_read": not columns or "theta0" in columns,
         "film_noise": _film_noise(film),
     }
@@ -155,8 +156,12 @@ def _torques(samples: Samples) -> tuple[NDArray[np.float64] | None, NDArray[np.f
     return first, second[0] if second else None
 
 
-def _arm_mode(stored: Scan) -> ArmMode:
-    """Mode of the arm stored with the run or in its rig. A device may send only the angle of a driven arm."""
+def arm_mode(stored: Scan) -> ArmMode:
+    """Mode of the arm stored with the run or in its rig. A device may send only the angle of a driven arm.
+
+    Raises:
+        RunError: an unknown mode.
+    """
     of_rig = stored.metadata.rig.arm.mode
     stated = stored.metadata.extra.get("arm", "prescribed" if of_rig == "driven" else of_rig)
     for mode in get_args(ArmMode):
@@ -165,8 +170,12 @@ def _arm_mode(stored: Scan) -> ArmMode:
     raise RunError(f"{stored.path}: its arm is {stated!r}, which this version of dpr-lab does not know: update dpr-lab")
 
 
-def _inner_mode(stored: Scan) -> str:
-    """Motion of the inner rod: as stated by the run, otherwise by its rig."""
+def inner_mode(stored: Scan) -> str:
+    """Motion of the inner rod: as stated by the run, otherwise by its rig.
+
+    Raises:
+        RunError: an unknown mode.
+    """
     stated = str(stored.metadata.extra.get("inner", stored.metadata.rig.joints.inner))
     if stated not in get_args(InnerMode):
         raise RunError(

@@ -42,7 +42,7 @@ def read_runs(
     for file in files:
         run = load_run(file, rig=rig).driven_by(torque)
         known = "torques" if run.arm_input is None else "input of the arm"
-        chosen = f"driven by its {run.torque_kind} {known}; select it with --torque" if run.both_kinds else ""
+        chosen = f"uses the {run.torque_kind} {known}; option for the other: --torque commanded" if run.both_kinds else ""
         runs.append(run)
         on_event(RunRead(file, run.name, (*run.notes, *([chosen] if chosen else []))))
     refuse_repeated(runs)

@@ -12,6 +12,7 @@ from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.errors import ConfigError, LinkError
 from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.rig import Rig, load_rig
+from dpr_lab.storage.inspect import info
 from dpr_lab.storage.reader import load_run
 from dpr_lab.transports import open_transport
 from sim_device.plant.config import load_plant
@@ -171,3 +172,6 @@ def test_the_driven_double_pendulum_is_captured_and_identified(tmp_path: Path, b
         estimate = model.ratios[name]
         assert estimate.value == pytest.approx(value / base[1], abs=4 * estimate.std), name
     assert model.absolute["b"].value == pytest.approx(base[1], rel=0.05)  # kt of the rig file is 1 % off
+    assert "kt/b contains the gear ratio 5." in model.notes
+    about = info(captured.run_file)
+    assert (about.arm, about.inner, about.input) == ("driven", "free", "measured current")

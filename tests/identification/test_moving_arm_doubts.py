@@ -15,7 +15,7 @@ from dpr_lab.identification.moving_arm.fit import covariance_of, fit_moving_arm
 from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.identification.moving_arm.problem import recordings_of
 from dpr_lab.identification.moving_arm.scale import motor_notes, scale_of_arm
-from dpr_lab.identification.moving_arm.soft_stop import soft_stop
+from dpr_lab.identification.moving_arm.soft_stop import SoftStopSettings, soft_stop
 from dpr_lab.rig import load_rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.options import ImportOptions
@@ -142,6 +142,28 @@ def test_an_arm_that_hits_its_stop_is_named():
     assert any("hits a stop at theta0" in failure for failure in identify_moving_arm([run], rig).failures)
 
 
+def with_torque(rig, Z, arm, start, torque):
+    """(n, 3) swing with a further torque on the arm, a function of its angle that is held for a row."""
+    x = np.zeros((len(T), 6))
+    x[0] = start
+    for i in range(1, len(T)):
+        drive = np.full(2, PUSH[i - 1] + torque(x[i - 1, 0]))
+        x[i] = simulate_arm(Z, (rig.L0, rig.L1, rig.g), arm, x[i - 1], T[i - 1 : i + 1], drive=drive)[-1]
+    return x[:, :3]
+
+
+@pytest.mark.slow
+def test_a_cable_that_stiffens_gradually_is_no_stop(monkeypatch):
+    rng, rig = np.random.default_rng(6), rig_with("driven", "torque")
+    Z, arm, start = drawn(rng, rig)
+    run = recorded(rig, Z, arm._replace(k0=1.0), start, PUSH, PUSH, rng)
+    swing = with_torque(rig, Z, arm._replace(k0=1.0), start, lambda q: -20.0 * q**3)
+    run.theta[:] = swing + rng.normal(0, NOISE, swing.shape)
+    assert soft_stop(run, rig) is None
+    monkeypatch.setattr("dpr_lab.identification.moving_arm.soft_stop.SOFT_STOP", SoftStopSettings(separated=0.0))
+    assert soft_stop(run, rig) is not None  # a stop alone explains much of this torque, too
+
+
 @pytest.mark.slow
 def test_the_end_of_a_cable_is_named_and_a_cable_that_always_pulls_is_not():
     rng, rig = np.random.default_rng(6), rig_with("driven", "torque")
@@ -149,12 +171,8 @@ def test_the_end_of_a_cable_is_named_and_a_cable_that_always_pulls_is_not():
     arm = arm._replace(k0=1.0)
     free = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
     limit = 0.4 * free.theta[:, 0].max()
-    x = np.zeros((len(T), 6))
-    x[0] = start
-    for i in range(1, len(T)):  # its torque is held for 5 ms
-        torque = np.full(2, PUSH[i - 1] - 8.0 * max(x[i - 1, 0] - limit, 0.0))
-        x[i] = simulate_arm(Z, (rig.L0, rig.L1, rig.g), arm, x[i - 1], T[i - 1 : i + 1], drive=torque)[-1]
-    tight = replace(free, theta=x[:, :3] + rng.normal(0, NOISE, (len(T), 3)))
+    swing = with_torque(rig, Z, arm, start, lambda q: -8.0 * max(q - limit, 0.0))
+    tight = replace(free, theta=swing + rng.normal(0, NOISE, swing.shape))
     assert not stops(T, tight.theta[:, 0])
     assert soft_stop(free, rig) is None
     found = soft_stop(tight, rig)

@@ -138,7 +138,7 @@ def test_of_both_kinds_in_a_run_the_measured_ones_act_unless_the_others_are_said
         assert run.setup.torques is not None
         assert run.setup.torques.kind == run.torque_kind == (kind or "measured")
         assert run.torques == pytest.approx(scale * TAU)
-        assert sum("driven by its measured torques" in note for note in told[-1].notes) == said
+        assert sum("uses the measured torques" in note for note in told[-1].notes) == said
     both = load_run(tmp_path / "a.mcap")
     assert both.between(0.2, 0.5).commanded == pytest.approx(2 * TAU[20:50])
     export(both, tmp_path / "a.h5")

@@ -11,7 +11,7 @@ from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
 from dpr_lab.identification.moving_arm.doubts import failures, stop_sentence
 from dpr_lab.identification.moving_arm.fit import ArmFit, covariance_of, fit_moving_arm, fit_segments
-from dpr_lab.identification.moving_arm.input_rows import early_input
+from dpr_lab.identification.moving_arm.input_rows import other_input
 from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel
 from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
 from dpr_lab.identification.moving_arm.scale import absolute_values, motor_notes, scale_of_arm
@@ -98,7 +98,7 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
         ),
         runs=[_used(run, fit, k) for k, run in enumerate(runs)],
         notes=motor_notes(fit, scale, rig, determined),
-        warnings=[*_warnings(fit), *filter(None, [early_input(fit, _misfit(fit), runs, rig)])],
+        warnings=[*_warnings(fit), *filter(None, [other_input(fit, _misfit(fit), runs, rig)])],
         failures=failures(fit, _misfit(fit), recordings, rig, gain_seen="gain" in determined),
         version=__version__,
     )

@@ -129,21 +129,16 @@ class ArmProblem:
         return replace(self, weight=np.where(self.weight > 0, 1.0 / std, 0.0))
 
 
-def recordings_of(runs: Sequence[Run], rig: Rig, earlier: float = 0.0) -> list[ArmRecording]:
+def recordings_of(runs: Sequence[Run], rig: Rig) -> list[ArmRecording]:
     """Runs with their noise and input.
-
-    Args:
-        runs: the runs
-        rig: their rig
-        earlier: share of the interval between rows by which the input acts before its rows
 
     Raises:
         RunError: a run that this fit does not support.
     """
-    return [_recording(run, rig, earlier) for run in runs]
+    return [_recording(run, rig) for run in runs]
 
 
-def _recording(run: Run, rig: Rig, earlier: float) -> ArmRecording:
+def _recording(run: Run, rig: Rig) -> ArmRecording:
     name = run.file or run.name
     if run.arm_mode == "prescribed":
         raise RunError(f"{name}: its arm is prescribed: identify it separately from runs with a free or driven arm")
@@ -164,7 +159,7 @@ def _recording(run: Run, rig: Rig, earlier: float) -> ArmRecording:
     drive = np.zeros(len(swing.t))
     if run.arm_input is not None:
         held = Torques(run.t + run.input_delay_s, np.stack([run.arm_input, np.zeros(len(run.t))], axis=1))
-        drive[:-1] = held.earlier(earlier).mean_before(swing.t)[1:, 0]
+        drive[:-1] = run.between_rows(held).mean_before(swing.t)[1:, 0]
     return ArmRecording(swing, mode_number(run.arm_mode, rig.motor.input if rig.motor else ""), std, drive)
 
 

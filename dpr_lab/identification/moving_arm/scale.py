@@ -137,8 +137,9 @@ def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, determined: Collection[s
             f"[motor] of the rig file does not give kt: a current determines only the ratio"
             f" kt/{unknowns.scale}. Add kt, or import the torque, to determine absolute sizes"
         ]
+    geared = [f"kt/{unknowns.scale} contains the gear ratio {motor.gear:g}."] if motor.gear != 1.0 else []
     if motor.input != "voltage":
-        return []
+        return geared if motor.input == "current" else []
     gain = fit.p[SWING_PARAMETERS.index("gain")] * scale.value
     missing = [name for name in ("kt", "ke", "R") if getattr(motor, name) is None]
     lumped = f"[motor] of the rig file does not give {', '.join(missing)}: only lumped constants are known."

@@ -78,4 +78,4 @@ def setup_of(run: Run, rig: Rig) -> Setup:
         on_arm=gain.value * run.arm_input,
         scaled=gain.known and not rods_measured(rig),
     )
-    return replace(run.setup, torques=torques, arm_moves=True)
+    return replace(run.setup, torques=run.between_rows(torques), arm_moves=True)

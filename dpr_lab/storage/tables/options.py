@@ -103,6 +103,13 @@ class ImportOptions:
         ),
     ] = 0.0
     """Delay between the logged and the acting torques, s; positive: they act later."""
+    intersample: Annotated[
+        Literal["held", "continuous"],
+        Typed("Torques and input between rows: held until the next row, or samples of a continuous signal."),
+    ] = "held"
+    """Torques, and input of a driven arm, between rows: each value is held until the next row, or the rows are samples
+    of a continuous signal.
+    """
     arm: Annotated[
         Literal["clamped", "free", "prescribed", "driven"] | None,
         Typed("Mode of the arm: clamped, free, prescribed by its encoder, or driven; default: as in the rig file."),
