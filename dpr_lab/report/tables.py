@@ -101,6 +101,13 @@ def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: An
     held_out = [_worst(c.segment_rms_rad, c.noise_rad) for c in comparisons if c.held_out]
     residual, floor = (_pair_with_unit(by_axis, angles) for by_axis in (model.fit.rms_rad, model.fit.noise_rad))
     sizes = f"rms residual θ1, θ2: {residual}; noise floor: {floor}"
+    if fitted > NOISE_LIKE.most and _driven_by_noise(fitted, model.fit.chi2_per_dof):
+        verdict = (
+            f"The residual is noise alone: it is {three(fitted)} times the noise of the readings, because the"
+            " noise of the prescribed motion or measured torques moves the rods, too. With this noise the reduced"
+            f" chi-square is {three(model.fit.chi2_per_dof)}"
+        )
+        return f"{verdict} ({sizes}; {_held_out(held_out)})."
     return f"{_verdict(fitted, held_out)} ({sizes}; {_held_out(held_out)})."
 
 
@@ -292,6 +299,14 @@ def _verdict(fitted: float, held_out: Sequence[float]) -> str:
     if fitted < NOISE_LIKE.least:
         return f"The residual is {three(fitted)} times the noise floor: noise floor and intervals are overestimated"
     return "The residual is noise alone"
+
+
+def _driven_by_noise(fitted: float, chi2_per_dof: float) -> bool:
+    """Whether noise of the known motion or torques explains a residual of `fitted` times the noise of the readings.
+
+    Without such noise the reduced chi-square is the mean of two squared ratios, of which `fitted` is the larger.
+    """
+    return chi2_per_dof < min(NOISE_LIKE.most**2, 0.5 * fitted**2)
 
 
 def _held_out(multiples: Sequence[float]) -> str:

@@ -92,6 +92,15 @@ def test_the_summary_judges_the_residual_by_the_noise_floor(times_noise, verdict
     assert "no run held out" in sentence
 
 
+@pytest.mark.parametrize(("chi2", "noise"), [(0.7, True), (1.3, False)])
+def test_noise_of_a_prescribed_arm_is_no_missing_effect(chi2, noise, model):
+    fitted = model(1.5)
+    fitted = fitted.model_copy(update={"fit": fitted.fit.model_copy(update={"chi2_per_dof": chi2})})
+    sentence = tables.summary(fitted)
+    assert ("noise alone: it is 1.50 times the noise of the readings" in sentence) == noise
+    assert ("lacks an effect" in sentence) != noise
+
+
 @pytest.mark.parametrize("residual", [2.0, float("nan")])
 def test_noise_on_the_fit_is_not_enough_when_a_held_out_run_is_worse(residual, model, comparison):
     compared = [comparison(), comparison("second", held_out=True), comparison("third", held_out=True)]
