@@ -65,6 +65,8 @@ class ArmFit:
     """(segments, free) gradient of each segment's half chi-square, initial states eliminated."""
     misfit: float = 0.0
     """Reduced chi-square at the noise of the readings if the joints are weighted by their residuals; otherwise 0."""
+    merges: tuple[tuple[float, float], ...] = ()
+    """Median length of the segments, s, and reduced chi-square: of the first segments and after each merge."""
 
     @property
     def values(self) -> Array:
@@ -94,6 +96,7 @@ def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFi
     """
     problem, initial = arm_problem(recordings, rig, settings.first_s)
     best = _short_fit(problem, initial, recordings, rig, settings)
+    merges = [_length_and_misfit(best)]
     limit, ranges = settings.worse * max(1.0, best.chi2_per_dof), list(settings.ranges_rad)
     while ranges:
         longer = merged(best.problem, best.p, best.initial, recordings, rig, ranges[0])
@@ -104,14 +107,19 @@ def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFi
         trial = fit_segments(longer[0], best.p, start.initial, settings)
         if trial.converged and trial.chi2_per_dof < limit:
             best = trial
+            merges.append(_length_and_misfit(best))
         else:
             ranges.pop(0)
     if best.chi2_per_dof > settings.misfit:
         # A residual above the noise is treated as noise: joints are weighted by their residuals.
         std = np.fmax(best.rms, np.max([recording.std for recording in recordings], axis=0))
         weighed = fit_segments(best.problem.with_std(std), best.p, best.initial, settings)
-        return replace(weighed, misfit=best.chi2_per_dof)
-    return best
+        return replace(weighed, misfit=best.chi2_per_dof, merges=tuple(merges))
+    return replace(best, merges=tuple(merges))
+
+
+def _length_and_misfit(fit: ArmFit) -> tuple[float, float]:
+    return float(np.median(fit.problem.lengths_s)), fit.chi2_per_dof
 
 
 def _short_fit(

@@ -95,6 +95,7 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
             segment_s=float(np.median(fit.problem.lengths_s)),
             chi2_per_dof=_misfit(fit),
             converged=fit.converged,
+            merges=list(fit.merges),
         ),
         runs=[_used(run, fit, k) for k, run in enumerate(runs)],
         notes=motor_notes(fit, scale, rig, determined),

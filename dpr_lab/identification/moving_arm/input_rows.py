@@ -25,12 +25,14 @@ class InputRows:
     """Reduced chi-square above which it is made."""
     better: float = 1.3
     """Factor by which the reduced chi-square must fall, as for an additional effect of a diagnosis."""
-    least: float = 0.05
+    least: float = 0.1
     """Smallest delay that is reported, as a share of the interval between rows."""
     explained: float = 0.8
     """Share of the excess chi-square that a delay after the rows must explain: it is an effect of the drive, and other
     effects resemble it in part.
     """
+    alike: float = 1.1
+    """Ratio of reduced chi-squares up to which no delay is preferred to a delay, and with a delay held to continuous."""
     step_s: float = 0.004
     """Smallest step of the delay."""
     most_steps: float = 8.0
@@ -45,7 +47,7 @@ class _InputModel:
     """The input between and after its rows, and the misfit with it."""
 
     delay_s: float
-    """Delay in addition to that of the runs, s."""
+    """Delay after the rows, s."""
     continuous: bool
     """Whether the rows are samples of a continuous signal."""
     misfit: float
@@ -61,15 +63,12 @@ class _Tested:
     rig: Rig
 
     def model(self, delay_s: float, continuous: bool) -> _InputModel:
-        """Fit with an input that acts later, or changes between rows.
+        """Fit with an input that acts with a delay, and is held or changes between rows.
 
         Raises:
             IdentificationError: it cannot be fitted.
         """
-        runs = [
-            replace(run, input_delay_s=run.input_delay_s + delay_s, continuous=continuous or run.continuous)
-            for run in self.runs
-        ]
+        runs = [replace(run, input_delay_s=delay_s, continuous=continuous) for run in self.runs]
         problem = problem_of(recordings_of(runs, self.rig), self.rig, self.fit.problem.cuts, self.fit.problem.max_step)
         fit = fit_segments(problem, self.fit.p, self.fit.initial)
         return _InputModel(delay_s, continuous, fit.chi2_per_dof)
@@ -99,47 +98,51 @@ def other_input(fit: ArmFit, misfit: float, runs: Sequence[Run], rig: Rig) -> st
         return ""
     interval = float(np.median(np.concatenate([np.diff(run.t) for run in driven])))
     try:
-        held, best = _tried(_Tested(fit, runs, rig), interval, all(run.continuous for run in driven))
+        stated, best = _tried(_Tested(fit, runs, rig), driven[0], interval)
     except IdentificationError:
         return ""
-    if best is held or best.misfit * INPUT_ROWS.better > held.misfit:
+    if best.misfit * INPUT_ROWS.better > stated.misfit:
         return ""
-    of_drive = best.delay_s > INPUT_ROWS.least * interval
-    if of_drive and best.misfit - 1.0 > (1.0 - INPUT_ROWS.explained) * (held.misfit - 1.0):
+    if best.delay_s > 0 and best.misfit - 1.0 > (1.0 - INPUT_ROWS.explained) * (stated.misfit - 1.0):
         return ""
-    delay = float(np.mean([run.input_delay_s for run in driven])) + best.delay_s
-    return _sentence(best, delay, interval, misfit, misfit * best.misfit / held.misfit)
+    options = [f"--input-delay-s {best.delay_s:.3g}"] if best.delay_s else []
+    if best.continuous or stated.continuous:
+        options.insert(0, f"--intersample {'continuous' if best.continuous else 'held'}")
+    return (
+        f"{_cause(best, interval)}: with this input the reduced chi-square falls from {misfit:.3g} to"
+        f" {misfit * best.misfit / stated.misfit:.3g}. Import the table with {' '.join(options) or 'no input delay'}, or"
+        " record the input at the rate of the controller"
+    )
 
 
-def _tried(tested: _Tested, interval: float, continuous: bool) -> tuple[_InputModel, _InputModel]:
-    """The input as stated, and the best of the others: held with a delay, or continuous with or without one."""
-    stated = tested.model(0.0, continuous)
+def _tried(tested: _Tested, run: Run, interval: float) -> tuple[_InputModel, _InputModel]:
+    """The input as the runs state it, and the best one: held or continuous, with or without a delay."""
+    stated = tested.model(run.input_delay_s, run.continuous)
     step = max(interval / 2, INPUT_ROWS.step_s)
     best = tested.near(stated, step)
     if best is stated:
         return stated, stated
     best = tested.near(best, step)
-    if continuous:
-        return stated, best
     # A held value acts on average half a row after its instant.
-    delay = best.delay_s + interval / 2
-    smooth = tested.model(0.0 if abs(delay) < INPUT_ROWS.least * interval else delay, True)
-    return stated, min(best, smooth, key=lambda model: model.misfit)
-
-
-def _sentence(model: _InputModel, delay_s: float, interval: float, before: float, after: float) -> str:
-    options = ["--intersample continuous"] if model.continuous else []
-    if abs(model.delay_s) > INPUT_ROWS.least * interval:
-        options.append(f"--input-delay-s {delay_s:.3g}")
-    if model.continuous:
-        cause = "the input of the arm changes between its rows, as a continuous signal"
-    elif model.delay_s < 0:
-        cause = f"the input of the arm acts before its rows, {-model.delay_s / interval:.2g} of a row"
-    else:
-        cause = "the input of the arm acts after its rows"
-    if model.delay_s > INPUT_ROWS.least * interval:
-        cause += f", with a delay of {1e3 * model.delay_s:.3g} ms" if model.continuous else f" by {1e3 * model.delay_s:.3g} ms"
-    return (
-        f"{cause}: with this input the reduced chi-square falls from {before:.3g} to {after:.3g}. Import the table with"
-        f" {' '.join(options)}, or record the input at the rate of the controller"
+    other = best.delay_s + (-0.5 if best.continuous else 0.5) * interval
+    hardly = INPUT_ROWS.least * interval
+    if abs(best.delay_s) < hardly:
+        best = tested.model(0.0, best.continuous)
+    return stated, min(
+        best, tested.model(0.0 if abs(other) < hardly else other, not best.continuous), key=_preference
     )
+
+
+def _preference(model: _InputModel) -> float:
+    """Reduced chi-square, increased by the factor of inputs that are preferred less."""
+    return model.misfit * INPUT_ROWS.alike ** ((1 + model.continuous) if model.delay_s else 0)
+
+
+def _cause(model: _InputModel, interval: float) -> str:
+    """How the input acts."""
+    late = f"{1e3 * model.delay_s:.3g} ms after its rows" if model.delay_s > 0 else ""
+    if model.continuous:
+        return f"the input of the arm changes between its rows, as a continuous signal{late and f', and acts {late}'}"
+    if model.delay_s < 0:
+        return f"the input of the arm acts before its rows, {-model.delay_s / interval:.2g} of a row"
+    return f"the input of the arm acts {late}" if late else "the input of the arm is held from row to row"

@@ -36,6 +36,8 @@ class ArmFitSummary(BaseModel):
     """Reduced chi-square; 1 = noise only."""
     converged: bool
     """Whether the fit converged."""
+    merges: list[tuple[Number, Number]] = []
+    """Length of the segments, s, and reduced chi-square: of the first segments and after each merge."""
 
 
 class MovingArmModel(Shown, BaseModel):

@@ -203,7 +203,7 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
         from dpr_lab.tui.steps import arm_results
 
         self.say(f"{news}{moving_arm.summary(model, self.workspace.unit)}.{self._doubt(model)}")
-        self._draw_convergence()
+        arm_results.draw_merges(model, self.query_one("#cost", Chart), self.query_one("#fitness", Chart))
         self.query_one("#ratios-text", Static).update(arm_results.ratios(model))
         self.query_one("#nine-text", Static).update(arm_results.absolute(model))
         self.query_one("#seen-text", Static).update(arm_results.identifiability(model))
