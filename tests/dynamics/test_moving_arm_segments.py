@@ -57,3 +57,18 @@ def test_mujoco_with_three_hinges_swings_the_same():
     own = swing_segments(vector(), (L1, G), arm_segments([T], [FREE], [PUSH]), START[None])
     other = three_hinges(mujoco, Z, ARM, START, T, PUSH)
     assert abs(own[:, :3] - other).max() < 1e-5
+
+
+def test_an_input_that_is_linear_between_rows_follows_a_continuous_one():
+    fine, every = np.arange(0, 2, 0.0005), 40
+    signal = 0.1 * np.sin(9 * fine)
+    truth = swing_segments(vector(), (L1, G), arm_segments([fine], [FREE], [signal]), START[None])[::every]
+    rows, u = fine[::every], signal[::every]
+    mean = np.add.reduceat(signal, np.arange(0, len(fine), every)) / every
+    slope = np.append(np.diff(u) / np.diff(rows), 0.0)
+    held, line = (
+        swing_segments(vector(), (L1, G), arm_segments([rows], [FREE], [mean], slope=[s]), START[None])
+        for s in (0 * slope, slope)
+    )
+    errors = [abs(own - truth)[:, :3].max() for own in (held, line)]
+    assert errors[1] < 0.05 * errors[0]

@@ -21,6 +21,18 @@ def test_a_sampled_torque_acts_around_its_instant():
     np.testing.assert_array_equal(sampled.joints, torques.joints)
 
 
+def test_samples_of_a_continuous_torque_have_its_mean_between_rows_and_do_not_overshoot():
+    t = np.arange(0, 4, 0.02)
+    torque = np.sin(9 * t)
+    held = Torques(t, np.stack([torque, 0 * t], axis=1), on_arm=torque)
+    exact = np.diff(-np.cos(9 * t) / 9) / 0.02
+    for mean in (held.as_samples().mean_before(t)[1:, 0], np.diff(np.interp(t, *held.as_samples().arm_knots)) / 0.02):
+        assert abs(mean - exact).max() < 4e-3  # at the maxima
+        assert abs(mean @ exact / (exact @ exact) - 1) < 1e-4  # the mean of two rows is too small by 2.7e-3
+    step = np.where(t < 2, -1.0, 1.0)
+    assert abs(Torques(t, np.stack([step, step], axis=1)).as_samples().joints).max() <= 1.0 + 1e-12
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("renewed_s", "share"), [(0.005, 0.4), (0.010, 0.6)])
 def test_torques_of_every_fifth_row_are_not_a_delay_of_the_drive(paper: Rig, renewed_s: float, share: float):

@@ -1,5 +1,6 @@
 """Known torques from a table to a run file and back, and what is refused."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -113,12 +114,17 @@ def test_of_measured_and_commanded_torques_one_can_be_kept_alone(paper: Rig, tmp
 
 def test_a_run_file_keeps_which_torques_they_are_and_how_late_they_act(paper: Rig, tmp_path: Path) -> None:
     file = table(tmp_path, "tau1_measured_Nm,tau2_measured_Nm", TAU)
-    made = import_csv(file, paper, ImportOptions(input_delay_s=0.013), out=tmp_path / "a.mcap")
+    made = import_csv(
+        file, paper, ImportOptions(input_delay_s=0.013, intersample="continuous"), out=tmp_path / "a.mcap"
+    )
     for run in (made, load_run(tmp_path / "a.mcap")):
-        assert (run.torque_kind, run.input_delay_s) == ("measured", 0.013)
+        assert (run.torque_kind, run.input_delay_s, run.continuous) == ("measured", 0.013, True)
+        held = replace(run, continuous=False).setup.torques
+        assert held is not None
+        assert held.kind == "measured"
+        assert held.mean_before([0.512, 0.514])[1] == pytest.approx(TAU[[49, 50]].mean(axis=0) @ _PUSHED)
         assert run.setup.torques is not None
-        assert run.setup.torques.kind == "measured"
-        assert run.setup.torques.mean_before([0.512, 0.514])[1] == pytest.approx(TAU[[49, 50]].mean(axis=0) @ _PUSHED)
+        assert len(run.setup.torques.t) > 7 * len(run.t)
     with pytest.raises(ValueError, match="must be -1 to 1, not 2"):
         ImportOptions(input_delay_s=2.0)
 

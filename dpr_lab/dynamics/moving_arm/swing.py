@@ -4,7 +4,7 @@ The equation is that of `dpr_lab.dynamics.arm`. The torque on a free or driven a
 
     tau0 = gain u - f0 tanh(phi' / SMOOTHING)
 
-with the input u constant from each sample to the next. All parameters except L0 may have any common factor.
+with the input u linear from each sample to the next. All parameters except L0 may have any common factor.
 """
 
 from typing import NamedTuple
@@ -34,17 +34,23 @@ class ArmSegments(NamedTuple):
     """(segments,) `CLAMPED`, `FREE` (the input is a torque) or `DRIVEN` (the input is an acceleration)."""
     drive: Array
     """(samples,) mean input from each sample to the next."""
+    slope: Array
+    """(samples,) its derivative between them, 1/s; zero for a held input."""
     step: Array
     """(samples,) Runge-Kutta step before each sample, s."""
     substeps: NDArray[np.int64]
     """(samples,) number of these steps."""
 
 
-def arm_segments(t: list[Array], mode: list[int], drive: list[Array], max_step: float = 2.5e-3) -> ArmSegments:
-    """Segments from the instants (s), the mode and the input of each."""
+def arm_segments(
+    t: list[Array], mode: list[int], drive: list[Array], max_step: float = 2.5e-3, slope: list[Array] | None = None
+) -> ArmSegments:
+    """Segments from the instants (s), the mode, the input and its derivative (1/s; default: zero) of each."""
     offsets = np.concatenate([[0], np.cumsum([len(piece) for piece in t])]).astype(np.int64)
     step, count = sample_steps(np.concatenate(t), offsets, np.full(len(t), max_step))
-    return ArmSegments(offsets, np.array(mode, dtype=np.int64), np.concatenate(drive), step, count)
+    inputs = np.concatenate(drive)
+    slopes = np.zeros_like(inputs) if slope is None else np.concatenate(slope)
+    return ArmSegments(offsets, np.array(mode, dtype=np.int64), inputs, slopes, step, count)
 
 
 def swing_segments(p: ArrayLike, frame: tuple[float, float], segments: ArmSegments, initial: Array) -> Array:
@@ -116,12 +122,14 @@ def _swing_segments(
         x = (initial[s, 0], initial[s, 1], initial[s, 2], initial[s, 3], initial[s, 4], initial[s, 5])
         for i in range(segments.offsets[s], segments.offsets[s + 1]):
             h = segments.step[i]
-            push = gain * segments.drive[i - 1]
-            for _ in range(segments.substeps[i]):
-                k1 = _rates(x, base, arm, f0, mode, push)
+            change = 0.5 * h * gain * segments.slope[i - 1]
+            first = gain * segments.drive[i - 1] - segments.substeps[i] * change
+            for k in range(segments.substeps[i]):
+                push = first + (2 * k + 1) * change
+                k1 = _rates(x, base, arm, f0, mode, push - change)
                 k2 = _rates(_ahead(x, k1, 0.5 * h), base, arm, f0, mode, push)
                 k3 = _rates(_ahead(x, k2, 0.5 * h), base, arm, f0, mode, push)
-                k4 = _rates(_ahead(x, k3, h), base, arm, f0, mode, push)
+                k4 = _rates(_ahead(x, k3, h), base, arm, f0, mode, push + change)
                 x = _ahead(_ahead(_ahead(_ahead(x, k1, h / 6), k2, h / 3), k3, h / 3), k4, h / 6)
             states[i, 0], states[i, 1], states[i, 2] = x[0], x[1], x[2]
             states[i, 3], states[i, 4], states[i, 5] = x[3], x[4], x[5]

@@ -145,7 +145,7 @@ def _misfit_of(recordings: Iterable[ArmRecording], rig: Rig) -> float:
 
 def _beginning(recording: ArmRecording) -> ArmRecording:
     run = recording.run.between(-np.inf, DOUBTS.tried_s)
-    return replace(recording, run=run, drive=recording.drive[: len(run.t)])
+    return replace(recording, run=run, drive=recording.drive[: len(run.t)], slope=recording.slope[: len(run.t)])
 
 
 def _turned(recording: ArmRecording) -> ArmRecording:
@@ -163,7 +163,8 @@ def _scaled(recording: ArmRecording, scale: ScaledReadings) -> ArmRecording:
 
 def _mirrored(recording: ArmRecording) -> ArmRecording:
     run = recording.run
-    return replace(recording, run=replace(run, theta=run.theta * np.array([-1.0, 1.0, 1.0])), drive=-recording.drive)
+    mirrored = replace(run, theta=run.theta * np.array([-1.0, 1.0, 1.0]))
+    return replace(recording, run=mirrored, drive=-recording.drive, slope=-recording.slope)
 
 
 def _of_input(fit: ArmFit, rig: Rig) -> list[str]:

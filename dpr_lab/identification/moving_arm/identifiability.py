@@ -320,7 +320,7 @@ def _simulated(rig: Rig) -> ArmFit:
         )
         for pose in poses
     ]  # fmt: skip
-    recordings = [ArmRecording(run, mode, rig.reading_std, np.zeros(len(t))) for run in still]
+    recordings = [ArmRecording(run, mode, rig.reading_std, *np.zeros((2, len(t)))) for run in still]
     problem, initial = arm_problem(recordings, rig, 2 * RELEASES.duration_s)
     p, gain = problem.unknowns.start.copy(), SWING_PARAMETERS.index("gain")
     if driven:

@@ -32,7 +32,9 @@ class InputRows:
     effects resemble it in part.
     """
     alike: float = 1.1
-    """Ratio of reduced chi-squares up to which no delay is preferred to a delay, and with a delay held to continuous."""
+    """Ratio of reduced chi-squares up to which no delay is preferred to a delay, and then a held input to a continuous
+    one.
+    """
     step_s: float = 0.004
     """Smallest step of the delay."""
     most_steps: float = 8.0
@@ -108,10 +110,10 @@ def other_input(fit: ArmFit, misfit: float, runs: Sequence[Run], rig: Rig) -> st
     options = [f"--input-delay-s {best.delay_s:.3g}"] if best.delay_s else []
     if best.continuous or stated.continuous:
         options.insert(0, f"--intersample {'continuous' if best.continuous else 'held'}")
+    after, option = misfit * best.misfit / stated.misfit, " ".join(options) or "no input delay"
     return (
-        f"{_cause(best, interval)}: with this input the reduced chi-square falls from {misfit:.3g} to"
-        f" {misfit * best.misfit / stated.misfit:.3g}. Import the table with {' '.join(options) or 'no input delay'}, or"
-        " record the input at the rate of the controller"
+        f"{_cause(best, interval)}: with this input the reduced chi-square falls from {misfit:.3g} to {after:.3g}."
+        f" Import the table with {option}, or record the input at the rate of the controller"
     )
 
 
@@ -128,9 +130,7 @@ def _tried(tested: _Tested, run: Run, interval: float) -> tuple[_InputModel, _In
     hardly = INPUT_ROWS.least * interval
     if abs(best.delay_s) < hardly:
         best = tested.model(0.0, best.continuous)
-    return stated, min(
-        best, tested.model(0.0 if abs(other) < hardly else other, not best.continuous), key=_preference
-    )
+    return stated, min(best, tested.model(0.0 if abs(other) < hardly else other, not best.continuous), key=_preference)
 
 
 def _preference(model: _InputModel) -> float:
