@@ -81,7 +81,7 @@ class Case:
     """The effects that alone cause the largest gap, or nearly the largest."""
     verdict: str
     named: tuple[tuple[str, float], ...]
-    """With their probabilities, the most probable first."""
+    """With their probabilities, in the order of the verdict."""
     size_off: float | None
     """Of the dominant effect if named: error over the half width of its 90 % interval."""
     explained: float
@@ -90,11 +90,11 @@ class Case:
 
     @property
     def first_right(self) -> bool:
-        """Whether the effect of the largest share is the dominant one, wrong values of the rig file apart."""
+        """Whether the first named effect is the dominant one, wrong values of the rig file apart."""
         return self.first_is(self.true[:1])
 
     def first_is(self, laws: Sequence[str]) -> bool:
-        """Whether the effect of the largest share is one of some laws, wrong values of the rig file apart."""
+        """Whether the first named effect is one of some laws, wrong values of the rig file apart."""
         effects = [name for name, _ in self.named if not name.startswith(WRONG_VALUES)]
         return bool(effects) and any(alike(effects[0], law) for law in laws)
 
@@ -151,9 +151,8 @@ def diagnosed(draw: Draw) -> Case:
     rig = rig if draw.clean else described(rig, rng)
     began = time.process_time()
     found = diagnose(runs, rig)
-    ranked = sorted(found.effects, key=lambda effect: -effect.share)
     size_off = None
-    for effect in ranked:
+    for effect in found.effects:
         if alike(effect.name, laws[0].name) and effect.name.startswith(SIZED):
             size, unit = next(iter(effect.parameters.values())), 1.0
             if laws[0].torque:  # torques are relative to the b of the rig file
@@ -168,7 +167,7 @@ def diagnosed(draw: Draw) -> Case:
         (*(law.name for law in laws), *(() if draw.clean else ("mount",))),
         largest_alone(draw.seed, laws, rods, rate_hz),
         found.verdict,
-        tuple((effect.name, effect.probability) for effect in ranked),
+        tuple((effect.name, effect.probability) for effect in found.effects),
         size_off,
         found.gap.explained_share,
         budget.of_reproducible if budget else None,

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 
 
@@ -28,6 +29,8 @@ class Thresholds:
     """Standard errors, estimated from the scatter of segments, by which chi2 must fall for a significant reduction
     while a residual remains.
     """
+    beyond_chance: float = NORMAL_Q90
+    """Standard errors of the difference of two given sets, estimated likewise: exceeded by chance in one of twenty."""
     fewest_segments: int = 10
     """Minimum number of segments for an estimate of their scatter."""
     takes_over: float = 2.0
@@ -179,16 +182,41 @@ def _significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> fl
     return indifference(base, after, independent=chance)
 
 
-def scatter(before: Hypothesis, after: Hypothesis) -> float:
+def scatter(before: Hypothesis, after: Hypothesis, errors: float = THRESHOLDS.consistent) -> float:
     """Reduction of chi2 that chance may cause, by its scatter between segments; inf for too few segments.
 
     The residual due to small unknown effects is smooth along a segment. If it counted as noise of every reading, a
     cause that improves every segment would not be significant. Segments are therefore the independent units.
+
+    Args:
+        before: the set of larger chi2
+        after: the other set
+        errors: number of standard errors that chance may cause
     """
     reductions = before.fit.linear.chi2_by_segment - after.fit.linear.chi2_by_segment
     if len(reductions) < THRESHOLDS.fewest_segments or not np.isfinite(reductions).all():
         return float("inf")
-    return float(THRESHOLDS.consistent * np.sqrt(len(reductions) * np.var(reductions, ddof=1)))
+    return float(errors * np.sqrt(len(reductions) * np.var(reductions, ddof=1)))
+
+
+def explains_as_much(base: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> bool:
+    """Whether a set explains about as much as another one with more parameters, and is therefore preferred.
+
+    It explains nearly all that the richer set explains, and its criterion, which contains the penalty of parameters,
+    is not significantly higher. While a residual remains, the difference is compared with its scatter between segments:
+    neither set is the exact model, so that the noise of a reading is no measure of the difference.
+
+    Source: Vuong (1989), Likelihood ratio tests for model selection and non-nested hypotheses, Econometrica 57,
+    307-333.
+    """
+    if len(simple.fit.free) >= len(rich.fit.free):
+        return False
+    if excess(base) - excess(simple) < THRESHOLDS.nearly_all * (excess(base) - excess(rich)):
+        return False
+    margin = indifference(base, rich)
+    if not at_noise_floor(rich) and np.isfinite(by_chance := scatter(simple, rich, THRESHOLDS.beyond_chance)):
+        margin = max(margin, by_chance)
+    return simple.cost - rich.cost < margin
 
 
 def accepted(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:

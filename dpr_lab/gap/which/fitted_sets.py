@@ -8,6 +8,7 @@ fit changes an earlier state of the search.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from types import MappingProxyType
 
 import numpy as np
@@ -128,6 +129,17 @@ class FittedSets:
     def unexpected(self, model: Hypothesis) -> list[str]:
         """Effects of a set that are supported by the recordings alone."""
         return [name for name in model.effects if name not in self.expected]
+
+    def described(self, model: Hypothesis) -> Hypothesis:
+        """The bare model with the corrections of the rig file that a set contains.
+
+        What it leaves is the gap of which the other effects explain parts. A wrong length may cause twenty times as
+        much, and is no law of the rig.
+        """
+        corrections = [name for name in model.effects if self.library[name].corrects]
+        if not corrections:
+            return self.bare
+        return reduce(self.without, (name for name in model.effects if name not in corrections), model)
 
     def start(self) -> Hypothesis:
         """The bare model with the known effects of the rig that these recordings show, the largest score first."""

@@ -2,12 +2,15 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
     accepted,
     at_noise_floor,
     excess,
+    explains_as_much,
     need,
     scatter,
     significance,
@@ -20,13 +23,14 @@ from dpr_lab.shown import percent
 
 def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]:
     """The smallest fitted set that explains nearly as much; it may lie on another branch of the search."""
+    gap = excess(sets.described(grown))
     adequate = [
         model
         for model in sets.fits.values()
         if 0 < len(model.effects) < len(grown.effects)
         and grown.key & sets.expected <= model.key
         and excess(model) < THRESHOLDS.keeps * excess(grown)
-        and excess(model) - excess(grown) < THRESHOLDS.large * excess(sets.bare)
+        and excess(model) - excess(grown) < THRESHOLDS.large * gap
         and (
             _as_likely(sets, model, grown) if at_noise_floor(grown) else model.cost - grown.cost < scatter(model, grown)
         )
@@ -47,7 +51,8 @@ def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Pro
     """The set without its least necessary effect; a single effect is judged by its share of the whole gap."""
     removable = sets.unexpected(current)
     if len(current.effects) > 1 and removable:
-        needs = {name: need(sets.bare, current, sets.without_substitute(current, name)) for name in removable}
+        base = sets.described(current)
+        needs = {name: need(base, current, sets.without_substitute(current, name)) for name in removable}
         least = min(needs, key=lambda name: needs[name])
         yield Proposal(sets.without(current, least), needs[least])
 
@@ -81,24 +86,37 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
     """While a residual remains: the set without the effect that contributes least beyond other forms of the rest.
 
     An effect without which hardly any of the reduction remains is not proposed, because it compensates for nothing
-    else. All removed effects together may not increase the excess far above that of the best fitted set.
+    else, nor one that every rig has. All removed effects together may not increase the excess far above that of the
+    best fitted set.
+
+    Free functions in place of an effect of many amplitudes follow one of few amplitudes, whichever of both is the
+    cause. If the set without the former explains as much, it is proposed instead: the effect of few amplitudes stays.
     """
     if at_noise_floor(current) or len(current.effects) < 2:
         return
     closest = min(map(excess, sets.fits.values()))
     limit = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * excess(sets.bare))
+    removable = [name for name in sets.unexpected(current) if not sets.library[name].universal]
+    smaller_sets = {
+        name: smaller
+        for name, smaller in ((name, sets.without(current, name)) for name in removable)
+        if excess(smaller) <= limit and sets.as_possible(smaller, current)
+    }
     shares: list[Proposal] = []
-    for name in sets.unexpected(current):
-        smaller = sets.without(current, name)
-        if excess(smaller) > limit or not sets.as_possible(smaller, current):
-            continue
+    for name, smaller in smaller_sets.items():
         share = own_share(sets.problem, smaller, sets.test(smaller), name)
         if share is not None:
             shares.append(Proposal(smaller, share))
-    yield from sorted(shares, key=lambda proposal: proposal.value)[:1]
+    for least in sorted(shares, key=lambda proposal: proposal.value)[:1]:
+        simpler = [other for other in smaller_sets.values() if explains_as_much(sets.bare, other, least.model)]
+        if simpler and least.value < THRESHOLDS.own_share:
+            yield Proposal(min(simpler, key=lambda model: (len(model.fit.free), model.cost)))
+        yield least
 
 
 def _compensates_for_another_form(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    if np.isnan(proposal.value):
+        return Decision(True, "of two effects that explain the same, the one with fewer amplitudes stays")
     share = f"{percent(proposal.value)} of its reduction is explained by no other form of the remaining effects"
     return Decision(proposal.value < THRESHOLDS.own_share, share)
 
@@ -150,7 +168,7 @@ CROSS_VALIDATION = Move(
 OWN_SHARE = Move(
     "own share",
     "while the residual exceeds the noise, an effect is removed if other functional forms of the remaining"
-    " effects explain the same residual",
+    " effects explain the same residual; of two such effects the one with fewer amplitudes stays",
     _without_least_own,
     _compensates_for_another_form,
     then="repeat",

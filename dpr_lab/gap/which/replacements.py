@@ -9,6 +9,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
     at_noise_floor,
     excess,
+    explains_as_much,
     follows_remainder,
     form_indifference,
     indifference,
@@ -178,6 +179,8 @@ def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) ->
     best, chance = proposal.model, significance(sets.bare, current, proposal.model)
     if at_noise_floor(best) < at_noise_floor(current):
         return Decision(False, "the residual exceeds the noise")
+    if explains_as_much(sets.bare, current, best):
+        return Decision(False, "fewer parameters explain about as much")
     if current.cost - best.cost > chance:
         return Decision(True, f"the criterion falls by more than {chance:.3g}")
     return Decision(False, f"the criterion falls by less than {chance:.3g}, which is not significant")

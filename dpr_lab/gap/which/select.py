@@ -14,7 +14,14 @@ from functools import reduce
 from dpr_lab.effects.effect import Effect
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refit_without
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, excess, far_from_noise
+from dpr_lab.gap.hypothesis.thresholds import (
+    THRESHOLDS,
+    at_noise_floor,
+    excess,
+    explains_as_much,
+    far_from_noise,
+    indifference,
+)
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.which.fitted_sets import FittedSets, Progress
 from dpr_lab.gap.which.forms import own_share
@@ -139,12 +146,17 @@ def _predicts_whole_segments(sets: FittedSets, current: Hypothesis, proposal: Pr
 
 
 def _revised(sets: FittedSets, state: SearchState) -> SearchState:
-    """The state after the first revision that is accepted."""
+    """The state after the first revision that is accepted and that the moves after it do not make worse than before."""
     for revision, moves in REVISIONS:
         after = apply(revision, sets, state)
-        if after.current is not state.current:
-            return run(moves, sets, after)
-        state = after
+        if after.current is state.current:
+            state = after
+            continue
+        tested = run(moves, sets, after)
+        if tested.current.cost - state.current.cost < indifference(sets.bare, state.current):
+            return tested
+        undone = Decision(True, "what remains of the other set after its tests explains less")
+        state = tested.after(revision, Proposal(state.current), undone)
     return state
 
 
@@ -190,6 +202,12 @@ def _path(sets: FittedSets, chosen: Hypothesis) -> tuple[tuple[str, Hypothesis],
     while model.effects:
         without_substitute = {name: sets.without_substitute(model, name) for name in model.effects}
         weakest = min(without_substitute, key=lambda name: without_substitute[name].cost)
+        simpler = [
+            name
+            for name, smaller in without_substitute.items()
+            if explains_as_much(sets.bare, smaller, without_substitute[weakest])
+        ]
+        weakest = min(simpler, key=lambda name: without_substitute[name].cost, default=weakest)
         path.append((weakest, model))
         model = sets.without(model, weakest)
     return tuple(reversed(path))

@@ -1,0 +1,71 @@
+"""Of two sets that explain about the same, the search prefers the one with fewer parameters."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, explains_as_much
+from dpr_lab.gap.which.fitted_sets import FittedSets
+from dpr_lab.gap.which.forms import own_share
+from dpr_lab.gap.which.removals import OWN_SHARE
+from dpr_lab.gap.which.search import SearchState, apply
+from tests.background_rigs import law, recordings
+
+SCALE, COGGING, LENGTH = "encoder_scale_joint1", "detent_joint1", "wrong_length_L1"
+
+
+@pytest.fixture(scope="module")
+def fitted(bare: Callable[..., Any], screened: Callable[..., Any]) -> Callable[..., FittedSets]:
+    """(laws, effects, rods, L1 relative to the true one) -> sets of these effects; only the bare model is fitted."""
+
+    def sets_of(laws: Any, effects: Any, rods: int = 1, length: float = 1.0) -> FittedSets:
+        rig, runs, _ = recordings(5, laws, rods=rods)
+        rig = rig.model_copy(update={"rig": rig.rig.model_copy(update={"L1": length * rig.L1})})
+        problem, base = bare(runs, rig)
+        return FittedSets(screened(runs, rig), problem, {n: EFFECTS[n] for n in effects}, base, lambda event: None)
+
+    return sets_of
+
+
+def grown(sets: FittedSets, *effects: str) -> Hypothesis:
+    """The set of some effects, added one by one."""
+    model = sets.bare
+    for name in effects:
+        score = sets.test(model).of(name)
+        assert score is not None
+        model = sets.with_one(model, score)
+    return sets.escaped(model)
+
+
+@pytest.mark.slow
+def test_a_curve_that_follows_a_scale_error_does_not_displace_it(fitted: Callable[..., FittedSets]) -> None:
+    sets = fitted([law("encoder_scale", 0, 9.0), law("third", 0, 0.5), law("wander", 0, 0.5)], (COGGING, SCALE))
+    both = grown(sets, COGGING, SCALE)
+    curve, scale = sets.without(both, SCALE), sets.without(both, COGGING)
+    assert not at_noise_floor(both)
+    own = own_share(sets.problem, curve, sets.test(curve), SCALE)
+    assert own is not None
+    assert own < THRESHOLDS.own_share  # free functions in place of the cogging follow the scale error
+    assert explains_as_much(sets.bare, scale, curve)
+    assert not explains_as_much(sets.bare, curve, scale)
+    last = apply(OWN_SHARE, sets, SearchState(both, sets.fits, sets.tests, 4))
+    assert last.current.effects == (SCALE,)
+
+
+@pytest.mark.slow
+def test_a_real_curve_stays(fitted: Callable[..., FittedSets]) -> None:
+    sets = fitted([law("detent", 0, 6.0), law("encoder_scale", 0, 0.5), law("wander", 0, 0.5)], (COGGING, SCALE))
+    both = grown(sets, COGGING, SCALE)
+    last = apply(OWN_SHARE, sets, SearchState(both, sets.fits, sets.tests, 4))
+    assert COGGING in last.current.effects
+
+
+@pytest.mark.slow
+def test_effects_are_compared_with_the_gap_that_the_right_length_leaves(fitted: Callable[..., FittedSets]) -> None:
+    sets = fitted([law("encoder_scale", 0, 5.0)], (LENGTH, SCALE), rods=2, length=1.01)
+    both = grown(sets, LENGTH, SCALE)
+    assert sets.described(both).effects == (LENGTH,)
+    assert sets.described(sets.without(both, LENGTH)) is sets.bare
