@@ -57,8 +57,9 @@ class TransferSettings:
     """Factor on the probability of an effect that does not carry over; the result is at most one half."""
     oversized: float = 0.1
     """Factor on the probability of an effect with an impossible size: it stands for another cause."""
-    worse: float = 1.25
-    """Factor by which the named effects may increase the error of free runs."""
+    worse: float = 1.1
+    """Factor by which the named effects may increase the error of free runs, besides the noise of the first readings.
+    """
     unpredictable: float = 2.0
     """Standard deviations of the error of free runs, due to the noise of their first readings, that are chance."""
     followed_rad: float = 0.3
