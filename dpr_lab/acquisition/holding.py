@@ -128,8 +128,8 @@ def _raise_if_open(url: str, batches: Iterable[Batch]) -> None:
         let_go = isinstance(message, Event) and message.kind is EventKind.RELEASED
         if let_go or (isinstance(message, Status) and not message.latched):
             raise DeviceFault(
-                f"{url}: the device reports an open latch, although HOLD and no RELEASE was sent: the rods may"
-                " be free: keep clear until you have checked them; check latch and firmware"
+                f"{url}: the device reports an open latch, although HOLD was sent and RELEASE was not. The rods may"
+                " be free: keep clear until you have checked them, then check latch and firmware"
             )
 
 

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 HORIZON = (
     "Angles: 0 = upright, 180 deg = hanging. Horizon: beyond it, the swing depends on small errors of the initial pose."
-    " Its samples still contribute information. Information: with all releases up to this one, 0 if they distinguish no"
-    " two effects of the library, 1 if they distinguish all of them."
+    " Its samples still contribute information. Information: of all releases up to this one, from 0 (they distinguish"
+    " no two effects of the library) to 1 (they distinguish all of them)."
 )
 
 FORECAST = " P(decided): probability that the causes are decided by then."

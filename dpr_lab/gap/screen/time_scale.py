@@ -80,8 +80,8 @@ def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
     masses = "has a counterweight" if too_long else "is much shorter, or has its mass near the joint"
     expected = RULES.swings * 2 * math.pi * math.sqrt(nominal / rig.g)
     return (
-        f"the rod swings like a pendulum of {length:.3g} m, by the rig file it is one of {nominal:.3g} m: either the"
-        f" time stamps are {stamps} (a video {film}), or the rod {masses}. These recordings cannot decide."
+        f"the rod swings like a simple pendulum of {length:.3g} m; by the rig file it is {nominal:.3g} m. Either"
+        f" the time stamps are {stamps} (a video {film}), or the rod {masses}. These recordings cannot decide."
         f" Time {RULES.swings} small swings with a stopwatch: {expected:.3g} s by the rig file,"
         f" {factor * expected:.3g} s by the time stamps"
     )
