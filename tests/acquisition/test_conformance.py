@@ -9,14 +9,16 @@ from dpr_lab.errors import DprError
 from dpr_lab.transports import open_transport
 from dpr_lab.transports.transport import Received
 from firmware_protocol.messages import Nak, Status, decode, encode
+from tests.thinned import thinned
 
 PATIENT = ConformanceSettings(patience_s=60.0, rate_off=0.5, reports_hz=(1.0, 30.0))
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("firmware", ["python", "c"])
+@pytest.mark.parametrize("firmware", thinned(["python", "c"], 2))
 def test_the_reference_devices_conform(simulated, firmware: str) -> None:
+    """The core in C without drives is also in the sketch of `tests/firmware_c/test_c_arduino.py`, which conforms."""
     link = open_transport(simulated(clock="realtime", firmware=firmware).url)
     try:
         found = list(conformity(link, PATIENT))

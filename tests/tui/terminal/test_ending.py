@@ -1,9 +1,6 @@
 """The end by a signal: within a bounded time, terminal restored, recording closed."""
 
 import signal
-import subprocess
-import sys
-from collections.abc import Iterator
 
 import pytest
 
@@ -12,17 +9,6 @@ from tests.thinned import thinned
 from tests.tui.terminal_emulator import to_ready
 
 SIM = "sim://?seed=1"
-BUSY = "while True: pass"
-
-
-@pytest.fixture
-def load() -> Iterator[None]:
-    """More work than there are cores; idle, the end never hung."""
-    busy = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(3)]
-    yield
-    for process in busy:
-        process.kill()
-        process.wait()
 
 
 @pytest.mark.slow
