@@ -14,10 +14,13 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.dynamics.base import BASE, RATIOS, base_of_run
 from dpr_lab.effects import named_params, param_index, without_effect
 from dpr_lab.effects.effect import Effect
 from dpr_lab.effects.limits import oversized
+from dpr_lab.fitting.covariance import considered
 from dpr_lab.fitting.cut import carried
+from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.robust import relative_chi2, without_outstanding
@@ -119,8 +122,8 @@ class FittedSets:
         return best
 
     def possible(self, model: Hypothesis) -> bool:
-        """Whether every effect of a set has sizes that a rig can have."""
-        return not oversized(model.fit.estimate.params, self.problem.limits)
+        """Whether the effects and the gravity torque of a set have sizes that a rig can have."""
+        return not oversized(model.fit.estimate.params, self.problem.limits) and not rises(self.problem, model)
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
         """Whether the sizes of a set are possible on a rig, or those of another set are impossible too."""
@@ -356,3 +359,21 @@ class FittedSets:
 
 def _chi2(model: Hypothesis) -> float:
     return model.fit.chi2
+
+
+def rises(problem: Problem, model: Hypothesis, deviations: float = 2.0) -> bool:
+    """Whether gravity would lift the inner rod, by more than some standard deviations, and an effect hold it down.
+
+    In swings of similar amplitude, an effect that depends on the angle can stand for gravity with any factor.
+    """
+    estimate, constants, place = model.fit.estimate, problem.model.constants, RATIOS.index("e1/b")
+    free = [i for i, p in enumerate(model.fit.free) if p.block == "ratios" and p.place == place]
+    setups = [setup for setup in set(problem.segments.setups) if setup.mounting != "outer"]
+    if not (free and setups and constants.g > 0.0):
+        return False
+    whole = estimate.whole / estimate.ratios[SCALE]
+    torque = max(base_of_run(whole, setup, constants.L1, constants.g)[BASE.index("e1")] for setup in setups)
+    if torque >= 0.0:
+        return False
+    variance = considered(model.fit, model.residuals.inflation)[free[0], free[0]]
+    return bool(torque + deviations * np.sqrt(variance) < 0.0)

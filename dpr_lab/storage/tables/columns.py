@@ -160,7 +160,7 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
     missing = [q for q in (("t",) if timed else ()) + ("theta1", "theta2") if q not in named]
     if missing:
         rate = "; for a table without time give --rate-hz" if "t" in missing else ""
-        needed = "" if NO_ROD in names else "; both rods are needed"
+        needed = "; both rods are needed" if NO_ROD not in names and missing != ["t"] else ""
         unnamed = all(_NO_NAME.fullmatch(name) for name in names if name != NO_ROD)
         points = "; for points of a film add a first line with their names, for example t,x,y" if unnamed else ""
         raise RunError(
