@@ -10,13 +10,15 @@ from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.identify import identify
-from dpr_lab.rig import PARAMETERS, Rig, load_rig
+from dpr_lab.rig import PARAMETERS, Rig, load_rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.search import load_search
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
+from dpr_lab.workflows.rig_toml import Measure
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
-from tests.one_rod import Rod, recorded
+from tests.one_rod import Rod, recorded, swing
 from tests.thinned import thinned
 
 TABLES = Path(__file__).parents[2] / "configs" / "tables"
@@ -152,3 +154,28 @@ def test_a_swing_that_shows_nothing_names_no_cause(tmp_path: Path) -> None:
     diagnosis = diagnose([run], rig)
     assert (diagnosis.verdict, diagnosis.effects, diagnosis.checks) == ("unexplained", [], [])
     assert "the angles are in radians (import with --unit rad)" in diagnosis.sentence
+
+
+def filmed(folder: Path) -> tuple[Rig, Run]:
+    """A rod of 0.9 m filmed for three swings, read from a zero at -42 mrad by a bent scale: up to 3 mrad."""
+    rng = np.random.default_rng([7, 88])
+    rod, t = Rod(length=0.9, dry=0.0, damping=0.004, noise=0.54e-3, duration=5.0), np.arange(0.0, 5.0, 1 / 30)
+    true = swing(rod, -0.544, t)
+    bent = -0.010 * true**2 + 0.0187 * true**3
+    read = true - 0.042 + bent + rng.normal(0.0, rod.noise, len(t))
+    rows = np.column_stack([t, read])
+    np.savetxt(folder / "film.csv", rows, "%.6f", ",", header="t_s,theta1_rad", comments="")
+    rig = parse_rig(draft_rig(RigMeasures("film", 1.0, None, Measure(0.2), None, mounted="inner")))
+    return rig, import_csv(folder / "film.csv", rig, ImportOptions(zero="hanging"))
+
+
+@pytest.mark.slow
+def test_a_spring_that_needs_gravity_to_lift_the_rod_does_not_stand_for_a_zero_offset(tmp_path: Path) -> None:
+    rig, run = filmed(tmp_path)
+    diagnosis = diagnose([run], rig)
+    named = {effect.name: effect for effect in diagnosis.effects}
+    assert "spring_joint1" not in named
+    zero = named.keys() & {"encoder_offset_joint1", "base_tilt", "com_offset_link1"}
+    assert zero
+    assert named[zero.pop()].probability > 0.5
+    assert gravity_torque(rig, diagnosis) > 0.0
