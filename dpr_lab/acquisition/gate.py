@@ -180,7 +180,8 @@ def _pose(judged: JudgedRun) -> Check | None:
 def _release_speed(judged: JudgedRun) -> Check | None:
     """Initial speed w of the swing.
 
-    theta(t) = theta_rest + w t + alpha t^2 / 2 in the first 20 ms, theta_rest from the samples before.
+    theta(t) = theta_rest + w t + alpha t^2 / 2 in the first 20 ms, theta_rest from the samples before. If the samples
+    are too slow for that, beta t^4 / 24 is added: the acceleration of a rod that starts at rest changes with t^2.
     """
     limits = judged.limits
     rest, swing = _rest(judged), judged.run.swing
@@ -188,7 +189,8 @@ def _release_speed(judged: JudgedRun) -> Check | None:
         return None
     n = max(limits.fewest_samples, int(np.searchsorted(swing.t, limits.release_window_s)))
     t, rods = swing.t[:n], swing.theta[:n, 1:] - rest[1][-n:, 1:].mean(axis=0)
-    A = np.stack([t, t * t / 2], axis=1)
+    slow = [t**4 / 24] if t[-1] > 2 * limits.release_window_s else []
+    A = np.stack([t, t * t / 2, *slow], axis=1)
     coefficients, *_ = np.linalg.lstsq(A, rods, rcond=None)
     speed = float(np.abs(coefficients[0]).max())
     uncertain = float(judged.rig.reading_std[1:].max() * np.sqrt(np.linalg.pinv(A.T @ A)[0, 0]))

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from dpr_lab.acquisition.gate import CHECKS, DeviceWord, QualityReport, fastest_possible, judge
 from dpr_lab.acquisition.rest import pose_error, rest_motion
@@ -264,6 +265,17 @@ def test_no_state_of_the_rig_is_faster_than_the_fastest_possible(rig: Rig) -> No
     brute = np.array([np.abs(scale * w1).max(), np.abs(scale * w2).max()])
     assert fastest_possible(rig) == pytest.approx(brute, rel=1e-3)
     assert np.all(brute <= fastest_possible(rig) * (1 + 1e-12))
+
+
+@pytest.mark.parametrize("push", [0.0, 1.0])
+def test_a_fast_rod_at_a_low_rate_is_not_pushed(push: float) -> None:
+    rig = load_rig("furuta")
+    t = np.arange(-50, 101) / 50
+    swing = solve_ivp(lambda _, x: [x[1], 111.0 * np.sin(x[0])], (0, 2), [2.0, push], t_eval=t[t >= 0], rtol=1e-9)
+    theta = np.where(t < 0, 2.0, np.append(np.zeros(50), swing.y[0]))
+    counts = np.rint(rig.positions(np.stack([0 * t, theta, theta], axis=1))).astype(np.int64)
+    run = replace(_run(rig, t, counts), rate_hz=50.0)
+    assert ("release_speed" in {check.name for check in judge(run, rig).checks if not check.ok}) == (push > 0)
 
 
 @pytest.mark.parametrize("counts", [1024, 4096])
