@@ -51,8 +51,14 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
             + "; zeros in the opposite direction, other signs, units and orders of the angles were tested and do not"
             " explain them: check the zero of each angle (--offset or zero_counts), --wrap, the unit of time"
             f"{', torques (in N m)' * driven}, L1 and g in the rig file, masses, counts_per_rev, and that the arm is"
-            " clamped"
+            f" clamped{_UNKNOWN_DRIVE * (not driven)}"
         )
+
+
+_UNKNOWN_DRIVE = (
+    "; rods that a motor, a hand or a stop moves do not swing freely: import their torques with the angles (columns"
+    " tau1 and tau2), or only the free part (--start-s, --duration-s)"
+)
 
 
 def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError | None]:
