@@ -74,6 +74,23 @@ def test_a_gap_that_grows_is_not_said_to_close() -> None:
     assert how_far(grown) == "On held-out runs the gap does not close (-51 %, 90 % interval -74 % to -22 %)."
 
 
+def test_held_out_data_without_a_gap_of_their_own_refute_nothing() -> None:
+    nothing_to_close = reduction(
+        np.array([[3.0, -4.0, 2.0, -2.0], [1.0, -4.0, 0.0, -2.0]]), np.random.default_rng(1), 1
+    )
+    silent = Transfer("held-out runs", True, nothing_to_close, 0.3, (), {}, {}, {}, (), (), (), None)
+    assert how_far(silent) == "On held-out runs the gap is too small to show a reduction."
+
+
+@pytest.mark.slow
+def test_a_cause_is_named_although_a_noisy_held_out_run_shows_no_gap(dry: list[Run], paper: Rig):
+    rng = np.random.default_rng(2)
+    blurred = replace(dry[2], theta=dry[2].theta + rng.normal(0, 0.03, dry[2].theta.shape))
+    found = diagnose(dry[:2], paper, held_out=blurred, library=LIBRARY)
+    assert found.verdict != "unexplained"
+    assert found.probabilities["coulomb_joint2"] > 0.9
+
+
 @pytest.mark.parametrize(("closed", "probability"), [(-0.42, 0.49), (0.31, 0.98)])
 def test_no_effect_is_sure_if_all_together_increase_the_gap_of_the_quarters_left_out(closed, probability) -> None:
     """Although each carries over compared with the others alone."""

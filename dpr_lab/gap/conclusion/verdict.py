@@ -102,8 +102,13 @@ def _fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) -
         return False
     tested = transferred.basis != "one release"
     improbable = max(posterior.probability for posterior in posteriors) < RULES.rather
-    no_reduction = transferred.closed.estimate <= 0 and (tested or improbable)
+    no_reduction = transferred.closed.estimate <= 0 and not _undecided(transferred) and (tested or improbable)
     return no_reduction or (tested and len(transferred.withdrawn) == len(posteriors))
+
+
+def _undecided(transferred: Transfer) -> bool:
+    """Whether the held-out data show no gap that could close, so that they neither confirm nor refute."""
+    return transferred.closed.estimate <= 0 and transferred.closed.interval90[1] >= RULES.closes
 
 
 def _only_held_out(transferred: Transfer) -> bool:
@@ -226,6 +231,8 @@ def how_far(transferred: Transfer) -> str:
     if not transferred.tested:
         return "The recordings are too short to predict one part from another, so no data tested this."
     estimate, (low, high) = transferred.closed.estimate, transferred.closed.interval90
+    if _undecided(transferred):
+        return f"{_tested_on(transferred)} the gap is too small to show a reduction."
     closes = (
         f"the gap closes by {percent(estimate)}" if estimate > 0 else f"the gap does not close ({percent(estimate)}"
     )

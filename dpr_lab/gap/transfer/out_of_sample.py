@@ -102,9 +102,9 @@ def _out_of_sample(recordings: Recordings, problem: Problem, chi2: Callable[[Hyp
 def reduction(above: Array, rng: np.random.Generator, block: int) -> GapReduction:
     """Relative reduction of the gap from (2, segments) chi2 above the noise, before and after; drawn by blocks.
 
-    A single segment shows no scatter: its interval is the whole range.
+    The interval is the whole range for a single segment, which shows no scatter, and for data without a gap to close.
     """
-    if above.shape[1] == 1:
+    if above.shape[1] == 1 or above[0].sum() <= 0.0:
         return GapReduction(share(above), (-1.0, 1.0))
     block = max(1, min(block, above.shape[1] // BOOTSTRAP.fewest))
     sums = np.add.reduceat(above, np.arange(0, above.shape[1], block), axis=1)
