@@ -187,7 +187,7 @@ async def test_every_rival_says_what_tells_it_apart(lab, fixed_diagnosis: Path, 
         assert sum(line[:2] == ["a", "cause"] for line in lines) == 2
         said = " ".join(text(pilot.app, "#next-text").split())
         assert "1. Raise the rods higher" in said
-        assert "2. The remainder has another cause" in said
+        assert "2. The remainder is smaller than the noise" in said
 
 
 @pytest.mark.slow
