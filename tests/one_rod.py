@@ -39,6 +39,8 @@ class Rod:
     """Zero error of the potentiometer, rad."""
     scale: float = 0.0
     """Relative error of its scale."""
+    turns: tuple[int, int] = (0, 0)
+    """Whole turns of the rod before each release."""
     eccentric: float = 0.0
     """Peak of an error with one cycle per turn, rad."""
     jitter: float = 0.0
@@ -121,7 +123,9 @@ def recorded(rod: Rod, seed: int, folder: Path) -> tuple[Rig, list[Run]]:
     for number, start in enumerate(RELEASES):
         t = np.arange(0.0, rod.duration, 1 / RATE_HZ)
         true = swing(rod, start, np.maximum(t + rng.normal(0.0, rod.jitter, len(t)), 0.0))
-        read = (1 + rod.scale) * true + rod.offset + rod.eccentric * np.sin(true + 1.0)
+        read = (
+            (1 + rod.scale) * (true + 2 * np.pi * rod.turns[number]) + rod.offset + rod.eccentric * np.sin(true + 1.0)
+        )
         count = 2 * np.pi / rod.counts
         read = count * np.rint((read + rng.normal(0.0, rod.noise, len(t))) / count)
         file = folder / f"release_{number}.csv"

@@ -235,23 +235,15 @@ def release_row(release: int | None, ticks: NDArray[np.int64]) -> int:
 
 
 def full_turns(rig: Rig, pose: str | None, t: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3,) whole turns to subtract, rad, so that each rod lies within pi of the pose at t = 0.
+    """(3,) whole turns to subtract, rad, so that each rod lies within pi of the pose at t = 0; zero without a pose.
 
-    Without a pose, those of a rod that was turned before the recording and hangs only in another turn than its zero.
+    Without a pose, whole turns between recordings may be what shows a wrong number of counts per turn: they are kept.
     """
     turns = np.zeros(3)
     if pose is not None:
         difference = theta[np.argmin(np.abs(t))] - rig.poses[pose].theta
         turns[1:] = 2 * np.pi * np.round(difference[1:] / (2 * np.pi))
-    else:
-        turns[1:] = [2 * np.pi * _turn_of_hanging(angle) for angle in theta[:, 1:].T]
     return turns
-
-
-def _turn_of_hanging(angle: NDArray[np.float64]) -> float:
-    """Turn in which a rod first swings below its pivot; 0 if it also does so in the turn of its zero, or never."""
-    below = np.round((angle[np.cos(angle) < 0.0] - np.pi) / (2 * np.pi))
-    return float(below[0]) if len(below) and below.all() else 0.0
 
 
 def _check_hash(stored: Scan) -> None:

@@ -179,3 +179,13 @@ def test_a_spring_that_needs_gravity_to_lift_the_rod_does_not_stand_for_a_zero_o
     assert zero
     assert named[zero.pop()].probability > 0.5
     assert gravity_torque(rig, diagnosis) > 0.0
+
+
+@pytest.mark.slow
+def test_whole_turns_between_recordings_show_a_wrong_number_of_counts(tmp_path: Path) -> None:
+    """An encoder with 4000 counts, of which the rig file says 4096; the rod was turned once between the releases."""
+    rig, runs = recorded(Rod(scale=-0.0234, turns=(0, 1)), 5, tmp_path)
+    found = {effect.name: effect for effect in diagnose(runs, rig).effects}
+    scale = found["encoder_scale_joint1"]
+    assert scale.probability > 0.9
+    assert next(iter(scale.parameters.values())).value == pytest.approx(-0.0234, abs=2e-3)

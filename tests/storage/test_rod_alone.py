@@ -82,24 +82,6 @@ def test_raw_counts_of_one_rod(one: Rig, tmp_path: Path) -> None:
     assert run.theta[:, 1] == pytest.approx(SWING + np.pi, abs=3e-4)
 
 
-@pytest.mark.parametrize("turns", [-2, -1, 1])
-def test_whole_turns_before_a_recording_are_no_part_of_the_angle(one: Rig, tmp_path: Path, turns: int) -> None:
-    file, out = table(tmp_path, "t,theta1", T, SWING + 2 * np.pi * turns), tmp_path / "run.mcap"
-    read = import_csv(file, one, ImportOptions(zero="hanging"), out).theta[:, 1]
-    assert read == pytest.approx(np.pi + SWING)
-    assert load_run(out).theta[:, 1] == pytest.approx(read)
-    counts = np.round((SWING + 2 * np.pi * turns) / one.radians_per_count[1])
-    counted = import_csv(table(tmp_path, "t,counts1", T, counts), one, ImportOptions(unit="counts"))
-    assert counted.theta[:, 1] == pytest.approx(np.pi + SWING, abs=abs(one.radians_per_count[1]))
-
-
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_turns_of_a_rod_that_rotates_in_the_recording_are_kept(one: Rig, tmp_path: Path, sign: float) -> None:
-    rotating = sign * (0.5 + 14 * T + 0.5 * np.sin(14 * T))
-    read = import_csv(table(tmp_path, "t,theta1", T, rotating), one, ImportOptions(zero="hanging")).theta[:, 1]
-    assert read == pytest.approx(np.pi + rotating)
-
-
 def test_evenly_spaced_rows_with_rounded_times_are_counted(one: Rig, tmp_path: Path) -> None:
     """A film of 30 frames per second whose times have one digit."""
     t = np.arange(150) / 30
