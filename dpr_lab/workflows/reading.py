@@ -42,9 +42,9 @@ def read_runs(
     for file in files:
         run = load_run(file, rig=rig).driven_by(torque)
         known = "torques" if run.arm_input is None else "input of the arm"
-        chosen = [f"uses the {run.torque_kind} {known}; option for the other: --torque commanded"]
+        other = f"uses the {run.torque_kind} {known}; option for the other: --torque commanded"
         runs.append(run)
-        on_event(RunRead(file, run.name, (*run.notes, *(chosen if run.both_kinds else []))))
+        on_event(RunRead(file, run.name, (*run.notes, other) if run.both_kinds else run.notes))
     refuse_repeated(runs)
     if not moving:
         refuse_moving_arms(runs)

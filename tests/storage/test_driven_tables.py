@@ -138,13 +138,13 @@ def test_of_both_kinds_in_a_run_the_measured_ones_act_unless_the_others_are_said
             np.stack([TAU, 2 * TAU]),
         )
         writer.finish(RunSummary(release_tick=0))
-    told: list[RunRead] = []
-    for kind, scale, said in ((None, 1, 1), ("measured", 1, 0), ("commanded", 2, 0)):
-        (run,) = read_runs([tmp_path / "a.mcap"], paper, told.append, torque=kind)  # pyright: ignore[reportArgumentType]
+    events: list[RunRead] = []
+    for kind, scale, count in ((None, 1, 1), ("measured", 1, 0), ("commanded", 2, 0)):
+        (run,) = read_runs([tmp_path / "a.mcap"], paper, events.append, torque=kind)  # pyright: ignore[reportArgumentType]
         assert run.setup.torques is not None
         assert run.setup.torques.kind == run.torque_kind == (kind or "measured")
         assert run.torques == pytest.approx(scale * TAU)
-        assert sum("uses the measured torques" in note for note in told[-1].notes) == said
+        assert sum("uses the measured torques" in note for note in events[-1].notes) == count
     both = load_run(tmp_path / "a.mcap")
     assert both.between(0.2, 0.5).commanded == pytest.approx(2 * TAU[20:50])
     export(both, tmp_path / "a.h5")

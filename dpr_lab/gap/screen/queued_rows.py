@@ -6,15 +6,15 @@ successive rows differ by several counts. All these rows have the same delay, th
 
     D = (B + b) / r,    B bytes in the queue, b of the row, r bytes per second.
 
-Near a turning point the rods count slowly and the queue drains while no row is written. Behind it, each single count is
-a row until the queue is full again. These rows arrive in the even rhythm of the link, as if the rod moved at a constant
-speed, with a delay between that of an empty and that of a full queue. Therefore
+Near a turning point the rods count slowly and the queue drains while no row is written. After it, each single count is
+a row until the queue is full again. These rows arrive at the even intervals of the link, as if the speed were constant,
+with a delay between that of an empty and that of a full queue. Therefore
 
     a row that differs from the one before by several counts     has the delay D,
     a row in a series of single counts                           has an unknown delay up to D.
 
-Rows of an even sampling rate are never so: at a turning point, a reading that changes by one count per row before it
-and behind it is repeated in between.
+Rows of an even sampling rate are never so: at a turning point, a reading that changes by one count per row before
+and after it is repeated in between.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class QueueSettings:
     """Limits of the test for rows that wait in a queue."""
 
     series: int = 4
-    """Successive single counts behind a turning point from which rows wait in a queue. With an even sampling rate,
+    """Successive single counts after a turning point from which rows wait in a queue. With an even sampling rate,
     the constant acceleration there allows three.
     """
     turns: int = 2
@@ -70,11 +70,21 @@ class QueuedRows:
     series: int
     """Number of series of such rows that follow a turning point."""
     differ_s: float
-    """Difference of their delay from that of the full queue behind turning points, s: a median."""
+    """Difference of their delay from that of the full queue after turning points, s: a median."""
+
+    @property
+    def evidence(self) -> str:
+        """Evidence of the finding, and what to do."""
+        return (
+            f"a row is sent for each count, over a saturated link: after {self.series} turning points the rows arrive"
+            " at even intervals, one count each, with a delay that differs from that of the other rows by"
+            f" {1e3 * self.differ_s:.2g} ms (median). These {self.rows.sum()} readings are excluded. Increase the baud"
+            " rate, or send the time of the board with each row"
+        )
 
 
 def queued_rows(t: Array, joints: Array) -> QueuedRows | None:
-    """Rows with an unknown delay behind turning points; None if the rows are not sent at each change over a full link.
+    """Rows with an unknown delay after turning points; None if the rows are not sent at each change over a full link.
 
     Args:
         t: (n,) stamps, s
@@ -89,21 +99,21 @@ def queued_rows(t: Array, joints: Array) -> QueuedRows | None:
         return None
     single = np.flatnonzero(np.diff(np.pad(~full, 1).astype(np.int8))).reshape(-1, 2)  # changes [first, last)
     turns = np.flatnonzero((changes[1:] * changes[:-1] < 0).any(axis=1)) + 1
-    behind = [
+    waited = [
         (turn, last)
         for first, last in single.tolist()
         for turn in turns[(turns >= first) & (turns + QUEUE.series <= last)][:1].tolist()
         if (changes[turn : turn + QUEUE.series] == changes[turn]).all()
     ]
-    if len(behind) < max(QUEUE.turns, QUEUE.most_turns * len(turns)):
+    if len(waited) < max(QUEUE.turns, QUEUE.most_turns * len(turns)):
         return None
     rows = np.zeros(len(t), dtype=np.bool_)
     for first, last in single[np.diff(single, axis=1)[:, 0] >= QUEUE.excluded]:
         rows[first + 1 : last + 1] = True
-    differ = float(np.median([_difference(t, joints, rows, slice(turn + 1, last + 1)) for turn, last in behind]))
+    differ = float(np.median([_difference(t, joints, rows, slice(turn + 1, last + 1)) for turn, last in waited]))
     if differ < QUEUE.least * np.median(np.diff(t)):
         return None
-    return QueuedRows(rows, len(behind), differ)
+    return QueuedRows(rows, len(waited), differ)
 
 
 def _whole_changes(joints: Array) -> NDArray[np.int64] | None:

@@ -235,14 +235,8 @@ def _queued(run: Run, rig: Rig) -> tuple[NDArray[np.bool_], list[Finding]]:
     queue = queued_rows(run.t[swing], _read_joints(run, rig)[swing])
     if queue is None:
         return np.zeros(np.count_nonzero(swing), dtype=np.bool_), []
-    evidence = (
-        f"a row is sent for each count, over a saturated link: behind {queue.series} turning points the rows come in an"
-        f" even rhythm, one count each; their delay differs from that of the other rows by"
-        f" {1e3 * queue.differ_s:.2g} ms (median). These {queue.rows.sum()} readings are excluded. Increase the baud"
-        " rate, or send the time of the board with each row"
-    )
     first = float(run.t[swing][queue.rows][0])
-    return queue.rows, [Finding("queued_rows", run.name, None, first, evidence)]
+    return queue.rows, [Finding("queued_rows", run.name, None, first, queue.evidence)]
 
 
 def _late(run: Run, t: Array, joints: Array) -> tuple[NDArray[np.bool_], list[Finding]]:

@@ -1,5 +1,6 @@
 """Meaning of the columns of a table: by common names, by options, or by position if the columns have no names."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,6 +12,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.options import AXES
 from dpr_lab.storage.tables.table import Table
 
+TO_RADIANS = {"rad": 1.0, "deg": math.pi / 180}
 TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 UNITS = ("rad", "deg", "counts")
 NO_ROD = "joint 2, without a rod"

@@ -1,6 +1,7 @@
 """Plausibility of a table: spacing and length, wraps of a logger, outliers, speeds."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -9,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
+from dpr_lab.rig import Rig
+from dpr_lab.storage.tables.columns import AXES, TO_RADIANS
+from dpr_lab.storage.tables.options import ImportOptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +86,11 @@ def unwrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.unwrap(angles, discont=PLAUSIBLE.jump)
 
 
+def wrap_notes(angles: Mapping[str, NDArray[np.float64]]) -> list[str]:
+    """A note for each axis, (n,) angles in rad, that the logger wrapped."""
+    return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in angles.items() if unwrapped(x) is not x]
+
+
 def outliers(angles: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(n,) mask of angles beyond all turns, or that jump away and back within a few rows without a wrap."""
     wild = np.abs(angles) > PLAUSIBLE.angle
@@ -93,6 +102,21 @@ def outliers(angles: NDArray[np.float64]) -> NDArray[np.bool_]:
             return wild
         wild[plausible[_leaps(angles[plausible], rows)]] = True
     return wild
+
+
+def drop_outliers(readings: dict[str, NDArray[np.float64]], rig: Rig, options: ImportOptions) -> list[str]:
+    """Replace outliers by NaN and note their number."""
+    notes = []
+    for axis, column in readings.items():
+        counted = abs(rig.radians_per_count[AXES.index(axis)]) if options.unit == "counts" else None
+        scale = (counted or TO_RADIANS[options.unit or "rad"]) * abs(options.scale.get(axis, 1.0))
+        known = np.flatnonzero(np.isfinite(column))
+        turned = column[known] if options.wrap is None else np.unwrap(column[known], period=options.wrap)
+        wild = known[outliers(turned * scale)]
+        if len(wild):
+            column[wild] = np.nan
+            notes.append(f"{axis}: outliers removed: {len(wild)}")
+    return notes
 
 
 def _jumps(angles: NDArray[np.float64]) -> bool:

@@ -11,12 +11,11 @@ from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, period
 from dpr_lab.identification.misread.moving_arm_balance import arm_balance, is_unit, wrong_unit
 from dpr_lab.identification.misread.torque_balance import inertia_bounds, torque_balance
 from dpr_lab.shown import percent
-from dpr_lab.storage.tables.columns import TO_SECONDS
+from dpr_lab.storage.tables.columns import TO_RADIANS, TO_SECONDS
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, QuestionSettings, TableQuestion
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.readings import SETTINGS as READ
 from dpr_lab.storage.tables.readings import (
-    TO_RADIANS,
     OtherReading,
     ReadTable,
     angles,

@@ -12,14 +12,13 @@ from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, energy_zeros
 from dpr_lab.identification.misread.torque_balance import TorqueBalance, torque_balance
 from dpr_lab.rig import Rig
-from dpr_lab.storage.tables.columns import AXES, TO_SECONDS
+from dpr_lab.storage.tables.columns import AXES, TO_RADIANS, TO_SECONDS
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import unwrapped
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Array]
 """By axis, (n,) values in the unit of the table."""
-TO_RADIANS = {"rad": 1.0, "deg": np.pi / 180}
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,14 +124,6 @@ def angles(values: Values, options: ImportOptions, rig: Rig, path: Path) -> tupl
     return np.stack([smooth.get("theta0", np.zeros_like(theta1)), theta1, theta2]).T, None
 
 
-def wrap_notes(values: Values, options: ImportOptions) -> list[str]:
-    """A note for each axis that the logger wrapped."""
-    if options.wrap or options.unit == "counts":
-        return []
-    scaled = in_radians(values, options)
-    return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in scaled.items() if unwrapped(x) is not x]
-
-
 def in_radians(values: Values, options: ImportOptions) -> dict[str, Array]:
     """Values of a table without counts, rad."""
     assert options.unit is not None
@@ -188,23 +179,24 @@ def _as_counts(read: ReadTable) -> OtherReading | None:
     if read.options.unit == "counts" or read.options.offset or read.options.scale or not whole:
         return None
     counted = replace(read, options=replace(read.options, unit="counts", wrap=None))
-    fit = energy_fit(read.t, counted.rods(read.values, counted.options), None, read.rig)
-    if fit is not None and fit.residual <= SETTINGS.right / SETTINGS.alike:
-        moved: OtherReading | None = OtherReading((), (), read.values, counted.options)
-    else:
-        moved = _with_other_zeros(counted)
+    right = _conserves(energy_fit(read.t, counted.rods(read.values, counted.options), None, read.rig))
+    moved = OtherReading((), (), read.values, counted.options) if right else _with_other_zeros(counted)
     if moved is None:
         return None
     causes = ("the angles are counts of the encoders", *moved.causes)
     return replace(moved, causes=causes, words=("--unit", "counts"))
 
 
+def _conserves(fit: EnergyFit | None) -> bool:
+    """Whether the energy of a free swing shows that an interpretation is right."""
+    return fit is not None and fit.residual <= SETTINGS.right / SETTINGS.alike
+
+
 def _with_other_zeros(read: ReadTable) -> OtherReading | None:
     """Correct the zeros of the rods so that a free swing conserves its energy; None if no zeros do."""
     rods = read.rods(read.values, read.options)
     added = energy_zeros(read.t, rods, read.rig)
-    refitted = None if added is None else energy_fit(read.t, rods + added, None, read.rig)
-    if added is None or refitted is None or refitted.residual > SETTINGS.right / SETTINGS.alike:
+    if added is None or not _conserves(energy_fit(read.t, rods + added, None, read.rig)):
         return None
     return _with_zeros(read, added)
 
@@ -251,8 +243,7 @@ def _by_energy(read: ReadTable, balancing: tuple[float, float]) -> tuple[float, 
     added = energy_zeros(read.t, rods, read.rig)
     if added is None or abs((added[0] - balancing[0] + np.pi) % (2 * np.pi) - np.pi) > SETTINGS.wrong_zero_rad:
         return balancing
-    fit = energy_fit(read.t, rods + added, None, read.rig)
-    return added if fit is not None and fit.residual <= SETTINGS.right / SETTINGS.alike else balancing
+    return added if _conserves(energy_fit(read.t, rods + added, None, read.rig)) else balancing
 
 
 def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
@@ -261,7 +252,7 @@ def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
     if options.unit != "counts":
         from_pi = np.abs((np.asarray(added) % (2 * np.pi)) - np.pi)
         if from_pi.max() < SETTINGS.wrong_zero_rad:  # the rest is an error of the zero, which a diagnosis names
-            return _changed(values, options, read.columns, True, False, False, False)
+            return _changed(values, options, read.columns, zero=True)
         return with_zeros(values, options, added)
     turned = (rig.encoders.joint_angles.of_rods(added) + np.pi) % (2 * np.pi) - np.pi
     counts = np.round(turned / np.asarray(rig.radians_per_count)[1:])
@@ -315,10 +306,10 @@ def other_readings(
     of_joints = (False, True) if both_rods else (False,)
     for zero, reference, sign, swap in product(zeros, references, of_joints, of_joints):
         if zero or reference or sign or swap:
-            yield _changed(values, options, columns, zero, reference, sign, swap)
+            yield _changed(values, options, columns, zero=zero, reference=reference, sign=sign, swap=swap)
     for unit, (zero, reference) in product(() if counted else ("rad", "deg"), product(zeros, references)):
         if unit != options.unit:
-            other = _changed(values, options, columns, zero, reference, False, False)
+            other = _changed(values, options, columns, zero=zero, reference=reference)
             yield replace(
                 other,
                 causes=(f"the angles are in {unit}", *other.causes),
@@ -369,10 +360,11 @@ def _changed(
     values: Values,
     options: ImportOptions,
     columns: Mapping[str, str],
-    zero: bool,
-    reference: bool,
-    sign: bool,
-    swap: bool,
+    *,
+    zero: bool = False,
+    reference: bool = False,
+    sign: bool = False,
+    swap: bool = False,
 ) -> OtherReading:
     causes, words, changed = [], [], dict(values)
     if swap:

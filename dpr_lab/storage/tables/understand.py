@@ -25,9 +25,16 @@ from dpr_lab.storage.tables.clock_wrap import continues_across, unwrapped_times,
 from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, with_still_joint2
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
-from dpr_lab.storage.tables.plausible import PLAUSIBLE, check_spacing, gap_notes, outliers, recorded_by_stamps
+from dpr_lab.storage.tables.plausible import (
+    PLAUSIBLE,
+    check_spacing,
+    drop_outliers,
+    gap_notes,
+    recorded_by_stamps,
+    wrap_notes,
+)
 from dpr_lab.storage.tables.questions import questions, refuse_push
-from dpr_lab.storage.tables.readings import TO_RADIANS, angles, wrap_notes
+from dpr_lab.storage.tables.readings import angles, in_radians
 from dpr_lab.storage.tables.table import Table
 from dpr_lab.storage.tables.time_stamps import even_times, stamps_at_gaps
 from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, held_torque, torque_column
@@ -105,7 +112,7 @@ def understand(
     _check_forwards(table, t, options, readings)
     t, rounded = even_times(t, readings)
     unrecorded += [rounded] if rounded else []
-    outliers = _drop_outliers(readings, rig, options)
+    outliers = drop_outliers(readings, rig, options)
     t, misplaced = stamps_at_gaps(t, {axis: _unwrapped(column, options) for axis, column in readings.items()})
     unrecorded += [misplaced] if misplaced else []
     recorded = [
@@ -186,7 +193,8 @@ def _understood(
     theta, counts = angles(read.values, options, rig, path)
     if options.arm in ("free", "driven"):
         refuse_still_arm(theta[:, 0], options.arm, path)
-    notes += wrap_notes(read.values, options) + gap_notes(time)
+    wraps = [] if counts is not None or options.wrap else wrap_notes(in_radians(read.values, options))
+    notes += wraps + gap_notes(time)
     origin = float(read.t[np.isfinite(read.t)][0])
     driven, arm = next(iter(read.torques.values()), None), options.arm != "clamped"
     mounted = as_mounted(theta, rig.rods.mounting, str(path))
@@ -380,18 +388,3 @@ def _refuse_coarse_times(
 def _counted_notes(empty: int, doubled: int) -> list[str]:
     notes = [f"rows without a value (NaN), treated as gaps: {empty}"] if empty else []
     return notes + ([f"rows with the same time as the previous row, removed: {doubled}"] if doubled else [])
-
-
-def _drop_outliers(readings: dict[str, NDArray[np.float64]], rig: Rig, options: ImportOptions) -> list[str]:
-    """Replace outliers by NaN and note their number."""
-    notes = []
-    for axis, column in readings.items():
-        counted = abs(rig.radians_per_count[AXES.index(axis)]) if options.unit == "counts" else None
-        scale = (counted or TO_RADIANS[options.unit or "rad"]) * abs(options.scale.get(axis, 1.0))
-        known = np.flatnonzero(np.isfinite(column))
-        turned = column[known] if options.wrap is None else np.unwrap(column[known], period=options.wrap)
-        wild = known[outliers(turned * scale)]
-        if len(wild):
-            column[wild] = np.nan
-            notes.append(f"{axis}: outliers removed: {len(wild)}")
-    return notes
