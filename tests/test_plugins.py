@@ -221,6 +221,20 @@ def test_readers_links_searches_and_formats(announce: Announce) -> None:
     assert run(code, site).stdout == "()\nTrue bench log mine loop\n"
 
 
+def test_the_help_of_a_command_lists_the_plugins_that_extend_it(announce: Announce) -> None:
+    """Without importing them: this one cannot be imported."""
+    site = announce("own", "raise RuntimeError", exports="list = own:FORMAT")
+    code = """
+    from dpr_lab.cli.app import app
+    for words in (["export"], ["identify"], ["--no-plugins", "export"]):
+        app([*words, "--help"], prog_name="dpr-lab", standalone_mode=False)
+        print("END")
+    """
+    export, identify, without = run(code, site).stdout.split("END\n")[:3]
+    assert export.endswith("\nFormats of plugins:\n  list  own 1.0\n")
+    assert "own 1.0" not in identify + without
+
+
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A fresh environment with the template installed by pip, without a network; it sees the lab of this one."""

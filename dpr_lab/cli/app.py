@@ -9,6 +9,7 @@ import typer
 from typer.main import get_group
 
 from dpr_lab.cli.listing import Listing
+from dpr_lab.cli.plugin_listing import PluginListing
 from dpr_lab.plugins.installed import OFF
 from dpr_lab.version import __version__
 
@@ -71,7 +72,7 @@ class LazyCommands(UserDict[str, Any]):
         if isinstance(command, typer.Typer):
             program.add_typer(command, name=name)
         else:
-            program.command(name)(command)
+            program.command(name, cls=PluginListing)(command)
         return get_group(program).commands[name]
 
 

@@ -13,6 +13,7 @@ import typer
 from dpr_lab.cli.checks import Elbow, RigName, Rods
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 from dpr_lab.cli.listing import Listing
+from dpr_lab.cli.plugin_listing import PluginListing
 from dpr_lab.storage.tables.options import ImportOptions, TypedOption, parse_recorded_at, typed_options
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ def _options(typed: Mapping[str, Any]) -> ImportOptions:
 
 
 import_table.__signature__ = _with_options(import_table)  # pyright: ignore[reportFunctionMemberAccess]
-app.command("table")(import_table)
+app.command("table", cls=PluginListing)(import_table)
 app.command("csv", help="The same as `import table`. Example: dpr-lab import csv swing.csv --rig paper")(import_table)
 
 
