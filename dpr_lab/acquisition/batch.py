@@ -1,7 +1,7 @@
 """Messages of one read of the link, and its samples as arrays."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ class Batch:
     """Samples with complete ticks and positions, and with their torques if the device has drives."""
     messages: tuple[Message, ...]
     """All other messages."""
+    lost_before: Mapping[str, int] = field(default_factory=dict)
+    """Losses of the device before this batch, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
 
 
 def torques_of(rows: Sequence[AnyRow], unit_uNm: int) -> NDArray[np.float64] | None:

@@ -84,6 +84,8 @@ class Device:
         self._torques: TorquePairs | None = None
         self._rate_hz = 0
         self._batches: deque[Batch] = deque()
+        self._lost_before: dict[str, int] = {}
+        """Losses up to the newest batch."""
         self._bytes = self._frames = self._meaningless = 0
         self._held: Row | None = None
         """The newest sample is delayed until the next one arrives; it is discarded if the next one contradicts it."""
@@ -337,7 +339,9 @@ class Device:
         sampled = any(frame.number == NUMBERS[Sample] for frame in received.frames)
         self._check_silence(received.host_time, sampled or any(not isinstance(m, Pong) for m in messages))
         if received.raw or messages:
-            self._batches.append(Batch(received.host_time, received.raw, tuple(rows), tuple(messages)))
+            batch = Batch(received.host_time, received.raw, tuple(rows), tuple(messages), self._lost_before)
+            self._batches.append(batch)
+            self._lost_before = self.losses
 
     def _trusted(self, sample: Sample) -> list[Row]:
         """The previous sample, unless this one contradicts it."""

@@ -75,24 +75,20 @@ class RestWindow:
 
     def __init__(self, rate_hz: int, window_s: float) -> None:
         self.batches: deque[Batch] = deque()
-        self._lost: deque[Mapping[str, int]] = deque()
         self._rate_hz = rate_hz
         self._ticks = round(window_s * rate_hz)
 
     @property
     def lost_before(self) -> Mapping[str, int]:
-        """Losses of the device at the arrival of the oldest batch; empty for an empty window."""
-        return self._lost[0] if self._lost else {}
+        """Losses of the device before the oldest batch; empty for an empty window."""
+        return self.batches[0].lost_before if self.batches else {}
 
-    def add(self, batches: Iterable[Batch], lost: Mapping[str, int]) -> None:
-        """Add new batches and the current losses; remove samples older than the window."""
-        for batch in batches:
-            self.batches.append(batch)
-            self._lost.append(lost)
+    def add(self, batches: Iterable[Batch]) -> None:
+        """Add new batches; remove samples older than the window."""
+        self.batches.extend(batches)
         newest = next((batch.rows[-1].tick for batch in reversed(self.batches) if batch.rows), 0)
         while len(self.batches) > 1 and _last_tick(self.batches[0]) < newest - self._ticks:
             self.batches.popleft()
-            self._lost.popleft()
 
     def motion(self, rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """Times (n,), s, and angles (n, 3), rad, of the window; None until it is full."""
@@ -258,7 +254,7 @@ class HeldPose:
         batches = self._device.poll(timeout)
         raise_faults(self._device.url, batches)
         _raise_if_open(self._device.url, batches)
-        self.window.add(batches, self._device.losses)
+        self.window.add(batches)
         motion = self.window.motion(self._rig)
         if motion is None:
             return "the device has not streamed a full second of samples yet"

@@ -50,7 +50,6 @@ class Script:
     status = Status(State.STREAMING, Fault.NONE, latched=True, overruns=0, dropped=0, sent=0)
 
     def __init__(self, rig: Rig, pose: str, offsets: list[float], shaking: float = 0.0) -> None:
-        self.losses = {"tick_gap": 0}
         self._batches: list[Batch] = []
         for second, offset in enumerate(offsets):
             theta = np.tile(rig.poses[pose].theta, (1000, 1))
@@ -67,11 +66,20 @@ def test_only_the_newest_second_of_the_wait_is_kept(paper: Rig) -> None:
     window = RestWindow(1000, window_s=1.0)
     script = Script(paper, "X1", [0.0] * 20)
     for _ in range(20):
-        window.add(script.poll(0), script.losses)
+        window.add(script.poll(0))
     assert [batch.rows[0].tick for batch in window.batches] == [18_000, 19_000]
     motion = window.motion(paper)
     assert motion is not None
     assert motion[0][-1] == 19.999
+
+
+def test_losses_of_batches_that_arrive_together_are_counted_where_they_happened() -> None:
+    """A busy host reads several batches at once; only those that stay in the window count in the recording."""
+    window = RestWindow(1000, window_s=1.0)
+    rows = [tuple(Row(tick, (0, 0, 0)) for tick in range(first, first + 1000)) for first in (0, 1000, 2000, 3000)]
+    window.add(Batch(float(at), b"", row, (), {"torque": 5 * at}) for at, row in enumerate(rows))
+    assert window.batches[0].rows[0].tick == 2000
+    assert window.lost_before == {"torque": 10}
 
 
 def test_rods_knocked_while_the_operator_thinks_are_not_released(paper: Rig) -> None:
