@@ -1,5 +1,6 @@
 import os
 import pty
+import re
 import threading
 import time
 import tty
@@ -146,8 +147,12 @@ def test_nobody_there_says_what_to_check(silent_port: str) -> None:
 
 def test_wrong_baud_rate_is_told_from_silence(simulated) -> None:
     with Device(open_transport(simulated(baud=115_200).url.replace("115200", "921600"))) as device:
-        with pytest.raises(LinkTimeout, match=r"\d+ bytes arrived and no valid frame: 921600 baud is probably wrong"):
-            device.connect(timeout=0.5)
+        for timeout in (0.5, 5.0, 50.0):  # on a loaded machine the first bytes take longer
+            with pytest.raises(LinkTimeout) as caught:
+                device.connect(timeout)
+            if "bytes arrived" in str(caught.value):
+                break
+    assert re.search(r"\d+ bytes arrived and no valid frame: 921600 baud is probably wrong", str(caught.value))
 
 
 @pytest.mark.parametrize(
@@ -233,11 +238,11 @@ def test_busy_caller_loses_neither_lease_nor_samples(simulated) -> None:
 
 
 def test_what_arrived_before_the_cable_was_pulled_is_given_first(simulated) -> None:
-    with Device(open_transport(simulated(fault=("cut_after_s=0.5",)).url)) as device:
+    with Device(open_transport(simulated(fault=("cut_after_s=10",)).url)) as device:  # half a second of real time
         device.connect()
         device.hold()
         device.stream(1000)
-        time.sleep(0.3)
+        time.sleep(0.8)
         ticks: list[int] = []
         with pytest.raises(DeviceLost, match="the port is lost"):
             poll_on(device, ticks)

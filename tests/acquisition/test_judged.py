@@ -57,7 +57,7 @@ def test_how_the_rods_hang_is_seen_before_they_are_raised(paper: Rig, tmp_path: 
         assert again.quality.ok
     with bench() as (device, _):
         seen.clear()
-        options = CaptureOptions(duration=0.5, pose_timeout=1.0)
+        options = CaptureOptions(duration=0.5, pose_timeout=2.0)
         with pytest.raises(SafetyStop, match="away, tolerance"):
             capture(device, load_rig(askew), "X1", options, tmp_path / "runs", seen.append, agree)
     (hanging,) = (reading for reading in seen if isinstance(reading, HangReading))

@@ -60,7 +60,7 @@ def test_the_message_of_a_single_rod_names_it(paper: Rig, tmp_path: Path, bench,
         bench(rig=file, hand_error=0.4, fault=["constant_encoder2=0"]) as (device, _),
         pytest.raises(SafetyStop, match=r"the outer rod is \+0\.\d+ rad away"),
     ):
-        capture(device, rig, "X1", CaptureOptions(pose_timeout=1.0), tmp_path, confirm=agree)
+        capture(device, rig, "X1", CaptureOptions(pose_timeout=2.0), tmp_path, confirm=agree)
 
 
 def test_both_rods_swinging_although_one_is_given_are_reported(paper: Rig, tmp_path: Path, bench, agree) -> None:

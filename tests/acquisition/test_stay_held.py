@@ -14,12 +14,14 @@ from dpr_lab.rig import Rig
 from firmware_protocol.messages import NUMBERS, Fault, Release, State, Status
 from firmware_protocol.stream import Row
 
+PLACED_S = 2.0
+"""Time after which the rods are at rest, s; they move for half a second, and a loaded machine shows them late."""
 SHORT = CaptureOptions(duration=1.0, pose_timeout=3.0, rest_timeout=3.0)
 
 
 def test_rods_off_the_pose_are_never_released(paper: Rig, tmp_path: Path, bench, settled, agree) -> None:
     seen: list[Progress] = []
-    options = CaptureOptions(pose_timeout=0.6)
+    options = CaptureOptions(pose_timeout=PLACED_S)
     with bench(hand_error=0.3) as (device, spy):
         with pytest.raises(SafetyStop, match=r"rod is \+0\.\d+ rad away, tolerance 0.05 rad; nothing was released"):
             capture(device, paper, "X1", options, tmp_path, seen.append, agree)

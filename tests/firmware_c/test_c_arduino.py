@@ -60,5 +60,5 @@ def test_the_sketch_keeps_to_the_protocol(sketch: Path) -> None:
         os.close(master)
         os.close(slave)
     # Whether every tick was in time is this computer's affair.
-    assert [(one.what, one.said) for one in found if not one.ok and "tick" not in one.what] == []
+    assert [(one.what, one.message) for one in found if not one.ok and "tick" not in one.what] == []
     assert len(found) >= 15

@@ -48,10 +48,8 @@ def test_a_host_at_the_wrong_baud_rate_sees_bytes_and_no_frame(bench):
     url = bench.serve(link="pty", baud=921_600)
     host = bench.connect(url.replace("921600", "115200"))
     host.end.write(host.session.hello(host.now()))
-    host.run_for(0.8)
-    assert host.end.bytes_in > 0
+    host.until(lambda: host.end.bytes_in > 0 and host.session.outcome is not None)
     assert host.messages == []
-    assert host.session.outcome is not None
 
 
 def test_a_rate_of_no_standard_is_a_rate_too(bench):
@@ -152,14 +150,14 @@ def test_dropped_samples_are_reported(bench):
 
 
 def test_cut_after_takes_the_link_away(bench):
-    host = bench.host(link="pty", clock="fast", fault=("cut_after_s=0.5",))
+    host = bench.host(link="pty", clock="fast", fault=("cut_after_s=10",))
     host.do(Hold())
     host.do(Stream(rate_hz=1000))
     with pytest.raises(OSError, match=r"failed|no data|Input/output error"):
-        host.run_for(5.0)
+        host.run_for(60.0)
     bench.thread.join(60.0)
     assert not bench.thread.is_alive()
-    assert 100 <= len(host.of(Sample)) <= 1600  # what was on its way is lost
+    assert 100 <= len(host.of(Sample)) <= 11_100  # what was on its way is lost, up to some thousands
 
 
 def test_reset_after_restarts_the_device_once(bench):

@@ -85,7 +85,7 @@ def test_a_certain_mistake_is_questioned_with_the_option_that_mends_it(
         ("wild/constant_theta1", "is constant while theta2 turns.*--rods outer"),
         ("free/constant_theta2", "is constant while theta1 turns.*--rods inner.*--elbow clamped"),
         ("free/constant_both", "the rods are at rest throughout"),
-        ("wild/held_middle", "held between 2 motions.*--start-s 0 --duration-s 1.*--start-s 2.*--keep-rest"),
+        ("wild/held_middle", "contains 2 swings.*--start-s 0 --duration-s 1.*--start-s 2.*--keep-rest"),
         ("free/six_rows", "only 6 rows of a swing"),
     ],
 )
@@ -311,7 +311,7 @@ def test_a_run_that_was_imported_with_its_held_start_is_cut_when_it_is_read(
     import_csv(middle.write(tmp_path), paper, ImportOptions(keep_rest=True), tmp_path / "middle.mcap")
     assert read_runs([tmp_path / "middle.mcap"], paper, ignore)[0].keep_rest
     before = as_imported_before(tmp_path / "middle.mcap", tmp_path / "old_middle.mcap")
-    with pytest.raises(RunError, match="held between 2 motions"):
+    with pytest.raises(RunError, match="contains 2 swings"):
         read_runs([before], paper, ignore)
 
 

@@ -81,8 +81,7 @@ async def test_the_rod_is_drawn_at_once_next_to_its_arm(driven, until):
         await pilot.press("3")
         pendulum = driven.query_one(Pendulum)
         await until(pilot, lambda: pendulum.size.width > 1)
-        await pilot.pause(0.5)
-        assert pendulum._canvas_size == pendulum.size
+        await until(pilot, lambda: pendulum._canvas_size == pendulum.size)
 
 
 async def test_a_clamped_arm_is_not_drawn_from_above(app, until, monkeypatch):
