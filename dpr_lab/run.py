@@ -121,7 +121,7 @@ class Run(Shown):
         """A copy of the run with one kind of torques or arm input, `measured` or `commanded`; None: the default.
 
         Raises:
-            RunError: it holds none of that kind.
+            RunError: the run has no torques or inputs of that kind.
         """
         if kind is None or (self.torques is None and self.arm_input is None):
             return self

@@ -43,9 +43,10 @@ class Torques:
         return _knots(self)
 
     def earlier(self, share: float) -> Torques:
-        """Shift each torque to an earlier time, by a share of the interval from the previous instant.
+        """Shift each torque to an earlier time, by a share (0 to 1) of the interval from the previous instant.
 
-        With one half they are samples of a continuous signal. Every share from 0 to 1 contains the instant itself.
+        With a share of 1/2, each torque is held in the interval around its instant, as suits samples of a continuous
+        signal.
         """
         return replace(self, t=self.t - share * np.diff(self.t, prepend=2 * self.t[:1] - self.t[1:2]))
 

@@ -285,7 +285,7 @@ def refuse_with_rods(rods_are_off: bool) -> None:
     """Check that the operator confirmed that no rods are mounted.
 
     Raises:
-        DprError: they did not.
+        DprError: the operator did not confirm it.
     """
     if not rods_are_off:
         raise DprError(

@@ -36,7 +36,7 @@ def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float
 
 @subroutine
 def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float]:
-    """Torques of friction, N m, required to hold the joints of direction 0; without meaning for the others."""
+    """Friction torques that hold the joints of direction 0 at rest, N m; undefined for the other joints."""
     across = rods.inertia2 + rods.coupling
     of_both, outer = rods.torque1 + rods.torque2, rods.torque2
     rest1, rest2 = direction1 == 0.0, direction2 == 0.0

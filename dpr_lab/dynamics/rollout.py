@@ -28,10 +28,10 @@ LANES = 32
 """Number of lanes: four registers of eight doubles hide the latency of a division."""
 
 GUARD = 0.05
-"""Largest sum of the squared rotations of a step, rad^2, nudges times `NUDGE_WEIGHT`: a rotation by 0.2 rad in the
-step.
+"""Maximum sum of the squared rotations in a step, rad^2, in which those of nudges are multiplied by `NUDGE_WEIGHT`.
 
-The truncated series then have an error of 3e-14, or 2e-13 if a single rotation has the whole sum.
+It corresponds to a rotation by 0.2 rad in the step. The truncated series then have an error of 3e-14, or of 2e-13 for a
+single rotation.
 """
 
 NUDGE_WEIGHT = 100.0

@@ -135,8 +135,8 @@ def free_part(motion: RodMotion, name: str) -> FreePart:
         origin = t[0] if motion.origin is None else motion.origin
         parts = "; ".join(f"--start-s {t[i] - origin:.5g} --duration-s {t[j - 1] - t[i]:.5g}" for i, j in swings)
         raise RunError(
-            f"{name}: the rods are held between {len(swings)} motions. Import each as a separate run: {parts}; if"
-            " they were free, --keep-rest"
+            f"{name}: the recording contains {len(swings)} swings, between which the rods are held. Import each as a"
+            f" separate run: {parts}. If nobody held the rods, use --keep-rest"
         )
     ((first, stop),) = swings
     rest = next((begin for begin, end in held if end == first), first)
@@ -223,9 +223,10 @@ def _still_stretches(motion: RodMotion, band: float) -> list[tuple[int, int]]:
 
 
 def _turns(motion: RodMotion, first: int, stop: int) -> bool:
-    """Whether the readings of an interval show the turning point of a swing: a significant parabola towards hanging.
+    """Whether an interval contains a turning point of a swing: a significant parabola that accelerates towards hanging.
 
-    In noisy readings of a slow rod, for example of a film, a turning point lies within the band for a long time.
+    Near a turning point, the noisy readings of a slow rod, for example from a video, stay within the band for a long
+    time, like those of a rod at rest.
     """
     t, rods = motion.t[first:stop], motion.rods[first:stop]
     if not _free(motion) or len(t) < HELD.fewest:

@@ -2,8 +2,8 @@
 
 An amplitude whose interval contains zero is set to zero, so that a spring with an insignificant cubic term is a linear
 spring, which every format with springs can hold. The other values are then their conditional means in the joint normal
-distribution: x - C_xz C_zz^-1 z. A named effect keeps its amplitudes if all of them are insignificant. An effect that
-is in the fit of every rig of this kind, and is not named, is left out then.
+distribution: x - C_xz C_zz^-1 z. A named effect keeps its amplitudes if all of them are insignificant. Effects that
+are fitted to every rig of this kind are omitted if they are insignificant and not named.
 """
 
 from collections.abc import Collection, Mapping, Sequence

@@ -42,8 +42,8 @@ class DifferenceSteps:
     amplitude: float = 1e-3
     """Increment of an amplitude, relative to its typical size."""
     dry_arm: float = 0.1
-    """Relative increment of the Coulomb friction of an arm: where its direction changes, a step is divided, which
-    changes the swing more than a thousandth of the friction does.
+    """Relative increment of the Coulomb friction of an arm. A smaller increment changes the swing less than the
+    division of the integration steps at changes of direction does.
     """
     shape: float = 1e-5
     """Relative increment of a shape parameter: a frequency error of 1e-3 gives a phase error after ten seconds."""

@@ -56,7 +56,7 @@ class GaussNewton:
     shorten: float = 0.3
     """Factor of a step that did not reduce the cost."""
     shorten_segment: float = 0.1
-    """Factor of the initial-state step of a segment that alone got worse."""
+    """Factor on the initial-state steps of segments whose cost increases, if these are at most half of the segments."""
     least_damping: float = 1e-9
     """Initial damping, for columns of unit norm."""
     lower_damping: float = 0.1

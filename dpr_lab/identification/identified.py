@@ -63,7 +63,7 @@ def determined(ratio_uncertainty: RatioUncertainty) -> RatioUncertainty:
     """Check an uncertainty.
 
     Raises:
-        IdentificationError: it is not finite: the runs do not determine the ratios.
+        IdentificationError: the uncertainty is not finite, because the runs do not determine the ratios.
     """
     if not (np.isfinite(ratio_uncertainty.values).all() and np.isfinite(ratio_uncertainty.covariance).all()):
         raise IdentificationError(

@@ -276,10 +276,10 @@ class Model(Shown, _Record):
         return self.model_copy(update={"ratios": alone, "fitted": five})
 
     def scaled_ratios(self) -> "Model":
-        """The model with the base parameters of its ratios, which move as in its comparison with recordings.
+        """A copy of the model with base parameters computed from its ratios, as in comparisons with recordings.
 
-        The base parameters of an identification are those of the nine parameters, which the bounds of the rig file may
-        pull away from ratios of large uncertainty.
+        The base parameters of an identification are computed from the nine parameters. The bounds of the rig file may
+        shift these away from ratios of large uncertainty.
         """
         values = self.base["b"].value * base_from_ratios([ratio.value for ratio in self.all_ratios.values()])
         pairs = zip(self.base.items(), values.tolist(), strict=True)
@@ -387,7 +387,7 @@ def refuse_unknown_effects(effects: Mapping[str, Mapping[str, float]], path: Pat
     """Check that this version knows the effects of a model file.
 
     Raises:
-        RunError: it does not.
+        RunError: an effect is unknown to this version.
     """
     for name, values in effects.items():
         known = [parameter.name for parameter in EFFECTS[name].parameters] if name in EFFECTS else []

@@ -123,7 +123,7 @@ def _instants(limits: PlanLimits, rate_hz: int) -> Array:
 
 
 def _shaped(t: Array, highest_hz: float) -> Iterator[tuple[SignalKind, Array]]:
-    """Signals of each kind, up to a quarter of their rate."""
+    """Signals of each kind, with frequencies up to a quarter of the sampling rate."""
     for kind, shape in SHAPES.items():
         yield kind, shape(t, SIGNALS.lowest_hz, min(highest_hz, 0.25 / t[1]))
 

@@ -130,7 +130,7 @@ def refuse_tilted(joint: ModelJoint, axis: Vector, what: str, notes: list[str]) 
     """Compare the axis of a joint with `axis`, which `what` describes; a small angle is added to the notes.
 
     Raises:
-        ConfigError: they are not parallel.
+        ConfigError: the axes are not parallel.
     """
     angle = _between(joint.axis, axis)
     if angle > CHAIN.parallel:

@@ -118,7 +118,7 @@ def _inside(file: Path, folder: Path, place: str) -> Path:
     """The file with links resolved.
 
     Raises:
-        ConfigError: it is outside the folder.
+        ConfigError: the file is outside the folder.
     """
     try:
         real = file.resolve()

@@ -103,7 +103,7 @@ class Scan:
         """Last clock fit written during the recording; empty if there is none.
 
         Raises:
-            RunError: it does not have the layout of a run.
+            RunError: the message does not have the layout of a run file.
         """
         try:
             return json_object(self.read.clock) if self.read.clock else {}

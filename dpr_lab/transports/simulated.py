@@ -120,7 +120,7 @@ def _ready_url(url: str, child: ChildProgram) -> str:
     """URL of the child from its first line.
 
     Raises:
-        LinkUrlError: it refuses its arguments.
+        LinkUrlError: the child refuses its arguments.
         LinkError: the line did not arrive in time or has another content.
     """
     patience_s = PATIENCE.start_s if simulator_compiled() else PATIENCE.first_start_s

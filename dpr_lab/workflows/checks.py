@@ -87,7 +87,7 @@ def refuse_no_poses(rig: "Rig") -> None:
     """Check that the rig has at least one pose.
 
     Raises:
-        ConfigError: it has none.
+        ConfigError: the rig has no pose.
     """
     if not rig.poses:
         raise ConfigError(

@@ -17,9 +17,7 @@ meanwhile.
 """
 
 LONGEST_STEP = 0.01
-"""Under the fast clock, device time is skipped for the duration of a stall instead of being produced at once, wall
-s.
-"""
+"""Maximum wall time by which the fast clock advances at once, s; the rest of a longer stall is skipped."""
 
 
 PATIENCE = 6.0

@@ -96,9 +96,9 @@ class DriveConfig(_Table):
     offset_Nm: tuple[Finite, Finite] = (0.0, 0.0)
     """Torque at each joint that acts from the release on and is not reported, N m."""
     ripple: tuple[tuple[Finite, Finite], tuple[Finite, Finite]] = ((0.0, 0.0), (0.0, 0.0))
-    """Ripple of the torque at each joint: fractions of cosine and sine of"""
+    """Ripple of the torque at each joint: relative amplitudes of cos(n q) and sin(n q), with the joint angle q."""
     ripple_order: NotNegative = 6.0
-    """this multiple of its angle."""
+    """Order n of the ripple, periods per turn."""
     unit_uNm: Annotated[int, Field(gt=0, lt=1 << 32)] = 100
     """Resolution of commanded and reported torques."""
 

@@ -98,7 +98,7 @@ def drawn_fault(seed: int, wanted: EffectRequest = ANY_FAULT) -> DriveFault | No
     """One of `FAULTS` or none, all equally probable, or the one that is requested by name.
 
     Raises:
-        ConfigError: it is no fault of drives.
+        ConfigError: the requested effect is not a fault of drives.
     """
     rng = generator(seed, RandomStream.DRAW)
     names = list(wanted.effects) or [*FAULTS, None]

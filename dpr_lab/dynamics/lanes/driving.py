@@ -122,7 +122,7 @@ def set_torques(w: LaneWorkspace, drive: Drive, run: NDArray[np.int64], knot: ND
 
 @subroutine
 def unloaded_motor(w: LaneWorkspace, drive: Drive, run: NDArray[np.int64]) -> None:
-    """Fill the row `drift0`: rotation of the arm's motor inside its backlash, from the share `followed0` to `share`."""
+    """Fill the row `drift0`: the arm's motor turns in its backlash between `followed0` and `share` of a step, rad."""
     arm = drive.arm
     for k in range(LANES):
         w.drift0[k] = 0.0

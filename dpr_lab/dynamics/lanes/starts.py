@@ -102,7 +102,7 @@ def begin_segment(k: int, piece: Piece, block: LaneBlock, buffers: Buffers) -> N
 
 @subroutine
 def _leave_idle(k: int, samples: LaneSamples, after: NDArray[np.float64]) -> None:
-    """Make the readings of lane k and its internal states not finite."""
+    """Set the readings of lane k and its internal states to NaN, because its segment cannot be integrated."""
     for n in range(samples.size[k] * samples.columns):
         samples.out[samples.first[k] + n] = np.nan
     for n in range(len(after)):

@@ -231,7 +231,7 @@ def joint1_at(w: LaneWorkspace, k: int) -> Joint:
 
 @inlined
 def joint2_at(w: LaneWorkspace, k: int) -> Joint:
-    """Joint 2 of lane k, in the same way."""
+    """Joint 2 of lane k, as `joint2` of its motion, without loading unused values."""
     return Joint(
         w.stage_t[k],
         w.stage_theta2[k] - w.stage_theta1[k], w.stage_omega2[k] - w.stage_omega1[k],

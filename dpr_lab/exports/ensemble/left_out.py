@@ -14,8 +14,8 @@ posterior is kept if v is as expected by chance. Otherwise the standard deviatio
 
     t / z ((n + R v) / (n + R))^(1/2),    t = quantile of Student's distribution with n + R degrees of freedom,
 
-because R recordings are few observations of a variance. n is the number of recordings that the expectation v = 1 counts
-as.
+because R recordings are few observations of a variance. n is the weight of the
+expectation v = 1, as a number of recordings.
 
 Source: Student (1908), The probable error of a mean, Biometrika 6, 1-25; M. Stone (1974), Cross-validatory choice and
 assessment of statistical predictions, Journal of the Royal Statistical Society B 36, 111-147; R. G. Miller (1974), The

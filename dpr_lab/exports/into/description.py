@@ -97,7 +97,7 @@ class _File:
         """Index of the element of a joint.
 
         Raises:
-            ConfigError: it is not in the file itself.
+            ConfigError: the element is not in the file itself.
         """
         index = edit.find("joint", name=name)
         if index is None:

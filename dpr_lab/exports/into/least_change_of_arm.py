@@ -143,7 +143,7 @@ def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[s
 
 
 def _tolerances(model: MovingArmModel) -> dict[str, float]:
-    """Determined parameters -> relative difference within which the number of the file stays."""
+    """Determined parameter -> relative difference up to which the number of the file is not changed."""
     gain, scale = GAINS.get(model.input, "").format(model.scale), model.absolute[model.scale]
     tolerances = {model.scale: CHANGE.same}
     if model.input and scale.fixed_by == "data":  # the scale over the known torque per input

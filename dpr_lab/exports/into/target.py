@@ -30,7 +30,7 @@ class PatchSettings:
     """Tolerances for equal values."""
 
     same: float = 1e-6
-    """Relative difference of L1 and g between the rig file and the model."""
+    """Maximum relative difference of L1 and g between the rig file and the model."""
     digits: int = 9
     """Significant digits of a written number."""
     negligible: float = 1e-9
@@ -111,7 +111,7 @@ def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None
     """Compare the rods of a file with L1, m, and g, m/s^2, of a rig. The length of a single rod does not matter.
 
     Raises:
-        ConfigError: they differ.
+        ConfigError: the rods or g differ.
     """
     length = chain.rods[0].length if len(chain.rods) == 2 else L1
     for name, in_file, wanted in (("L1", length, L1), ("g", chain.gravity, g)):

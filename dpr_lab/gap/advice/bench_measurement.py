@@ -101,7 +101,7 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
         largest: upper limit of both
 
     Raises:
-        RunError: it is not finite, too large, or of the wrong sign.
+        RunError: a number is not finite, too large, or of the wrong sign.
     """
     assert check.quantity is not None
     quantity = check.quantity

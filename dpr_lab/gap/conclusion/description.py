@@ -74,7 +74,7 @@ def description(
 
 
 def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Description:
-    """An arm that hits a stop, if no effect explains its contact: it is the cause then."""
+    """A stop that the arm hits, as the cause if no effect explains the contact."""
     explained = at_noise_floor(selection.chosen) or selection.share_explained >= RULES.closed
     if explained or HARD_STOP_JOINT0.name in selection.chosen.effects:
         return Description()

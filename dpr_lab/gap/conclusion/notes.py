@@ -42,15 +42,16 @@ def _families(named_families: Sequence[NamedFamily]) -> Iterator[str]:
 
 
 def delay_at_backlash(effects: Sequence[str]) -> Iterator[str]:
-    """An input delay next to a backlash of the arm's gear, which may cause it.
+    """A note if an input delay is named together with a backlash of the arm's gear, which may cause it.
 
-    In the law of this backlash the motor has no inertia. A real motor takes some time to cross it, as after a delay.
+    The model of this backlash neglects the inertia of the motor. A real motor takes some time to cross it, which
+    resembles a delay.
     """
     if {BACKLASH_JOINT0.name, INPUT_DELAY.name} <= set(effects):
         yield (
-            "The input delay may be the time that the motor needs to cross the backlash of its gear, because the law of"
-            " the backlash contains no inertia of the motor; these recordings cannot separate them. Record with torques"
-            " of one sign, which keeps the gear in contact: a delay of the input remains visible there."
+            "The input delay may be the time that the motor needs to cross the backlash of its gear, because the"
+            " model of the backlash neglects the inertia of the motor; these recordings cannot separate them. Record"
+            " with torques of one sign, which keep the gear in contact: only a delay of the input remains visible."
         )
 
 

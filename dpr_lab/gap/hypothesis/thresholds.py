@@ -30,7 +30,7 @@ class Thresholds:
     while a residual remains.
     """
     beyond_chance: float = NORMAL_Q90
-    """Standard errors of the difference of two given sets, estimated likewise: exceeded by chance in one of twenty."""
+    """Standard errors, estimated likewise, that the difference of two given sets exceeds by chance in 5 % of cases."""
     fewest_segments: int = 10
     """Minimum number of segments for an estimate of their scatter."""
     takes_over: float = 2.0

@@ -24,7 +24,7 @@ from dpr_lab.shown import Row, Shown, percent
 from dpr_lab.whole_file import regular
 
 UNCERTAIN = "Nothing above the noise floor remains, but the causes are uncertain."
-"""Last sentence of the verdict on a gap that effects explain completely, although none of their causes is sure."""
+"""Last sentence of the verdict if effects explain the whole gap, but none of the causes is certain."""
 
 
 class SensorFinding(Saved):

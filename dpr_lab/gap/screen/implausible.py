@@ -19,8 +19,8 @@ class ImplausibleSettings:
     goes_on: float = 0.25
     """Fraction of the motion per sample by which the rod must move just before and after a repeated reading."""
     catches_up: float = 0.6
-    """Least change of the first new reading after repeated ones, in units of the motion since the last new reading: it
-    contains the motion that the repeated ones lack. A rod that vibrates moves on where it stood.
+    """Minimum change of the first new reading after repeated ones, in units of the motion since the last new one. It
+    contains the motion that the repeated readings lack; a vibrating rod that was at rest continues from its place.
     """
     reach: int = 4
     """Number of samples on either side for the speed, so that a single wrong instant has little influence."""

@@ -30,7 +30,7 @@ class InputRules:
     """Thresholds from which another sign or unit is the likely cause."""
 
     still: float = 6.0
-    """Range of the arm's angle, in standard deviations of a reading, below which the arm does not move."""
+    """Range of the arm's angle, in standard deviations of a reading, below which the arm counts as at rest."""
     suspicious: float = 20.0
     """Reduced chi-square from which other signs and scales are tested."""
     likely: tuple[str, ...] = (SPRING_JOINT0.name, COULOMB_JOINT0.name)
@@ -66,7 +66,7 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
 
     Raises:
         RunError: the arm does not move, although it is described as moving.
-        IdentificationError: another sign or unit explains the recordings; it is named.
+        IdentificationError: another sign or unit explains the recordings; the message names it.
     """
     if not recordings.arm_moves:
         return
@@ -144,7 +144,7 @@ def _refuse_other_angles(recordings: Recordings, start: Array, as_read: Fit) -> 
     """Refuse the opposite sign of theta0, another zero of the rods, and half or twice the angles.
 
     Raises:
-        IdentificationError: one of them explains the recordings; it is named.
+        IdentificationError: one of these interpretations explains the recordings; the message names it.
     """
     mirrored = _fitted(_mirrored(recordings), start, RULES.likely)
     if _far_better(mirrored, as_read, RULES.better):
@@ -158,7 +158,7 @@ def _refuse_scale(recordings: Recordings, start: Array, as_read: Fit) -> None:
     """Refuse half or twice the angles of the arm or of the rods.
 
     Raises:
-        IdentificationError: another scale explains the recordings; it is named.
+        IdentificationError: another scale explains the recordings; the message names it.
     """
     tried = [(_fitted(_scaled(recordings, scale), start, RULES.likely), scale) for scale in SCALED_READINGS]
     best, scale = min(tried, key=lambda pair: pair[0].chi2)
@@ -170,7 +170,7 @@ def _refuse_measured_scale(recordings: Recordings) -> None:
     """Refuse angles of another scale or unit, which the acceleration of the last rod shows.
 
     Raises:
-        IdentificationError: it is named.
+        IdentificationError: the angles have another scale or unit; the message names it.
     """
     for run in _moving(recordings):
         if scale := wrong_scale(run.t, run.theta, recordings.rig):

@@ -13,8 +13,8 @@ with a delay between that of an empty and that of a full queue. Therefore
     a row that differs from the one before by several counts     has the delay D,
     a row in a series of single counts                           has an unknown delay up to D.
 
-Rows of an even sampling rate are never so: at a turning point, a reading that changes by one count per row before
-and after it is repeated in between.
+Rows sampled at an even rate do not show this pattern: if the reading changes by one count per row before and after a
+turning point, it is repeated at the turning point.
 """
 
 from dataclasses import dataclass
@@ -31,29 +31,30 @@ class QueueSettings:
     """Limits of the test for rows that wait in a queue."""
 
     series: int = 4
-    """Successive single counts after a turning point from which rows wait in a queue. With an even sampling rate,
-    the constant acceleration there allows three.
+    """Minimum number of successive single counts after a turning point that shows a queue. With an even sampling rate
+    there are at most three, because the acceleration is nearly constant there.
     """
     turns: int = 2
     """Minimum number of turning points with such a series."""
     most_turns: float = 0.5
-    """Minimum fraction of the turning points with such a series: noise of the readings reverses their changes too."""
+    """Minimum fraction of the turning points with such a series: noise of the readings causes turning points too."""
     excluded: int = 2
-    """Successive single counts for which the queue need not be full."""
+    """Minimum number of successive single counts after which the queue may not be full, so that the row is excluded."""
     repeats: float = 0.01
     """Maximum fraction of rows that repeat the one before, outside of pauses."""
     full: float = 0.5
-    """Minimum fraction of the rows with a full queue: the others are excluded."""
+    """Minimum fraction of the rows with a full queue; the other rows are excluded."""
     least: float = 1.0
-    """Minimum deviation of a series in time from the motion around it, in median intervals of the rows: stamps that
-    were taken with the readings deviate by nothing.
+    """Minimum time by which a series deviates from the motion around it, in median intervals of the rows. It is zero if
+    each row is stamped when it is read.
     """
     on_grid: float = 0.02
     """Maximum deviation of a change from whole counts, in counts."""
     span: float = 1.5
-    """Rows on either side of a series, relative to its length, whose polynomial measures its delay."""
+    """Number of rows on either side of a series to which a polynomial is fitted, relative to the number in the series.
+    """
     degree: int = 4
-    """Degree of that polynomial."""
+    """Degree of the polynomial, from which the delay of the series is measured."""
     grid: int = 1000
     """Number of instants at which the polynomial is compared with the readings."""
 
@@ -70,7 +71,7 @@ class QueuedRows:
     series: int
     """Number of series of such rows that follow a turning point."""
     differ_s: float
-    """Difference of their delay from that of the full queue after turning points, s: a median."""
+    """Median difference between their delay after turning points and that of the full queue, s."""
 
     @property
     def evidence(self) -> str:
@@ -129,7 +130,7 @@ def _whole_changes(joints: Array) -> NDArray[np.int64] | None:
 
 
 def _difference(t: Array, joints: Array, rows: Flags, series: slice) -> float:
-    """Median deviation of a series of rows in time, s, from the polynomial through the other rows around it."""
+    """Median time by which a series of rows deviates from the polynomial through the rows around it, s."""
     length = series.stop - series.start
     around = np.arange(
         max(0, series.start - int(QUEUE.span * length)), min(len(t), series.stop + int(QUEUE.span * length))

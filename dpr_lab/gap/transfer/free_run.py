@@ -84,7 +84,7 @@ class FreeRuns:
     def errors(self) -> dict[str, FreeRunError]:
         """Error of each run after the readings to which its initial state was fitted; runs that end there are omitted.
 
-        Errors are not finite from where the model cannot be simulated.
+        Errors are NaN from the instant from which the model cannot be simulated.
         """
         error, t = self.problem.measured - self.predicted, self.problem.t
         by_run = {}

@@ -10,7 +10,7 @@ the gap that the effect closes is not significantly below half of that in the fi
 free runs, of held-out runs if there are any, are not confirmed. An effect that does not carry over explains the fitted
 recordings only. If there is a single release, its quarters are held out in turn, and an effect that fails is not
 withdrawn, but not sure either. If all effects together increase the gap of the data that were not fitted, none is sure.
-Fewer segments than quarters predict nothing from each other: nothing is then refuted, and nothing is sure.
+With fewer segments than quarters no held-out test is possible: no effect is then refuted, and none is sure.
 
 The sum alone has little power if the reduction is largest in a few segments, because its scatter is then as large as
 the sum. The signed ranks detect a reduction in all segments.

@@ -136,8 +136,8 @@ class FittedSets:
     def described(self, model: Hypothesis) -> Hypothesis:
         """The bare model with the corrections of the rig file that a set contains.
 
-        What it leaves is the gap of which the other effects explain parts. A wrong length may cause twenty times as
-        much, and is no law of the rig.
+        The other effects explain parts of the gap that remains with this model. An error of the rig file, for example
+        of a length, may cause a gap twenty times as large, and is not a property of the rig.
         """
         corrections = [name for name in model.effects if self.library[name].corrects]
         if not corrections:
@@ -362,9 +362,10 @@ def _chi2(model: Hypothesis) -> float:
 
 
 def rises(problem: Problem, model: Hypothesis, deviations: float = 2.0) -> bool:
-    """Whether gravity would lift the inner rod, by more than some standard deviations, and an effect hold it down.
+    """Whether the gravity torque of the inner rod is significantly negative, so that gravity would lift the rod.
 
-    In swings of similar amplitude, an effect that depends on the angle can stand for gravity with any factor.
+    In swings of similar amplitude, an effect that depends on the angle can replace gravity, and compensate for a
+    gravity torque of the wrong size or sign.
     """
     estimate, constants, place = model.fit.estimate, problem.model.constants, RATIOS.index("e1/b")
     free = [i for i, p in enumerate(model.fit.free) if p.block == "ratios" and p.place == place]

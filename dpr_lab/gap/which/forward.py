@@ -67,10 +67,10 @@ def forward_selection(max_effects: int, *, to_floor: bool = False) -> Move:
 def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor: bool) -> Iterator[Proposal]:
     """The best set of each size.
 
-    Far from the noise, a single effect that does not reduce the excess does not stop the search: two effects of similar
-    size may reduce it only together. It ends as soon as the noise of known torques is refuted, because it is then
-    repeated without this noise (`dpr_lab.gap.known_torques`). Down to the noise, at least one effect is fitted before:
-    the linear test of a backlash says little about its fit.
+    Far from the noise, the search continues after one effect that does not reduce the excess, because two effects of
+    similar size may reduce it only together. The search ends as soon as it refutes the noise of known torques, because
+    it is then repeated without this noise (`dpr_lab.gap.known_torques`). With `to_floor`, at least one effect is fitted
+    before this test, because a linear test predicts the reduction by a backlash poorly.
     """
     best, front, passed = start, [start], False
     for _ in range(max_effects - len(sets.unexpected(start))):

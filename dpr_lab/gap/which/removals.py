@@ -83,14 +83,14 @@ def _predicts_better(sets: FittedSets, current: Hypothesis, proposal: Proposal) 
 
 
 def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """While a residual remains: the set without the effect that contributes least beyond other forms of the rest.
+    """Propose the set without the effect that contributes least of its own, while a residual remains.
 
-    An effect without which hardly any of the reduction remains is not proposed, because it compensates for nothing
-    else, nor one that every rig has. All removed effects together may not increase the excess far above that of the
-    best fitted set.
+    The own contribution of an effect is the part of its reduction that no other form of the remaining effects
+    explains. Effects that every rig has are never proposed, nor effects whose removal increases the excess far above
+    that of the best fitted set.
 
-    Free functions in place of an effect of many amplitudes follow one of few amplitudes, whichever of both is the
-    cause. If the set without the former explains as much, it is proposed instead: the effect of few amplitudes stays.
+    A free function can replace an effect with few amplitudes, whether or not this effect is the cause. If the set
+    without an effect of more amplitudes explains as much, it is therefore proposed first.
     """
     if at_noise_floor(current) or len(current.effects) < 2:
         return
@@ -116,7 +116,7 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
 
 def _compensates_for_another_form(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     if np.isnan(proposal.value):
-        return Decision(True, "of two effects that explain the same, the one with fewer amplitudes stays")
+        return Decision(True, "of two effects that explain the same part, the one with fewer amplitudes is kept")
     share = f"{percent(proposal.value)} of its reduction is explained by no other form of the remaining effects"
     return Decision(proposal.value < THRESHOLDS.own_share, share)
 
@@ -168,7 +168,7 @@ CROSS_VALIDATION = Move(
 OWN_SHARE = Move(
     "own share",
     "while the residual exceeds the noise, an effect is removed if other functional forms of the remaining"
-    " effects explain the same residual; of two such effects the one with fewer amplitudes stays",
+    " effects explain the same residual; of two such effects the one with fewer amplitudes is kept",
     _without_least_own,
     _compensates_for_another_form,
     then="repeat",

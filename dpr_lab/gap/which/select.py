@@ -146,7 +146,7 @@ def _predicts_whole_segments(sets: FittedSets, current: Hypothesis, proposal: Pr
 
 
 def _revised(sets: FittedSets, state: SearchState) -> SearchState:
-    """The state after the first revision that is accepted and that the moves after it do not make worse than before."""
+    """The state after the first successful revision: one that is accepted and still better after the next moves."""
     for revision, moves in REVISIONS:
         after = apply(revision, sets, state)
         if after.current is state.current:

@@ -1,7 +1,7 @@
 r"""Balance of the last rod of a moving arm: whether its acceleration can be that of a rod that the arm moves.
 
-The last rod, the inner one or the outer one of two, with its angle th, the angle q of the arm and, of two rods, the
-angle th1 of the inner one, obeys (docs/theory.md, three coordinates)
+The last rod is the outer one of two, or the only one. With its angle th, the angle q of the arm and, of two rods, the
+angle th1 of the inner one, it obeys (docs/theory.md, three coordinates)
 
     al = k1 sin(th) + k2 cos(th) q'' + k3 sin(th) cos(th) q'^2 + k4 w + k5 s(w)
          + k6 cos(th1 - th) al1 + k7 sin(th1 - th) w1^2 + k8 w1 + k9 sin(th1) cos(th) q'^2
@@ -33,11 +33,11 @@ class ArmBalanceSettings:
     """Limits of the balance of a rod on a moving arm."""
 
     broken: float = 0.2
-    """Share of the acceleration that the equation does not explain from which the unit is doubted: right units of 33
-    simulated rigs left at most 0.15, degrees declared as rad at least 0.92, rad declared as degrees at least 0.27.
+    """Relative residual above which the unit is doubted. On 33 simulated rigs it was at most 0.15 in the right unit, at
+    least 0.92 for degrees declared as rad, and at least 0.27 for rad declared as degrees.
     """
     better: float = 4.0
-    """Factor by which this share must fall in the other unit."""
+    """Factor by which the relative residual must fall in the other unit."""
     scaled: float = 1.5
     """Factor from which the scale of the arm's angle is doubted."""
     agree: float = 1.2
@@ -45,11 +45,11 @@ class ArmBalanceSettings:
     differently, and a wrong L0 changes only one of them.
     """
     sure: float = 3.0
-    """Standard deviations of the squared scale."""
+    """Number of standard deviations by which the squared scale must exceed a limit."""
     degrees: float = 1.4
-    """Factor within which a scale is that of degrees: noise reduces the scale by up to 1.3."""
+    """Factor within which a scale counts as that of degrees; noise reduces an estimated scale by a factor up to 1.3."""
     simple: float = 1.15
-    """Factor within which a scale is one half or two."""
+    """Factor within which a scale counts as 1/2 or 2."""
 
 
 ARM_BALANCE = ArmBalanceSettings()
@@ -60,18 +60,21 @@ class ArmBalance:
     """Fit of the last rod's equation."""
 
     residual: float
-    """Share of the acceleration that the equation does not explain, rms; nan with too few rows."""
+    """Relative residual: rms of the residual over rms of the acceleration; NaN with too few rows."""
     gravity: float = 0.0
     """Coefficient of gravity, 1/s^2: positive, unless the zero of the rod is off by half a turn."""
     coupled: float = 1.0
-    """Scale f of the arm's angle by the coupling with its acceleration."""
+    """Estimate of the scale f of the arm's angle from the coupling with the arm's acceleration."""
     squared: float = 1.0
-    """f^2 by the coupling with its squared speed."""
+    """Estimate of f^2 from the coupling with the squared speed of the arm."""
     squared_std: float = np.inf
 
     @property
     def arm_scale(self) -> float | None:
-        """True angle of the arm relative to its reading, 1 unless it certainly differs; None without agreement."""
+        """True angle of the arm relative to its reading; None if the two estimates of it disagree.
+
+        It is 1 unless it differs significantly.
+        """
         limits, reach = ARM_BALANCE, ARM_BALANCE.sure * self.squared_std
         if not (self.residual < limits.broken and self.squared > reach and self.coupled != 0.0):
             return None
@@ -82,7 +85,7 @@ class ArmBalance:
 
     @property
     def is_right(self) -> bool:
-        """Whether signs, zero and scales of the angles are right: the coefficients are those of the rig."""
+        """Whether the coefficients are those of the rig, so that signs, zeros and scales of the angles are right."""
         near_one = self.gravity > 0.0 < self.coupled and abs(log(self.coupled)) < log(ARM_BALANCE.scaled)
         return near_one and self.arm_scale == 1.0
 
@@ -135,14 +138,14 @@ def wrong_unit(residual: float, converted: float, settings: ArmBalanceSettings =
 
 
 def is_unit(scale: float | None, factor: float) -> bool:
-    """Whether a scale is the factor of a unit."""
+    """Whether a scale is, within the noise, the conversion factor of a unit."""
     return scale is not None and abs(log(scale / factor)) < log(ARM_BALANCE.degrees)
 
 
 def wrong_scale(t: Array, theta: Array, rig: Rig) -> ScaledReadings | None:
     """Another scale of the angle of the arm, or degrees declared as rad; None if the readings show neither.
 
-    Where degrees of the rods leave the scale of the arm open, it is in degrees too.
+    If the rods are in degrees and the scale of the arm is undetermined, the arm is assumed to be in degrees too.
 
     Args:
         t: (n,) s

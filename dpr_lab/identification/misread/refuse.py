@@ -24,7 +24,7 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
     """Check that recordings can belong to the rig.
 
     Raises:
-        IdentificationError: they cannot; the message names the probable cause, which was tested.
+        IdentificationError: the rig cannot have produced them; the message names the probable cause, which was tested.
         RunError: a run without enough samples or motion in any interpretation.
     """
     if moves(runs):
@@ -81,7 +81,7 @@ def refuse_negative_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> None
         rig: the rig of the recordings
 
     Raises:
-        IdentificationError: they are not; the message names the probable cause.
+        IdentificationError: a ratio or b is not positive and finite; the message names the probable cause.
     """
     *ratios, b, _ = unknown.tolist()
     nominal = float(unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))[SCALE])

@@ -31,10 +31,10 @@ class MisreadSettings:
     tried_s: float = 2.5
     """Examined duration of each run in the test of other interpretations, s."""
     screened_s: float = 1.0
-    """Duration of the first run to which another interpretation is fitted first, s."""
+    """Duration of the part of the first run in a quick test of each interpretation, before all runs are fitted, s."""
     worse: float = 3.0
-    """Factor by which chi2 of this part must exceed the largest one of interest of all runs; the noise of a part is
-    estimated from fewer readings.
+    """Factor by which the reduced chi-square of this part must exceed the limit for all runs to reject an
+    interpretation. It is above 1 because the noise of a part is estimated from fewer readings.
     """
     suspicious: float = 0.02
     """Residual over the standard deviation of the angle. Free rods reach 2e-4 for a clean plant, 0.002 and 0.065

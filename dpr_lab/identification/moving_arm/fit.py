@@ -66,7 +66,7 @@ class ArmFit:
     misfit: float = 0.0
     """Reduced chi-square at the noise of the readings if the joints are weighted by their residuals; otherwise 0."""
     merges: tuple[tuple[float, float], ...] = ()
-    """Median length of the segments, s, and reduced chi-square: of the first segments and after each merge."""
+    """(median segment length, s; reduced chi-square) for the first segments and after each merge."""
 
     @property
     def values(self) -> Array:

@@ -22,21 +22,21 @@ class InputRows:
     """Limits of this test."""
 
     doubted: float = 1.1
-    """Reduced chi-square above which it is made."""
+    """Reduced chi-square above which the test is made."""
     better: float = 1.3
     """Factor by which the reduced chi-square must fall, as for an additional effect of a diagnosis."""
     least: float = 0.1
     """Smallest delay that is reported, as a share of the interval between rows."""
     explained: float = 0.8
-    """Share of the excess chi-square that a delay after the rows must explain: it is an effect of the drive, and other
-    effects resemble it in part.
+    """Share of the excess chi-square that a delay after the rows must explain. Such a delay is an effect of the drive,
+    which other effects can resemble.
     """
     alike: float = 1.1
-    """Ratio of reduced chi-squares up to which no delay is preferred to a delay, and then a held input to a continuous
-    one.
+    """Factor by which the reduced chi-square must fall for a delay to be preferred to none, and for a delayed
+    continuous input to be preferred to a delayed held one.
     """
     step_s: float = 0.004
-    """Smallest step of the delay."""
+    """Minimum step of the delay, s."""
     most_steps: float = 8.0
     """Largest distance of a delay from the tried ones, in steps; the parabola is not valid farther away."""
 
@@ -46,7 +46,7 @@ INPUT_ROWS = InputRows()
 
 @dataclass(frozen=True, slots=True)
 class _InputModel:
-    """The input between and after its rows, and the misfit with it."""
+    """Interpolation and delay of the input, with the misfit of the fit that uses it."""
 
     delay_s: float
     """Delay after the rows, s."""
@@ -58,7 +58,7 @@ class _InputModel:
 
 @dataclass(frozen=True, slots=True)
 class _Tested:
-    """The fit whose segments are fitted again with another input."""
+    """A fit whose segments are fitted again with other interpolations and delays of the input."""
 
     fit: ArmFit
     runs: Sequence[Run]
@@ -68,7 +68,7 @@ class _Tested:
         """Fit with an input that acts with a delay, and is held or changes between rows.
 
         Raises:
-            IdentificationError: it cannot be fitted.
+            IdentificationError: the segments cannot be fitted with this input.
         """
         runs = [replace(run, input_delay_s=delay_s, continuous=continuous) for run in self.runs]
         problem = problem_of(recordings_of(runs, self.rig), self.rig, self.fit.problem.cuts, self.fit.problem.max_step)
@@ -87,7 +87,7 @@ class _Tested:
 
 
 def other_input(fit: ArmFit, misfit: float, runs: Sequence[Run], rig: Rig) -> str:
-    """Sentence with the options that correct an input that acts otherwise than held from row to row; else empty.
+    """Options of the import that describe the input better than stated, as a sentence; empty if there are none.
 
     Args:
         fit: fit with the input as the runs state it
@@ -134,12 +134,12 @@ def _tried(tested: _Tested, run: Run, interval: float) -> tuple[_InputModel, _In
 
 
 def _preference(model: _InputModel) -> float:
-    """Reduced chi-square, increased by the factor of inputs that are preferred less."""
+    """Reduced chi-square, multiplied by a penalty for a delay, and for a continuous signal with a delay."""
     return model.misfit * INPUT_ROWS.alike ** ((1 + model.continuous) if model.delay_s else 0)
 
 
 def _cause(model: _InputModel, interval: float) -> str:
-    """How the input acts."""
+    """Interpolation and delay of the input in words."""
     late = f"{1e3 * model.delay_s:.3g} ms after its rows" if model.delay_s > 0 else ""
     if model.continuous:
         return f"the input of the arm changes between its rows, as a continuous signal{late and f', and acts {late}'}"

@@ -37,7 +37,7 @@ class ArmFitSummary(BaseModel):
     converged: bool
     """Whether the fit converged."""
     merges: list[tuple[Number, Number]] = []
-    """Length of the segments, s, and reduced chi-square: of the first segments and after each merge."""
+    """(segment length, s; reduced chi-square) for the first segments and after each merge."""
 
 
 class MovingArmModel(Shown, BaseModel):

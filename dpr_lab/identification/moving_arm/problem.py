@@ -166,10 +166,10 @@ def _recording(run: Run, rig: Rig) -> ArmRecording:
 
 
 def _line(t: Array, torques: Torques) -> tuple[Array, Array]:
-    """(n - 1,) mean, and derivative, of the line with the mean and the first moment of the input between (n,) instants.
+    """(n - 1,) mean and (n - 1,) slope of a linear input in each interval between (n,) instants.
 
-    With a constant input of this mean the angles would be wrong by the relative error (w T)^2/12 at the angular
-    frequency w and the interval T.
+    The line has the mean and the first moment of the input in the interval. A constant with this mean would cause a
+    relative error (w T)^2/12 of the angles at the angular frequency w and the interval T.
     """
     knots, impulse = torques.arm_knots
     fine = np.union1d(knots, t)

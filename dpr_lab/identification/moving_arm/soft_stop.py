@@ -9,8 +9,8 @@ x are 1, q, q', sgn(q'), the input, s_i^2 q'' + 2 q' s_i c_i th_i' and c_i th_i'
 term of their coupling. The angles Q are scanned; all coefficients follow by linear least squares from local
 polynomials, without the rig file's values.
 
-A cable that stiffens gradually, or cogging, also reduces the residual of a stop, but less than it reduces that of its
-own torque. A stop is therefore named only if it reduces the residual more than the smooth torque K2 q^2 + K3 q^3 does.
+The residual of a cable that stiffens gradually, or of cogging, is also reduced by a stop, but less than by the smooth
+torque K2 q^2 + K3 q^3. A stop is therefore named only if it reduces the residual more than this torque does.
 """
 
 from dataclasses import dataclass
@@ -37,19 +37,19 @@ class SoftStopSettings:
     angles: int = 12
     """Number of angles that are tried at each end."""
     better: float = 3.0
-    """Factor by which stops must reduce the residual; it is below 1.5 on rigs without a fault, with Coulomb friction or
-    drag.
+    """Factor by which stops must reduce the residual. On rigs without a stop, with or without Coulomb friction or drag,
+    they reduce it by a factor below 1.5.
     """
     separated: float = 1.5
-    """Factor by which stops must reduce it more than a smooth torque. On 96 simulated rigs each it was at least 1.6
-    with a stop, except for one, and at most 1.03 with a cubic cable or cogging.
+    """Factor by which stops must reduce the residual more than a smooth torque does. It was at least 1.6 on 95 of 96
+    simulated rigs with a stop, and at most 1.03 on 96 rigs with a stiffening cable or cogging.
     """
     rarely: float = 0.25
     """Largest share of the time beyond a stop."""
     contacts: int = 2
     """Smallest number of contacts."""
     certain: float = 5.0
-    """Factor from which a single contact is enough."""
+    """Factor of the reduction from which a single contact is enough."""
 
 
 SOFT_STOP = SoftStopSettings()
@@ -79,7 +79,7 @@ class _Trial:
 
 
 def soft_stop(run: Run, rig: Rig) -> SoftStop | None:
-    """The stop that explains most of what the arm's equation leaves; None without one.
+    """The stop that explains most of the residual of the arm's equation; None without one.
 
     Args:
         run: a recording with a moving arm
@@ -155,7 +155,7 @@ def _smooth_reduction(angle: Array, basis: Array, rest: Array) -> float:
 
 
 def _reduction(stops: tuple[_Trial, ...], rest: Array) -> float:
-    """Factor by which stops that push inwards reduce the residual (k,); 1 without such stops."""
+    """Factor by which stops reduce the residual (k,); 1 if one of them does not push inwards."""
     if not stops:
         return 1.0
     columns = np.column_stack([stop.column for stop in stops])

@@ -37,7 +37,7 @@ def refuse_large(path: Path, values: int) -> None:
         values: number of values, declared or counted
 
     Raises:
-        RunError: it contains more.
+        RunError: the file contains more numbers.
     """
     most = text_table.LIMITS.values
     if values > most:
@@ -52,7 +52,7 @@ def refuse_swollen(path: Path, size: int) -> None:
         size: unpacked size in bytes, declared or counted
 
     Raises:
-        RunError: it does.
+        RunError: the unpacked size exceeds the limit.
     """
     if size > most_unpacked(path):
         raise RunError(

@@ -46,10 +46,10 @@ class PointSettings:
     share_of_repeats: float = 0.1
     """Share of such frames from which they are repeated frames: the noise of a slow motion imitates a few."""
     straight: float = 1e-3
-    """Second difference of a point in units of its median, below which the point is interpolated between others."""
+    """Second difference of a point, relative to their median, below which the point counts as interpolated."""
     fine: float = 20.0
-    """Minimum median of the second differences in units of the resolution of the table: whole pixels lie on straight
-    lines by chance.
+    """Minimum median of the second differences, in units of the resolution of the table, for a test of interpolated
+    points; coarser coordinates, such as whole pixels, lie on straight lines by chance.
     """
     frames_of_speed: int = 8
     """Ratio of an interval of motion to half the interval over which its speeds are measured."""

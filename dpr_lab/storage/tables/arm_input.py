@@ -110,7 +110,7 @@ def refuse_silent(values: NDArray[np.float64], name: str, path: object, least: f
     """Check that the input is not zero throughout, and exceeds `least` N m, A, V or rad/s^2 somewhere.
 
     Raises:
-        RunError: it is.
+        RunError: the input is zero throughout, or never exceeds `least`.
     """
     if not np.any(values):
         raise RunError(f"{path}: the input {name!r} is zero throughout: the arm was not driven; use --arm free")

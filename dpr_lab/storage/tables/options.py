@@ -210,7 +210,7 @@ def parse_recorded_at(text: str) -> str:
     """A date unchanged, a date and time converted to UTC; a time without a zone is local time.
 
     Raises:
-        ValueError: it is neither, or is in the future.
+        ValueError: the text is neither a date nor a date and time, or is in the future.
     """
     text = text.strip()
     try:

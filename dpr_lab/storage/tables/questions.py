@@ -101,7 +101,7 @@ def refuse_push(table: InterpretedTable, origin: float, settings: PushSettings =
     """Refuse rods that start to swing from the hanging rest without a known drive.
 
     Raises:
-        RunError: they were pushed; the message names the option that excludes the push.
+        RunError: the rods were pushed; the message names the option that excludes the push.
     """
     rest, start = table.part.rest, table.part.start
     if start == rest or not table.free:
@@ -317,7 +317,7 @@ def _pose_questions(table: InterpretedTable, settings: QuestionSettings) -> list
     """Doubts about the pose of the release.
 
     Raises:
-        RunError: it is another pose.
+        RunError: the release is at another pose.
     """
     if table.options.pose is None:
         return []

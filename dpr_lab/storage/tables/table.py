@@ -196,7 +196,7 @@ def _names(early: list[list[str]], comments: Sequence[Line], delimiter: str | No
 
 
 def _otherwise_separated(early: list[list[str]], delimiter: str | None, width: int) -> list[list[str]]:
-    """Rows of names whose delimiter is not that of the numbers, with one name for each column."""
+    """Header rows with another delimiter than the numbers, and one name for each column."""
     lines = [(delimiter or " ").join(row) for row in early]
     split = [line.split(other) for line in lines for other in (*DELIMITERS, None)]
     return [names for names in split if len(names) == width]

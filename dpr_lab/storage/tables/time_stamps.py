@@ -5,7 +5,7 @@ number determines the times: t_i = t_0 + i T, and each written time differs from
 apart from a constant. Rows of an uneven logger, or lost rows, violate this.
 
 Stamps at gaps: a logger that pauses, for example while it writes to a card, may take the stamp of a row before the
-pause and its reading after it, or the opposite. The reading then continues the motion on the other side of the gap.
+pause and its reading after it, or vice versa. The reading then continues the motion on the other side of the gap.
 """
 
 from collections.abc import Mapping
@@ -19,30 +19,30 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class StampSettings:
-    """Limits from which stamps are rounded, or on the wrong side of a gap."""
+    """Limits for the detection of rounded stamps, and of stamps on the wrong side of a gap."""
 
     shared: float = 0.1
-    """Minimum share of rows with the time of the row before but other readings."""
+    """Minimum share of rows with the time but not the readings of the row before."""
     slack: float = 1.2
-    """Maximum range of the deviations from an even spacing, in units of the resolution; exact arithmetic gives 1."""
+    """Maximum range of the deviations from an even spacing, in units of the resolution; 1 in exact arithmetic."""
     times: int = 10
     """Minimum number of different times."""
     digits: int = 6
     """Maximum number of significant digits of a rounded time."""
     gap_steps: float = 3.0
-    """Minimum length of a gap, in median steps: at a shorter one both instants are nearly the same."""
+    """Minimum length of a gap, in median steps; at a shorter gap the instants on both sides are nearly the same."""
     fitted: int = 6
-    """Rows on one side of a gap whose parabola predicts the next reading."""
+    """Number of rows on one side of a gap to which a parabola is fitted, which predicts the reading next to it."""
     usual: float = 0.95
-    """Quantile of the errors of such predictions elsewhere in the table, their usual size."""
+    """Quantile of the prediction errors elsewhere in the table that is taken as their usual size."""
     elsewhere: int = 1000
-    """Maximum number of rows, evenly spaced over the table, that determine it."""
+    """Maximum number of rows, evenly spaced over the table, from which the usual size is determined."""
     far: float = 1e3
-    """Maximum distance of a predicted instant, in units of the duration of the rows that predict it."""
+    """Maximum distance of an instant from the fitted rows, in units of their duration, at which they predict it."""
     misfit: float = 4.0
-    """Minimum error of a reading at its stamp, in units of the usual size, in at least one column."""
+    """Minimum prediction error at the recorded stamp, in units of the usual size, in at least one column."""
     fit: float = 2.0
-    """Maximum error on the other side of the gap, in units of the usual size, in all columns."""
+    """Maximum prediction error with the stamp on the other side of the gap, in the same units, in all columns."""
 
 
 SETTINGS = StampSettings()

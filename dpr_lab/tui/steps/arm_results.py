@@ -59,7 +59,7 @@ def identifiability(model: "MovingArmModel") -> Group:
 
 
 def draw_merges(model: "MovingArmModel", misfit: Chart, length: Chart) -> None:
-    """Draw how the fit went from short segments to the longest that the model follows; it needs no search."""
+    """Draw misfit and segment length after each merge, from short segments to the longest that the model follows."""
     lengths, misfits = np.array(model.fit.merges, dtype=np.float64).reshape(-1, 2).T
     merge = np.arange(len(lengths), dtype=np.float64)
     misfit.show([Series("fit", merge, misfits)], x_label="merge of segments", y_label="reduced chi-square")
