@@ -35,10 +35,14 @@ gc.set_threshold(50_000, 20, 100)  # hundreds of thousands of objects of the lib
 
 STOP_TIMEOUT_S = 60.0
 
+LIVE = {"acquisition", "cli", "faults", "firmware_c", "sim_device", "transports", "tui"}
+"""Folders whose tests talk to running devices. One that fails is repeated once, because a machine may stop for seconds;
+the summary lists it as `RERUN`, and it is a bug in the test or in the product."""
+
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark long tests as slow, compile kernels for all processes, validate written results, and sort the files.
+    """Mark live and slow tests, compile kernels for all processes, validate written results, and sort the files.
 
     Files with the longest time limits come first, then those with the most slow tests: no process then works on one of
     them while the others are finished.
@@ -46,6 +50,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     import_module("tests.one_compiler")
     import_module("tests.valid_files")
     for item in items:
+        if LIVE.intersection(item.nodeid.split("/")):
+            item.add_marker(pytest.mark.flaky(reruns=1))
         if item.get_closest_marker("long") is not None:
             item.add_marker(pytest.mark.slow)
     limits, slow = dict[Path, float](), Counter[Path]()
