@@ -115,6 +115,10 @@ def test_common_names_of_angles_of_encoders_arm_and_a_single_rod(tmp_path):
         "theta2": "enc2_deg",
     }
     assert guess_columns(["time", "arm_angle", "theta1"])["theta0"] == "arm_angle"
+    for unit, names in {"deg": ["Shoulder (deg)", "Elbow (deg)"], "counts": ["inner rod", "outer rod counts"]}.items():
+        assert guess_columns(["Time", *names], unit) == dict(
+            zip(("t", "theta1", "theta2"), ["Time", *names], strict=True)
+        )
     rows = np.column_stack([T, THETA1 - np.pi])
     np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="time,rod_angle", comments="")
     rod = RIG.model_copy(update={"rods": Rods(mounted="inner")})

@@ -229,6 +229,8 @@ def test_two_columns_that_vary_are_asked_for(one: Rig, tmp_path: Path) -> None:
 def test_a_column_named_theta2_is_no_other_rod_if_theta1_is_given(one: Rig, tmp_path: Path) -> None:
     (t, angle), (_, other) = fallen(), fallen(0.8)
     file = table(tmp_path, "t1,theta1,t2,theta2", t, angle, t, other)
+    with pytest.raises(RunError, match=r"next to each other .* --columns t=t1,theta1=NAME"):
+        import_csv(file, one, ImportOptions(zero="hanging"))
     options = ImportOptions(zero="hanging", columns={"t": "t1", "theta1": "theta1"})
     assert import_csv(file, one, options).mounting == "inner"
 

@@ -26,6 +26,7 @@ _ANGLE_NAME = (
     r"|joint{axis}(pos|position)"
 )
 _ARM_NAME = rf"arm(angle|pos|position)?{_ANGLE_UNIT}?"
+_JOINT_NAMES = {"theta1": "shoulder|(inner|upper)(rod|link|arm)", "theta2": "elbow|(outer|lower)(rod|link|arm)"}
 _ROD_NAME = rf"(rod|pendulum)(angle|pos|position)?{_ANGLE_UNIT}?"
 _COUNT_NAME = (
     r"(counts?|enc|encoder){axis}(counts?|ticks?)?|(theta|th|phi|q|angle|joint|pos|position|θ|φ){axis}(counts?|ticks?)"
@@ -62,6 +63,9 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
     patterns = {"t": re.compile(_TIME_NAME.format(unit=_TIME_SUFFIX[time_unit]))}
     for axis, quantity in enumerate(AXES):
         patterns[quantity] = re.compile((_COUNT_NAME if unit == "counts" else _ANGLE_NAME).format(axis=axis))
+    for quantity, joint in _JOINT_NAMES.items():
+        ending = "(counts?|ticks?)?" if unit == "counts" else f"(angle|pos)?{_ANGLE_UNIT}?"
+        patterns[quantity] = re.compile(f"{patterns[quantity].pattern}|({joint}){ending}")
     if unit != "counts":
         patterns["theta0"] = re.compile(f"{patterns['theta0'].pattern}|{_ARM_NAME}")
     named = {q: [n for n in names if p.fullmatch(bare(n))] for q, p in patterns.items()}
@@ -164,6 +168,12 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
         rate = "; for a table without time give --rate-hz" if "t" in missing else ""
         needed = "; both rods are needed" if NO_ROD not in names and missing != ["t"] else ""
         unnamed = all(_NO_NAME.fullmatch(name) for name in names if name != NO_ROD)
+        clocks = [name for name in names if "t" in missing and is_time(re.sub(r"\d+\W*$", "", name))]
+        if len(clocks) > 1:
+            rate = (
+                f"; several recordings next to each other are imported one by one, for example"
+                f" --columns t={clocks[0]},theta1=NAME"
+            )
         points = "; for points of a film add a first line with their names, for example t,x,y" if unnamed else ""
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {available}."
