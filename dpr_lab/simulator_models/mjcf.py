@@ -145,11 +145,9 @@ def _bared(root: Element, path: Path) -> list[str]:
     made = next((element.tag for element in root.iter() if element.tag in REFUSED), None)
     if made is not None:
         raise ConfigError(f"{path}: <{made}> is not expanded: save the compiled model with mj_saveLastXML")
-    massless = _massless_classes(root)
-    fixed_inertia = any(c.get("inertiafromgeom", "auto") == "true" for c in root.iter("compiler"))
+    shapes = _ShapeMasses.of(root)
     for body in root.iter("worldbody"):
-        for child in body.findall("body"):
-            _refuse_masses_of_meshes(child, False, fixed_inertia, massless, path)
+        _refuse_masses_of_meshes(body, False, "main", shapes, path)
     _strip(root, counts)
     notes = [f"{text}: {counts[tag]}" for tag, text in LISTED.items() if counts[tag]]
     return notes + ([f"meshes, not loaded: {counts['mesh']}"] if counts["mesh"] else [])
@@ -179,44 +177,75 @@ def _shaped_by_file(geom: Element) -> bool:
     return bool({"mesh", "hfield"} & set(geom.attrib)) or geom.get("type") in ("mesh", "hfield", "sdf")
 
 
-def _massless_classes(root: Element) -> set[str]:
-    """Default classes whose shapes have no mass."""
-    light = set()
+@dataclass(frozen=True, slots=True)
+class _ShapeMasses:
+    """Which shapes of a file have mass."""
 
-    def visit(default: Element, inherited: bool) -> None:
-        for geom in default.findall("geom"):
-            if "mass" in geom.attrib or "density" in geom.attrib:
-                inherited = _weightless(geom)
-        if inherited:
-            light.add(default.get("class", "main"))
-        for child in default.findall("default"):
-            visit(child, inherited)
+    defaults: dict[str, dict[str, str]]
+    """Default class -> attributes of its shapes, with those that it inherits."""
+    groups: tuple[float, float]
+    """Range of the groups whose shapes have mass."""
+    always: bool
+    """Whether masses come from shapes even if a body has an `<inertial>` element."""
 
-    for default in root.findall("default"):
-        visit(default, False)
-    return light
+    @classmethod
+    def of(cls, root: Element) -> "_ShapeMasses":
+        """From the defaults and compiler options of a file."""
+        defaults: dict[str, dict[str, str]] = {"main": {}}
+
+        def visit(default: Element, inherited: dict[str, str]) -> None:
+            own = {key: value for geom in default.findall("geom") for key, value in geom.attrib.items()}
+            defaults[default.get("class", "main")] = inherited | own
+            for child in default.findall("default"):
+                visit(child, inherited | own)
+
+        for default in root.findall("default"):
+            visit(default, defaults["main"])
+        options = {key: value for compiler in root.iter("compiler") for key, value in compiler.attrib.items()}
+        least, most = ([*options.get("inertiagrouprange", "").split(), "", ""])[:2]
+        return cls(defaults, (_number(least, 0.0), _number(most, 5.0)), options.get("inertiafromgeom") == "true")
+
+    def has_mass(self, geom: Element, inherited: str) -> bool:
+        """Whether a shape has mass; `inherited`: class of the elements around it."""
+        values = self.defaults.get(geom.get("class", inherited), {}) | geom.attrib
+        least, most = self.groups
+        return _number(values.get("mass", values.get("density", "")), 1.0) != 0.0 and (
+            least <= _number(values.get("group", ""), 0.0) <= most
+        )
 
 
-def _weightless(geom: Element) -> bool:
-    return any(geom.get(key, "1").strip() in ("0", "0.0") for key in ("mass", "density"))
+def _number(text: str, default: float) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return default
 
 
-def _refuse_masses_of_meshes(
-    body: Element, moving: bool, from_shapes: bool, massless: set[str], path: Path, inherited: str = "main"
-) -> None:
-    moving = moving or body.find("joint") is not None or body.find("freejoint") is not None
-    inherited = body.get("childclass", inherited)
-    if moving and (from_shapes or body.find("inertial") is None):
-        for geom in body.findall("geom"):
-            light = _weightless(geom) or geom.get("class", inherited) in massless
-            if _shaped_by_file(geom) and not light:
+def _own(parent: Element, inherited: str) -> Iterator[tuple[Element, str]]:
+    """Elements of a body with the default class around them; those in frames too."""
+    inherited = parent.get("childclass", inherited)
+    for child in parent:
+        if child.tag == "frame":
+            yield from _own(child, inherited)
+        else:
+            yield child, inherited
+
+
+def _refuse_masses_of_meshes(body: Element, moving: bool, inherited: str, shapes: _ShapeMasses, path: Path) -> None:
+    own = list(_own(body, inherited))
+    tags = {element.tag for element, _ in own}
+    moving = moving or bool(tags & {"joint", "freejoint"})
+    if moving and (shapes.always or "inertial" not in tags):
+        for geom, around in own:
+            if geom.tag == "geom" and _shaped_by_file(geom) and shapes.has_mass(geom, around):
                 name = body.get("name", "without a name")
                 raise ConfigError(
                     f"{path}: the mass of body {name!r} is defined by the mesh {geom.get('mesh', '')!r}, which is not"
                     " loaded: give the body an <inertial> element"
                 )
-    for child in body.findall("body"):
-        _refuse_masses_of_meshes(child, moving, from_shapes, massless, path, inherited)
+    for child, around in own:
+        if child.tag == "body":
+            _refuse_masses_of_meshes(child, moving, around, shapes, path)
 
 
 def _parts(model: Any, data: Any) -> Iterator[Part]:
@@ -289,7 +318,8 @@ def _ends(model: Any, data: Any, body: int) -> Iterator[np.ndarray]:
 
 def _actuators(model: Any) -> Iterator[ModelActuator]:
     for a in range(model.nu):
-        kp, kv = -float(model.actuator_biasprm[a][1]), -float(model.actuator_biasprm[a][2])
-        kind = f"position servo with kp {kp:g} and kv {kv:g}" if kp or kv else "motor"
+        kp, kv = (0.0 - float(term) for term in model.actuator_biasprm[a][1:3])  # without a negative zero
+        servo = f"position servo with kp {kp:g} and kv {kv:g}" if kp else f"velocity servo with kv {kv:g}"
+        kind = servo if kp or kv else "motor"
         joint = model.joint(int(model.actuator_trnid[a][0])).name
         yield ModelActuator(model.actuator(a).name or f"actuator {a}", joint, kind, float(model.actuator_gear[a][0]))

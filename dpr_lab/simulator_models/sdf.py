@@ -109,7 +109,7 @@ def _parts(plant: Any, context: Any, elements: dict[str, Element]) -> list[Part]
     for index in plant.GetJointIndices():
         joint = plant.get_joint(index)
         by_child[joint.child_body().index()] = joint
-    place = {world: -1}
+    place, rotors = {world: -1}, _rotors(plant)
     parts: list[Part] = []
     waiting = [plant.get_body(index) for index in plant.GetBodyIndices(plant.world_body().model_instance())][1:]
     for instance in range(plant.num_model_instances()):
@@ -129,7 +129,8 @@ def _parts(plant: Any, context: Any, elements: dict[str, Element]) -> list[Part]
             tensor = turned @ about_centre @ turned.T if mass > 0 else np.zeros((3, 3))
             moving = None
             if joint is not None and joint.type_name() != "weld":
-                moving = _joint(plant, context, joint, elements.get(joint.name()))
+                rotor_inertia = rotors.get(joint.index(), 0.0)
+                moving = _joint(plant, context, joint, elements.get(joint.name()), rotor_inertia)
             above = place[_above(by_child, body, world)]
             parts.append(Part(body.name(), above, moving, float(mass), position + turned @ centre, tensor))
             place[body.index()] = len(parts) - 1
@@ -142,9 +143,15 @@ def _above(by_child: dict[Any, Any], body: Any, world: Any) -> Any:
     return world if joint is None else joint.parent_body().index()
 
 
-def _joint(plant: Any, context: Any, joint: Any, element: Element | None) -> ModelJoint:
+def _rotors(plant: Any) -> dict[Any, float]:
+    """Index of a joint -> inertia of its rotor times the squared gear ratio, Drake's extensions of the format."""
+    actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+    return {a.joint().index(): float(a.default_rotor_inertia() * a.default_gear_ratio() ** 2) for a in actuators}
+
+
+def _joint(plant: Any, context: Any, joint: Any, element: Element | None, rotor_inertia: float) -> ModelJoint:
     pose = joint.frame_on_parent().CalcPoseInWorld(context)
-    kind = KINDS.get(joint.type_name(), "other")
+    kind = KINDS.get(joint.type_name(), joint.type_name())
     axis = pose.rotation().matrix() @ joint.revolute_axis() if kind == "hinge" else np.array([0.0, 0.0, 1.0])
 
     def number(key: str) -> float:
@@ -156,11 +163,12 @@ def _joint(plant: Any, context: Any, joint: Any, element: Element | None) -> Mod
         limits = float(joint.position_lower_limits()[0]), float(joint.position_upper_limits()[0])
     return ModelJoint(
         joint.name(),
-        kind,  # type: ignore[arg-type]
+        kind,
         axis,
         pose.translation(),
         damping,
         number("friction"),
+        rotor_inertia,
         stiffness=number("spring_stiffness"),
         rest=number("spring_reference"),
         limits=limits,

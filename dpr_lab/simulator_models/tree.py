@@ -14,7 +14,8 @@ class ModelJoint:
     """Joint between a part and its parent."""
 
     name: str
-    kind: Literal["hinge", "slide", "ball", "free", "other"]
+    kind: str
+    """`hinge`, `slide`, `ball`, `free`, or another type by its name in the format."""
     axis: Vector
     """(3,) unit vector of the axis."""
     anchor: Vector

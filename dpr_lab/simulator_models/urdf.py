@@ -39,7 +39,7 @@ def read_urdf(path: Path, text: bytes | None = None) -> SimulatorModel:
     shapes = {link.get("name", ""): _ends(link) for link in root.iter("link")}
     ignored = Counter(child.tag for child in root if child.tag not in ("link", "joint", "transmission", "material"))
     meshes, plugins = sum(1 for _ in root.iter("mesh")), sum(1 for _ in root.iter("plugin"))
-    actuators = tuple(_actuators(root))
+    actuators, rotors = tuple(_actuators(root)), _rotors(root, path)
     for child in list(root):
         if child.tag not in ("link", "joint"):
             root.remove(child)
@@ -49,7 +49,7 @@ def read_urdf(path: Path, text: bytes | None = None) -> SimulatorModel:
     _complete(root, path)
     try:
         robot = urdf.URDF.from_xml_string(tostring(root))
-        parts = tuple(_parts(robot, shapes, path))
+        parts = tuple(_parts(robot, shapes, rotors, path))
     except ConfigError:
         raise
     except Exception as error:  # the library raises any exception of its helpers
@@ -121,7 +121,7 @@ def _pose(origin: Any) -> tuple[Vector, Vector]:
     return frame(*(origin.rpy or (0.0, 0.0, 0.0))), np.array(origin.xyz or (0.0, 0.0, 0.0), dtype=np.float64)
 
 
-def _parts(robot: Any, shapes: Mapping[str, tuple[Vector, ...]], path: Path) -> list[Part]:
+def _parts(robot: Any, shapes: Mapping[str, tuple[Vector, ...]], rotors: Mapping[str, float], path: Path) -> list[Part]:
     """Links in the order of the tree."""
     children: dict[str, list[Any]] = {}
     for joint in robot.joints:
@@ -144,7 +144,9 @@ def _parts(robot: Any, shapes: Mapping[str, tuple[Vector, ...]], path: Path) -> 
         tensor = np.zeros((3, 3)) if inertial is None else np.array(inertial.inertia.to_matrix(), dtype=np.float64)
         axes, ends = turned @ rotation, tuple(position + turned @ end for end in shapes.get(name, ()))
         mass = float(inertial.mass) if inertial else 0.0
-        moving = _joint(joint, turned, position) if joint is not None and joint.type != "fixed" else None
+        moving = None
+        if joint is not None and joint.type != "fixed":
+            moving = _joint(joint, turned, position, rotors.get(joint.name, 0.0))
         parts.append(Part(name, above, moving, mass, position + turned @ offset, axes @ tensor @ axes.T, ends))
         waiting += [(child.child, len(parts) - 1, child, turned, position) for child in children.get(name, [])]
     if len(parts) != len(robot.links):
@@ -152,7 +154,7 @@ def _parts(robot: Any, shapes: Mapping[str, tuple[Vector, ...]], path: Path) -> 
     return parts
 
 
-def _joint(joint: Any, turned: Vector, position: Vector) -> ModelJoint:
+def _joint(joint: Any, turned: Vector, position: Vector, rotor_inertia: float) -> ModelJoint:
     axis = turned @ np.array(joint.axis or (1.0, 0.0, 0.0), dtype=np.float64)
     if not np.linalg.norm(axis) > 0:
         raise ValueError(f"joint {joint.name} has an axis without a direction")
@@ -161,11 +163,12 @@ def _joint(joint: Any, turned: Vector, position: Vector) -> ModelJoint:
     mimic = {"mimics another joint": f"{joint.mimic.joint} x {joint.mimic.multiplier or 1:g}"} if joint.mimic else {}
     return ModelJoint(
         joint.name,
-        KINDS.get(joint.type, "other"),  # type: ignore[arg-type]
+        KINDS.get(joint.type, joint.type),
         axis / np.linalg.norm(axis),
         position,
         float((dynamics and dynamics.damping) or 0.0),
         float((dynamics and dynamics.friction) or 0.0),
+        rotor_inertia,
         limits=limits,
         other=mimic,
     )
@@ -202,3 +205,18 @@ def _actuators(root: Element) -> list[ModelActuator]:
             gear = float("nan")
         actuators.append(ModelActuator(name, "" if joint is None else joint.get("name", ""), "transmission", gear))
     return actuators
+
+
+def _rotors(root: Element, path: Path) -> dict[str, float]:
+    """Joint -> inertia of its rotor times the squared gear ratio, Drake's extensions of the format, kg m^2."""
+    rotors = {}
+    for transmission in root.findall("transmission"):
+        refuse_bad_attributes(transmission, frozenset({"value"}), path)
+        inertia, gear = (
+            next((float(part.get("value", "nan")) for part in transmission.iter(f"drake:{key}")), default)
+            for key, default in (("rotor_inertia", 0.0), ("gear_ratio", 1.0))
+        )
+        joint = transmission.find("joint")
+        if joint is not None and inertia > 0:
+            rotors[joint.get("name", "")] = inertia * gear**2
+    return rotors

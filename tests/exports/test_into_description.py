@@ -219,3 +219,17 @@ def test_a_text_that_holds_more_is_refused(file: Path, name: str) -> None:
     file.write_text(SDF.replace("<damping>0.002", "<damping><!-- guess -->0.002"), encoding="utf-8")
     with pytest.raises(ConfigError, match="contains more than text"):
         into_file(model_of(identified(rig, c1=2.0), {}, rig.name), rig, file)
+
+
+def test_a_rotor_of_drake_cannot_be_changed(tmp_path: Path) -> None:
+    file = tmp_path / "own.urdf"
+    rotor = '<drake:rotor_inertia value="1e-4"/>'
+    motor = f'<transmission name="t"><joint name="elbow"/><actuator name="m">{rotor}</actuator></transmission>'
+    head, tail = URDF.rsplit("</robot>", 1)
+    drake = head.replace("<robot ", '<robot xmlns:drake="http://drake.mit.edu" ', 1)
+    file.write_text(f"{drake}{motor}</robot>{tail}", encoding="utf-8")
+    rig = rig_of(file)
+    with pytest.raises(
+        ConfigError, match=r"the rotor inertia of joint 'elbow' \(drake:rotor_inertia\) cannot be changed"
+    ):
+        into_file(model_of(rig, {}, rig.name), rig, file)

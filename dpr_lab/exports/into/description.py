@@ -127,14 +127,19 @@ def into_description(
         editor: functions that read and write its numbers
 
     Raises:
-        ConfigError: the file cannot be read or changed, its L1, g or L0 is not that of the rig, or it has other rods or
-            no arm although that of the model moves.
+        ConfigError: the file cannot be read or changed, its L1, g or L0 is not that of the rig, a rod has a rotor, or
+            it has other rods or no arm although that of the model moves.
     """
     file = _File(path, name, read, editor, tuple(joints), model.rig.g)
     edit = file.editable(path.read_bytes())
     chain = file.chain(file.model(edit))
     arm = arm_to_change(model, chain, rig, path)
     refuse_other_rig(chain, model.rig.L1, model.rig.g, path)
+    if driven := [rod.joint.name for rod in chain.rods if rod.joint.armature]:
+        raise ConfigError(
+            f"{path}: the rotor inertia of joint {driven[0]!r} (drake:rotor_inertia) cannot be changed in {name}:"
+            " use a copy of the file without it"
+        )
     expressed = in_words(model, rig, editor.words)
     made = bodies(model, rig, expressed)
     changes = []
