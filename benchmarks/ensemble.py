@@ -6,8 +6,9 @@
 Simulated plants are drawn as for blind trials; three recordings of 5 s are diagnosed, three from other poses are held
 out. `--mujoco` plays rigs in MuJoCo in the same way, with one to three of the planted errors of
 `benchmarks/simulator_models.py`. Of each real rig every recording is held out once; a single recording is cut into
-pieces, and every second one is held out. The readings of one recording are far from independent: the standard error is
-that of the mean of recordings.
+pieces, and every second one is held out. A recording that swings for more than half of its time beyond the fitted
+amplitudes is pooled apart, without a target. The readings of one recording are far from independent: the standard error
+is that of the mean of recordings.
 """
 
 import sys
@@ -25,6 +26,7 @@ from simulator_models import KINDS, PLANTED, RIGHT, mjcf
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from dpr_lab.errors import DprError
 from dpr_lab.exports.corrected import corrected_model
+from dpr_lab.exports.ensemble.amplitudes import beyond_fitted, fitted_amplitudes
 from dpr_lab.exports.ensemble.bands import PredictiveBand, predictive_band
 from dpr_lab.exports.ensemble.calibrate import widened
 from dpr_lab.exports.ensemble.left_out import factor_without
@@ -45,10 +47,14 @@ DRAWS = ("single", "clean", "pair", "single", "triple", "background")
 PIECE_S = 5.0
 """Length of a piece of a real recording that is alone."""
 PIECES = 8
+BEYOND = 0.5
+"""Share of a recording's time beyond the fitted amplitudes above which its bands are not expected to cover it."""
 
 
 Fitted = tuple[Model, list[PosteriorComponent], str]
 """A model, its posterior, and what fitted it."""
+Tested = tuple[PredictiveBand, float]
+"""A band, and the share of its recording beyond the fitted amplitudes."""
 
 
 def diagnosed(fitted: list[Run], rig: Rig) -> Fitted:
@@ -67,7 +73,7 @@ def identified(fitted: list[Run], rig: Rig) -> Fitted:
 
 def bands(
     fit: Callable[[list[Run], Rig], Fitted], fitted: list[Run], held_out: list[Run], rig: Rig, members: int, seed: int
-) -> Iterator[PredictiveBand]:
+) -> Iterator[Tested]:
     """Bands of an ensemble for recordings that were held out; a refusal is printed."""
     try:
         model, posterior, verdict = fit(fitted, rig)
@@ -75,18 +81,24 @@ def bands(
         ensemble = sampled_models(model, widened(posterior, factor), members, seed)
         sets = [f"{'+'.join(c.effects) or 'none'} {c.probability:.2f}" for c in posterior]
         print(f"# {verdict}, widened by {factor:.2f}: {'; '.join(sets)}", flush=True)
+        amplitudes = fitted_amplitudes(model, fitted, rig)
+        assert amplitudes is not None
         for run in held_out:
             band = predictive_band(model, ensemble, run, rig, seed)
+            beyond = beyond_fitted(amplitudes, band, model, run, rig)
             within = f"{100 * band.covered:.1f} % of {band.readings}"
             size = f"{1e3 * band.width_rad:.3g} mrad wide"
-            print(f"#   {band.run}: {within}, until {band.horizon_s:.2f} s, {size}", flush=True)
+            print(
+                f"#   {band.run}: {within}, until {band.horizon_s:.2f} s, {size}, {100 * beyond:.0f} % beyond",
+                flush=True,
+            )
             if band.readings:
-                yield band
+                yield band, beyond
     except DprError as error:
         print(f"#   not possible: {error}", flush=True)
 
 
-def simulated(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[PredictiveBand]:
+def simulated(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[Tested]:
     """Of one plant."""
     kind = DRAWS[seed % len(DRAWS)]
     plant, rig = hidden(Case("", kind, seed))
@@ -100,7 +112,7 @@ def simulated(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) 
     yield from bands(fit, list(record(plant, rig, duration=5.0)), list(unseen), rig, members, seed)
 
 
-def in_mujoco(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[PredictiveBand]:
+def in_mujoco(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[Tested]:
     """Of one rig that MuJoCo simulates; the rig file is made from the model without the errors."""
     rng = np.random.default_rng([29, seed])
     kinds = [kind for kind in KINDS["xml"] if not kind.startswith("gear")]  # a gear shows in driven rods only
@@ -118,7 +130,7 @@ def in_mujoco(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) 
     yield from bands(fit, fitted, renamed, rig, members, seed)
 
 
-def real(rig: RealRig, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[PredictiveBand]:
+def real(rig: RealRig, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[Tested]:
     """Of one real rig."""
     print(f"# {rig.title}")
     folds = list(rig.folds)
@@ -138,9 +150,9 @@ def _pieces(run: Run) -> list[Run]:
     return [replace(piece, t=piece.t - piece.t[0], name=f"piece {k}") for k, piece in enumerate(cut[:PIECES])]
 
 
-def pooled(name: str, some: list[PredictiveBand], target: bool = True) -> Bar:
+def pooled(name: str, some: list[Tested], target: bool = True) -> Bar:
     """Coverage of all readings."""
-    shares, counts = np.array([band.covered for band in some]), np.array([band.readings for band in some])
+    shares, counts = np.array([band.covered for band, _ in some]), np.array([band.readings for band, _ in some])
     share = 100 * float(shares @ counts / counts.sum())
     error = 100 * float(shares.std() / len(shares) ** 0.5)
     words = f"{name}: 90 % bands cover, %, {len(some)} recordings, standard error {error:.2g}"
@@ -172,7 +184,10 @@ def main() -> None:
     if chosen.real.is_dir() and not chosen.quick:
         of_rigs = {rig.title: list(real(rig, chosen.members, fit)) for rig in rigs(chosen.real)}
         found += [pooled(name, some, target=False) for name, some in of_rigs.items() if some]
-        found.append(pooled("real rigs", [band for some in of_rigs.values() for band in some]))
+        every = [each for some in of_rigs.values() for each in some]
+        found.append(pooled("real rigs", [each for each in every if each[1] <= BEYOND]))
+        outside = [each for each in every if each[1] > BEYOND]
+        found += [pooled("real rigs, beyond the fitted amplitudes", outside, target=False)] if outside else []
     show("predictive bands of ensembles", found, chosen.json)
 
 

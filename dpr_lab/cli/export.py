@@ -1,5 +1,6 @@
 """`dpr-lab export`: models for other programs."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -122,8 +123,17 @@ def _ensemble(
     rows = [(in_words(effects.replace("+", ", ")), count) for effects, count in done.sets.items()]
     table(f"{size} models", ("effects", "models"), rows)
     if done.bands:
-        columns = ("run", "readings in the band", "until, s", "mean width, mrad")
-        rows = [(b.run, percent(b.covered), f"{b.until_s:.3g}", f"{1e3 * b.width_rad:.3g}") for b in done.bands]
+        columns = ("run", "readings in the band", "until, s", "mean width, mrad", "beyond the fitted amplitudes")
+        rows = [
+            (
+                b.run,
+                percent(b.covered),
+                f"{b.until_s:.3g}",
+                f"{1e3 * b.width_rad:.3g}",
+                "unknown" if b.beyond is None else percent(b.beyond),
+            )
+            for b in done.bands
+        ]
         note = (
             f"Standard deviations are multiplied by {done.factor:.3g} in total. With this factor, 90 % bands of many"
             " models cover these runs."
@@ -133,6 +143,12 @@ def _ensemble(
         line(
             f"Standard deviations are multiplied by {done.factor_of_fit:.3g}, a factor from cross-validation: with it,"
             " 90 % bands cover each fitted recording when the others predict it."
+        )
+    if done.amplitudes_rad is not None:
+        low, high = (math.degrees(amplitude) for amplitude in done.amplitudes_rad)
+        line(
+            f"The fitted recordings have amplitudes of {low:.3g} to {high:.3g} degrees: beyond them the models"
+            " extrapolate, and bands may be too narrow."
         )
     if done.expected_coverage < BANDS.level:
         line(

@@ -194,10 +194,10 @@ class _ShapeMasses:
         defaults: dict[str, dict[str, str]] = {"main": {}}
 
         def visit(default: Element, inherited: dict[str, str]) -> None:
-            own = {key: value for geom in default.findall("geom") for key, value in geom.attrib.items()}
-            defaults[default.get("class", "main")] = inherited | own
+            attributes = inherited | {k: value for geom in default.findall("geom") for k, value in geom.attrib.items()}
+            defaults[default.get("class", "main")] = attributes
             for child in default.findall("default"):
-                visit(child, inherited | own)
+                visit(child, attributes)
 
         for default in root.findall("default"):
             visit(default, defaults["main"])
@@ -232,18 +232,18 @@ def _own(parent: Element, inherited: str) -> Iterator[tuple[Element, str]]:
 
 
 def _refuse_masses_of_meshes(body: Element, moving: bool, inherited: str, shapes: _ShapeMasses, path: Path) -> None:
-    own = list(_own(body, inherited))
-    tags = {element.tag for element, _ in own}
+    elements = list(_own(body, inherited))
+    tags = {element.tag for element, _ in elements}
     moving = moving or bool(tags & {"joint", "freejoint"})
     if moving and (shapes.always or "inertial" not in tags):
-        for geom, around in own:
+        for geom, around in elements:
             if geom.tag == "geom" and _shaped_by_file(geom) and shapes.has_mass(geom, around):
                 name = body.get("name", "without a name")
                 raise ConfigError(
                     f"{path}: the mass of body {name!r} is defined by the mesh {geom.get('mesh', '')!r}, which is not"
                     " loaded: give the body an <inertial> element"
                 )
-    for child, around in own:
+    for child, around in elements:
         if child.tag == "body":
             _refuse_masses_of_meshes(child, moving, around, shapes, path)
 

@@ -151,7 +151,7 @@ def _rotors(plant: Any) -> dict[Any, float]:
 
 def _joint(plant: Any, context: Any, joint: Any, element: Element | None, rotor_inertia: float) -> ModelJoint:
     pose = joint.frame_on_parent().CalcPoseInWorld(context)
-    kind = KINDS.get(joint.type_name(), joint.type_name())
+    kind = KINDS.get(joint.type_name()) or str(joint.type_name())
     axis = pose.rotation().matrix() @ joint.revolute_axis() if kind == "hinge" else np.array([0.0, 0.0, 1.0])
 
     def number(key: str) -> float:

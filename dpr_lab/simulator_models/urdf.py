@@ -128,6 +128,8 @@ def _parts(robot: Any, shapes: Mapping[str, tuple[Vector, ...]], rotors: Mapping
         children.setdefault(joint.parent, []).append(joint)
     below = {joint.child for joint in robot.joints}
     roots = [link.name for link in robot.links if link.name not in below]
+    if not roots:
+        raise ConfigError(f"{path}: joints form a loop: no link is without a parent")
     if len(roots) != 1:
         raise ConfigError(f"{path}: has {len(roots)} links without a parent; a robot has one")
     if len(below) != len(robot.joints):

@@ -53,6 +53,8 @@ class BandCoverage:
     """Predictability horizon, s."""
     width_rad: float
     """Mean width of the band."""
+    beyond: float | None
+    """Share of the compared swing with amplitudes beyond those of the fitted recordings; None if they are unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +73,8 @@ class EnsembleResult:
     expected_coverage: float
     """Share of the readings that the band of so many models is expected to cover: 0.9, less if they are few."""
     bands: tuple[BandCoverage, ...]
+    amplitudes_rad: tuple[float, float] | None
+    """Smallest and largest amplitude of the fitted recordings, beyond which bands may be too narrow; None: unknown."""
     from_diagnosis: bool
     """Whether the posterior is that of a diagnosis, with its causes; else it is that of the ratios alone."""
     scatter: bool
@@ -93,6 +97,7 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         DprError: a file cannot be written.
     """
     from dpr_lab.exports import FORMATS
+    from dpr_lab.exports.ensemble.amplitudes import beyond_fitted, fitted_amplitudes
     from dpr_lab.exports.ensemble.bands import level_of
     from dpr_lab.exports.ensemble.calibrate import calibrated, widened
     from dpr_lab.exports.ensemble.left_out import factor_without
@@ -112,7 +117,7 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     model, record = model_to_export(file, rig), file.with_name(RECORD)
     diagnosis = load_diagnosis(record) if record.is_file() else None
     runs = read_runs(request.check, rig, on_event, moving=isinstance(model, MovingArmModel))
-    scatter, factor_of_fit = None, 1.0
+    scatter, factor_of_fit, amplitudes = None, 1.0, None
     if isinstance(model, MovingArmModel):
         ensemble = _of_arm(model, diagnosis, rig, request.seed)
     else:
@@ -121,6 +126,7 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
             scatter = scatter_of_ratios(model, fitted, rig)
         posterior = posterior_of(model, diagnosis, scatter)
         factor_of_fit = factor_without(model, posterior, fitted, rig, request.seed)
+        amplitudes = fitted_amplitudes(model, fitted, rig)
         ensemble = _of_rods(model, widened(posterior, factor_of_fit), rig, request.seed)
     factor = calibrated(ensemble.drawn, ensemble.band, runs).factor if runs else 1.0
     models = ensemble.drawn(factor, request.size)
@@ -130,8 +136,14 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         for name in request.formats:
             write_export(FORMATS[name], member, rig, folder, FORMATS[name].lost(member, rig))
         folders.append(folder)
-    sets = _write(models, rig, request, factor * factor_of_fit)
-    covered = tuple(_coverage(ensemble.band(models, run)) for run in runs)
+    range_rad = None if amplitudes is None else (amplitudes.low, amplitudes.high)
+    sets = _write(models, rig, request, factor * factor_of_fit, range_rad)
+    covered = []
+    for run in runs:
+        band, beyond = ensemble.band(models, run), None
+        if amplitudes is not None and not isinstance(model, MovingArmModel):
+            beyond = beyond_fitted(amplitudes, band, model, run, rig)
+        covered.append(BandCoverage(band.run, band.covered, band.horizon_s, band.width_rad, beyond))
     return EnsembleResult(
         request.out / "ensemble.json",
         tuple(folders),
@@ -139,7 +151,8 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         factor * factor_of_fit,
         factor_of_fit,
         level_of(request.size),
-        covered,
+        tuple(covered),
+        range_rad,
         from_diagnosis=diagnosis is not None,
         scatter=diagnosis is not None or scatter is not None,
     )
@@ -199,11 +212,13 @@ def _fitted_runs(model: "Model", rig: "Rig") -> "list[Run]":
     return list(in_pieces(runs, ())[0]) if model.search.algorithm == "diagnosis" else runs
 
 
-def _coverage(band: "PredictiveBand") -> BandCoverage:
-    return BandCoverage(band.run, band.covered, band.horizon_s, band.width_rad)
-
-
-def _write(models: "Sequence[AnyModel]", rig: "Rig", request: EnsembleRequest, factor: float) -> dict[str, int]:
+def _write(
+    models: "Sequence[AnyModel]",
+    rig: "Rig",
+    request: EnsembleRequest,
+    factor: float,
+    amplitudes_rad: tuple[float, float] | None,
+) -> dict[str, int]:
     from dpr_lab.exports.bodies import bodies, in_words
     from dpr_lab.exports.ensemble.bands import level_of
     from dpr_lab.identification.moving_arm.model import MovingArmModel
@@ -235,6 +250,7 @@ def _write(models: "Sequence[AnyModel]", rig: "Rig", request: EnsembleRequest, f
         "seed": request.seed,
         "widened": factor,
         "expected_coverage": level_of(len(models)),
+        "amplitudes_rad": amplitudes_rad,
         "models": members,
     }
     write_json(document, request.out / "ensemble.json")

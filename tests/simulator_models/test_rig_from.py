@@ -226,7 +226,7 @@ BAD = {
         '<robot name="r"><link name="a"/><link name="b"/>'
         '<joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint>'
         '<joint name="k" type="fixed"><parent link="b"/><child link="a"/></joint></robot>',
-        "0 links without a parent",
+        "joints form a loop: no link is without a parent",
     ),
     "robot of equal links": (f'<robot name="r">{ROBOT}<link name="a"/></robot>', "2 links are named 'a'"),
     "robot without a link": (

@@ -1,0 +1,62 @@
+"""Amplitudes of swings, and whether a recording is beyond those to which the models of an ensemble were fitted.
+
+The amplitude of a moving double pendulum is the angle alpha from hanging at which its straight rods have the same
+energy E at rest:
+
+    E = (e1 + e2) (1 - cos alpha),    alpha = pi for more energy.
+
+At other amplitudes a friction law is extrapolated, and its error there is unknown.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.exports.ensemble.bands import BANDS, PredictiveBand
+from dpr_lab.gap.screen.disturbances import energies
+from dpr_lab.identification.compare import follow
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FittedAmplitudes:
+    """Range of the amplitudes of the fitted recordings, rad."""
+
+    low: float
+    high: float
+
+    def beyond(self, amplitudes: Array, tolerance: float = 0.05) -> float:
+        """Share of some amplitudes that are outside by more than a relative tolerance."""
+        within = (amplitudes >= self.low * (1 - tolerance)) & (amplitudes <= self.high * (1 + tolerance))
+        return float(np.mean(~within)) if len(within) else 0.0
+
+
+def fitted_amplitudes(model: Model, runs: Sequence[Run], rig: Rig) -> FittedAmplitudes | None:
+    """Range over the fitted recordings of a model; None without one."""
+    every = [amplitudes(model, run, rig)[1] for run in runs]
+    return (
+        FittedAmplitudes(float(np.min([a.min() for a in every])), float(np.max([a.max() for a in every])))
+        if every
+        else None
+    )
+
+
+def beyond_fitted(fitted: FittedAmplitudes, band: PredictiveBand, model: Model, run: Run, rig: Rig) -> float:
+    """Share of the compared part of a recording that swings beyond the fitted amplitudes."""
+    begins, angles = amplitudes(model, run, rig)
+    return fitted.beyond(angles[(begins >= begins[0] + BANDS.start_s - 1e-9) & (begins < band.horizon_s)])
+
+
+def amplitudes(model: Model, run: Run, rig: Rig) -> tuple[Array, Array]:
+    """Starts of the segments of a recording, s since the release, and the amplitudes of the swing there, rad."""
+    bare = follow(run, rig, model).bare
+    problem, estimate = bare.problem, bare.fit.estimate
+    upright = energies(problem, estimate.changed(initial=np.zeros((1, 4))))
+    share = np.clip(energies(problem, estimate) / upright, 0.0, 1.0)
+    return problem.t[problem.segments.offsets[:-1]], np.arccos(1 - 2 * share)
