@@ -67,7 +67,7 @@ def show(updated: "Diagnosis", out: Path | None) -> None:
             "Remaining checks",
             check_tables.CHECK_COLUMNS,
             check_tables.check_rows(updated),
-            note=f"{check_tables.EXPECTED_NOTE} {check_tables.how_to_record(file)}",
+            note=f"{check_tables.EXPECTED_NOTE} {check_tables.how_to_record(updated, file)}",
         )
     if out:
         line(f"diagnosis: {out / RECORD}")

@@ -246,7 +246,7 @@ def _show_next(diagnosis: "Diagnosis", out: Path | None, *, verbose: bool) -> No
     if verbose:
         columns, rows = check_tables.CHECK_COLUMNS, check_tables.check_rows(diagnosis)
         table("Recommended checks", columns, rows, note=check_tables.EXPECTED_NOTE)
-    line(check_tables.how_to_record("DIAGNOSIS.json" if out is None else str(out / RECORD)))
+    line(check_tables.how_to_record(diagnosis, "DIAGNOSIS.json" if out is None else str(out / RECORD)))
 
 
 def show_files(files: "Mapping[str, str]") -> None:

@@ -135,7 +135,7 @@ def new(
     g: Annotated[float, typer.Option(help="Gravity, m/s^2.")] = 9.81,
     counts_per_rev: Annotated[int | None, typer.Option(help="Counts per turn of the encoders.")] = None,
     arm_counts_per_rev: Annotated[
-        int | None, typer.Option(help="Counts per turn of the arm's encoder, if it has another number.")
+        int | None, typer.Option(help="Counts per turn of the arm's encoder, if they differ from those of the others.")
     ] = None,
     joint2: Annotated[
         Literal["relative", "absolute"] | None, typer.Option(help="Reference of the outer rod's encoder.")

@@ -82,8 +82,8 @@ class ArmDrive:
         """Move the rig over some ticks.
 
         Args:
-            move: moves it under torques of the arm; the back-EMF acts there as friction
-            state: at t[0]
+            move: function that integrates the motion under torques on the arm, with the back-EMF as friction
+            state: state of the rig at t[0]
             t: (n,) instants, equally many from each tick to the next
             ticks: number of ticks
             rate_hz: ticks per second of the device

@@ -45,7 +45,7 @@ def test_a_step_names_its_check_and_the_command_its_file(capsys: pytest.CaptureF
     first, second = (line for line in short.splitlines() if line.startswith(("1. ", "2. ")))
     assert first.endswith("[check 1-abcd, 1.00 bits]")
     assert not second.endswith("]")
-    assert "dpr-lab check out/diagnosis.json CHECK RUN..." in short
+    assert "dpr-lab check out/diagnosis.json CHECK, followed by --value " in short
 
 
 def test_sensor_faults_are_counted_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:

@@ -81,8 +81,11 @@ def test_a_kind_of_check_is_a_file_and_a_row(copy: Copy) -> None:
         """
         from pathlib import Path
         from dpr_lab.errors import RunError
+        from dpr_lab.gap.result.diagnosis import load_diagnosis
+        from dpr_lab.report.gap.check_tables import how_to_record
         from dpr_lab.workflows.check import CheckRequest, take_check
 
+        print(how_to_record(load_diagnosis(Path("diagnosis.json")), "d.json"))
         done = take_check(CheckRequest(Path("diagnosis.json"), "1-abcd", value="yes")).checks_done[0]
         print(done.result, done.after[done.check.about] > 0.9 > done.before[done.check.about])
         try:
@@ -91,7 +94,9 @@ def test_a_kind_of_check_is_a_file_and_a_row(copy: Copy) -> None:
             print(error)
         """
     )
-    assert printed.startswith("yes True\n")
+    assert printed.startswith("To record the result: dpr-lab check d.json CHECK, followed by ")
+    assert "--value yes or --value no (observation)" in printed
+    assert "\nyes True\n" in printed
     assert "give its result, --value yes or --value no" in printed
 
 

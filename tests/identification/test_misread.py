@@ -184,7 +184,7 @@ def test_torques_in_another_unit_are_named(driven, paper: Rig, unit: str, to_Nm:
 def test_zeros_that_are_anywhere_are_named_with_their_offset(swings, paper: Rig, case: tuple[float, float]) -> None:
     inner, outer = case
     moved = read_as(swings, lambda a, b: (a + np.radians(inner), b + np.radians(outer)))
-    with pytest.raises(IdentificationError, match="zeros of the angles are elsewhere") as refused:
+    with pytest.raises(IdentificationError, match="the angles have other zeros") as refused:
         refuse_misread(moved, paper)
     stated = re.search(r"theta1=(\S+),theta2=(\S+);", str(refused.value))
     assert stated is not None

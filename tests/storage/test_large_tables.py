@@ -124,7 +124,7 @@ def test_a_packed_table_that_is_damaged_or_swells_is_refused(tmp_path: Path, mon
         read_table(tmp_path / "other.csv.gz")
     monkeypatch.setattr(table_module, "LIMITS", TableLimits(small_bytes=1 << 16))
     (tmp_path / "bomb.csv.gz").write_bytes(gzip.compress(b"\n" * (1 << 24)))
-    with pytest.raises(RunError, match="unpacks to much more data than a table"):
+    with pytest.raises(RunError, match="expands to far more data than a table"):
         read_table(tmp_path / "bomb.csv.gz")
 
 

@@ -82,6 +82,19 @@ def loaded_processes() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def patient_pilots() -> Iterator[None]:
+    """On a loaded machine a process that the screen starts may need longer than a Pilot waits, half a minute."""
+    wait = Pilot._wait_for_screen
+
+    async def waited(pilot: Pilot[None], timeout: float = PATIENCE_S) -> bool:
+        return await wait(pilot, timeout)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Pilot, "_wait_for_screen", waited)
+        yield
+
+
 @pytest.fixture(scope="session")
 def recorded(paper: Rig, made_once: Callable[[str, Callable[[Path], None]], Path]) -> list[Path]:
     """Run files of three short releases: the counts that the simulated device would have sent."""

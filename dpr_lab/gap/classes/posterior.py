@@ -106,7 +106,7 @@ class Alternative:
     cosine: float
     """Cosine between its signature and that of the named effect: the part of the named effect that it can imitate."""
     cost: float
-    """Predictive cost as of a hypothesis; from the linear score if it was not fitted."""
+    """Predictive cost of the set with this effect in place of the named one; by the score test if it was not fitted."""
     probability: float = 0.0
 
 

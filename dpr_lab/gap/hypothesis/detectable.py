@@ -58,7 +58,13 @@ def detectable(model: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, 
 
 
 def _size(spread: float, scale: float, remaining: float) -> float | None:
-    """Detectable amplitude of a column of norm 1 / scale, with the remaining fraction of its squared length."""
+    """Detectable amplitude of a column; None if it has none.
+
+    Args:
+        spread: detectable size of a column of unit norm
+        scale: reciprocal norm of the column
+        remaining: fraction of its squared norm that the fitted columns do not explain
+    """
     return float(spread * scale / remaining**0.5) if remaining > SEEN and scale < 1 / TINY else None
 
 

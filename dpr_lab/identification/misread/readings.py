@@ -66,7 +66,7 @@ def other_zeros(runs: Sequence[Run], rig: Rig) -> Iterator[Misreading]:
         tried.append(added)
         inner, outer = added.tolist()
         cause = (
-            "the zeros of the angles are elsewhere (import with --offset, in degrees"
+            "the angles have other zeros (import with --offset, in degrees"
             f" theta1={inner:g},theta2={outer:g}; theta2={outer - inner:g} for --angles relative; or zero_counts)"
         )
         yield _of_angles(cause, _added(np.radians(inner), np.radians(outer)))

@@ -1,6 +1,7 @@
 """Rows of tables on recommended checks and their results."""
 
 from dpr_lab.checks.wording import bayes_factor
+from dpr_lab.gap.advice.advise import CHECK_KINDS
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.angles import RADIANS
@@ -16,10 +17,16 @@ CHECK_COLUMNS = ("check", "kind", "action", "expected result", "distinguished ef
 EXPECTED_NOTE = "Expected result: size and 90 % interval if the measured effect is the cause; otherwise about zero."
 
 
-def how_to_record(file: str) -> str:
-    """The command that records the result of a recommended check of the diagnosis in a file."""
-    options = "RUN..., or for a measurement --value 'V UNIT' --std 'S UNIT'"
-    return f"To record the result: dpr-lab check {file} CHECK {options}."
+def how_to_record(diagnosis: Diagnosis, file: str) -> str:
+    """The command that records the result of a check, with the options of each kind that is recommended.
+
+    Args:
+        diagnosis: a diagnosis that recommends checks
+        file: its file
+    """
+    first = {check.kind: check for check in reversed(diagnosis.checks) if check.kind in CHECK_KINDS}
+    options = [f"{CHECK_KINDS[kind].form(first[kind])} ({kind})" for kind in CHECK_KINDS if kind in first]
+    return f"To record the result: dpr-lab check {file} CHECK, followed by {' or '.join(options)}."
 
 
 def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:

@@ -119,7 +119,7 @@ def _actions(diagnosis: Diagnosis) -> Iterator[Block]:
     yield Items(tables.next_steps(diagnosis), numbered=True)
     if diagnosis.checks:
         rows = check_tables.check_rows(diagnosis)
-        note = f"{check_tables.EXPECTED_NOTE} {check_tables.how_to_record('diagnosis.json')}"
+        note = f"{check_tables.EXPECTED_NOTE} {check_tables.how_to_record(diagnosis, 'diagnosis.json')}"
         yield PageTable(check_tables.CHECK_COLUMNS, rows, note, "prose", "Recommended checks")
 
 

@@ -142,7 +142,7 @@ class _Unpacked(io.RawIOBase):
             raise RunError(f"{self._path}: is damaged or incomplete and cannot be unpacked: copy it again") from error
         self._left -= len(block)
         if self._left < 0:
-            raise RunError(f"{self._path}: unpacks to much more data than a table has: unpack and inspect it first")
+            raise RunError(f"{self._path}: expands to far more data than a table contains: unpack and inspect it first")
         buffer[: len(block)] = block
         return len(block)
 

@@ -273,7 +273,7 @@ def with_zeros(values: Values, options: ImportOptions, added: ArrayLike, toleran
         values: of the table
         options: of the table
         added: (2,) rad
-        tolerance: distance from a usual error of a zero within which it is taken for this error, rad
+        tolerance: maximum difference from a usual zero error up to which an offset is replaced by it, rad
     """
     turned = (np.asarray(added) + np.pi) % (2 * np.pi) - np.pi
     usual = np.round(turned / SETTINGS.usual_zero_rad) * SETTINGS.usual_zero_rad
@@ -283,7 +283,7 @@ def with_zeros(values: Values, options: ImportOptions, added: ArrayLike, toleran
     digits = 1 if options.unit == "deg" else 3
     offset = tuple(round(zero / unit, digits) if abs(zero) > SETTINGS.zero_rad else 0.0 for zero in columns)
     moved = {axis: values[axis] + value for axis, value in zip(AXES[1:], offset, strict=True)}
-    cause = "the zeros of the angles are elsewhere"
+    cause = "the angles have other zeros"
     return OtherReading((cause,), (), {**values, **moved}, options, offset=(offset[0], offset[1]))
 
 
