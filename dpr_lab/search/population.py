@@ -14,7 +14,7 @@ class Population:
     genes: Floats
     """(size, n) free genes."""
     cost: Floats
-    """(size,) H."""
+    """(size,) cost H of each chromosome."""
 
     def best(self, size: int) -> "Population":
         """The first `size` individuals."""

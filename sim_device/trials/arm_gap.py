@@ -32,7 +32,10 @@ DURATION_S = 5.0
 """Duration of each release."""
 
 SHARES = (0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85, 1.0, 1.0, 1.0, 1.0)
-"""Share of each segment that an iteration of Gauss-Newton fits: under steps of torque the first states are far off."""
+"""Fraction of each segment, from its start, that each iteration of Gauss-Newton fits.
+
+It grows, because the first initial states are far off if the torque has steps.
+"""
 
 
 SHORTENED = (1.0, 0.3, 0.1, 0.0)
@@ -89,7 +92,7 @@ def arm_gap(config: PlantConfig, rig: Rig) -> float:
 
 
 def noiseless_arm(config: PlantConfig, rig: Rig, number: int) -> ArmRelease:
-    """A release from the pose of that number, from 1, without noise and rounding."""
+    """A release from a pose of the rig file, counted from 1, without noise and rounding."""
     plant, pose, drive = Plant(config, rig), list(rig.poses.values())[number - 1], arm_drive_of(config)
     ticks = np.arange(round(DURATION_S * MEASURE.rate_hz))
     driven = None if drive is None else partial(drive.block, rate_hz=MEASURE.rate_hz)

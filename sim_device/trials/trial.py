@@ -36,7 +36,7 @@ class DrawnTrial:
 
     plant: PlantConfig
     rig: Rig
-    """Rig according to its rig file; its numbers come from a separate stream and are rounded like those of scales."""
+    """The rig as its rig file describes it; its numbers are drawn from a separate seed and rounded as by scales."""
     kept: dict[str, Any]
     """`truth` and `salt`."""
     drives: JointDrives | ArmDrive | None = None

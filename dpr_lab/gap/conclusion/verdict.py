@@ -23,15 +23,19 @@ class VerdictRules:
     """Limits of the verdicts, set on blind trials whose library lacks the cause."""
 
     named_share: float = 0.93
-    """Share of the excess: correct models explained 0.97 and more, wrong libraries 0.91 at most."""
+    """Minimum share of the excess that a named set explains. Correct models explained at least 0.97 of it, and models
+    from a library without the cause at most 0.91.
+    """
     partly_share: float = 0.5
     """Share of the excess chi-square, below which the verdict is "unexplained"."""
     sure: float = 0.6
-    """Minimum probability of the most probable class of a named set; the sentence gives that of the least probable."""
+    """Minimum probability of the most probable class of a set that is named."""
     rather: float = 0.5
     """Probability below which the sentence adds that the effect is probably not the cause."""
     outside: float = 10.0
-    """Ratio of the probability of a cause outside the library to that of every effect from which none is the cause."""
+    """Ratio of the probability of a cause outside the library to that of an effect. If every effect exceeds it, the
+    verdict is "unexplained".
+    """
     closes: float = 0.5
     """Minimum share of the gap that a set must close on held-out recordings to be the cause."""
     gap_from: float = 0.5

@@ -232,7 +232,10 @@ def _with_arm(record: Record, slices: Sequence[slice], relative2: bool) -> Array
 
 
 def _near(record: Record, start: int, begin: float) -> NDArray[np.int64]:
-    """Readings near an instant, on the same side of breaks; or those near the first of its segment if there are few."""
+    """Indices of readings near an instant, between the breaks around it.
+
+    If there are too few, those near the first reading of the segment.
+    """
     first, last = np.searchsorted(record.t, _between(record.breaks, float(record.t[start]))).tolist()
     i = max(first, int(np.searchsorted(record.t, begin - GUESS.near_s, side="right")))
     j = min(last, int(np.searchsorted(record.t, begin + GUESS.near_s)))

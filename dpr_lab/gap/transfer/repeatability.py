@@ -195,9 +195,9 @@ class _Parts:
     """A fit by segments: residuals and columns, first those of the model, then free torques and encoder errors."""
 
     X: Array
-    """(segments, m, k) columns"""
+    """(segments, m, k) columns, whitened."""
     e: Array
-    """(segments, m) residuals"""
+    """(segments, m) residuals, whitened."""
     fold: NDArray[np.int64]
     precision: Array
     """(k,) inverse prior variance of each column."""

@@ -53,7 +53,7 @@ class Place:
     values: Array
     """(k,) torque N m, friction N m s/rad over time, friction radius m over load, or encoder error rad."""
     std: Array
-    """(k,)"""
+    """(k,) standard deviations of the values."""
     unit: str
     sentence: str
 
@@ -100,7 +100,7 @@ def where_sentence(places: tuple[Place, ...]) -> str:
 @dataclass(frozen=True, slots=True)
 class _Columns:
     readings: Array
-    """(segments, m, k) whitened"""
+    """(segments, m, k) whitened changes of the readings by each of the functions."""
     knots: Array
     unit: str
 

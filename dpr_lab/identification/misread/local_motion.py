@@ -38,9 +38,9 @@ class LocalMotion:
     t: Array
     """(k,) instants, s."""
     rods: Array
-    """(k, 2) rad."""
+    """(k, 2) angles, rad."""
     omega: Array
-    """(k, 2) rad/s."""
+    """(k, 2) speeds, rad/s."""
     alpha: Array
     """(k, 2) rad/s^2."""
 

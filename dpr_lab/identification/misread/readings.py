@@ -175,7 +175,7 @@ def _scaled(rig: Rig) -> Iterator[Misreading]:
 
 
 def _times(s1: float, s2: float, relative: bool = False) -> Angles:
-    """Angles from hanging times one factor each; for `relative` angles, joint 2 keeps its own angle."""
+    """Function that multiplies the angles from hanging by a factor for each rod, or for each joint if `relative`."""
 
     def angles(inner: Array, outer: Array) -> tuple[Array, Array]:
         first, second = inner - np.pi, outer - np.pi - relative * (inner - np.pi)

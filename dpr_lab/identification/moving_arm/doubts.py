@@ -31,9 +31,9 @@ class DoubtSettings:
     better: float = 4.0
     """Factor by which the other sign must fit better."""
     better_scale: float = 10.0
-    """Factor by which half or twice the angles must fit better; it is 100 or more where they are right."""
+    """Factor by which half or twice the angles must fit better; it is at least 100 if they are the true angles."""
     tried_s: float = 2.5
-    """Examined duration of each recording for these, s."""
+    """Examined duration of each recording in these tests, s."""
     unit: float = 30.0
     """Ratio of the fitted gain to that of the rig file from which another unit of the input is the likely cause."""
     hardly_rad: float = 0.05
