@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from dpr_lab.errors import DprError
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.trials.score import SURE
 from tests.arm_engine import drawn_plant, recorded, rig_of
 
 DRIVEN = (
@@ -27,8 +28,8 @@ FREE = (
 )  # fmt: skip
 
 
-def tried(seed: int, fault: str, mode: str, both: bool, seconds: float) -> tuple[str, bool, float, str]:
-    """What the diagnosis said of one case: first name, whether it is right, CPU seconds, and a line."""
+def tried(seed: int, fault: str, mode: str, both: bool, seconds: float) -> tuple[bool, bool, float, str]:
+    """One case: whether the first name is right, whether a wrong name is sure, CPU seconds, and a line."""
     rng = np.random.default_rng(seed)
     largest = 0.25 if both else 0.12
     plant = drawn_plant(rng, both, fault, 1.0, largest)
@@ -38,14 +39,12 @@ def tried(seed: int, fault: str, mode: str, both: bool, seconds: float) -> tuple
     try:
         done = diagnose(runs, rig)
     except DprError as error:
-        return "refused", False, time.process_time() - began, str(error)
+        return False, False, time.process_time() - began, str(error)
     spent = time.process_time() - began
-    names = [effect.name for effect in done.effects]
-    first = names[0] if names else done.verdict
     right = done.verdict == "no_gap" if not fault else bool(done.effects) and fault in done.effects[0].members
-    sure = done.effects[0].probability if done.effects else 1.0
-    line = f"{done.verdict} {names} {sure:.2f} chi2 {done.chi2_per_dof:.3g}"
-    return first, right, spent, line
+    sure = any(effect.probability > SURE and fault not in effect.members for effect in done.effects)
+    names = ", ".join(f"{effect.name} {effect.probability:.2f}" for effect in done.effects)
+    return right, sure, spent, f"{done.verdict} [{names}] chi2 {done.chi2_per_dof:.3g}"
 
 
 def main() -> None:
@@ -57,19 +56,21 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--only", nargs="+", help="these faults instead of all")
     options = parser.parse_args()
-    right = wrong = false = 0
+    right = wrong = false = sure = 0
     for i in range(options.cases + options.clean):
         mode = "free" if i % 4 == 3 else "driven"
         each = options.only or (FREE if mode == "free" else DRIVEN)
         fault = "" if i >= options.cases else each[(i // (4 if mode == "free" else 1)) % len(each)]
         both = (i // 2) % 2 == 0
-        _, good, spent, line = tried(options.seed + i, fault, mode, both, options.seconds)
+        good, claimed, spent, line = tried(options.seed + i, fault, mode, both, options.seconds)
         print(f"{i:3d} {'both' if both else 'one '} {mode:6s} {fault or 'clean':22s} {'ok ' if good else 'NO '}"
               f" {spent:5.1f} s  {line}", flush=True)  # fmt: skip
         right += good and bool(fault)
         wrong += not good and bool(fault)
         false += not good and not fault
-    print(f"first name right {right} of {right + wrong}; false alarms {false} of {options.clean}")
+        sure += claimed
+    print(f"first name right {right} of {right + wrong}; sure wrong names in {sure}; false alarms {false} of"
+          f" {options.clean}")  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@
     corrected = dpr.corrected_model(diagnosis, runs, rig)
     dpr.plot_response([dpr.compare(run, rig, corrected) for run in runs]).savefig("response.png")
 
-Recordings of a free or driven arm: `identify_moving_arm` and `compare_moving_arm`; `diagnose` takes both kinds.
+Every function takes recordings of a clamped, prescribed, free or driven arm.
 
 Names in `__all__` without an underscore stay the same from one minor version to the next; before a name is removed, it
 gives a warning for one minor version. Everything else may change.
@@ -17,6 +17,7 @@ gives a warning for one minor version. Everything else may change.
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 from dpr_lab.version import __version__ as __version__
 
@@ -25,12 +26,11 @@ if TYPE_CHECKING:
     from dpr_lab.exports.corrected import corrected_model
     from dpr_lab.gap.diagnose import diagnose
     from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.identification.any_arm import identifiability, identify, load_model
     from dpr_lab.identification.compare import Comparison
-    from dpr_lab.identification.compare import compare_run as compare
-    from dpr_lab.identification.identify import identifiability_of as identifiability
-    from dpr_lab.identification.identify import identify
-    from dpr_lab.identification.model import Model, load_model
-    from dpr_lab.identification.moving_arm.identify import identify_moving_arm
+    from dpr_lab.identification.model import Model
+    from dpr_lab.identification.moving_arm.identify import ArmComparison
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.planning.plan import plan
     from dpr_lab.planning.result import Plan
     from dpr_lab.report.data_frame import to_dataframe
@@ -46,24 +46,24 @@ if TYPE_CHECKING:
     from dpr_lab.storage.csv_import import ImportOptions
     from dpr_lab.storage.csv_import import import_csv as import_table
     from dpr_lab.storage.reader import load_run
-    from dpr_lab.workflows.compare_moving_arm import compare_arm_run as compare_moving_arm
+    from dpr_lab.workflows.compare_moving_arm import compare_any_run as compare
 
 __all__ = [
+    "ArmComparison",
     "Comparison",
     "Diagnosis",
     "DprError",
     "ImportOptions",
     "Model",
+    "MovingArmModel",
     "Plan",
     "Rig",
     "Run",
     "compare",
-    "compare_moving_arm",
     "corrected_model",
     "diagnose",
     "identifiability",
     "identify",
-    "identify_moving_arm",
     "import_table",
     "load_model",
     "load_rig",
@@ -84,10 +84,11 @@ _PLACES = {
     "exports.corrected": ("corrected_model",),
     "gap.diagnose": ("diagnose",),
     "gap.result.diagnosis": ("Diagnosis",),
-    "identification.compare": ("Comparison", "compare=compare_run"),
-    "identification.identify": ("identifiability=identifiability_of", "identify"),
-    "identification.model": ("Model", "load_model"),
-    "identification.moving_arm.identify": ("identify_moving_arm",),
+    "identification.any_arm": ("identifiability", "identify", "load_model"),
+    "identification.compare": ("Comparison",),
+    "identification.model": ("Model",),
+    "identification.moving_arm.identify": ("ArmComparison",),
+    "identification.moving_arm.model": ("MovingArmModel",),
     "planning.plan": ("plan",),
     "planning.result": ("Plan",),
     "report.data_frame": ("to_dataframe",),
@@ -106,7 +107,7 @@ _PLACES = {
     "run": ("Run",),
     "storage.csv_import": ("ImportOptions", "import_table=import_csv"),
     "storage.reader": ("load_run",),
-    "workflows.compare_moving_arm": ("compare_moving_arm=compare_arm_run",),
+    "workflows.compare_moving_arm": ("compare=compare_any_run",),
 }
 """Module -> names exported here, each `name` or `name=name there`; imported on first use, so that commands start
 fast.
@@ -118,8 +119,15 @@ _FROM = {
     for name in names
 }
 
+_FORMER = {"identify_moving_arm": "identify", "compare_moving_arm": "compare"}
+"""Name of an earlier version -> present one, which takes the same arguments; removed after one minor version."""
+
 
 def __getattr__(name: str) -> Any:
+    if name in _FORMER:
+        present = _FORMER[name]
+        warn(f"dpr_lab.{name} is now dpr_lab.{present}, which takes every arm", DeprecationWarning, stacklevel=2)
+        return __getattr__(present)
     if name not in _FROM:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, attribute = _FROM[name]

@@ -243,8 +243,8 @@ def refuse_moving_arms(runs: Iterable[Run]) -> None:
         if run.arm_mode in ("free", "driven"):
             raise RunError(
                 f"{run.file or run.name}: its arm was {run.arm_mode}. Only `identify`, `compare`, `diagnose`, `accept`,"
-                " `plan`, `check`, `certify`, `drift` and `identifiability` support such a run, in Python"
-                " `identify_moving_arm`, `compare_moving_arm` and `diagnose`; import the table with --arm prescribed to"
+                " `plan`, `check`, `certify`, `drift` and `identifiability` support such a run;"
+                " import the table with --arm prescribed to"
                 " use the arm's encoder instead"
             )
 

@@ -19,6 +19,8 @@ MODULES = (
     "identification.scaling.scale",
     "identification.compare",
     "identification.identifiability",
+    "identification.moving_arm.identify:ArmComparison",
+    "identification.moving_arm.model",
     "gap.result.diagnosis",
     "gap.result.saved",
     "gap.result.gap_size",

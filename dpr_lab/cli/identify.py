@@ -58,19 +58,20 @@ def identify(
     """
     json_mode(as_json)
     from dpr_lab.cli.listener import Listener
-    from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult, identify_any_arm
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
+    from dpr_lab.workflows.identify import IdentifyRequest
+    from dpr_lab.workflows.identify import identify as identify_runs
 
     request = IdentifyRequest(tuple(runs), rig, out, objective, search, settings, seed, profile, any_clock, torque)
     with Listener() as listener:
-        identified = identify_any_arm(request, listener)
-    model = identified.model
+        model = identify_runs(request, listener).model
     if as_json:
         emit(model.model_dump() | {"model": str(out)})
     else:
-        if isinstance(identified, IdentifyResult):
-            show(identified.model)
+        if isinstance(model, MovingArmModel):
+            show_moving_arm(model)
         else:
-            show_moving_arm(identified.model)
+            show(model)
         line(f"model: {out}")
     if model.failures:
         raise IdentificationError(

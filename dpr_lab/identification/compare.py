@@ -28,7 +28,7 @@ from dpr_lab.identification.ratio_fit import (
     segmented,
 )
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run
+from dpr_lab.run import Run, moves
 from dpr_lab.shown import Row, Shown
 
 
@@ -120,15 +120,16 @@ class Followed:
         return self.fitted.fit.estimate
 
 
-def compare_run(run: Run, rig: Rig, model: Model) -> Comparison:
+def compare_run(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Comparison:
     """Simulate a run with a model: by segment, and as one free run from the initial state of the first segment.
 
     Args:
         run: the measurement
         rig: its encoders, for the noise floor
         model: the model; only initial states are fitted
+        segment_s: length of a segment, s
     """
-    return compare_followed(follow(run, rig, model))
+    return compare_followed(follow(run, rig, model, segment_s))
 
 
 @solvable
@@ -140,7 +141,15 @@ def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed
         rig: its encoders
         model: the model
         segment_s: length of a segment, s
+
+    Raises:
+        RunError: the run cannot be used, or its arm was free or driven.
     """
+    if moves([run]):
+        raise RunError(
+            f"{run.file or run.name}: its arm was {run.arm_mode}, but the model has a clamped one: identify one from"
+            " such runs"
+        )
     preprocessed = preprocess(run, rig)
     problem, initial = segmented([preprocessed], rig, segment_s)
     bare = fit_ratios(problem, rods_estimate(model.unknowns, initial), held=range(len(UNKNOWN_RATIOS)))

@@ -99,8 +99,4 @@ def _follow(file: Path, model: "Model", request: CompareRequest, on_event: OnEve
 
     rig = stored_rig(file)
     (run,) = read_runs([file], rig, on_event, request.any_clock, request.torque, moving=True)
-    if run.arm_mode in ("free", "driven"):
-        raise RunError(
-            f"{file}: its arm was {run.arm_mode}, but the model has a clamped one: identify one from such runs"
-        )
     return follow(run, rig, model)

@@ -7,6 +7,8 @@ from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import ArmRunCompared, OnEvent, ignore
 
 if TYPE_CHECKING:
+    from dpr_lab.identification.compare import Comparison
+    from dpr_lab.identification.model import Model
     from dpr_lab.identification.moving_arm.identify import ArmComparison
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.rig import Rig
@@ -70,12 +72,32 @@ def compare_moving_arm(
     return saved | {"report": str(write_arm_report(loaded, compared, saved, out))}
 
 
-def compare_arm_run(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: float = 0.5) -> "ArmComparison":
-    """Simulate a run by segment with a model and its effects; only initial states are fitted.
+def compare_any_run(
+    run: "Run", rig: "Rig", model: "Model | MovingArmModel", segment_s: float = 0.5
+) -> "Comparison | ArmComparison":
+    """Simulate a run with a model of any arm and its effects, by segment; only initial states are fitted.
+
+    With a clamped or prescribed arm the result also has one free run, from the initial state of the first segment.
+
+    Args:
+        run: the measurement
+        rig: its encoders, for the noise floor
+        model: of `identify` or `corrected_model`
+        segment_s: length of a segment, s
 
     Raises:
-        RunError: the model belongs to another rig, or cannot follow the readings.
+        RunError: the model belongs to another rig or to another mode of the arm, or cannot follow the readings.
     """
+    from dpr_lab.identification.compare import compare_run
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
+
+    if isinstance(model, MovingArmModel):
+        return compare_arm_run(run, rig, model, segment_s)
+    return compare_run(run, rig, model, segment_s)
+
+
+def compare_arm_run(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: float = 0.5) -> "ArmComparison":
+    """Simulate a run by segment with a model of a moving arm; as `compare_any_run`."""
     if model.effects:
         return _with_effects(run, rig, model, segment_s)
     from dpr_lab.identification.moving_arm.identify import compare_moving_arm as compare_bare
@@ -83,7 +105,7 @@ def compare_arm_run(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: 
     return compare_bare(run, rig, model, segment_s)
 
 
-def _with_effects(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: float = 0.5) -> "ArmComparison":
+def _with_effects(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: float) -> "ArmComparison":
     """Simulate a run by segment with a corrected model and its effects; only initial states are fitted.
 
     Raises:

@@ -104,6 +104,7 @@ def demo(request: DemoRequest, on_event: OnEvent = ignore) -> DemoResult:
 def _known_plant(request: DemoRequest, begin: "Callable[[int], None]", on_event: OnEvent) -> KnownPlant:
     """Capture, identify and compare a plant without effects, then request its true values."""
     from dpr_lab.acquisition.capture import CaptureOptions
+    from dpr_lab.identification.model import Model
     from dpr_lab.trials.sealing import ask
 
     out, seed = request.out, request.default_seed if request.seed is None else request.seed
@@ -112,6 +113,7 @@ def _known_plant(request: DemoRequest, begin: "Callable[[int], None]", on_event:
     recorded = capture(CaptureRequest(RIG, out / "runs", CaptureOptions(), url=url), lambda: True, on_event)
     begin(2)
     identified = identify(IdentifyRequest(recorded.files, RIG, out / "model.json", seed=seed), on_event)
+    assert isinstance(identified.model, Model)
     begin(3)
     compared = compare(CompareRequest(recorded.files, identified.file, out), on_event)
     truth = ask("--plant", PLANT, "--seed", str(seed), "--reveal")["ratios"]
@@ -120,6 +122,7 @@ def _known_plant(request: DemoRequest, begin: "Callable[[int], None]", on_event:
 
 def _hidden_effect(request: DemoRequest, begin: "Callable[[int], None]", on_event: OnEvent) -> HiddenEffect:
     """One blind trial: seal, record, identify, diagnose, reveal and score."""
+    from dpr_lab.identification.model import Model
     from dpr_lab.trials.protocol import RIG_FILE, open_trial
     from dpr_lab.trials.sealing import Kind, PlantRequest
 
@@ -131,6 +134,7 @@ def _hidden_effect(request: DemoRequest, begin: "Callable[[int], None]", on_even
     identified = identify(
         IdentifyRequest(trial.runs, str(folder / RIG_FILE), folder / "model.json", seed=seed), on_event
     )
+    assert isinstance(identified.model, Model)
     begin(6)
     diagnosed = diagnose_trial(DiagnoseTrialRequest(folder, identified.file), on_event)
     begin(7)

@@ -133,17 +133,16 @@ def model_to_export(file: Path, rig: "Rig") -> "AnyModel":
     Raises:
         RunError: it cannot be read, or belongs to another rig.
     """
-    from dpr_lab.identification.model import load_model
-    from dpr_lab.identification.moving_arm.model import load_moving_arm_model
+    from dpr_lab.identification.any_arm import load_model
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
 
-    moving = load_moving_arm_model(file)
-    if moving is None:
-        model = load_model(file)
+    model = load_model(file)
+    if not isinstance(model, MovingArmModel):
         model.starting_point(rig)
         return model.scaled_ratios()
-    if (moving.rig.name, moving.rig.L1, moving.mounted) != (rig.name, rig.L1, rig.rods.mounted):
-        raise RunError(f"{file}: is a model of rig {moving.rig.name} with other rods or lengths than {rig.name}")
-    return moving.with_arm_effects()
+    if (model.rig.name, model.rig.L1, model.mounted) != (rig.name, rig.L1, rig.rods.mounted):
+        raise RunError(f"{file}: is a model of rig {model.rig.name} with other rods or lengths than {rig.name}")
+    return model.with_arm_effects()
 
 
 def _checked(

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dpr_lab.errors import ConfigError
 from dpr_lab.workflows.events import OnEvent, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
 
@@ -46,20 +45,11 @@ def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore)
             and therefore known from runs only.
         RunError: a run that cannot be used.
     """
-    from dpr_lab.identification.identify import identifiability_of
-    from dpr_lab.identification.moving_arm.identifiability import identifiability_of_arm
+    from dpr_lab.identification.any_arm import identifiability as identifiability_of
     from dpr_lab.rig import load_rig
-    from dpr_lab.run import moves, torque_kinds
+    from dpr_lab.run import torque_kinds
 
     rig = load_rig(request.rig)
     runs = read_runs(request.runs, rig, on_event, torque=request.torque, moving=True)
-    if moves(runs) or (not runs and rig.arm.mode in ("free", "driven")):
-        return IdentifiabilityResult(rig.name, identifiability_of_arm(runs, rig))
-    if not runs and "prescribed" in (rig.joints.inner, rig.arm.mode):
-        joint = "inner rod" if rig.joints.inner == "prescribed" else "arm"
-        raise ConfigError(
-            f"the motion of the {joint} of rig {rig.name} is prescribed by its encoder and determines what recordings"
-            " identify: give runs, for example runs/*.mcap"
-        )
     answer = identifiability_of(runs, rig, lambda sentence: on_event(Warned(sentence)))
     return IdentifiabilityResult(rig.name, answer, torque_kinds(runs))

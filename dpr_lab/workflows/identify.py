@@ -11,8 +11,6 @@ from dpr_lab.workflows.reading import read_runs
 if TYPE_CHECKING:
     from dpr_lab.identification.model import Model
     from dpr_lab.identification.moving_arm.model import MovingArmModel
-    from dpr_lab.rig import Rig
-    from dpr_lab.run import Run
     from dpr_lab.search.problem import Generation
 
 
@@ -47,69 +45,27 @@ class IdentifyRequest:
 class IdentifyResult:
     """Result of an identification. A model that failed its own checks is also written; see `model.failures`."""
 
-    model: "Model"
-    file: Path
-
-
-@dataclass(frozen=True, slots=True)
-class MovingArmResult:
-    """Identified model of a rig with a free or driven arm, and its file."""
-
-    model: "MovingArmModel"
+    model: "Model | MovingArmModel"
     file: Path
 
 
 def identify(request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proceed = always) -> IdentifyResult:
-    """Identify the kinetic parameters of a rig from runs with a clamped or prescribed arm.
+    """Identify the parameters of a rig from runs; objective and search have no meaning for a free or driven arm.
 
     Events: `RunRead`, `GenerationDone`, `LocalFitBegan`; calls `proceed` after each generation.
 
     Raises:
         ConfigError: the file cannot be written, rig or settings are not valid, or objective or search is unknown.
         RunError: a run that cannot be used, or none.
-        IdentificationError: no candidate inside the bounds could be simulated.
+        IdentificationError: no candidate inside the bounds could be simulated, or the fit determines nothing.
     """
-    rig, runs = _read(request, on_event, moving=False)
-    return _identified(runs, rig, request, on_event, proceed)
-
-
-def identify_any_arm(
-    request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proceed = always
-) -> IdentifyResult | MovingArmResult:
-    """As `identify`, also for runs with a free or driven arm, for which objective and search have no meaning.
-
-    Raises:
-        ConfigError, RunError, IdentificationError: as for `identify`.
-    """
-    from dpr_lab.identification.moving_arm.identify import identify_moving_arm
-    from dpr_lab.run import moves
-
-    rig, runs = _read(request, on_event, moving=True)
-    # One rod with a clamped arm shows ratios to its own inertia only, as a rotary pendulum's rig file expects them.
-    alone = rig.rods.mounted == "inner" and rig.arm.mode in ("free", "driven")
-    prescribed = any(run.arm_mode == "prescribed" for run in runs)
-    if not moves(runs) and (prescribed or not alone):
-        return _identified(runs, rig, request, on_event, proceed)
-    on_event(LocalFitBegan())
-    model = identify_moving_arm(runs, rig)
-    model.save(request.out)
-    return MovingArmResult(model, request.out)
-
-
-def _read(request: IdentifyRequest, on_event: OnEvent, *, moving: bool) -> "tuple[Rig, list[Run]]":
+    from dpr_lab.identification.any_arm import identify as identify_runs
     from dpr_lab.rig import load_rig
+    from dpr_lab.search import load_search
 
     refuse_folder(request.out)
     rig = load_rig(request.rig)
-    return rig, read_runs(request.runs, rig, on_event, request.any_clock, request.torque, moving)
-
-
-def _identified(
-    runs: "list[Run]", rig: "Rig", request: IdentifyRequest, on_event: OnEvent, proceed: Proceed
-) -> IdentifyResult:
-    from dpr_lab.identification.identify import identify as identify_runs
-    from dpr_lab.search import load_search
-
+    runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque, moving=True)
     settings = load_search(request.settings) if request.settings else None
     model = identify_runs(
         runs,

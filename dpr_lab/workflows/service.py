@@ -75,7 +75,7 @@ class Method:
 METHODS: dict[str, Method] = {
     "identify": Method(
         "dpr_lab.workflows.identify:IdentifyRequest",
-        "dpr_lab.workflows.identify:identify_any_arm",
+        "dpr_lab.workflows.identify:identify",
         lambda done: done.model.model_dump() | {"model": str(done.file)},
     ),
     "diagnose": Method(

@@ -10,9 +10,11 @@ from dpr_lab.dynamics.arm import ArmParameters
 from dpr_lab.dynamics.simulate import simulate, simulate_arm
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.moving_arm_balance import angles_are_right, wrong_scale
+from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.doubts import stops
 from dpr_lab.identification.moving_arm.fit import covariance_of, fit_moving_arm
 from dpr_lab.identification.moving_arm.identify import identify_moving_arm
+from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.problem import recordings_of
 from dpr_lab.identification.moving_arm.scale import motor_notes, scale_of_arm
 from dpr_lab.identification.moving_arm.soft_stop import SoftStopSettings, soft_stop
@@ -20,7 +22,7 @@ from dpr_lab.rig import load_rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.workflows.compare_moving_arm import compare_moving_arm
-from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult, MovingArmResult, identify_any_arm
+from dpr_lab.workflows.identify import IdentifyRequest, identify
 from tests.identification.test_moving_arm_fit import NOISE, PUSH, T, drawn, recorded, rig_with
 
 KT = {"nominal": 0.5, "lower": 0.1, "upper": 2.0}
@@ -258,8 +260,8 @@ def test_a_prescribed_run_of_one_rod_on_a_rig_with_a_motor_is_identified(tmp_pat
     np.savetxt(table, np.column_stack([t, swing]), delimiter=",", header="t,theta0,theta1", comments="", fmt="%.7f")
     import_csv(table, rig, ImportOptions(arm="prescribed", keep_rest=True), out=run)
     request = IdentifyRequest((run,), "furuta", tmp_path / "model.json", search="multistart")
-    done = identify_any_arm(request)
-    assert isinstance(done, IdentifyResult)
+    done = identify(request)
+    assert isinstance(done.model, Model)
     a = J1 + m1 * l1**2
     assert done.model.ratios["e1/a"].value == pytest.approx(m1 * l1 * rig.g / a, rel=2e-3)
     assert done.model.ratios["c1/a"].value == pytest.approx(c1 / a, rel=0.1)
@@ -279,8 +281,8 @@ def test_a_clamped_run_of_one_rod_on_a_rig_with_a_motor_gives_its_own_ratios_onl
     np.savetxt(table, rows, delimiter=",", header="t,theta0,theta1", comments="", fmt="%.7f")
     run = tmp_path / "swing.mcap"
     import_csv(table, rig, ImportOptions(arm="clamped", keep_rest=True), out=run)
-    done = identify_any_arm(IdentifyRequest((run,), str(rig_file), tmp_path / "model.json"))
-    assert isinstance(done, MovingArmResult)
+    done = identify(IdentifyRequest((run,), str(rig_file), tmp_path / "model.json"))
+    assert isinstance(done.model, MovingArmModel)
     assert set(done.model.ratios) == {"e1/a", "c1/a"}
     assert done.model.ratios["e1/a"].value == pytest.approx(e1 / a, rel=1e-3)
     compared = compare_moving_arm((run,), done.file, tmp_path / "report")

@@ -18,7 +18,8 @@ from dpr_lab.workflows.compare_moving_arm import compare_moving_arm
 from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult
 from dpr_lab.workflows.diagnose import diagnose as diagnose_runs
 from dpr_lab.workflows.events import ArmRunCompared
-from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult, MovingArmResult, identify_any_arm
+from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult
+from dpr_lab.workflows.identify import identify as identify_runs
 from dpr_lab.workflows.plan import PlanRequest, PlanResult
 from dpr_lab.workflows.plan import plan as plan_recordings
 
@@ -28,9 +29,9 @@ if TYPE_CHECKING:
     from dpr_lab.storage.inspect import RunInfo
 
 
-def identify(control: JobControl, *, request: IdentifyRequest) -> IdentifyResult | MovingArmResult:
+def identify(control: JobControl, *, request: IdentifyRequest) -> IdentifyResult:
     """Identify; a search can be paused, and stopped with the best result so far."""
-    return identify_any_arm(request, control.report, control.proceed)
+    return identify_runs(request, control.report, control.proceed)
 
 
 def diagnose(control: JobControl, *, request: DiagnoseRequest) -> DiagnoseResult:

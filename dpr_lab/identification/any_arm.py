@@ -1,0 +1,138 @@
+"""Identification of any rig: recordings of a clamped, prescribed, free or driven arm, and the models of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.identification.identifiability import Identifiability
+from dpr_lab.identification.identify import identifiability_of
+from dpr_lab.identification.identify import identify as identify_rods
+from dpr_lab.identification.misread.solvable import solvable
+from dpr_lab.identification.model import Model
+from dpr_lab.identification.model import load_model as load_rods_model
+from dpr_lab.identification.moving_arm.identifiability import ArmIdentifiability, identifiability_of_arm
+from dpr_lab.identification.moving_arm.identify import identify_moving_arm
+from dpr_lab.identification.moving_arm.model import MovingArmModel, load_moving_arm_model
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run, as_runs, moves
+from dpr_lab.search.problem import Generation
+from dpr_lab.search.settings import SearchSettings
+
+
+def identify(
+    runs: Run | Sequence[Run],
+    rig: Rig,
+    *,
+    objective: str = "segments",
+    search: str = "iga",
+    settings: SearchSettings | None = None,
+    seed: int = 0,
+    profile: bool = False,
+    on_generation: Callable[[Generation, int], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+    on_polish: Callable[[], None] | None = None,
+) -> Model | MovingArmModel:
+    """Identify the parameters of a rig from recordings, of a free or driven arm with those of arm and drive.
+
+    With a clamped or prescribed arm the search (IGA by default) finds the basin inside the rig file's bounds; least
+    squares over segments of 0.25 s, then over longer and longer segments while the model follows them, gives the ratios
+    and their covariance. With a free or driven arm the same least squares starts from the rig file, and the options
+    below have no meaning: a genetic algorithm searches only if this start fails.
+
+    Args:
+        runs: one or several runs; of free swings, releases from two different poses are enough
+        rig: bounds, measured values, encoders
+        objective: a name of `OBJECTIVES`: `segments` (default) or `paper` (E(Z), docs/theory.md equation 2)
+        search: a name of `ALGORITHMS`
+        settings: settings of the search; default: those of the objective
+        seed: seed of all random numbers; the same seed gives the same result for any number of threads
+        profile: whether to compute the interval of each ratio by profile likelihood as well, which takes some seconds
+        on_generation: called with each generation and the maximum number of generations
+        stop: called after each generation; if it returns true the search ends, and the local fit starts from the best
+        individual
+        on_polish: called at the start of the local fit
+
+    Returns:
+        `MovingArmModel` if the arm of a run is free or driven, or if a single rod swings on the clamped arm of a rig
+        whose arm moves otherwise; else `Model`. Both have `ratios`, `warnings`, `failures` and `save`.
+
+    Raises:
+        ConfigError: unknown objective or search.
+        RunError: no runs, or one that cannot be used.
+        IdentificationError: no candidate inside the bounds could be simulated, the fit determines nothing, or the
+        recordings do not match the rig: zero, unit, sign or order of the readings is specified wrongly.
+    """
+    runs = as_runs(runs)
+    if has_arm_model(runs, rig):
+        if on_polish:
+            on_polish()
+        return identify_moving_arm(runs, rig)
+    return identify_rods(
+        runs,
+        rig,
+        objective=objective,
+        search=search,
+        settings=settings,
+        seed=seed,
+        profile=profile,
+        on_generation=on_generation,
+        stop=stop,
+        on_polish=on_polish,
+    )
+
+
+def has_arm_model(runs: Sequence[Run], rig: Rig) -> bool:
+    """Whether `identify` gives a `MovingArmModel`.
+
+    One rod with a clamped arm determines ratios to its own inertia only, as the rig file of a rotary pendulum
+    expects them.
+    """
+    alone = rig.rods.mounted == "inner" and rig.arm.mode in ("free", "driven")
+    return moves(runs) or (alone and bool(runs) and not any(run.arm_mode == "prescribed" for run in runs))
+
+
+@solvable
+def identifiability(
+    runs: Run | Sequence[Run], rig: Rig, tell: Callable[[str], object] | None = None
+) -> Identifiability | ArmIdentifiability:
+    """Parameters that recordings of a rig determine, those that they do not, and recommended measurements.
+
+    Example: `dpr.identifiability(runs, rig).null_space`, or `dpr.identifiability([], rig)` before any recording.
+
+    Args:
+        runs: one or several recordings; none: releases simulated from the poses of the rig with the values of the rig
+        file
+        rig: bounds, measured values, encoders, poses and motor
+        tell: called with each notice or warning
+
+    Returns:
+        `ArmIdentifiability` if the arm of a run, or without runs that of the rig file, is free or driven; else
+        `Identifiability`.
+
+    Raises:
+        ConfigError: neither runs nor poses, or no runs of a rig with a prescribed joint, whose motion is known from
+        runs only.
+        RunError: a run that cannot be used.
+        IdentificationError: the fitted values are physically impossible, or cannot be simulated.
+    """
+    runs = as_runs(runs)
+    if moves(runs) or (not runs and rig.arm.mode in ("free", "driven")):
+        return identifiability_of_arm(runs, rig)
+    if not runs and "prescribed" in (rig.joints.inner, rig.arm.mode):
+        joint = "inner rod" if rig.joints.inner == "prescribed" else "arm"
+        raise ConfigError(
+            f"the motion of the {joint} of rig {rig.name} is prescribed by its encoder and determines what recordings"
+            " identify: give runs, for example runs/*.mcap"
+        )
+    return identifiability_of(runs, rig, tell)
+
+
+def load_model(path: Path | str) -> Model | MovingArmModel:
+    """Read `model.json`, as `identify` and `diagnose --out` write it.
+
+    Raises:
+        RunError: the file is missing, not JSON, or not a model; the message names the key.
+    """
+    return load_moving_arm_model(Path(path)) or load_rods_model(path)
