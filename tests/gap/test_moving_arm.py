@@ -110,7 +110,7 @@ def test_signs_scales_and_units_of_arm_and_input_and_an_arm_that_stands_still_ar
     constant = {"nominal": 1.0, "lower": 0.5, "upper": 2.0}
     voltage = rig.model_dump(exclude_none=True) | {"motor": {"input": "voltage", "kt": constant, "R": constant}}
     milli = scaled(runs, 1e3)
-    with pytest.raises(IdentificationError, match=r"in mV\. Import the table with --scale input=0\.001"):
+    with pytest.raises(IdentificationError, match=r"in mV, not in V\. Import the table with --scale input=0\.001"):
         diagnose(milli, Rig.model_validate(voltage))
     with pytest.raises(IdentificationError, match="the sign of theta0 is reversed"):
         diagnose([replace(run, theta=run.theta * [-1.0, 1.0, 1.0]) for run in runs], rig)

@@ -10,6 +10,7 @@ from dpr_lab.dynamics.arm import ArmParameters
 from dpr_lab.dynamics.simulate import simulate, simulate_arm
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.moving_arm_balance import angles_are_right, wrong_scale
+from dpr_lab.identification.misread.moving_arm_description import wrong_input
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.doubts import stops
 from dpr_lab.identification.moving_arm.fit import covariance_of, fit_moving_arm
@@ -31,13 +32,27 @@ KT = {"nominal": 0.5, "lower": 0.1, "upper": 2.0}
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("factor", "words"),
-    [(-1.0, "--scale input=-1"), (1e3, "mA, not A; import the table with --scale input=0.001")],
+    [(-1.0, "--scale input=-1"), (1e3, "in mA, not in A. Import the table with --scale input=0.001")],
 )
 def test_an_input_of_the_wrong_sign_or_unit_is_named(factor, words):
     rng, rig = np.random.default_rng(1), rig_with("driven", "current", kt=KT)
     Z, arm, start = drawn(rng, rig)
     run = recorded(rig, Z, arm, start, factor * 2 * PUSH, PUSH, rng)
     assert any(words in failure for failure in identify_moving_arm([run], rig).failures)
+
+
+@pytest.mark.parametrize(
+    ("kind", "gain", "words"),
+    [
+        ("torque", -0.9, "sign of the torque is reversed"),
+        ("torque", 0.0098, "in N cm, not in N m. Import the table with --scale input=0.01"),
+        ("voltage", 1.1e3, "in kV, not in V. Import the table with --scale input=1000"),
+        ("current", 50.0, "check the unit of its column"),
+    ],
+)
+def test_sign_and_unit_of_an_input_follow_from_its_gain(kind, gain, words):
+    assert words in wrong_input(kind, gain)
+    assert not any(wrong_input(kind, right) for right in (0.2, 1.0, 5.0))
 
 
 @pytest.mark.slow

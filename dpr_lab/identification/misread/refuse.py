@@ -28,7 +28,7 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
         RunError: a run without enough samples or motion in any interpretation.
     """
     if moves(runs):
-        return  # signs and units of arm and input are tested in `dpr_lab.gap.screen.input`
+        return  # signs and units of arm and input are tested in `gap.screen.input` and `moving_arm.doubts`
     ratio_fit, refused = _as_read(runs, rig)
     possible = ratio_fit is not None and not impossible(ratio_fit.ratios, rig)
     if ratio_fit is not None and possible and residual(ratio_fit) < SETTINGS.suspicious:

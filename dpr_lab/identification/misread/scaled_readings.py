@@ -1,4 +1,4 @@
-"""Other interpretations of the angles of recordings with a moving arm: another zero, unit or scale."""
+"""Other interpretations of the angles of recordings with a moving arm: another sign, zero, unit or scale."""
 
 from dataclasses import dataclass
 
@@ -21,6 +21,8 @@ class ScaledReadings:
     """Factor of the angle of the arm."""
     rods: float
     """Factor of the angles of the rods."""
+    turned: bool = False
+    """Whether the zero of the rods is off by half a turn: upright instead of hanging, or the reverse."""
 
     def of_joints(self, joints: Array, hanging: Array) -> Array:
         """(n, k) true angles of the joints.
@@ -31,7 +33,15 @@ class ScaledReadings:
         """
         zero = np.append(hanging, 0.0)[: joints.shape[1]]
         factors = np.array([self.rods, self.rods, self.arm])[: joints.shape[1]]
-        return zero + (joints - zero) * factors
+        return zero * (1.0 + self.turned) + (joints - zero) * factors
+
+    def of_theta(self, theta: Array) -> Array:
+        """(n, 3) true angles of arm and rods from their readings, rad."""
+        return self.of_joints(theta[:, [1, 2, 0]], np.full(2, np.pi))[:, [2, 0, 1]]
+
+    def of_sigma(self, sigma: Array) -> Array:
+        """Noise of the true angles of the joints, in the order of `of_joints`, from that of the readings (..., k)."""
+        return sigma * np.abs([self.rods, self.rods, self.arm])[: sigma.shape[-1]]
 
     def cause(self, mounted: str) -> str:
         """Description of the mistake, and the option or key of the rig file that corrects it.
@@ -40,6 +50,11 @@ class ScaledReadings:
             mounted: the mounted rods, as in the rig file
         """
         rods = ("theta1", "theta2") if mounted == "both" else ("theta1",)
+        if self.turned:
+            return (
+                "the angles of the rods are off by half a turn: import the table with the other --zero (upright or"
+                " hanging), or, for a device, correct zero_counts in [encoders]"
+            )
         if self.arm == self.rods == per_degree():
             return "the angles are in degrees, not in rad: import the table with --unit deg"
         axes = (*(("theta0",) if self.arm != 1.0 else ()), *(rods if self.rods != 1.0 else ()))
@@ -57,8 +72,4 @@ class ScaledReadings:
 SCALED_READINGS = tuple(ScaledReadings(*factors) for f in (2.0, 0.5) for factors in ((1.0, f), (f, 1.0), (f, f)))
 """Interpretations to try: the readings are half or twice the true angles."""
 
-OTHER_ZERO = (
-    "the angles of the rods are off by half a turn: import the table with the other --zero (upright or hanging), or,"
-    " for a device, correct zero_counts in [encoders]"
-)
-"""Description of rods whose zero is upright instead of hanging, or the reverse, and what corrects it."""
+TURNED_RODS, MIRRORED_ARM = ScaledReadings(1.0, 1.0, turned=True), ScaledReadings(-1.0, 1.0)

@@ -9,14 +9,20 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.errors import DprError
-from dpr_lab.identification.misread.moving_arm_balance import angles_are_right, wrong_scale
-from dpr_lab.identification.misread.scaled_readings import OTHER_ZERO, SCALED_READINGS, ScaledReadings
+from dpr_lab.identification.misread.moving_arm_balance import angles_are_right
+from dpr_lab.identification.misread.moving_arm_description import (
+    DESCRIPTION,
+    OTHER_ANGLES,
+    measured_scale,
+    wrong_input,
+    wrong_sign,
+)
+from dpr_lab.identification.misread.scaled_readings import MIRRORED_ARM, ScaledReadings
 from dpr_lab.identification.moving_arm.fit import ARM_FIT, ArmFit, fit_moving_arm
 from dpr_lab.identification.moving_arm.problem import ArmRecording
 from dpr_lab.identification.moving_arm.soft_stop import soft_stop
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.rig import Rig
-from dpr_lab.rig_tables import INPUT_UNITS
 from dpr_lab.run import Run
 
 Array = NDArray[np.float64]
@@ -24,18 +30,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class DoubtSettings:
-    """Thresholds from which a description is doubted."""
+    """Thresholds of the tests for an arm that is held or that hits a stop."""
 
-    doubted: float = 20.0
-    """Reduced chi-square above which the other sign of the arm's angle is tried."""
-    better: float = 4.0
-    """Factor by which the other sign must fit better."""
-    better_scale: float = 10.0
-    """Factor by which half or twice the angles must fit better; it is at least 100 if they are the true angles."""
     tried_s: float = 2.5
-    """Examined duration of each recording in these tests, s."""
-    unit: float = 30.0
-    """Ratio of the fitted gain to that of the rig file from which another unit of the input is the likely cause."""
+    """Examined duration of each recording for another zero or scale of the angles, s."""
     hardly_rad: float = 0.05
     """Range of theta0 below which a free arm may be held by its cable or by Coulomb friction."""
     contact_s: float = 0.006
@@ -66,9 +64,9 @@ def failures(
         gain_seen: whether the recordings determine the gain of the drive; sign and unit of the input are doubted only
             then
     """
-    if misfit > DOUBTS.doubted and (scaled := _wrong_scale(recordings, rig)):
+    if misfit > DESCRIPTION.doubted and (scaled := measured_scale(_moving(recordings), rig)):
         return [scaled]
-    doubted = misfit > DOUBTS.doubted and not angles_are_right(_moving(recordings), rig)
+    doubted = misfit > DESCRIPTION.doubted and not angles_are_right(_moving(recordings), rig)
     if doubted and (mirrored := _mirrored_fit(fit, misfit, recordings, rig)):
         return [mirrored]
     stops = [sentence for recording in recordings if misfit > 1.5 and (sentence := stop_sentence(recording.run, rig))]
@@ -76,12 +74,6 @@ def failures(
         return [other]
     of_input = _of_input(fit, rig) if gain_seen else []
     return [*stops, *of_input, *([] if fit.converged else [_unconverged(recordings)])]
-
-
-def _wrong_scale(recordings: Sequence[ArmRecording], rig: Rig) -> str:
-    """A sentence if the last rod's acceleration shows another scale or unit of the angles; empty otherwise."""
-    scales = filter(None, (wrong_scale(run.t, run.theta, rig) for run in _moving(recordings)))
-    return next((scale.cause(rig.rods.mounted) for scale in scales), "")
 
 
 def _moving(recordings: Sequence[ArmRecording]) -> list[Run]:
@@ -103,35 +95,22 @@ def _unconverged(recordings: Sequence[ArmRecording]) -> str:
 
 def _mirrored_fit(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording], rig: Rig) -> str:
     """A sentence if the recordings fit much better with the opposite sign of theta0; otherwise empty."""
-    other = fit_moving_arm([_mirrored(recording) for recording in recordings], rig)
+    other = fit_moving_arm([_reversed(recording) for recording in recordings], rig)
     other_misfit = other.misfit or other.chi2_per_dof
-    if not DOUBTS.better * other_misfit < misfit:
+    if not DESCRIPTION.better * other_misfit < misfit:
         return ""
-    gain = SWING_PARAMETERS.index("gain")
-    rods = "theta1=-1,theta2=-1" if rig.rods.mounted == "both" else "theta1=-1"
-    with_rods = "gain" in fit.problem.unknowns.free and other.p[gain] > 0
-    subject = (
-        "the sign of the rods is opposite to that of the arm and its input"
-        if with_rods
-        else "the sign of theta0 is reversed"
-    )
-    remedy = f"--scale {rods}" if with_rods else "--scale theta0=-1"
-    return (
-        f"{subject}: with the sign reversed the reduced chi-square falls from {misfit:.3g} to"
-        f" {other_misfit:.3g}: import the table with {remedy}, or, for a device, reverse direction in"
-        " [encoders]"
-    )
+    of_rods = "gain" in fit.problem.unknowns.free and bool(other.p[SWING_PARAMETERS.index("gain")] > 0)
+    return wrong_sign(rig, misfit, other_misfit, of_rods=of_rods)
 
 
 def _other_angles(recordings: Sequence[ArmRecording], rig: Rig) -> str:
     """A sentence if the recordings fit much better with another zero or scale of the angles; else empty."""
-    before, turned = _misfit_of(recordings, rig), _misfit_of(map(_turned, recordings), rig)
-    of_scales = [(_misfit_of([_scaled(r, scale) for r in recordings], rig), scale) for scale in SCALED_READINGS]
-    scaled, scale = min(of_scales, key=lambda pair: pair[0])
-    cause = OTHER_ZERO if turned < scaled else scale.cause(rig.rods.mounted)
-    after = min(turned, scaled)
-    if not DOUBTS.better_scale * after < before < np.inf:
+    before = _misfit_of(recordings, rig)
+    tried = [(_misfit_of([_reinterpreted(r, other) for r in recordings], rig), other) for other in OTHER_ANGLES]
+    after, other = min(tried, key=lambda pair: pair[0])
+    if not DESCRIPTION.better_angles * after < before < np.inf:
         return ""
+    cause = other.cause(rig.rods.mounted)
     return f"{cause}; in this interpretation the reduced chi-square falls from {before:.3g} to {after:.3g}"
 
 
@@ -148,23 +127,15 @@ def _beginning(recording: ArmRecording) -> ArmRecording:
     return replace(recording, run=run, drive=recording.drive[: len(run.t)], slope=recording.slope[: len(run.t)])
 
 
-def _turned(recording: ArmRecording) -> ArmRecording:
-    half_a_turn = np.array([0.0, np.pi, np.pi])
-    return replace(recording, run=replace(recording.run, theta=recording.run.theta + half_a_turn))
+def _reinterpreted(recording: ArmRecording, other: ScaledReadings) -> ArmRecording:
+    run = replace(recording.run, theta=other.of_theta(recording.run.theta))
+    return replace(recording, run=run, std=other.of_sigma(recording.std[..., [1, 2, 0]])[..., [2, 0, 1]])
 
 
-def _scaled(recording: ArmRecording, scale: ScaledReadings) -> ArmRecording:
-    rods, hanging = recording.run.theta[:, [1, 2, 0]], np.full(2, np.pi)
-    theta = scale.of_joints(rods, hanging)[:, [2, 0, 1]]
-    return replace(
-        recording, run=replace(recording.run, theta=theta), std=recording.std * [scale.arm, scale.rods, scale.rods]
-    )
-
-
-def _mirrored(recording: ArmRecording) -> ArmRecording:
-    run = recording.run
-    mirrored = replace(run, theta=run.theta * np.array([-1.0, 1.0, 1.0]))
-    return replace(recording, run=mirrored, drive=-recording.drive, slope=-recording.slope)
+def _reversed(recording: ArmRecording) -> ArmRecording:
+    """The opposite sign of arm and drive."""
+    mirrored = _reinterpreted(recording, MIRRORED_ARM)
+    return replace(mirrored, drive=-recording.drive, slope=-recording.slope)
 
 
 def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
@@ -173,21 +144,8 @@ def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
     if "gain" not in unknowns.free or motor is None:
         return []
     gain, expected = float(fit.p[SWING_PARAMETERS.index("gain")]), nominal_gain(rig) / unknowns.scale_value
-    if gain < 0:
-        return [
-            f"the {motor.input} has the wrong sign: import the table with --scale input=-1, or reverse the sign"
-            " of the arm (--scale theta0=-1)"
-        ]
-    factor = gain / expected if expected else 1.0
-    if 1 / DOUBTS.unit < factor < DOUBTS.unit:
-        return []
-    unit = INPUT_UNITS[motor.input]
-    thousandth = f"m{unit}"
-    values, scale = (f"{thousandth}, not {unit}", "0.001") if factor < 1 else (f"{unit}, not {thousandth}", "1000")
-    return [
-        f"the {motor.input} acts {factor:.2g} times as strongly as the rig file says: perhaps its values are {values};"
-        f" import the table with --scale input={scale}, or correct [motor] and [parameters]"
-    ]
+    cause = wrong_input(motor.input, gain / expected if expected else np.sign(gain))
+    return [cause] if cause else []
 
 
 def stop_sentence(run: Run, rig: Rig) -> str:

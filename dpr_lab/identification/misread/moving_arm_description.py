@@ -1,0 +1,99 @@
+"""Whether recordings of a moving arm are described wrongly: limits and sentences of `identify` and `diagnose`.
+
+Signs, zero and scale of the angles, and sign and unit of the input. Each command fits its own model in each
+interpretation: `identify` rods, arm and drive, `diagnose` also the cable and the friction that most arms have.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import log10
+
+from dpr_lab.identification.misread.moving_arm_balance import wrong_scale
+from dpr_lab.identification.misread.scaled_readings import SCALED_READINGS, TURNED_RODS
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import INPUT_UNITS
+from dpr_lab.run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class DescriptionLimits:
+    """Limits from which another description of the recordings is the likely cause of a misfit."""
+
+    doubted: float = 20.0
+    """Reduced chi-square from which other signs, zeros and scales are tested."""
+    better: float = 4.0
+    """Factor by which the other sign of the arm's angle must reduce chi-square."""
+    better_angles: float = 10.0
+    """Factor by which another zero or scale must reduce it; it is at least 100 if they are right."""
+    unit: float = 0.5
+    """Maximum distance of the logarithm (base 10) of the gain from that of a unit's factor."""
+    gain: float = 1.5
+    """Logarithm (base 10) of the ratio of the gain to that of the rig file beyond which no motor constant is."""
+
+
+DESCRIPTION = DescriptionLimits()
+
+OTHER_ANGLES = (TURNED_RODS, *SCALED_READINGS)
+"""Interpretations to try where the sign of the arm's angle is not the cause."""
+
+UNITS = {
+    "torque": {-3.0: "mN m", -2.0: "N cm", 3.0: "kN m"},
+    "current": {-3.0: "mA", 3.0: "kA"},
+    "voltage": {-3.0: "mV", 3.0: "kV"},
+}
+"""Kind of input -> logarithm (base 10) of the ratio of the fitted gain to that of the rig file -> unit that the column
+seems to have.
+"""
+
+
+def measured_scale(runs: Iterable[Run], rig: Rig) -> str:
+    """Sentence on another scale or unit of the angles, which the acceleration of the last rod shows; empty without."""
+    scales = filter(None, (wrong_scale(run.t, run.theta, rig) for run in runs))
+    return next((scale.cause(rig.rods.mounted) for scale in scales), "")
+
+
+def wrong_sign(rig: Rig, before: float, after: float, *, of_rods: bool) -> str:
+    """Sentence on the sign that is wrong if the model fits with the opposite sign of theta0.
+
+    Args:
+        rig: the rig with its mounted rods
+        before: reduced chi-square as described
+        after: with the opposite sign
+        of_rods: whether arm and input agree with each other, so that the sign of the rods is wrong
+    """
+    rods = "theta1=-1,theta2=-1" if rig.rods.mounted == "both" else "theta1=-1"
+    subject, option = (
+        ("the sign of the rods is opposite to that of the arm and its input", rods)
+        if of_rods
+        else ("the sign of theta0 is reversed", "theta0=-1")
+    )
+    return (
+        f"{subject}: with the opposite sign, the reduced chi-square falls from {before:.3g} to {after:.3g}. Import the"
+        f" table with --scale {option}, or, for a device, reverse the direction of"
+        f" {'their encoders' if of_rods else 'encoder 0'} in [encoders]"
+    )
+
+
+def wrong_input(kind: str, gain: float) -> str:
+    """Sentence on sign or unit of the input of a drive; empty if both can be right.
+
+    Args:
+        kind: of the input, as in `[motor]`
+        gain: fitted torque per input, relative to that of the rig file
+    """
+    if gain < 0.0:
+        return (
+            f"the sign of the {kind} is reversed: the fitted gain is negative. Import the table with --scale input=-1,"
+            " or reverse the sign of the arm (--scale theta0=-1)"
+        )
+    exponent = log10(gain) if gain else 0.0
+    strength = f"the {kind} acts {gain:.3g} times as strongly as the rig file says"
+    for factor, unit in UNITS.get(kind, {}).items():
+        if abs(exponent - factor) < DESCRIPTION.unit:
+            return (
+                f"{strength}: its column seems to be in {unit}, not in {INPUT_UNITS[kind]}. Import the table with"
+                f" --scale input={10.0**factor:g}, or correct the constants of [motor]"
+            )
+    if abs(exponent) < DESCRIPTION.gain:
+        return ""
+    return f"{strength}: check the unit of its column (--scale input=FACTOR) and the constants of [motor]"
