@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from dpr_lab.errors import printable
 from dpr_lab.joint_angles import JointAngles
+from dpr_lab.shown import listed
 
 Positive = Annotated[float, Field(gt=0, le=1e6, strict=True)]
 """Largest accepted value, SI."""
@@ -238,7 +239,8 @@ class MotorTable(RigTable):
         used = {"voltage": ("kt", "ke", "R"), "current": ("kt",)}.get(self.input, ())
         unused = [name for name in ("kt", "ke", "R") if getattr(self, name) is not None and name not in used]
         if unused:
-            raise ValueError(f"input is {self.input}, for which {', '.join(unused)} has no meaning: remove it")
+            verb, which = ("have", "them") if len(unused) > 1 else ("has", "it")
+            raise ValueError(f"input is {self.input}, for which {listed(unused)} {verb} no meaning: remove {which}")
         return self
 
 

@@ -24,7 +24,8 @@ def sdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
     made = bodies(model, rig, expressed)
     root = element(None, "sdf", version="1.10")
     comment(root, model.scale_sentence)
-    comment(root, f"omitted: {json.dumps(dict(lost), ensure_ascii=False)}")
+    if lost:
+        comment(root, f"omitted: {json.dumps(dict(lost), ensure_ascii=False)}")
     world = element(root, "world", name="lab")
     pull = made.gravity * math.sin(made.tilt), 0.0, -made.gravity * math.cos(made.tilt)
     _text(world, "gravity", " ".join(map(repr, pull)))

@@ -25,7 +25,8 @@ def urdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
     made = bodies(model, rig, expressed)
     root = element(None, "robot", name=model.rig.name)
     comment(root, model.scale_sentence)
-    comment(root, f"omitted: {json.dumps(dict(lost), ensure_ascii=False)}")
+    if lost:
+        comment(root, f"omitted: {json.dumps(dict(lost), ensure_ascii=False)}")
     element(root, "link", name="world")
     element(root, "link", name="base")
     _joint(root, "stand", "fixed", ("world", "base"), "0 0 0", f"0 {made.tilt!r} 0")

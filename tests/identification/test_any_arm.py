@@ -6,6 +6,7 @@ import pytest
 import dpr_lab as dpr
 from dpr_lab.dynamics.arm import ArmParameters
 from dpr_lab.dynamics.simulate import simulate_arm
+from dpr_lab.identification.moving_arm.identifiability import ArmIdentifiability
 from dpr_lab.run import Run
 
 
@@ -37,7 +38,9 @@ def test_one_function_identifies_loads_and_compares_a_moving_arm(pendulum, tmp_p
     comparison = dpr.compare(run, rig, loaded)
     assert isinstance(comparison, dpr.ArmComparison)
     assert comparison.rms_rad["joint 0"] < 4e-4
-    assert "A/a" in dpr.identifiability(run, rig).combinations
+    analysis = dpr.identifiability(run, rig)
+    assert isinstance(analysis, ArmIdentifiability)
+    assert "A/a" in analysis.combinations
 
 
 def test_a_model_of_a_clamped_arm_does_not_take_a_run_of_a_moving_one(pendulum):

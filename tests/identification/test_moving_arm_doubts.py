@@ -193,6 +193,7 @@ def test_the_end_of_a_cable_is_named_and_a_cable_that_always_pulls_is_not():
     assert not stops(T, tight.theta[:, 0])
     assert soft_stop(free, rig) is None
     found = soft_stop(tight, rig)
+    assert found is not None
     assert (found.end, len(found.contacts) >= 2) == ("largest", True)
     assert found.angle == pytest.approx(limit, abs=0.1 * np.ptp(tight.theta[:, 0]))
     assert any("its cable tightens there" in failure for failure in identify_moving_arm([tight], rig).failures)
@@ -214,7 +215,9 @@ def test_degrees_of_some_angles_and_a_gear_of_the_encoder_are_named(read, option
     run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
     assert wrong_scale(run.t, run.theta, rig) is None
     run.theta[:] = run.theta * [read[0], read[1], read[1]]
-    assert option in wrong_scale(run.t, run.theta, rig).cause("both")
+    scale = wrong_scale(run.t, run.theta, rig)
+    assert scale is not None
+    assert option in scale.cause("both")
     (failure,) = identify_moving_arm([run], rig).failures
     assert option in failure
 
@@ -240,6 +243,7 @@ def test_an_input_is_scaled_in_a_table(tmp_path):
     np.savetxt(file, rows, delimiter=",", header="t,theta0,theta1,current", comments="", fmt="%.6f")
     options = ImportOptions(zero="hanging", scale={"input": -1e-3}, keep_rest=True)
     run = import_csv(file, rig, options)
+    assert run.arm_input is not None
     assert np.allclose(run.arm_input, -1.5 * np.sin(3 * run.t), atol=1e-3)
     with pytest.raises(RunError, match="an input column requires a driven arm"):
         import_csv(file, rig, ImportOptions(zero="hanging", scale={"input": -1.0}, arm="free"))
@@ -284,7 +288,9 @@ def test_a_prescribed_run_of_one_rod_on_a_rig_with_a_motor_is_identified(tmp_pat
 
 def test_a_clamped_run_of_one_rod_on_a_rig_with_a_motor_gives_its_own_ratios_only(tmp_path):
     rig_file = tmp_path / "rig.toml"
-    text = load_rig("furuta").path.read_text()
+    built_in = load_rig("furuta").path
+    assert built_in is not None
+    text = built_in.read_text()
     rig_file.write_text(text)
     rig = load_rig(rig_file)
     t = np.arange(0, 3, 0.005)
