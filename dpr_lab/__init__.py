@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from dpr_lab.exports.corrected import corrected_model
     from dpr_lab.gap.diagnose import diagnose
     from dpr_lab.gap.result.diagnosis import Diagnosis
-    from dpr_lab.identification.any_arm import identifiability, identify, load_model
     from dpr_lab.identification.compare import Comparison
     from dpr_lab.identification.model import Model
+    from dpr_lab.identification.moving_arm.any_arm import identifiability, identify, load_model
     from dpr_lab.identification.moving_arm.identify import ArmComparison
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.planning.plan import plan
@@ -84,7 +84,7 @@ _PLACES = {
     "exports.corrected": ("corrected_model",),
     "gap.diagnose": ("diagnose",),
     "gap.result.diagnosis": ("Diagnosis",),
-    "identification.any_arm": ("identifiability", "identify", "load_model"),
+    "identification.moving_arm.any_arm": ("identifiability", "identify", "load_model"),
     "identification.compare": ("Comparison",),
     "identification.model": ("Model",),
     "identification.moving_arm.identify": ("ArmComparison",),

@@ -133,7 +133,7 @@ def model_to_export(file: Path, rig: "Rig") -> "AnyModel":
     Raises:
         RunError: it cannot be read, or belongs to another rig.
     """
-    from dpr_lab.identification.any_arm import load_model
+    from dpr_lab.identification.moving_arm.any_arm import load_model
     from dpr_lab.identification.moving_arm.model import MovingArmModel
 
     model = load_model(file)

@@ -17,9 +17,9 @@ def per_degree() -> float:
 class ScaledReadings:
     """True angles as a multiple of the readings: of the arm, and of the rods from hanging."""
 
-    arm: float
+    arm: float = 1.0
     """Factor of the angle of the arm."""
-    rods: float
+    rods: float = 1.0
     """Factor of the angles of the rods."""
     turned: bool = False
     """Whether the zero of the rods is off by half a turn: upright instead of hanging, or the reverse."""
@@ -72,4 +72,9 @@ class ScaledReadings:
 SCALED_READINGS = tuple(ScaledReadings(*factors) for f in (2.0, 0.5) for factors in ((1.0, f), (f, 1.0), (f, f)))
 """Interpretations to try: the readings are half or twice the true angles."""
 
-TURNED_RODS, MIRRORED_ARM = ScaledReadings(1.0, 1.0, turned=True), ScaledReadings(-1.0, 1.0)
+TURNED_RODS = ScaledReadings(turned=True)
+
+
+def mirrored_arm() -> ScaledReadings:
+    """The opposite sign of theta0."""
+    return ScaledReadings(arm=-1.0)

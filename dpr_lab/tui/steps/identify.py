@@ -112,7 +112,7 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
         if self.model is not None and self._unit is not self.workspace.unit and self.job is None:
             self.show_model(self.model)
         if self.workspace.model is not None and self.workspace.model != self._shown and self.job is None:
-            from dpr_lab.identification.any_arm import load_model
+            from dpr_lab.identification.moving_arm.any_arm import load_model
 
             self._shown = self.workspace.model
             self.show_model(load_model(self._shown))
