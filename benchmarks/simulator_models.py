@@ -46,8 +46,8 @@ PLANTED = {
     "damping2": ("damping", "elbow", (2e-4, 6e-4)),
     "stiffness1": ("spring stiffness", "shoulder", (0.04, 0.12)),
     "stiffness2": ("spring stiffness", "elbow", (0.03, 0.08)),
-    "centroid1": ("centroid of the body along the rod", "shoulder", (0.128, 0.14)),
-    "centroid2": ("centroid of the body along the rod", "elbow", (0.132, 0.145)),
+    "centroid1": ("centre of mass of the body along the rod", "shoulder", (0.128, 0.14)),
+    "centroid2": ("centre of mass of the body along the rod", "elbow", (0.132, 0.145)),
     "length": ("length error, inner rod", "shoulder", (0.308, 0.325)),
     "gear1": ("gear of the motor", "shoulder", (10.6, 13.0)),
     "gear2": ("gear of the motor", "elbow", (3.8, 4.7)),
@@ -202,6 +202,7 @@ def trial(number: int) -> Result:
         corrected = corrected_model(diagnosis, runs, rig)
         assert isinstance(corrected, Model)
         model = fitted_in_words(corrected, WORDS[read.format], runs, rig)
+        assert isinstance(model, Model)
         least = least_change(diagnosis, model, rig, chain, runs)
         patched = into_file(least.model, rig, file)
     first = least.causes[0] if least.causes else None

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def check(
-    diagnosis: Annotated[Path, typer.Argument(help="diagnosis.json of `diagnose --out`, or output of `--json`.")],
+    diagnosis: Annotated[Path, typer.Argument(help="Folder of `diagnose --out`, or output of `diagnose --json`.")],
     check_id: Annotated[str, typer.Argument(metavar="ID", help="Id of the check; `diagnose` lists them.")],
     runs: Annotated[list[Path] | None, typer.Argument(help="For a recording: its run files (.mcap).")] = None,
     value: Annotated[
@@ -54,8 +54,8 @@ def check(
 
 def show(updated: "Diagnosis", out: Path | None) -> None:
     """Print the last check on stdout: conclusion, then probabilities before and after."""
+    from dpr_lab.gap.result import RECORD
     from dpr_lab.report.gap import check_tables, tables
-    from dpr_lab.workflows.diagnose import RECORD
 
     done = updated.checks_done[-1]
     line(tables.sentence(updated))

@@ -235,8 +235,8 @@ def _show_repeatability(diagnosis: "Diagnosis") -> None:
 
 def _show_next(diagnosis: "Diagnosis", out: Path | None, *, verbose: bool) -> None:
     """Print the next recordings and checks, and how to record the result of a check."""
+    from dpr_lab.gap.result import RECORD
     from dpr_lab.report.gap import check_tables, tables
-    from dpr_lab.workflows.diagnose import RECORD
 
     line("Next recordings and checks")
     for number, step in enumerate(tables.next_steps(diagnosis), 1):

@@ -22,7 +22,7 @@ def drift(
         ),
     ] = "day",
     diagnosis: Annotated[
-        Path | None, typer.Option(help="Output of `diagnose --json`: the sizes of its effects are compared too.")
+        Path | None, typer.Option(help="Diagnosis, its JSON file or folder: the sizes of its effects are compared too.")
     ] = None,
     model: Annotated[Path | None, typer.Option(help="Model written by `identify`; initial values of the fit.")] = None,
     fail_on_drift: Annotated[bool, typer.Option("--fail-on-drift", help="Exit with 1 if a parameter changed.")] = False,

@@ -40,7 +40,8 @@ def plan(
         typer.Option(help="Limits file (TOML): reachable poses, durations, rods, masses, drives, costs."),
     ] = None,
     diagnosis: Annotated[
-        Path | None, typer.Option(help="Diagnosis of these runs (JSON); default: they are diagnosed first.")
+        Path | None,
+        typer.Option(help="Diagnosis of these runs, its JSON file or folder; default: they are diagnosed first."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the search; the same seed gives the same plan.")] = 0,
     out: Annotated[

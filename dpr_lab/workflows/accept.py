@@ -5,8 +5,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dpr_lab.gap.result import RECORD as DIAGNOSIS_RECORD
 from dpr_lab.workflows.checks import refuse_file
-from dpr_lab.workflows.diagnose import RECORD as DIAGNOSIS_RECORD
 from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult, diagnose
 from dpr_lab.workflows.events import OnEvent, Warned, ignore
 from dpr_lab.workflows.reading import read_runs

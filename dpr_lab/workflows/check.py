@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dpr_lab.gap.result import RECORD
 from dpr_lab.workflows.checks import refuse_file
-from dpr_lab.workflows.diagnose import RECORD
 from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_runs
 
@@ -50,7 +50,7 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
     from dpr_lab.checks.update import find_check, update
     from dpr_lab.configs import sha256_of
     from dpr_lab.gap.advice.check_kind import CheckAnswer
-    from dpr_lab.gap.result.diagnosis import load_diagnosis
+    from dpr_lab.gap.result.diagnosis import diagnosis_file, load_diagnosis
     from dpr_lab.rig import load_rig
     from dpr_lab.storage.reader import stored_rig
 
@@ -64,7 +64,7 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
         runs = tuple(read_runs(request.runs, rig, on_event, torque=request.torque, moving=True))
     answer = CheckAnswer(runs, rig, request.value, request.std, request.confirmed)
     updated = update(diagnosis, check, answer)
-    updated = updated.model_copy(update={"parent": sha256_of(request.diagnosis)})
+    updated = updated.model_copy(update={"parent": sha256_of(diagnosis_file(request.diagnosis))})
     if request.out:
         _save(updated, request.out)
     return updated

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError, unknown_name
+from dpr_lab.gap.result import RECORD
 from dpr_lab.shown import percent
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import FitBegan, OnEvent, ScoreTestBegan, StageBegan, TrustTrialDone, Warned, ignore
@@ -18,10 +19,6 @@ if TYPE_CHECKING:
 
     from dpr_lab.effects.effect import Effect
     from dpr_lab.gap.result.diagnosis import Diagnosis
-
-
-RECORD = "diagnosis.json"
-"""File in the folder of a diagnosis: the output of `diagnose --json`."""
 
 
 @dataclass(frozen=True, slots=True)

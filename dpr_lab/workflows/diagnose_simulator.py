@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.gap.result import RECORD
 from dpr_lab.workflows.checks import refuse_file
-from dpr_lab.workflows.diagnose import RECORD, DiagnoseRequest, DiagnoseResult, diagnose
+from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult, diagnose
 from dpr_lab.workflows.events import OnEvent, ignore
 
 if TYPE_CHECKING:

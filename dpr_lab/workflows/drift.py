@@ -30,7 +30,7 @@ class DriftRequest:
     by: Literal["day", "session", "label"] = "day"
     """Key of `dpr_lab.drift.groups.KEYS`."""
     diagnosis: Path | None = None
-    """Output of `diagnose --json`: the sizes of its effects are compared too."""
+    """Diagnosis, its JSON file or folder: the sizes of its effects are compared too."""
     model: Path | None = None
     """Identified model as initial values; None: values of the rig file."""
     out: Path | None = None

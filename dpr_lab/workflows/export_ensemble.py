@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError, RunError, unknown_name
+from dpr_lab.gap.result import RECORD
 from dpr_lab.workflows.checks import refuse_file
-from dpr_lab.workflows.diagnose import RECORD
 from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_runs
 

@@ -1,5 +1,6 @@
 """A planted error in a MJCF model is the first cause; the corrected file swings as the truth; nothing else changes."""
 
+from importlib import import_module
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -10,6 +11,7 @@ from dpr_lab.exports.into import WORDS, into_file
 from dpr_lab.exports.into.least_change import LeastChange, least_change
 from dpr_lab.exports.refit import fitted_in_words
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.simulator_models import read_model
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
@@ -43,6 +45,7 @@ def corrected(
     diagnosis = diagnose(runs, rig)
     chain = double_pendulum(read_model(folder / "robot.xml"))
     model = fitted_in_words(corrected_model(diagnosis, runs, rig), WORDS["MJCF"], runs, rig)
+    assert isinstance(model, Model)
     least = least_change(diagnosis, model, rig, chain, runs)
     return least, into_file(least.model, rig, folder / "robot.xml").text.decode(), rig
 
@@ -53,6 +56,13 @@ def changed(before: str, after: str) -> list[str]:
     assert [element.tag for element in old] == [element.tag for element in new]
     pairs = zip(old, new, strict=True)
     return sorted(key for one, two in pairs for key in {*one.attrib, *two.attrib} if one.get(key) != two.get(key))
+
+
+def test_the_benchmark_expects_the_same_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    of_benchmark = import_module("simulator_models").PLANTED
+    words = {planted.cause for planted in PLANTED.values()} | {"gear of the motor"}
+    assert {quantity for quantity, *_ in of_benchmark.values()} == words
 
 
 @pytest.mark.slow

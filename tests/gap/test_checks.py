@@ -139,11 +139,11 @@ def test_a_check_is_of_one_diagnosis_and_of_one_kind(diagnosis: Diagnosis) -> No
 
 @pytest.mark.slow
 def test_a_new_diagnosis_names_its_parent(diagnosis: Diagnosis, tmp_path: Path) -> None:
-    file = tmp_path / "d.json"
+    file = tmp_path / "diagnosis.json"
     file.write_text(json.dumps(diagnosis.to_json()))
     check = next(check for check in diagnosis.checks if check.measures == TILT)
-    found = take_check(CheckRequest(file, check.id, value=0.01, std=5e-4, out=tmp_path / "new"))
-    again = load_diagnosis(tmp_path / "new" / "diagnosis.json")
+    found = take_check(CheckRequest(tmp_path, check.id, value=0.01, std=5e-4, out=tmp_path / "new"))
+    again = load_diagnosis(tmp_path / "new")
     assert again == found
     assert len(found.parent) == 64
     page = (tmp_path / "new" / "diagnosis.html").read_text()
@@ -153,6 +153,11 @@ def test_a_new_diagnosis_names_its_parent(diagnosis: Diagnosis, tmp_path: Path) 
     file.write_text("{}")
     with pytest.raises(RunError, match="is not a diagnosis that this dpr-lab wrote"):
         load_diagnosis(file)
+
+
+def test_a_diagnosis_is_read_from_its_folder_too() -> None:
+    folder = Path(__file__).parents[1] / "tui" / "data"
+    assert load_diagnosis(folder) == load_diagnosis(folder / "diagnosis.json")
 
 
 def test_expected_bits_follow_what_is_known_and_what_would_be_seen() -> None:

@@ -12,6 +12,7 @@ from dpr_lab.configs import first_fault
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
+from dpr_lab.gap.result import RECORD
 from dpr_lab.gap.result.causes import NamedEffect, NamedFamily, RivalEffect
 from dpr_lab.gap.result.checks import AdvisedCheck, CheckDone
 from dpr_lab.gap.result.evidence import Evidence
@@ -195,14 +196,20 @@ ADDED_BY_COMMANDS = ("files", "simulator")
 """Keys of `diagnosis.json` besides those of the diagnosis (`dpr_lab.report.schemas.printed`)."""
 
 
+def diagnosis_file(path: Path) -> Path:
+    """The file of a diagnosis, which may be given by its folder."""
+    return path / RECORD if path.is_dir() else path
+
+
 def load_diagnosis(path: Path) -> Diagnosis:
-    """Read the output of `diagnose --json`.
+    """Read the output of `diagnose --json`, from its file or from the folder of `diagnose --out`.
 
     Raises:
         RunError: the file is missing, is not JSON, is not a diagnosis (the message names the key), or contains effects
         that this version does not know.
     """
     try:
+        path = diagnosis_file(path)
         document = json.loads(regular(path, RunError).read_text(encoding="utf-8"))
         printed = ADDED_BY_COMMANDS if isinstance(document, dict) else ()
         stored = {key: document[key] for key in document if key not in printed} if printed else document

@@ -17,6 +17,7 @@ from textual.content import Content
 from textual.widgets import Input, Label, Select, Static, TabbedContent, TabPane
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.gap.result import RECORD
 from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.shown import percent
@@ -28,7 +29,7 @@ from dpr_lab.tui.steps.job_step import READING, JobStep, job_keys
 from dpr_lab.tui.texts import Bars, named_runs, sentences, table
 from dpr_lab.tui.widgets.chart import Chart, Series
 from dpr_lab.tui.widgets.run_browser import RunBrowser
-from dpr_lab.workflows.diagnose import RECORD, DiagnoseRequest
+from dpr_lab.workflows.diagnose import DiagnoseRequest
 
 if TYPE_CHECKING:
     from dpr_lab.gap.result.diagnosis import Diagnosis
