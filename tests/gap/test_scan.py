@@ -18,7 +18,7 @@ def test_an_arc_is_the_part_of_the_circle_that_a_joint_covers() -> None:
 
 
 @pytest.mark.parametrize("name", ["detent_joint1", "torque_ripple_joint1"])
-def test_a_pattern_is_proposed_only_where_a_joint_covers_its_period(
+def test_a_pattern_is_proposed_only_where_it_repeats(
     name: str, bare, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(one_rod, "RELEASES", (0.25, 0.28))
@@ -28,4 +28,4 @@ def test_a_pattern_is_proposed_only_where_a_joint_covers_its_period(
     proposed = shapes(EFFECTS[name], problem, base.fit, along, Recorded((None, None), list))
     orders = [order for ((_, order),) in proposed]
     assert orders
-    assert min(orders) * 0.56 >= 2 * math.pi * 0.97
+    assert min(orders) * 0.56 >= 2 * 2 * math.pi * 0.97

@@ -39,14 +39,17 @@ class ScanSettings:
     """Number of columns that are processed at a time, to fit in the cache."""
     amplitudes: int = 2
     """Number of leading amplitudes of an effect that a scan fits."""
+    periods: int = 2
+    """Number of periods that a joint must cover: a pattern that does not repeat is not known to be periodic."""
 
 
 SCAN = ScanSettings()
 
 ORDER = "order"
-"""Shape parameter: number of periods of a torque per turn of its joint. The joint must cover at least one period.
+"""Shape parameter: number of periods of a torque per turn of its joint.
 
-On a shorter arc, two harmonics are a free polynomial in the angle, which fits any smooth force or encoder error.
+On an arc of less than `SCAN.periods` of them, two harmonics are a free polynomial in the angle. It fits any smooth force
+and any nonlinearity of the encoder, so it is evidence of neither.
 """
 
 
@@ -59,7 +62,7 @@ def shapes(effect: Effect, problem: Problem, fit: Fit, reference: Trajectory, re
     grid_points = [tuple(choice) for choice in product(*grid)]
     if any(p.name == ORDER for p in effect.shapes):
         covered = arc(reference.joint_angle[:, effect.joints[0]])
-        grid_points = [chosen for chosen in grid_points if chosen[0][1] * covered >= 2 * np.pi]
+        grid_points = [chosen for chosen in grid_points if chosen[0][1] * covered >= SCAN.periods * 2 * np.pi]
     if len(grid_points) <= SCAN.many or effect.stage not in TRAJECTORY_TORQUES:
         return grid_points
     return _between(
