@@ -100,6 +100,12 @@ def test_columns_of_x_and_y_are_points_too(tmp_path: Path) -> None:
     assert is_the_swing(read(file), atol=1e-6)
 
 
+def test_points_with_numbers_are_taken_in_their_order(tmp_path: Path) -> None:
+    _, elbow, tip = pixels()
+    run = read(text(tmp_path / "a.csv", np.column_stack([T, tip, elbow]), head="t,x_m2,y_m2,x_m1,y_m1\n"))
+    assert "elbow m1, tip m2" in " ".join(run.notes)
+
+
 @pytest.mark.parametrize(
     "others", ["", "estimated x velocity for point mass 1,x velocity uncertainty for point mass 1,"]
 )

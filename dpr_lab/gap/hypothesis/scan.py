@@ -48,8 +48,8 @@ SCAN = ScanSettings()
 ORDER = "order"
 """Shape parameter: number of periods of a torque per turn of its joint.
 
-On an arc of less than `SCAN.periods` of them, two harmonics are a free polynomial in the angle. It fits any smooth force
-and any nonlinearity of the encoder, so it is evidence of neither.
+On an arc of fewer than `SCAN.periods`, two harmonics are a free polynomial in the angle. It fits any smooth force
+and any nonlinearity of the encoder, and is evidence of neither.
 """
 
 

@@ -270,19 +270,28 @@ def _falling(points: NDArray[np.float64], lag: int) -> float:
 
 
 def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Point]:
-    """Pivot and ends of the rods: the named points, or all in the order of the table; a missing pivot is estimated."""
+    """Pivot and ends of the rods: the named points, or all by number or else in the order of the table.
+
+    A missing pivot is estimated.
+    """
     by_name = {point.name.lower(): point for point in points}
     available = ", ".join(point.name for point in points)
     unknown = [name for name in take if name.lower() not in by_name]
     if unknown:
         raise RunError(f"{table.path}: has no point {unknown[0]!r}; its points: {available}")
-    chosen = [by_name[name.lower()] for name in take] or points
+    chosen = [by_name[name.lower()] for name in take] or _by_number(points)
     if len(chosen) > 3:
         raise RunError(f"{table.path}: contains the points {available}: select with --take {WANTED}")
     if len(chosen) == 1 or (len(chosen) == 2 and _moved(chosen[0]) > SETTINGS.at_rest * _moved(chosen[1])):
         return [_pivot_of(table, chosen[0]), *chosen]
     pivot = np.nanmedian(chosen[0].at, axis=0)  # the pivot rests, so its noise is not that of the rods
     return [_Point(chosen[0].name, np.broadcast_to(pivot, chosen[0].at.shape)), *chosen[1:]]
+
+
+def _by_number(points: list[_Point]) -> list[_Point]:
+    """Points in the order of the numbers at the end of their names, if each has one: m1 before m2."""
+    numbered = all(re.search(r"\d$", point.name) for point in points)
+    return sorted(points, key=lambda point: int(re.findall(r"\d+", point.name)[-1])) if numbered else points
 
 
 def _moved(point: _Point) -> float:
