@@ -104,7 +104,8 @@ def _effects(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
     for name, limit in limits.ratios.items():
-        interval = diagnosis.all_ratios[name].interval90
+        stated = diagnosis.stated_ratios.get(name)
+        interval = stated.interval90 if stated else None
         reason = _untrusted(diagnosis) or _undetermined(diagnosis, name)
         reason = reason or next(filter(None, map(_doubted, diagnosis.effects)), "")
         yield _judged(name, limit.unit, limit.bounds, interval, _answer(interval, *limit.bounds), reason)
@@ -203,9 +204,8 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
 
 def _undetermined(diagnosis: Diagnosis, ratio: str) -> str:
     """Reason why the recordings do not determine a ratio, as with one rod alone; empty if they do."""
-    if not diagnosis.determined or ratio in diagnosis.determined:
-        return ""
-    return f"these recordings determine {listed(list(diagnosis.determined))}, not {ratio}"
+    stated = diagnosis.stated_ratios
+    return "" if ratio in stated else f"these recordings determine {listed(list(stated))}, not {ratio}"
 
 
 def _doubted(named: NamedEffect) -> str:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.acceptance.judge import SURE
-from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.planning.forecast import STOPPING, decided, decision_probability
@@ -16,7 +15,7 @@ from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
 from dpr_lab.planning.sequence import SequenceStep
-from dpr_lab.planning.worth.criteria import detectable, library_bits, ratio_std
+from dpr_lab.planning.worth.criteria import detectable, library_bits, ratio_std, shown_ratio_std
 from dpr_lab.planning.worth.goals import limit_forecasts
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.planning.worth.reasons import Expected, Reason, only_ratios_sentence, reason
@@ -51,7 +50,7 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
         releases=releases,
         minutes=sum(release.minutes for release in releases),
         forecast=[release.decided for release in releases if release.decided is not None],
-        ratio_std=_stds(known, known.information),
+        ratio_std=shown_ratio_std(known, known.information),
         detectable=_detectable(known, after[-1]),
         inseparable=stuck,
         limits=limit_forecasts(known, after[-1], limits),
@@ -92,7 +91,7 @@ def _planned(number: int, step: SequenceStep, F: Array, objective: Objective, re
         horizon_s=step.horizon_s,
         pairs=[PairBits(causes=pair, bits=bits) for pair, bits in objective.bits_of(gained).items()],
         library_bits=library_bits(known, F),
-        ratio_std=_stds(known, F),
+        ratio_std=shown_ratio_std(known, F),
         decided=_forecast(objective, gained, number),
         simulated=step.simulated,
     )
@@ -104,12 +103,6 @@ def _forecast(objective: Objective, gained: Sequence[Array], releases: int) -> f
     if objective.known.diagnosis is None:
         return None
     return decision_probability(objective.pairs, gained, releases)
-
-
-def _stds(known: Knowledge, F: Array) -> dict[str, float]:
-    """Standard deviations of the ratios that some release determines."""
-    named = dict(zip(RATIOS, ratio_std(known, F).tolist(), strict=True))
-    return {name: std for i, (name, std) in enumerate(named.items()) if i not in known.hidden_ratios}
 
 
 def _detectable(known: Knowledge, F: Array) -> list[Detectable]:

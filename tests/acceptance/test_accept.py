@@ -94,6 +94,17 @@ def test_a_ratio_that_the_recordings_do_not_determine_is_not_decidable(found: Di
     assert (judged.answer, judged.reason) == ("not decidable", "these recordings determine e1/a, not c2/b")
 
 
+UNITS = ("1/s^2", "1", "1/(s^2 V)")
+
+
+def test_a_ratio_of_one_rod_or_of_the_arm_is_judged(found: Diagnosis, tmp_path: Path) -> None:
+    arm = {"e1/a": found.ratios["e1/b"], "A/a": found.ratios["a/b"], "kt/(R a)": found.ratios["c2/b"]}
+    wide = "".join(f'"{name}" = {{min = 0.0, unit = "{unit}"}}\n' for name, unit in zip(arm, UNITS, strict=True))
+    (tmp_path / "limits.toml").write_text(f"[ratios]\n{wide}")
+    acceptance = judge(found.model_copy(update={"determined": arm}), load_limits(tmp_path / "limits.toml"))
+    assert [limit.answer for limit in acceptance.limits] == ["pass"] * 3
+
+
 def test_a_ratio_is_not_decidable_where_the_cause_is_unsure(found: Diagnosis) -> None:
     (named,) = found.effects
     unsure = found.model_copy(update={"effects": [named.model_copy(update={"probability": 0.8})]})

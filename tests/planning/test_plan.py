@@ -93,7 +93,7 @@ def test_rods_that_a_rig_does_not_have_are_not_planned() -> None:
     assert [one.mounting for one in mountings(furuta, PlanLimits())] == ["inner"]
     made = plan(furuta, count=1)
     assert made.releases[0].mounted == "inner"
-    assert set(made.ratio_std) == {"e1/b", "c1/b"}
+    assert set(made.ratio_std) == {"e1/a", "c1/a"}
     assert not [one.effect for one in made.detectable if one.effect.endswith("joint2")]
 
 

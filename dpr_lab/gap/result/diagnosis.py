@@ -170,6 +170,11 @@ class Diagnosis(Shown, Saved):
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     @property
+    def stated_ratios(self) -> dict[str, Interval]:
+        """The ratios that the recordings determine; of a file of an older version, the five ratios of the fit."""
+        return self.determined or self.all_ratios
+
+    @property
     def unknowns(self) -> NDArray[np.float64]:
         """(7,) the ratios, b and p/b (nan if no run contains a single rod), as initial values of another fit."""
         p_over_b = np.nan if self.p_over_b is None else self.p_over_b

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
+from dpr_lab.fitting.estimate import alone_share
 from dpr_lab.gap.advice.check_kind import expected_bits
 from dpr_lab.gap.classes.posterior import CALIBRATION, HIDDEN
 from dpr_lab.planning.knowledge import RATIO_COLUMNS, Causes, Knowledge
@@ -220,6 +221,17 @@ def ratio_std(known: Knowledge, F: Array) -> Array:
     """(5,) expected standard deviations of the ratios when the effects of the model are fitted too."""
     nuisance = [i for i in known.fitted if i >= len(RATIOS)]
     return np.sqrt(np.diag(np.linalg.inv(given(F, nuisance, range(len(RATIOS))))))
+
+
+def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
+    """Standard deviations of the ratios that some release determines: to b, or of the inner rod alone to its own a."""
+    alone = bool(known.hidden_ratios) and known.rig.rods.mounted == "inner"
+    inertia, letter = (alone_share(known.model.estimate.ratios), "a") if alone else (1.0, "b")
+    return {
+        f"{name.partition('/')[0]}/{letter}": std / inertia
+        for place, (name, std) in enumerate(zip(RATIOS, ratio_std(known, F).tolist(), strict=True))
+        if place not in known.hidden_ratios
+    }
 
 
 def detectable(

@@ -16,7 +16,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.result import LimitForecast
-from dpr_lab.planning.worth.criteria import detectable, ratio_std
+from dpr_lab.planning.worth.criteria import detectable, shown_ratio_std
 
 Array = NDArray[np.float64]
 
@@ -78,11 +78,18 @@ def _of_effects(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
 def _of_ratios(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
     if not limits.ratios:
         return
-    reaches = NORMAL_Q90 * ratio_std(known, F)
+    stds = shown_ratio_std(known, F)
+    values = known.diagnosis.stated_ratios if known.diagnosis else {}
     for name, limit in limits.ratios.items():
-        index = RATIOS.index(name)
         lower, upper = limit.bounds
-        middle = known.model.estimate.ratios[index] if lower is None or upper is None else (lower + upper) / 2
+        if lower is not None and upper is not None:
+            middle = (lower + upper) / 2
+        elif name in values:
+            middle = values[name].value
+        elif name in RATIOS:
+            middle = float(known.model.estimate.ratios[RATIOS.index(name)])
+        else:
+            middle = np.nan
         room = min(abs(end - middle) for end in (lower, upper) if end is not None)
-        reach = None if known.hidden_ratios else float(reaches[index])  # of one rod alone, it is relative to its own a
+        reach = NORMAL_Q90 * stds[name] if name in stds and np.isfinite(room) else None
         yield Goal(name, limit.unit, reach, max(float(room), 1e-300))
