@@ -65,6 +65,8 @@ class GaussNewton:
     """Factor after a failed step."""
     most_damping: float = 0.1
     """Damping beyond which no step is expected to help."""
+    same_step: float = 1e-3
+    """Relative difference up to which a step with more damping counts as the one that failed before it."""
 
 
 SETTINGS = GaussNewton()
@@ -126,6 +128,8 @@ class Iteration:
     damping: float
     frozen_jacobian: bool = False
     """Whether the last step was linear enough to use the Jacobian again."""
+    failed: Array | None = None
+    """(free,) step from this estimate that reduced the cost at no length."""
     number: int = 0
     stop: StopReason | None = None
 
@@ -243,13 +247,15 @@ def iterate(
     predicted_reduction = state.chi2 + at_start - state.linear.left(step) - prior.cost(step)
     tolerance = (min(settings.converged_frozen, settings.converged) if frozen else settings.converged) * state.chi2
     worthwhile = not (np.isfinite(state.chi2) and predicted_reduction <= tolerance)
-    trial = _line_search(problem, free, state, step, prior, settings, settings.tries if worthwhile else 1)
+    failed = state.failed is not None and np.allclose(step, state.failed, rtol=settings.same_step, atol=0.0)
+    tries = 0 if failed else settings.tries if worthwhile else 1
+    trial = _line_search(problem, free, state, step, prior, settings, tries)
     if trial is None and frozen and worthwhile:
         return _linearised(problem, free, replace(state, current=False, frozen_jacobian=False))
     if trial is None:
         damping = state.damping * settings.raise_damping
         stop = StopReason.NO_DESCENT if damping > settings.most_damping else None
-        return replace(state, damping=damping, stop=stop if worthwhile else StopReason.CONVERGED)
+        return replace(state, damping=damping, failed=step, stop=stop if worthwhile else StopReason.CONVERGED)
     estimate, predicted, chi2, at_end = trial
     reduction = state.chi2 + at_start - chi2 - at_end
     return replace(
@@ -259,6 +265,7 @@ def iterate(
         chi2=chi2,
         current=False,
         damping=max(state.damping * settings.lower_damping, settings.least_damping),
+        failed=None,
         frozen_jacobian=abs(reduction - predicted_reduction) <= settings.linearity * predicted_reduction,
         stop=StopReason.CONVERGED if reduction <= tolerance else None,
     )

@@ -7,7 +7,7 @@ from scipy.optimize import lsq_linear
 from dpr_lab.dynamics.base import base_parameters, ratios
 from dpr_lab.effects import EFFECTS, param_index
 from dpr_lab.fitting.estimate import effect_parameters
-from dpr_lab.fitting.gauss_newton import GaussNewton, fit
+from dpr_lab.fitting.gauss_newton import GaussNewton, StopReason, fit
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.projection import ColumnSpace, bounded_solution
 from dpr_lab.gap.hypothesis.cross_validation import folds, left_out_chi2, predictive_loss
@@ -81,12 +81,13 @@ def test_many_small_sets_gain_what_each_gains_alone(rng):
 
 
 class Counting:
-    """An output model that counts how often its slopes are asked for."""
+    """An output model that counts its predictions and how often its slopes are asked for."""
 
     def __init__(self, model):
-        self.model, self.constants, self.asked = model, model.constants, 0
+        self.model, self.constants, self.asked, self.predicted = model, model.constants, 0, 0
 
     def predict(self, segments, at):
+        self.predicted += 1
         return self.model.predict(segments, at)
 
     def slopes(self, segments, at, free):
@@ -107,6 +108,23 @@ def test_slopes_are_kept_while_steps_fall_as_promised_and_the_fit_ends_where_it_
     assert model.asked < found.iterations
     assert np.abs(found.values - exact.values).max() < np.abs(start.ratios[:5] - exact.values).max()
     assert (np.abs(found.values - exact.values) < 0.05 * std).all()
+
+
+class Misleading(Counting):
+    """Its slopes have the wrong sign, so that no step reduces the cost."""
+
+    def slopes(self, segments, at, free):
+        return -super().slopes(segments, at, free)
+
+
+def test_a_step_that_failed_is_not_tried_again_because_of_a_little_damping(clean):
+    problem, base = clean
+    model = Misleading(problem.model)
+    start = base.fit.estimate.changed(ratios=base.fit.estimate.ratios * 1.002)
+    found = fit(replace(problem, model=model), start, free_parameters(start, (), problem))
+    assert found.stop is StopReason.NO_DESCENT
+    assert found.estimate is start
+    assert model.predicted <= 2 * GaussNewton().tries
 
 
 def test_eliminating_initial_states_changes_no_step(clean):

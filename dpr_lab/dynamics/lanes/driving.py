@@ -19,6 +19,9 @@ from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.kernels import subroutine
 from dpr_lab.setup import Setup
 
+NEAR = 16
+"""Number of intervals after the last one up to which the next is searched in sequence; further ones by bisection."""
+
 
 class Knots(NamedTuple):
     """Functions of time that are linear between knots, of all runs in sequence."""
@@ -62,9 +65,9 @@ def _in_sequence(runs: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 @subroutine
 def _interval(knots: Knots, run: int, i: int, t: float) -> int:
-    """First knot of the interval of a run that contains t, searched from interval i on; -1 for a run without knots."""
+    """First knot of the interval of a run that contains t, searched near interval i; -1 for a run without knots."""
     first, last = int(knots.first[run]), int(knots.first[run + 1]) - 2
-    if i < first or i > last or knots.t[i] > t:
+    if i < first or i > last or knots.t[i] > t or (i + NEAR < last and knots.t[i + NEAR] <= t):
         i, beyond = first, last + 1
         while beyond - i > 1:  # bisection
             middle = (i + beyond) // 2
@@ -121,14 +124,14 @@ def set_torques(w: LaneWorkspace, drive: Drive, run: NDArray[np.int64], knot: ND
 
 
 @subroutine
-def unloaded_motor(w: LaneWorkspace, drive: Drive, run: NDArray[np.int64]) -> None:
+def unloaded_motor(w: LaneWorkspace, drive: Drive, run: NDArray[np.int64], knot: NDArray[np.int64]) -> None:
     """Fill the row `drift0`: the arm's motor turns in its backlash between `followed0` and `share` of a step, rad."""
     arm = drive.arm
     for k in range(LANES):
         w.drift0[k] = 0.0
         since, until = w.old_t[k] - w.late[k] + w.followed0[k] * w.h[k], w.old_t[k] - w.late[k] + w.share[k] * w.h[k]
         if arm.first[run[k] + 1] > arm.first[run[k]] and w.share[k] <= 1.0:
-            i, j = _interval(arm, run[k], 0, since), _interval(arm, run[k], 0, until)
+            i, j = _interval(arm, run[k], knot[1, k], since), _interval(arm, run[k], knot[1, k], until)
             impulse = _value(arm, j, until, 0) - _value(arm, i, since, 0)
             w.drift0[k] = unloaded_turn(impulse, w.friction[k])
 

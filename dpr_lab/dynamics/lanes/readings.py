@@ -109,7 +109,7 @@ def _read(block: LaneBlock, advance: Any, buffers: Buffers) -> None:
             read_both(w, relative2, required.arm, samples)
         else:
             if required.play1 or required.play0:
-                read_play1(w, required.arm, block.active, drive, buffers.run, samples)
+                read_play1(w, required.arm, block.active, drive, buffers.run, buffers.knot, samples)
             else:
                 read_joint1(w, required.arm, samples)
             if required.play:

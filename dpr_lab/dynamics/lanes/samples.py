@@ -124,6 +124,7 @@ def read_play1(
     active: NDArray[np.bool_],
     drive: Drive,
     run: NDArray[np.int64],
+    knot: NDArray[np.int64],
     samples: LaneSamples,
 ) -> None:
     """Read joint 1 and the arm through the backlash of their encoders, which is updated at each quarter of the step."""
@@ -137,7 +138,7 @@ def read_play1(
             hold_angle1(w, active)
             if arm:
                 _read_arm(w)
-                unloaded_motor(w, drive, run)
+                unloaded_motor(w, drive, run, knot)
                 hold_angle0(w, active)
             for k in range(LANES):
                 if w.share[k] <= until:
@@ -155,7 +156,7 @@ def read_play1(
         if arm:
             for k in range(LANES):
                 w.angle0[k] = angle0(w, k, until)
-            unloaded_motor(w, drive, run)
+            unloaded_motor(w, drive, run, knot)
             hold_angle0(w, active)
         for k in range(LANES):
             w.hold1[k], w.hold0[k], w.followed0[k] = w.angle1[k], w.angle0[k], until

@@ -1,5 +1,6 @@
 """Assignment of candidates and segments to lanes."""
 
+from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -46,7 +47,7 @@ required_in = compiled(
 def tracks_of(
     active: NDArray[np.bool_], chained: NDArray[np.bool_], run: NDArray[np.int64], chains: NDArray[np.int64]
 ) -> Tracks:
-    """Tracks of candidates on segments.
+    """Tracks of candidates on segments; the steps of a fit predict the same segments with the same effects.
 
     Args:
         active: (n, runs or 1, effects) mask of the active effects by candidate and run
@@ -54,7 +55,17 @@ def tracks_of(
         run: (S,) run of each segment
         chains: (runs with segments + 1,) first segment of each run
     """
-    n, runs, _ = active.shape
+    return _tracks(active.shape, active.tobytes(), chained.tobytes(), run.tobytes(), chains.tobytes())
+
+
+@lru_cache(maxsize=32)
+def _tracks(shape: tuple[int, int, int], active_: bytes, chained_: bytes, run_: bytes, chains_: bytes) -> Tracks:
+    """`tracks_of`, whose arguments are not hashable."""
+    n, runs, _ = shape
+    active, chained = (
+        np.frombuffer(mask, dtype=np.bool_).reshape(size) for mask, size in ((active_, shape), (chained_, (n, runs)))
+    )
+    run, chains = (np.frombuffer(indices, dtype=np.int64) for indices in (run_, chains_))
     rows = [row.tobytes() for row in active.reshape(n * runs, -1)]
     kinds = {row: i for i, row in enumerate(dict.fromkeys(rows))}
     kind = np.array([kinds[row] for row in rows]).reshape(n, runs)

@@ -26,7 +26,7 @@ from dpr_lab.gap.hypothesis.scan import shapes
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Score:
     """Score test of one effect in one shape: predicted reduction and amplitudes."""
 
@@ -50,7 +50,7 @@ class Score:
         return {p.name: float(value) for p, value in zip(columns, self.amplitudes, strict=True)}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class ScoreTest:
     """A fit, linearised with the columns of a whole library."""
 

@@ -90,6 +90,8 @@ class FittedSets:
     _refitted_from: set[tuple[frozenset[str], frozenset[str]]] = field(default_factory=set)
     """Smaller and larger sets of which the smaller was fitted from the larger."""
     _short: list[tuple[Problem, NDArray[np.float64]]] = field(default_factory=list)
+    _results: dict[tuple[object, ...], Hypothesis] = field(default_factory=dict)
+    """Fits by their arguments: several moves request the same ones."""
 
     def __post_init__(self) -> None:
         self.keep(self.bare)
@@ -112,7 +114,7 @@ class FittedSets:
 
     def from_bare(self, bare: Hypothesis) -> "FittedSets":
         """Copy with another fit of the bare model and without any other fit."""
-        return replace(self, bare=bare, _fits={}, _tests={}, _refitted_from=set())
+        return replace(self, bare=bare, _fits={}, _tests={}, _refitted_from=set(), _results={})
 
     def keep(self, model: Hypothesis) -> Hypothesis:
         """Store a fit if it is the best of its set; return the best fit of the set."""
@@ -120,6 +122,11 @@ class FittedSets:
         if best is None or model.fit.chi2 <= best.fit.chi2:
             self._fits[model.key] = best = model
         return best
+
+    def _once(self, arguments: tuple[object, ...], result: Callable[[], Hypothesis]) -> Hypothesis:
+        if arguments not in self._results:
+            self._results[arguments] = result()
+        return self._results[arguments]
 
     def possible(self, model: Hypothesis) -> bool:
         """Whether the effects and the gravity torque of a set have sizes that a rig can have."""
@@ -177,6 +184,9 @@ class FittedSets:
     def _best_shape(self, model: Hypothesis, score: Score) -> Hypothesis:
         """Fit from the best shape; if the effect has several shapes, from the best few."""
         test = self.test(model)
+        return self._once((model, test, score), lambda: self._from_shapes(model, test, score))
+
+    def _from_shapes(self, model: Hypothesis, test: ScoreTest, score: Score) -> Hypothesis:
         leading = score.gain > EFFORT.leading * test.ranking[0].gain
         starts = test.shaped[score.effect.name][: EFFORT.starts if leading else 1]
         if score.effect.event or len(starts) == 1:
@@ -211,6 +221,9 @@ class FittedSets:
 
     def escaped(self, model: Hypothesis) -> Hypothesis:
         """Refit a set that may be in a local minimum because of a few segments, long segments, or a wrong order."""
+        return self.keep(self._once((model,), lambda: self._escaped(model)))
+
+    def _escaped(self, model: Hypothesis) -> Hypothesis:
         if not at_noise_floor(model):
             model = self._in_best_order(model)
             model = self._better(without_outstanding(self.problem, model.fit), model)
@@ -220,7 +233,7 @@ class FittedSets:
             near = fit(cut, start, model.fit.free, iterations=EFFORT.rough)
             long = self._lengthened(near, model.fit.estimate.initial, iterations=EFFORT.fine)
             model = self._better(without_outstanding(self.problem, long), model)
-        return self.keep(model)
+        return model
 
     def _in_best_order(self, model: Hypothesis) -> Hypothesis:
         """The set with the orders of its effects replaced by neighbouring ones, as long as that reduces chi2.
@@ -312,13 +325,16 @@ class FittedSets:
             effect: the replaced effect
             score: score of the other effect, with its shape
         """
+        return self.keep(self._once((model, effect, score), lambda: self._at_image(model, effect, score)))
+
+    def _at_image(self, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
         params = model.fit.estimate.params.copy()
         for index, value in score.shape:
             params[index] = value
         start, names = model.fit.estimate.changed(params=params), (*model.effects, score.effect.name)
         free = free_parameters(start, names, self.problem)
         with_both = hypothesis(self.problem, names, fit(self.problem, start, free, iterations=0))
-        return self.keep(refit_without(self.problem, with_both, effect, self.bare))
+        return refit_without(self.problem, with_both, effect, self.bare)
 
     def _handed_over(self, model: Hypothesis, effect: str, other: str) -> Hypothesis:
         """The set with another effect in place of one, started at amplitudes of the same names.

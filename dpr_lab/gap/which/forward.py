@@ -74,7 +74,7 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
     """
     best, front, passed = start, [start], False
     for _ in range(max_effects - len(sets.unexpected(start))):
-        if not (to_floor and best is start) and _refutes_process_noise(sets, best):
+        if not (to_floor and best is start) and refutes_process_noise(sets, best):
             return
         level: dict[frozenset[str], Hypothesis] = {}
         for model in front:
@@ -97,7 +97,7 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
         front = [largest] if at_noise_floor(largest) else [largest, *_runners_up(sets, largest, ranked[1:])]
 
 
-def _refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
+def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
     """Whether a set stays far from the noise, that of known torques included, even with all effects together.
 
     The reduction by all candidates of the score test is at least that by any few of them, as far as they are linear.

@@ -25,7 +25,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.which.fitted_sets import FittedSets, Progress
 from dpr_lab.gap.which.forms import own_share
-from dpr_lab.gap.which.forward import forward_selection
+from dpr_lab.gap.which.forward import forward_selection, refutes_process_noise
 from dpr_lab.gap.which.moves import HELD_OUT, REFINE, REVISIONS, SHORT, START
 from dpr_lab.gap.which.replacements import with_alternatives
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply, run
@@ -120,14 +120,20 @@ def _refined(draft: Draft) -> Selection:
 def short_segments(max_effects: int) -> Move:
     """Search in short segments far from the noise; refit the selected set in the full segments.
 
+    If forward selection refutes the noise of known torques, nothing is proposed: the search is repeated without this
+    noise (`dpr_lab.gap.known_torques`). Full segments have fewer free initial states, and thus no smaller residual.
+
     Args:
         max_effects: maximum number of effects
     """
-    moves = (START, forward_selection(max_effects, to_floor=True), *SHORT)
+    additions = (START, forward_selection(max_effects, to_floor=True))
 
     def propose(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
         short = sets.on_short()
-        state = run(moves, short, SearchState.bare(short, max_effects))
+        state = run(additions, short, SearchState.bare(short, max_effects))
+        if refutes_process_noise(short.resumed(state.fits, state.tests), state.current):
+            return
+        state = run(SHORT, short, state)
         model = sets.carried_over(state.current) if state.current.effects else sets.bare
         yield Proposal(model, trials=state.trace)
 
