@@ -119,6 +119,23 @@ def test_a_move_leaves_the_state_as_it_was_and_repeats_itself(sets: FittedSets) 
 
 
 @pytest.mark.slow
+def test_two_moves_that_request_the_same_fit_share_it(sets: FittedSets) -> None:
+    score = sets.test(sets.bare).ranking[0]
+    one, other = (sets.resumed({frozenset(): sets.bare}, sets.tests).with_one(sets.bare, score) for _ in range(2))
+    assert one.effects == (score.effect.name,)
+    assert one is other
+
+
+@pytest.mark.slow
+def test_short_segments_propose_nothing_once_torque_noise_is_refuted(
+    sets: FittedSets, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert list(short_segments(1).propose(sets, sets.bare))
+    monkeypatch.setattr("dpr_lab.gap.which.select.refutes_process_noise", lambda sets, model: bool(model.effects))
+    assert not list(short_segments(1).propose(sets, sets.bare))
+
+
+@pytest.mark.slow
 def test_an_indistinguishable_effect_fits_as_well_although_its_own_fit_was_stuck(
     bare: Callable[..., Any], screened: Callable[..., Any], recorded: Callable[..., list[Run]]
 ) -> None:
