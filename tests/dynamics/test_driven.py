@@ -6,7 +6,6 @@ from scipy.integrate import solve_ivp
 
 from dpr_lab.dynamics.base import base_parameters, whole_parameters
 from dpr_lab.dynamics.equation import accelerations
-from dpr_lab.dynamics.lanes.driving import Knots, _interval
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.effects import effect_params
@@ -119,24 +118,3 @@ def test_inputs_are_averaged_run_by_run_as_segment_by_segment(torques: np.ndarra
     assert pushes == pytest.approx(np.concatenate(expected), abs=1e-12)
     assert np.abs(pushes[51:90, :2]).min() > 0.0
     assert pushes[50, :2].tolist() == [0.0, 0.0]
-
-
-class Read(np.ndarray):
-    """Numbers that count how often one of them is read."""
-
-    times = 0
-
-    def __getitem__(self, index):
-        Read.times += 1
-        return float(super().__getitem__(index))
-
-
-@pytest.mark.parametrize("hint", [0, 4000, 9000])
-@pytest.mark.parametrize("t", [-1.0, 0.0, 0.13, 79.0, 100.0])
-def test_the_interval_of_a_torque_is_found_in_few_steps_from_any_other(hint: int, t: float):
-    instants = np.linspace(0.0, 80.0, 10_000)
-    knots = Knots(instants.view(Read), np.zeros((10_000, 2)), np.array([0, 10_000]))
-    Read.times = 0
-    found = _interval(knots, 0, hint, t)
-    assert Read.times < 100
-    assert found == np.clip(np.searchsorted(instants, t, side="right") - 1, 0, len(instants) - 2)
