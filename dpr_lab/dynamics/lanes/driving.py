@@ -19,9 +19,6 @@ from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.kernels import subroutine
 from dpr_lab.setup import Setup
 
-NEAR = 16
-"""Number of intervals after the last one up to which the next is searched in sequence; further ones by bisection."""
-
 
 class Knots(NamedTuple):
     """Functions of time that are linear between knots, of all runs in sequence."""
@@ -64,10 +61,13 @@ def _in_sequence(runs: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 
 @subroutine
-def _interval(knots: Knots, run: int, i: int, t: float) -> int:
-    """First knot of the interval of a run that contains t, searched near interval i; -1 for a run without knots."""
+def _interval(knots: Knots, run: int, i: int, t: float, near: int = 16) -> int:
+    """First knot of the interval of a run that contains t; -1 for a run without knots.
+
+    It is searched in sequence up to `near` intervals after interval i, elsewhere by bisection.
+    """
     first, last = int(knots.first[run]), int(knots.first[run + 1]) - 2
-    if i < first or i > last or knots.t[i] > t or (i + NEAR < last and knots.t[i + NEAR] <= t):
+    if i < first or i > last or knots.t[i] > t or (i + near < last and knots.t[i + near] <= t):
         i, beyond = first, last + 1
         while beyond - i > 1:  # bisection
             middle = (i + beyond) // 2
