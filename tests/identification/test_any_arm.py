@@ -38,6 +38,8 @@ def test_one_function_identifies_loads_and_compares_a_moving_arm(pendulum, tmp_p
     comparison = dpr.compare(run, rig, loaded)
     assert isinstance(comparison, dpr.ArmComparison)
     assert comparison.rms_rad["joint 0"] < 4e-4
+    assert repr(comparison).splitlines()[1].split() == ["mrad", "rms", "joint", "0", "joint", "1"]
+    assert "array(" not in repr(comparison)
     analysis = dpr.identifiability(run, rig)
     assert isinstance(analysis, ArmIdentifiability)
     assert "A/a" in analysis.combinations

@@ -17,6 +17,7 @@ from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
 from dpr_lab.identification.moving_arm.scale import absolute_values, motor_notes, scale_of_arm
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+from dpr_lab.shown import Row, Shown
 from dpr_lab.version import __version__
 
 Array = NDArray[np.float64]
@@ -148,8 +149,8 @@ def _warnings(fit: ArmFit) -> list[str]:
     ]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ArmComparison:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ArmComparison(Shown):
     """One run compared with one model by segment."""
 
     run: str
@@ -168,6 +169,15 @@ class ArmComparison:
     """Rms residual by joint."""
     noise_rad: dict[str, float]
     """Noise of the readings by joint."""
+
+    def _heading(self) -> str:
+        part = "held out" if self.held_out else "used in the fit"
+        return f"Comparison with run {self.run} ({part}), segments of {self.segment_s:g} s"
+
+    def _rows(self) -> list[Row]:
+        by_kind = {"noise": self.noise_rad, "segments": self.rms_rad}
+        rows = [(kind, *(f"{1e3 * values[name]:.3g}" for name in self.rms_rad)) for kind, values in by_kind.items()]
+        return [("mrad rms", *self.rms_rad), *rows]
 
 
 def compare_moving_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float = 0.5) -> ArmComparison:
