@@ -19,9 +19,11 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 from numpy.typing import NDArray
 from PIL import Image
 
+from dpr_lab.errors import DprError
 from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.identify import JOINTS_READ, ArmComparison
+from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.report import style
 from dpr_lab.report.digits import three
 from dpr_lab.report.envelope import trace
@@ -161,8 +163,14 @@ def _arm_errors(runs: Sequence[ArmComparison]) -> Figure:
         return figure
 
 
-def evolution_figure(model: Model) -> Figure:
-    """Cost, fitness and population fitness of the best individual over generations (figure 4 of the publication)."""
+def evolution_figure(model: Model | MovingArmModel) -> Figure:
+    """Cost, fitness and population fitness of the best individual over generations (figure 4 of the publication).
+
+    Raises:
+        DprError: a model of a moving arm, whose fit starts from the rig file and records no search.
+    """
+    if isinstance(model, MovingArmModel):
+        raise DprError("a model of a moving arm has no search to plot: its fit starts from the rig file")
     with style.house_style():
         figure = new_figure(5.0)
         grid = figure.subplots(3, 1, sharex=True, height_ratios=(2, 1, 1))

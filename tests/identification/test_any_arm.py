@@ -40,6 +40,8 @@ def test_one_function_identifies_loads_and_compares_a_moving_arm(pendulum, tmp_p
     assert comparison.rms_rad["joint 0"] < 4e-4
     assert repr(comparison).splitlines()[1].split() == ["mrad", "rms", "joint", "0", "joint", "1"]
     assert "array(" not in repr(comparison)
+    with pytest.raises(dpr.DprError, match="no search to plot"):
+        dpr.plot_search(model)
     analysis = dpr.identifiability(run, rig)
     assert isinstance(analysis, ArmIdentifiability)
     assert "A/a" in analysis.combinations
