@@ -23,7 +23,7 @@ from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.writer import RunWriter
 from firmware_protocol.messages import Event, EventKind, Fault, Message, State, Status
 
-SHORT = CaptureOptions(duration=1.0, pose_timeout=3.0, rest_timeout=3.0)
+SHORT = CaptureOptions(duration=1.0, pose_timeout=60.0, rest_timeout=60.0)
 LARGEST_CHUNK = LIMITS.chunk_bytes // 5
 """On disk: samples compress sevenfold."""
 

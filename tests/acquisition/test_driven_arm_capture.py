@@ -18,7 +18,7 @@ from dpr_lab.transports import open_transport
 from sim_device.plant.config import load_plant
 from tests.thinned import thinned
 
-OPTIONS = CaptureOptions(duration=3.0, pose_timeout=3.0, rest_timeout=3.0)
+OPTIONS = CaptureOptions(duration=3.0, pose_timeout=60.0, rest_timeout=60.0)
 FURUTA = {"rig": "furuta", "plant": "furuta"}
 
 

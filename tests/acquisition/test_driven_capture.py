@@ -21,7 +21,7 @@ from firmware_protocol.messages import NUMBERS, Info
 from sim_device.plant.config import load_plant
 from tests.thinned import thinned
 
-SHORT = CaptureOptions(duration=1.0, pose_timeout=3.0, rest_timeout=3.0)
+SHORT = CaptureOptions(duration=1.0, pose_timeout=60.0, rest_timeout=60.0)
 T = np.arange(0, 3.0, 0.05)
 TAU = np.column_stack([0.15 * np.sin(5.6 * T) + 0.1 * np.sign(np.sin(2.3 * T)), 0.06 * np.sin(10.7 * T + 1)]).round(4)
 

@@ -13,7 +13,7 @@ from dpr_lab.run import LOSS_CAUSES
 from dpr_lab.storage.inspect import info
 from dpr_lab.storage.reader import load_run
 
-SHORT = CaptureOptions(duration=1.0, pose_timeout=3.0, rest_timeout=3.0)
+SHORT = CaptureOptions(duration=1.0, pose_timeout=60.0, rest_timeout=60.0)
 
 
 def test_lost_samples_are_counted_and_degrade_the_run(paper: Rig, tmp_path: Path, bench, agree) -> None:

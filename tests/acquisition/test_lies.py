@@ -31,7 +31,7 @@ from firmware_protocol.messages import (
     encode,
 )
 
-SHORT = CaptureOptions(duration=1.0, pose_timeout=5.0, rest_timeout=5.0)
+SHORT = CaptureOptions(duration=1.0, pose_timeout=60.0, rest_timeout=60.0)
 Lie = Callable[[Message], list[Message]]
 
 

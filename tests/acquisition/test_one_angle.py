@@ -12,7 +12,7 @@ from dpr_lab.storage.metadata import rig_toml
 from dpr_lab.storage.reader import load_run
 from firmware_protocol.messages import NUMBERS, Release
 
-OPTIONS = CaptureOptions(duration=2.0, pose_timeout=3.0, rest_timeout=3.0)
+OPTIONS = CaptureOptions(duration=2.0, pose_timeout=60.0, rest_timeout=60.0)
 PLANTS = Path(__file__).parents[2] / "configs/plants"
 
 

@@ -20,7 +20,7 @@ from dpr_lab.storage.reader import load_run
 from firmware_protocol.messages import NUMBERS, Hold, Sample, State
 from tests.thinned import thinned
 
-SHORT = CaptureOptions(duration=1.0, pose_timeout=3.0, rest_timeout=3.0)
+SHORT = CaptureOptions(duration=1.0, pose_timeout=60.0, rest_timeout=60.0)
 
 
 @pytest.mark.parametrize("pose", thinned(["X2", "X1", "X3"], 3))

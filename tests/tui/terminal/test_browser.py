@@ -107,6 +107,9 @@ def test_a_read_only_page_neither_calls_a_device_nor_writes(tmp_path: Path, page
     assert list(tmp_path.iterdir()) == []
 
 
+ATTEMPTS = 3
+
+
 def free_port() -> int:
     with socket.socket() as bound:
         bound.bind(("127.0.0.1", 0))
@@ -155,19 +158,21 @@ def served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable
     started: list[subprocess.Popen[str]] = []
 
     def start(*words: str) -> Served:
-        port = free_port()
-        words = ("tui", "--serve", str(port), "--link", "sim://", "--out", str(tmp_path / "bench"), *words)
-        command = [sys.executable, "-m", "dpr_lab", *words]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        started.append(process)
-        assert process.stdout is not None
-        said = process.stdout.readline().split()
+        for _ in range(ATTEMPTS):
+            port = free_port()
+            line = ["tui", "--serve", str(port), "--link", "sim://", "--out", str(tmp_path / "bench"), *words]
+            process = subprocess.Popen([sys.executable, "-m", "dpr_lab", *line], stdout=subprocess.PIPE, text=True)
+            started.append(process)
+            assert process.stdout is not None
+            said = process.stdout.readline().split()
+            if said:  # else another program took the port meanwhile
+                break
         assert said[0] == "open"
         deadline = time.monotonic() + PATIENCE_S
         while not answers(port):
             assert time.monotonic() < deadline
             time.sleep(0.1)
-        return Served(process, port, list(words), said[1])
+        return Served(process, port, line, said[1])
 
     yield start
     for process in started:
