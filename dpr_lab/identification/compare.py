@@ -150,10 +150,15 @@ def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed
             f"{run.file or run.name}: its arm was {run.arm_mode}, but the model has a clamped one: identify one from"
             " such runs"
         )
-    preprocessed = preprocess(run, rig)
+    return follow_preprocessed(preprocess(run, rig), rig, model, segment_s)
+
+
+@solvable
+def follow_preprocessed(preprocessed: PreprocessedRun, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed:
+    """Fit as `follow`, for a run that several models follow."""
     problem, initial = segmented([preprocessed], rig, segment_s)
     bare = fit_ratios(problem, rods_estimate(model.unknowns, initial), held=range(len(UNKNOWN_RATIOS)))
-    held_out = not model.used(run.sha256)
+    held_out = not model.used(preprocessed.run.sha256)
     if not model.effects:
         return Followed(preprocessed, bare, bare, MAX_STEP, bare.predicted, held_out)
     fitted = _with_effects(bare, initial, rig, model)

@@ -8,15 +8,19 @@ import pytest
 from dpr_lab.dynamics.base import RATIOS, base_parameters
 from dpr_lab.effects import effect_params
 from dpr_lab.errors import RunError
+from dpr_lab.exports.ensemble import bands
 from dpr_lab.exports.ensemble.bands import BANDS, fewest_models, level_of, predictive_band, quantiles_of
 from dpr_lab.exports.ensemble.calibrate import calibrated, pooled, widened
 from dpr_lab.exports.ensemble.sampled import drawn_values, posterior_of, sampled_models
 from dpr_lab.exports.ensemble.scatter import scatter_of_ratios
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
 from dpr_lab.gap.result.posterior import PosteriorComponent
+from dpr_lab.identification import compare
 from dpr_lab.identification.model import Model
+from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig, load_rig
+from dpr_lab.run import Run
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import weighed
@@ -168,7 +172,17 @@ def test_a_recording_that_a_hand_still_moves_is_refused(model: Model) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_bands_cover_the_readings_of_the_true_model_and_a_wrong_one_is_widened() -> None:
+def test_bands_cover_the_readings_of_the_true_model_and_a_wrong_one_is_widened(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    prepared: list[Run] = []
+
+    def counted(run: Run, rig: Rig) -> PreprocessedRun:
+        prepared.append(run)
+        return preprocess(run, rig)
+
+    for module in (bands, compare):
+        monkeypatch.setattr(module, "preprocess", counted)
     plant, rig = weighed(load_plant("paper", 5), load_rig("paper"))
     runs = record(plant, rig, duration=2.0)
     base = base_parameters(plant.Z, rig.L1, rig.g)
@@ -177,6 +191,7 @@ def test_bands_cover_the_readings_of_the_true_model_and_a_wrong_one_is_widened()
     exact = component(truth).model_copy(update={"free": FREE[:1], "covariance": [[1e-16]], "effects": {}})
     members = sampled_models(truth, [exact], 50, 0)
     covered = pooled([predictive_band(truth, members, run, rig, 0) for run in runs])
+    assert len(prepared) == 2 * len(runs)  # however many models follow it
     assert 0.84 < covered < 0.98
     off = {**exact.ratios, "a/b": 1.002 * exact.ratios["a/b"]}
     wrong = exact.model_copy(update={"ratios": off, "covariance": [[(5e-4 * off["a/b"]) ** 2]]})

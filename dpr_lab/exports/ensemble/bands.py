@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.errors import RunError
 from dpr_lab.exports.ensemble.starts import drawn_starts
-from dpr_lab.identification.compare import Followed, follow, free_run_from
+from dpr_lab.identification.compare import Followed, follow, follow_preprocessed, free_run_from
 from dpr_lab.identification.model import Model
+from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -99,9 +100,9 @@ def predictive_band(
     end = min(free_run_from(follow(run, rig, model), first).horizon_s, first + settings.length_s)
     stride = max(1, round((len(swing.t) - 1) / max(float(swing.t[-1]) - first, 1e-9) / settings.rate_hz))
     t = swing.t[(swing.t > first + settings.start_s) & (swing.t <= end)][::stride]
-    head = run.only(run.t < first + settings.start_s + 1e-9)
-    _refuse_other_start(follow(head, rig, model), run, settings)
-    drawn = np.array([_swing(follow(head, rig, member), first, t, rng) for member in members])
+    head = preprocess(run.only(run.t < first + settings.start_s + 1e-9), rig)
+    _refuse_other_start(follow_preprocessed(head, rig, model), run, settings)
+    drawn = np.array([_swing(follow_preprocessed(head, rig, member), first, t, rng) for member in members])
     low, high = quantiles_of(drawn, settings)
     measured = run.theta[np.searchsorted(run.t, t), 1:]
     return PredictiveBand(run.name, end, t, measured, low, high)
