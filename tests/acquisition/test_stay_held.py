@@ -86,7 +86,7 @@ def test_losses_of_batches_that_arrive_together_are_counted_where_they_happened(
 
 def test_rods_knocked_while_the_operator_thinks_are_not_released(paper: Rig) -> None:
     script = Script(paper, "X1", [0.0, 0.0, 0.2])
-    held = HeldPose(script, paper, paper.poses["X1"], 1000, lambda reading: None, CAPTURE_SETTINGS)
+    held = HeldPose(script, paper, paper.poses["X1"], 1000, lambda reading: None, CAPTURE_SETTINGS)  # pyright: ignore[reportArgumentType]
     held.await_rest(1.0)
     answers = iter([None, True])
     with pytest.raises(SafetyStop, match=r"when the release was permitted, the rods (still moved|were .* away)"):
@@ -95,6 +95,6 @@ def test_rods_knocked_while_the_operator_thinks_are_not_released(paper: Rig) -> 
 
 def test_rods_that_do_not_come_to_rest_are_not_released(paper: Rig) -> None:
     script = Script(paper, "X1", [0.0, 0.0], shaking=0.01)
-    held = HeldPose(script, paper, paper.poses["X1"], 1000, lambda reading: None, CAPTURE_SETTINGS)
+    held = HeldPose(script, paper, paper.poses["X1"], 1000, lambda reading: None, CAPTURE_SETTINGS)  # pyright: ignore[reportArgumentType]
     with pytest.raises(SafetyStop, match=r"after 0\.1 s the rods still moved.* stay held"):
         held.await_rest(0.1)

@@ -138,7 +138,7 @@ def test_frictions_of_zero_keep_their_correlation(model: Model) -> None:
     frictions = ("coulomb_joint1.torque_Nm", "coulomb_joint2.torque_Nm")
     both = {name.split(".")[0]: {"torque_Nm": 2e-4} for name in frictions}
     spread = np.array([[1.0, -0.999], [-0.999, 1.0]]) * 1e-6
-    unsure = component(model, **both).model_copy(update={"free": list(frictions), "covariance": spread.tolist()})
+    unsure = component(model, **both).model_copy(update={"free": list(frictions), "covariance": spread.tolist()})  # pyright: ignore[reportArgumentType]
     rng = np.random.default_rng(0)
     drawn = [drawn_values(unsure, rng) for _ in range(200)]
     sums = np.array([sum(values[name] for name in frictions) for values in drawn])

@@ -158,15 +158,14 @@ def served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable
     started: list[subprocess.Popen[str]] = []
 
     def start(*words: str) -> Served:
-        line = ["tui", "--serve", "", "--link", "sim://", "--out", str(tmp_path / "bench"), *words]
-        said: list[str] = []
-        while not said:  # another program may have taken the port meanwhile
-            assert len(started) < ATTEMPTS
-            line[2] = str(port := free_port())
-            process = subprocess.Popen([sys.executable, "-m", "dpr_lab", *line], stdout=subprocess.PIPE, text=True)
-            started.append(process)
-            assert process.stdout is not None
-            said = process.stdout.readline().split()
+        port = free_port()
+        line = ["tui", "--serve", str(port), "--link", "sim://", "--out", str(tmp_path / "bench"), *words]
+        process = subprocess.Popen([sys.executable, "-m", "dpr_lab", *line], stdout=subprocess.PIPE, text=True)
+        started.append(process)
+        assert process.stdout is not None
+        said = process.stdout.readline().split()
+        if not said and len(started) < ATTEMPTS:  # another program took the port meanwhile
+            return start(*words)
         assert said[0] == "open"
         deadline = time.monotonic() + PATIENCE_S
         while not answers(port):
