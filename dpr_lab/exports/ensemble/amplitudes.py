@@ -39,12 +39,10 @@ class FittedAmplitudes:
 
 def fitted_amplitudes(model: Model, runs: Sequence[Run], rig: Rig) -> FittedAmplitudes | None:
     """Range over the fitted recordings of a model; None without one."""
-    every = [amplitudes(model, run, rig)[1] for run in runs]
-    return (
-        FittedAmplitudes(float(np.min([a.min() for a in every])), float(np.max([a.max() for a in every])))
-        if every
-        else None
-    )
+    if not runs:
+        return None
+    fitted = np.concatenate([amplitudes(model, run, rig)[1] for run in runs])
+    return FittedAmplitudes(float(fitted.min()), float(fitted.max()))
 
 
 def beyond_fitted(fitted: FittedAmplitudes, band: PredictiveBand, model: Model, run: Run, rig: Rig) -> float:
