@@ -103,7 +103,7 @@ def test_a_prior_holds_what_the_recordings_do_not_show(wrong_rig: tuple) -> None
 
 
 def test_cogging_of_order_one_is_gravity_on_one_rod(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scan, "arc", lambda angle: 2 * np.pi)  # as if the rod had turned fully
+    monkeypatch.setattr(scan, "arc", lambda angle: 4 * np.pi)  # as if the rod had turned twice
     rig = load_rig("paper").with_rods("inner")
     runs = record(load_plant("paper"), rig, duration=5.0, rate_hz=200)[1:2]
     _, problem, bare = fit_bare_model(Recordings(tuple(screened(run, rig) for run in runs), rig), nominal_ratios(rig))

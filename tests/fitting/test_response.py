@@ -43,7 +43,7 @@ def test_the_scan_finds_the_arms_frequency_between_the_points_of_its_grid(record
 
 
 def test_a_scan_does_not_lose_the_order_that_is_nearly_gravity(recorded, bare, monkeypatch):
-    monkeypatch.setattr(scan, "arc", lambda angle: 2 * np.pi)  # as if the rods had turned fully
+    monkeypatch.setattr(scan, "arc", lambda angle: 4 * np.pi)  # as if the rods had turned twice
     problem, base = bare(recorded({"com_offset_link1": {"offset_m": 2e-3}}))
     along = trajectory(problem, base.fit.estimate)
     recorded_shapes = Recorded((None,), lambda: [])

@@ -119,6 +119,7 @@ def test_common_names_of_angles_of_encoders_arm_and_a_single_rod(tmp_path):
         assert guess_columns(["Time", *names], unit) == dict(
             zip(("t", "theta1", "theta2"), ["Time", *names], strict=True)
         )
+    assert guess_columns(["t", "shoulder", "theta1", "theta2"])["theta1"] == "theta1"
     rows = np.column_stack([T, THETA1 - np.pi])
     np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="time,rod_angle", comments="")
     rod = RIG.model_copy(update={"rods": Rods(mounted="inner")})

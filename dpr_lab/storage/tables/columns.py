@@ -59,17 +59,28 @@ def is_time(name: str) -> bool:
 
 
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
-    """Columns by common names; quantities without exactly one match are omitted."""
-    patterns = {"t": re.compile(_TIME_NAME.format(unit=_TIME_SUFFIX[time_unit]))}
+    """Columns by common names; quantities without exactly one match are omitted.
+
+    Names of joints, such as shoulder, count only where no column has a name of the angle.
+    """
+    common, angle, ending = (
+        (_COUNT_NAME, _COUNT_NAME, "(counts?|ticks?)?")
+        if unit == "counts"
+        else (_ANGLE_NAME, f"{_ANGLE_NAME}|{_ARM_NAME}", f"(angle|pos)?{_ANGLE_UNIT}?")
+    )
+    patterns = {"t": [_TIME_NAME.format(unit=_TIME_SUFFIX[time_unit])]}
     for axis, quantity in enumerate(AXES):
-        patterns[quantity] = re.compile((_COUNT_NAME if unit == "counts" else _ANGLE_NAME).format(axis=axis))
+        patterns[quantity] = [(angle if quantity == "theta0" else common).format(axis=axis)]
     for quantity, joint in _JOINT_NAMES.items():
-        ending = "(counts?|ticks?)?" if unit == "counts" else f"(angle|pos)?{_ANGLE_UNIT}?"
-        patterns[quantity] = re.compile(f"{patterns[quantity].pattern}|({joint}){ending}")
-    if unit != "counts":
-        patterns["theta0"] = re.compile(f"{patterns['theta0'].pattern}|{_ARM_NAME}")
-    named = {q: [n for n in names if p.fullmatch(bare(n))] for q, p in patterns.items()}
+        patterns[quantity] += [f"({joint}){ending}"]
+    named = {q: _matches(names, alternatives) for q, alternatives in patterns.items()}
     return {quantity: matches[0] for quantity, matches in named.items() if len(matches) == 1}
+
+
+def _matches(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
+    """Names that match the first of the patterns that any of them matches."""
+    matches = ([name for name in names if re.fullmatch(pattern, bare(name))] for pattern in patterns)
+    return next(filter(None, matches), [])
 
 
 def find_columns(
