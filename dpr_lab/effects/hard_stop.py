@@ -1,6 +1,8 @@
 """Hard stop of the arm: a cable at its end or an end stop is reached."""
 
-from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter, shape
+import math
+
+from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter, Params, shape
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
 
@@ -10,6 +12,11 @@ def stopped(joint: Joint, stiffness_Nm_per_rad: float, range_rad: float) -> floa
     """Torque of a stiff spring beyond the range, on either side, N m."""
     beyond = max(joint.angle - range_rad, 0.0) + min(joint.angle + range_rad, 0.0)
     return -stiffness_Nm_per_rad * beyond
+
+
+def within_turns(params: Params, *, most_rad: float = 3 * math.pi) -> bool:
+    """Whether the range ends within one and a half turns; torques that begin after many turns are of another law."""
+    return params.get("range_rad", 0.0) <= most_rad
 
 
 HARD_STOP_JOINT0 = Effect(
@@ -25,6 +32,7 @@ HARD_STOP_JOINT0 = Effect(
     kernel=stopped,
     joints=(ARM,),
     potential=True,
+    possible=within_turns,
     twins=("spring_joint0",),
     remedy=lambda params, rig, joint: (
         f"keep the arm within {params['range_rad']:.3g} rad of its zero, or give the simulator's arm a range"

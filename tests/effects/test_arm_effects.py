@@ -229,3 +229,9 @@ def test_a_saturated_drive_is_no_larger_than_any_rig_and_a_huge_friction_is():
     friction = limits[param_index("coulomb_joint0", "torque_Nm")]
     both = effect_params({"saturation_joint0": {"share": 1.0}, "coulomb_joint0": {"torque_Nm": friction}})
     assert oversized(both, limits) == ("coulomb_joint0",)
+
+
+@pytest.mark.parametrize(("turns", "stops"), [(1.0, ()), (12.0, ("hard_stop_joint0",))])
+def test_a_stop_beyond_many_turns_is_none(turns, stops):
+    params = effect_params({"hard_stop_joint0": {"stiffness_Nm_per_rad": 0.01, "range_rad": turns * 2 * np.pi}})
+    assert oversized(params, None) == stops
