@@ -41,6 +41,8 @@ class ScanSettings:
     """Number of leading amplitudes of an effect that a scan fits."""
     periods: int = 2
     """Number of periods that a joint must cover: a pattern that does not repeat is not known to be periodic."""
+    gap_rad: float = 0.5
+    """Gap between the angles of a joint below which it revolves."""
 
 
 SCAN = ScanSettings()
@@ -71,9 +73,14 @@ def shapes(effect: Effect, problem: Problem, fit: Fit, reference: Trajectory, re
 
 
 def arc(angle: Array) -> float:
-    """Part of the circle that angles (n,) cover, rad: without the largest gap between two of them."""
+    """Arc that angles (n,) cover, rad.
+
+    It is the part of the circle without the largest gap between two of them, or the turns of a joint that revolves:
+    each turn repeats a pattern.
+    """
     around = np.sort(np.mod(angle, 2 * np.pi))
-    return 2 * np.pi - float(np.diff(around, append=around[0] + 2 * np.pi).max())
+    gap = float(np.diff(around, append=around[0] + 2 * np.pi).max())
+    return 2 * np.pi - gap if gap > SCAN.gap_rad else float(np.ptp(angle))
 
 
 def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
