@@ -322,26 +322,22 @@ class Device:
             except RemoteProtocolError:
                 self._meaningless += 1
                 continue
-            if message is None:
-                continue
             if isinstance(message, Sample):
                 rows += self._driven(self._trusted(message))
-                continue
-            if isinstance(message, Torque | ArmInput):
+            elif isinstance(message, Torque | ArmInput):
                 self._note_torque(message)
-                continue
-            self._stream.feed(message)
-            self._note(message, received.host_time)
-            messages.append(message)
-            if isinstance(message, Ack) and message.command == _STOP:
-                rows += self._driven(self._hand_over(None))
-                rows += self._torques.rest() if self._torques is not None else []
+            elif message is not None:
+                self._stream.feed(message)
+                self._note(message, received.host_time)
+                messages.append(message)
+                if isinstance(message, Ack) and message.command == _STOP:
+                    rows += self._driven(self._hand_over(None))
+                    rows += self._torques.rest() if self._torques is not None else []
         sampled = any(frame.number == NUMBERS[Sample] for frame in received.frames)
         self._check_silence(received.host_time, sampled or any(not isinstance(m, Pong) for m in messages))
         if received.raw or messages:
-            batch = Batch(received.host_time, received.raw, tuple(rows), tuple(messages), self._lost_before)
-            self._batches.append(batch)
-            self._lost_before = self.losses
+            lost_before, self._lost_before = self._lost_before, self.losses
+            self._batches.append(Batch(received.host_time, received.raw, tuple(rows), tuple(messages), lost_before))
 
     def _trusted(self, sample: Sample) -> list[Row]:
         """The previous sample, unless this one contradicts it."""

@@ -49,23 +49,9 @@ def identify(
     stop: Callable[[], bool] | None = None,
     on_polish: Callable[[], None] | None = None,
 ) -> Model:
-    """Identify the kinetic parameters of a rig from free swings.
+    """Identify the kinetic parameters of a rig from runs with a clamped or prescribed arm.
 
-    The search (IGA by default) finds the basin inside the rig file's bounds; least squares over segments of 0.25 s,
-    then over longer and longer segments while the model follows them, gives the ratios and their covariance.
-
-    Args:
-        runs: one or several runs; releases from two different poses are enough
-        rig: bounds, measured values, encoders
-        objective: a name of `OBJECTIVES`: `segments` (default) or `paper` (E(Z), docs/theory.md equation 2)
-        search: a name of `ALGORITHMS`
-        settings: settings of the search; default: those of the objective
-        seed: seed of all random numbers; the same seed gives the same result for any number of threads
-        profile: whether to compute the interval of each ratio by profile likelihood as well, which takes some seconds
-        on_generation: called with each generation and the maximum number of generations
-        stop: called after each generation; if it returns true the search ends, and the local fit starts from the best
-        individual
-        on_polish: called at the start of the local fit
+    Arguments as of `dpr_lab.identification.moving_arm.any_arm.identify`, which takes every arm.
 
     Raises:
         ConfigError: unknown objective or search.

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from dpr_lab.exports.bodies import AnyModel
+    from dpr_lab.exports.ensemble.amplitudes import FittedAmplitudes
     from dpr_lab.exports.ensemble.bands import PredictiveBand
     from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.gap.result.posterior import PosteriorComponent
@@ -97,7 +98,6 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         DprError: a file cannot be written.
     """
     from dpr_lab.exports import FORMATS
-    from dpr_lab.exports.ensemble.amplitudes import beyond_fitted, fitted_amplitudes
     from dpr_lab.exports.ensemble.bands import level_of
     from dpr_lab.exports.ensemble.calibrate import calibrated, widened
     from dpr_lab.exports.ensemble.left_out import factor_without
@@ -117,7 +117,7 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     model, record = model_to_export(file, rig), file.with_name(RECORD)
     diagnosis = load_diagnosis(record) if record.is_file() else None
     runs = read_runs(request.check, rig, on_event, moving=isinstance(model, MovingArmModel))
-    scatter, factor_of_fit, amplitudes = None, 1.0, None
+    scatter, factor_of_fit = None, 1.0
     if isinstance(model, MovingArmModel):
         ensemble = _of_arm(model, diagnosis, rig, request.seed)
     else:
@@ -126,8 +126,7 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
             scatter = scatter_of_ratios(model, fitted, rig)
         posterior = posterior_of(model, diagnosis, scatter)
         factor_of_fit = factor_without(model, posterior, fitted, rig, request.seed)
-        amplitudes = fitted_amplitudes(model, fitted, rig)
-        ensemble = _of_rods(model, widened(posterior, factor_of_fit), rig, request.seed)
+        ensemble = _of_rods(model, widened(posterior, factor_of_fit), fitted, rig, request.seed)
     factor = calibrated(ensemble.drawn, ensemble.band, runs).factor if runs else 1.0
     models = ensemble.drawn(factor, request.size)
     folders = []
@@ -136,14 +135,9 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         for name in request.formats:
             write_export(FORMATS[name], member, rig, folder, FORMATS[name].lost(member, rig))
         folders.append(folder)
-    range_rad = None if amplitudes is None else (amplitudes.low, amplitudes.high)
+    range_rad = ensemble.amplitudes and (ensemble.amplitudes.low, ensemble.amplitudes.high)
     sets = _write(models, rig, request, factor * factor_of_fit, range_rad)
-    covered = []
-    for run in runs:
-        band, beyond = ensemble.band(models, run), None
-        if amplitudes is not None and not isinstance(model, MovingArmModel):
-            beyond = beyond_fitted(amplitudes, band, model, run, rig)
-        covered.append(BandCoverage(band.run, band.covered, band.horizon_s, band.width_rad, beyond))
+    covered = tuple(_coverage(ensemble, models, run) for run in runs)
     return EnsembleResult(
         request.out / "ensemble.json",
         tuple(folders),
@@ -151,7 +145,7 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         factor * factor_of_fit,
         factor_of_fit,
         level_of(request.size),
-        tuple(covered),
+        covered,
         range_rad,
         from_diagnosis=diagnosis is not None,
         scatter=diagnosis is not None or scatter is not None,
@@ -166,17 +160,32 @@ class _Ensemble:
     """Models, from the factor on the standard deviations of the posterior and their number."""
     band: "Callable[[Sequence[Any], Run], PredictiveBand]"
     """Predictive band of models for a recording."""
+    amplitudes: "FittedAmplitudes | None" = None
+    """Amplitudes of the fitted recordings; None if they are unknown."""
+    beyond: "Callable[[PredictiveBand, Run], float | None]" = lambda band, run: None
+    """Share of the band's recording beyond these amplitudes."""
 
 
-def _of_rods(model: "Model", posterior: "list[PosteriorComponent]", rig: "Rig", seed: int) -> _Ensemble:
+def _coverage(ensemble: _Ensemble, models: "Sequence[Any]", run: "Run") -> BandCoverage:
+    band = ensemble.band(models, run)
+    return BandCoverage(band.run, band.covered, band.horizon_s, band.width_rad, ensemble.beyond(band, run))
+
+
+def _of_rods(
+    model: "Model", posterior: "list[PosteriorComponent]", fitted: "Sequence[Run]", rig: "Rig", seed: int
+) -> _Ensemble:
     """The ensemble of rods on a clamped arm."""
+    from dpr_lab.exports.ensemble.amplitudes import beyond_fitted, fitted_amplitudes
     from dpr_lab.exports.ensemble.bands import predictive_band
     from dpr_lab.exports.ensemble.calibrate import widened
     from dpr_lab.exports.ensemble.sampled import sampled_models
 
+    amplitudes = fitted_amplitudes(model, fitted, rig)
     return _Ensemble(
         lambda factor, count: sampled_models(model, widened(posterior, factor), count, seed),
         lambda members, run: predictive_band(model, members, run, rig, seed),
+        amplitudes,
+        lambda band, run: amplitudes and beyond_fitted(amplitudes, band, model, run, rig),
     )
 
 

@@ -24,7 +24,7 @@ from dpr_lab.identification.misread.moving_arm_description import (
     wrong_input,
     wrong_sign,
 )
-from dpr_lab.identification.misread.scaled_readings import TURNED_RODS, ScaledReadings, mirrored_arm
+from dpr_lab.identification.misread.scaled_readings import TURNED_RODS, ScaledReadings
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.run import Run
 
@@ -115,7 +115,7 @@ def _refuse_other_angles(recordings: Recordings, start: Array, as_read: Fit) -> 
     Raises:
         IdentificationError: one of these interpretations explains the recordings; the message names it.
     """
-    mirrored = _fitted(_reinterpreted(recordings, mirrored_arm()), start, RULES.likely)
+    mirrored = _fitted(_reinterpreted(recordings, ScaledReadings(arm=-1.0)), start, RULES.likely)
     if _far_better(mirrored, as_read, DESCRIPTION.better):
         of_rods = _gain(mirrored) < 0.0  # then arm and input agree with each other
         raise IdentificationError(wrong_sign(recordings.rig, _reduced(as_read), _reduced(mirrored), of_rods=of_rods))

@@ -73,8 +73,3 @@ SCALED_READINGS = tuple(ScaledReadings(*factors) for f in (2.0, 0.5) for factors
 """Interpretations to try: the readings are half or twice the true angles."""
 
 TURNED_RODS = ScaledReadings(turned=True)
-
-
-def mirrored_arm() -> ScaledReadings:
-    """The opposite sign of theta0."""
-    return ScaledReadings(arm=-1.0)

@@ -17,7 +17,7 @@ from dpr_lab.identification.misread.moving_arm_description import (
     wrong_input,
     wrong_sign,
 )
-from dpr_lab.identification.misread.scaled_readings import ScaledReadings, mirrored_arm
+from dpr_lab.identification.misread.scaled_readings import ScaledReadings
 from dpr_lab.identification.moving_arm.fit import ARM_FIT, ArmFit, fit_moving_arm
 from dpr_lab.identification.moving_arm.problem import ArmRecording
 from dpr_lab.identification.moving_arm.soft_stop import soft_stop
@@ -134,7 +134,7 @@ def _reinterpreted(recording: ArmRecording, other: ScaledReadings) -> ArmRecordi
 
 def _reversed(recording: ArmRecording) -> ArmRecording:
     """The opposite sign of arm and drive."""
-    mirrored = _reinterpreted(recording, mirrored_arm())
+    mirrored = _reinterpreted(recording, ScaledReadings(arm=-1.0))
     return replace(mirrored, drive=-recording.drive, slope=-recording.slope)
 
 

@@ -392,10 +392,6 @@ def _next(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
     return Group(
         sentences("Recommended actions", [in_words(text) for text in diagnosis.remedies]),
         sentences("Next recordings and checks", gap_tables.next_steps(diagnosis), numbered=True),
-        table(
-            "Minimum detectable effects",
-            gap_tables.DETECTABLE_COLUMNS,
-            gap_tables.detectable_rows(diagnosis, unit),
-        ),
+        table("Minimum detectable effects", gap_tables.DETECTABLE_COLUMNS, gap_tables.detectable_rows(diagnosis, unit)),
         sentences("Assumptions", [in_words(text) for text in diagnosis.assumptions]),
     )
