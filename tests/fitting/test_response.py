@@ -12,7 +12,11 @@ from dpr_lab.fitting.response import trajectory
 from dpr_lab.gap.bare_model import nominal_ratios
 from dpr_lab.gap.hypothesis import scan
 from dpr_lab.gap.hypothesis.scan import shapes
-from dpr_lab.rig import Rig
+from dpr_lab.rig import Rig, load_rig
+from sim_device.plant.arm_drive import arm_drive_of
+from sim_device.plant.config import load_plant
+from sim_device.trials.moving_arm import with_arm
+from sim_device.trials.offline_recorder import record
 
 WHOLE_S = 2.0  # no initial state but that of the release, so that the arm's past is the model's
 COUPLING = 1e-4  # small enough to be linear
@@ -32,6 +36,19 @@ def test_a_compliant_arm_answers_as_the_whole_rig_does(recorded, screened, paper
     seen = problem.whitened(whole)
     assert len(problem.segments) == 3
     assert np.abs(linear - seen).max() < 0.05 * np.abs(seen).max()
+
+
+def test_a_driven_arm_turns_as_far_as_the_fitted_gain_says(screened):
+    """A pattern over the arm's angle is compared with where the arm was."""
+    rig, plant = with_arm(load_rig("furuta"), load_plant("furuta", 1), "driven")
+    runs = record(plant, rig, 1.0, 250, drives=arm_drive_of(plant))
+    problem, initial = screened(runs, rig).cut(0.5)
+    model = {"free_arm": {"inertia_kgm2": 4e-4, "viscous_Nms": 4e-4}, "drive_gain": {"excess": 0.3}}
+    estimate = Estimate.of(nominal_ratios(rig), effect_params(model), initial)
+    along = trajectory(problem, estimate)
+    turned = np.interp(along.at, np.arange(len(along.t)), along.theta[:, 2])
+    assert np.ptp(turned) > 0.5
+    assert turned == pytest.approx(problem.predict(estimate)[:, 2], abs=1e-3)
 
 
 def test_the_scan_finds_the_arms_frequency_between_the_points_of_its_grid(recorded, bare):

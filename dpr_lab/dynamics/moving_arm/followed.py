@@ -10,6 +10,7 @@ from dpr_lab.dynamics.arm import CLAMPED, FREE
 from dpr_lab.dynamics.moving_arm.swing import arm_segments, swing_segments
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.effects import param_index
+from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.setup import Torques
@@ -30,14 +31,16 @@ class FollowedSwing:
     alpha: Array
     """(n, axes) accelerations, rad/s^2"""
     drive: Array
-    """(n, axes) known torques, N m"""
+    """(n, axes) known torques, of the arm with the assumed gain of its drive, N m"""
     angles: list[int]
     """Columns of the angles among the states, in the order of the axes."""
     speeds: list[int]
     """Columns of the speeds among the states, in the order of the axes."""
 
 
-_INERTIA, _VISCOUS = (param_index(FREE_ARM.name, parameter.name) for parameter in FREE_ARM.amplitudes)
+_INERTIA, _VISCOUS, _EXCESS = (
+    param_index(effect.name, parameter.name) for effect in (FREE_ARM, DRIVE_GAIN) for parameter in effect.amplitudes
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,25 +63,25 @@ FOLLOW = FollowSettings()
 
 
 def followed_with_arm(bases: Array, rig: RigConstants, grid: Segments, params: Array, initial: Array) -> FollowedSwing:
-    """Simulate swings with rods and arm; other effects are ignored.
+    """Simulate swings with rods and arm, driven with the fitted gain; other effects are ignored.
 
     Args:
         bases: (runs, 6) base parameters of the mounted rods, SI; all runs have the same rods
         rig: its constants
         grid: the instants
-        params: (SIZE,) effects; only the arm is used
+        params: (SIZE,) effects; only the arm and the gain of its drive are used
         initial: (segments, 6) initial states
     """
     a, b, d, e1, c1, c2 = bases[0]
     alone = grid.setups[0].alone
     if alone:  # the two equal halves of a single rod: one rod, and another one without mass
         a, b, d = 2.0 * a, FOLLOW.weightless * a, 0.0
-    inertia, viscous = params[_INERTIA], params[_VISCOUS]
+    inertia, viscous, gain = params[_INERTIA], params[_VISCOUS], 1.0 + params[_EXCESS]
     modes = [FREE if setup.arm_moves else CLAMPED for setup in grid.setups]
     t = [grid.t[i:j] for i, j in pairwise(grid.offsets)]
     torque = [_mean_torque(instants, grid.setups[run].torques) for instants, run in zip(t, grid.run, strict=True)]
     pieces = arm_segments(t, [modes[run] for run in grid.run], torque)
-    p = [a, b, d, e1, c1, c2, inertia, viscous, 0.0, 0.0, 1.0, rig.L0]
+    p = [a, b, d, e1, c1, c2, inertia, viscous, 0.0, 0.0, gain, rig.L0]
     rows = [swing_segments(p, (rig.L1, rig.g), pieces, (initial + shift)[:, FOLLOW.order]) for shift in _shifts()]
     back = np.argsort(FOLLOW.order)
     states = rows[0][:, back]
