@@ -22,8 +22,8 @@ unexport PYTHONDONTWRITEBYTECODE
 demo: $(CORE)  ## record a simulated pendulum through the real protocol, identify it, compare, draw; then a blind trial
 	$(BIN)/dpr-lab demo --out $(OUT)
 
-test: test-fast  ## all tests but the long ones, the fast ones first
-	$(BIN)/pytest -m "slow and not long and not hardware" $(SPREAD)
+test: $(DEV)  ## all tests but the long ones, the fast ones first
+	$(BIN)/pytest -m "not long and not hardware" $(SPREAD)
 
 test-fast: $(DEV)  ## the fast tests alone
 	$(BIN)/pytest -m "not slow and not hardware" $(SPREAD)

@@ -44,8 +44,8 @@ the summary lists it as `RERUN`, and it is a bug in the test or in the product."
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark live and slow tests, compile kernels for all processes, validate written results, and sort the files.
 
-    Files with the longest time limits come first, then those with the most slow tests: no process then works on one of
-    them while the others are finished.
+    Fast tests come first. Of the files, those with the longest time limits come first, then those with the most slow
+    tests: no process then works on one of them while the others are finished.
     """
     import_module("tests.one_compiler")
     import_module("tests.valid_files")
@@ -59,7 +59,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         marker = item.get_closest_marker("timeout")
         limits[item.path] = max(limits.get(item.path, 0.0), marker.args[0] if marker else 0.0)
         slow[item.path] += item.get_closest_marker("slow") is not None
-    items.sort(key=lambda item: (-limits[item.path], -slow[item.path]))
+    items.sort(key=lambda item: (item.get_closest_marker("slow") is not None, -limits[item.path], -slow[item.path]))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Distribute the tests of a file to one worker, its slow ones later."""
+    return import_module("tests.fast_first").FastFirst(config, log) if config.option.dist == "loadfile" else None
 
 
 def pytest_collection_finish() -> None:
