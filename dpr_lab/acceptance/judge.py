@@ -7,8 +7,8 @@ Two one-sided tests at 5 % each are one comparison with the 90 % interval [l, u]
     not decidable  otherwise, or if these recordings do not give a valid interval
 
 A named effect has the interval of its fit. An effect that was not named has that of the score test around the corrected
-model, a -+ 1.645 s. If the common scale b is uncertain, an absolute size is a ratio times b^k, and its interval covers
-both ends of the interval of b.
+model, a -+ 1.645 s, with all its amplitudes fitted together. If the common scale b is uncertain, an absolute size is a
+ratio times b^k, and its interval covers both ends of the interval of b.
 
 Source: D. J. Schuirmann (1987), A comparison of the two one-sided tests procedure and the power approach, J.
 Pharmacokinetics and Biopharmaceutics 15, 657-680.
@@ -23,8 +23,6 @@ from scipy import stats
 
 from dpr_lab.acceptance.limits import Limits
 from dpr_lab.effects import EFFECTS
-from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.shown import listed, percent
@@ -156,18 +154,15 @@ def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
         if named.name == effect:
             size = named.parameters.get(parameter)
             return size and (size.interval90_with_scale or size.interval90)
-    if len(EFFECTS[effect].amplitudes) > 1 or diagnosis.evidence is None:
-        return None  # the score test estimates each amplitude with the others at zero
-    for tested in diagnosis.evidence.exclusions:
-        if (tested.effect, tested.parameter) == (effect, parameter):
-            spread = NORMAL_Q90 * tested.size / SIGMAS
-            return _with_scale(diagnosis, effect, tested.estimate - spread, tested.estimate + spread)
+    for tested in diagnosis.evidence.exclusions if diagnosis.evidence else ():
+        if (tested.effect, tested.parameter) == (effect, parameter) and tested.interval90 is not None:
+            return _with_scale(diagnosis, effect, parameter, *tested.interval90)
     return None
 
 
-def _with_scale(diagnosis: Diagnosis, effect: str, low: float, high: float) -> Range:
+def _with_scale(diagnosis: Diagnosis, effect: str, parameter: str, low: float, high: float) -> Range:
     """An interval at the assumed b, widened to both ends of the interval of b."""
-    (amplitude,) = EFFECTS[effect].amplitudes
+    amplitude = next(amplitude for amplitude in EFFECTS[effect].amplitudes if amplitude.name == parameter)
     if diagnosis.scale is None:
         return low, high
     factors = [
@@ -219,7 +214,7 @@ def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> str:
     if other := diagnosis.absorbed.get(effect, {}).get(parameter):
         return f"indistinguishable from {other}"
     if len(EFFECTS[effect].amplitudes) > 1:
-        return "not named, and the score test does not separate its amplitudes"
+        return "not named, and the recordings give no interval of each of its amplitudes"
     return "does not change these recordings"
 
 

@@ -10,6 +10,7 @@ from dpr_lab.acceptance.judge import judge
 from dpr_lab.acceptance.limits import Limits, load_limits
 from dpr_lab.errors import ConfigError
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.rig import Rig
 
@@ -60,6 +61,27 @@ def test_an_effect_that_was_not_named_passes_only_by_its_interval(found: Diagnos
     (strict,) = judge(found, limit("latency_joint2", "delay_s", (high - low) / 20, "s")).limits
     assert strict.answer == "not decidable"
     assert strict.reason
+
+
+def test_a_cable_is_judged_with_its_other_amplitudes_free(found: Diagnosis) -> None:
+    """Each interval of stiffness, hardening and constant torque holds for any values of the others."""
+    (loose,) = judge(found, limit("spring_joint2", "stiffness_Nm_per_rad", 1.0, "N m/rad")).limits
+    assert loose.answer == "pass"
+    assert loose.interval90 is not None
+    low, high = loose.interval90
+    assert found.evidence is not None
+    alone = next(
+        e for e in found.evidence.exclusions if (e.effect, e.parameter) == ("spring_joint2", "stiffness_Nm_per_rad")
+    )
+    assert high - low > 2 * 1.645 * alone.size / SIGMAS
+    (strict,) = judge(found, limit("spring_joint2", "stiffness_Nm_per_rad", (high + low) / 2, "N m/rad")).limits
+    assert strict.answer == "not decidable"
+
+
+def test_the_amplitudes_of_cogging_have_no_interval_because_its_order_was_selected(found: Diagnosis) -> None:
+    (judged,) = judge(found, limit("detent_joint2", "cos1_Nm", 1.0, "N m")).limits
+    assert judged.answer == "not decidable"
+    assert "no interval of each of its amplitudes" in judged.reason
 
 
 def test_nothing_passes_where_the_gap_is_not_explained(found: Diagnosis) -> None:

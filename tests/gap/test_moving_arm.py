@@ -12,7 +12,6 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import IdentificationError, RunError
 from dpr_lab.estimation.arm_motion import arm_motion
 from dpr_lab.exports.corrected import corrected_model
-from dpr_lab.gap.conclusion.notes import motor_in_backlash
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.identification.identify import polish
 from dpr_lab.identification.moving_arm.model import MovingArmModel
@@ -205,16 +204,6 @@ def test_an_order_of_cogging_that_a_short_arc_hides_is_found_and_no_spring_inven
     done = diagnose(record(trial.plant, trial.rig, 6.0, 250, drives=trial.drives), trial.rig)
     assert [effect.name for effect in done.effects] == ["detent_joint0"]
     assert done.effects[0].parameters["order"].value == trial.plant.effects["detent_joint0"]["order"]
-
-
-def test_a_delay_or_a_friction_next_to_a_backlash_of_the_arms_gear_is_stated_to_be_inseparable():
-    (note,) = motor_in_backlash(["backlash_joint0", "input_delay"])
-    assert "cannot separate them" in note
-    assert not list(motor_in_backlash(["input_delay"]))
-    assert not list(motor_in_backlash(["backlash_joint0", "coulomb_joint0"]))
-    (note,) = motor_in_backlash(["backlash_joint0", "hysteresis_joint0", "friction_curve_joint0"])
-    assert "hysteresis_joint0 and friction_curve_joint0 may be the motion of the motor" in note
-    assert not list(motor_in_backlash(["hysteresis_joint0"]))
 
 
 def pressed_against_a_stop(angle, seed):

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.planning.acting import Acting, arm_states
 from dpr_lab.planning.information import informed, simulated_states
 from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.limits import PlanLimits, load_plan_limits
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.signals import driven_releases
-from dpr_lab.planning.worth.criteria import given
+from dpr_lab.planning.worth.criteria import given, shown_ratio_std
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.rig_tables import ArmTable, Parameter
 from dpr_lab.workflows.plan import PlanRequest, plan
@@ -56,6 +57,16 @@ def test_a_free_arm_shows_its_inertia_and_a_held_one_does_not() -> None:
     assert held.information[inertia, inertia] == pytest.approx(0.0, abs=1e-9)
     std = 1 / np.sqrt(given(free.information + known.prior, known.fitted[:-2], [inertia])[0, 0])
     assert std < 0.01 * known.amplitudes[inertia]
+    prior, expected = (shown_ratio_std(known, known.prior + F) for F in (0.0 * free.information, free.information))
+    assert {"a/b", "A/b", "c0/b"} <= set(expected)
+    assert 1 < prior["A/b"] / prior["a/b"] < np.inf
+    assert expected["A/b"] < 0.01 * known.amplitudes[inertia] / known.model.estimate.ratios[SCALE]
+
+
+def test_a_plan_states_the_expected_error_of_the_gain_of_a_drive() -> None:
+    rig = load_rig("furuta")
+    known = known_before(rig, Acting.of(rig, PlanLimits.model_validate(MOVING)))
+    assert set(shown_ratio_std(known, known.prior)) == {"e1/a", "c1/a", "A/a", "c0/a", "kt/(R a)"}
 
 
 def test_the_rig_file_and_the_limits_say_what_the_arm_may_do() -> None:

@@ -3,13 +3,11 @@
 from collections.abc import Iterator, Sequence
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.effects.backlash import BACKLASH_JOINT0
-from dpr_lab.effects.friction_curve import FRICTION_CURVE_JOINT0
-from dpr_lab.effects.hysteresis import HYSTERESIS_JOINT0
-from dpr_lab.effects.input_delay import INPUT_DELAY
+from dpr_lab.gap.classes.posterior import motor_imitations
 from dpr_lab.gap.conclusion.verdict import Verdict
 from dpr_lab.gap.result.causes import NamedFamily
 from dpr_lab.gap.state import Advised
+from dpr_lab.gap.which.selected import Selection
 from dpr_lab.shown import listed, parameter_words, percent
 
 
@@ -20,7 +18,7 @@ def notes(state: Advised, kind: Verdict, named_families: Sequence[NamedFamily]) 
     return [
         *_restrictions(state, kind),
         *_families(named_families),
-        *motor_in_backlash(state.selection.chosen.effects),
+        *motor_in_backlash(state.selection),
         *_varying_sizes(state),
         *_remainder(state, kind),
     ]
@@ -43,26 +41,13 @@ def _families(named_families: Sequence[NamedFamily]) -> Iterator[str]:
         )
 
 
-def motor_in_backlash(effects: Sequence[str]) -> Iterator[str]:
-    """Notes on effects that the inertia of the motor may cause, if a backlash of the arm's gear is named with them.
-
-    The model of this backlash neglects that inertia. A real motor takes some time to cross it, which resembles a delay,
-    and moves by itself within it, which on a free arm resembles a friction that depends on the angle or on the speed.
-    """
-    if BACKLASH_JOINT0.name not in effects:
-        return
-    if INPUT_DELAY.name in effects:
+def motor_in_backlash(selection: Selection) -> Iterator[str]:
+    """A note on effects that may be the motor in a backlash (`motor_imitations`)."""
+    if imitations := motor_imitations(selection):
         yield (
-            "The input delay may be the time that the motor needs to cross the backlash of its gear, because the"
-            " model of the backlash neglects the inertia of the motor; these recordings cannot separate them. Record"
-            " with torques of one sign, which keep the gear in contact: only a delay of the input remains visible."
-        )
-    if frictions := [name for name in effects if name in (HYSTERESIS_JOINT0.name, FRICTION_CURVE_JOINT0.name)]:
-        yield (
-            f"{listed(frictions)} may be the motion of the motor within the backlash of its gear, because the model of"
-            " the backlash neglects the inertia and the friction of the motor; these recordings cannot separate them."
-            " Record with the gear pressed to one side, for example by a constant torque: only a friction remains"
-            " visible."
+            f"{listed(imitations)} may be the motion of the motor within the backlash of its gear, because the model of"
+            " the backlash neglects the inertia of the motor; these recordings cannot separate them. Record with the"
+            " gear pressed to one side, for example by torques of one sign: only other causes remain visible."
         )
 
 

@@ -82,6 +82,10 @@ class Exclusion(Saved):
     """Estimate of the amplitude from these recordings with all named effects in the model."""
     confidence: Number
     """Confidence that the effect is smaller than `size`, 0 to 1."""
+    interval90: tuple[Number, Number] | None = None
+    """90 % interval of the amplitude, fitted together with the others of its effect; None if the recordings do not
+    separate them, or if a shape, for example an order, was selected for these amplitudes.
+    """
 
 
 class UncertaintySource(Saved):

@@ -30,9 +30,10 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
-from dpr_lab.fitting.estimate import alone_share
+from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.gap.advice.check_kind import expected_bits
 from dpr_lab.gap.classes.posterior import CALIBRATION, HIDDEN
+from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.planning.knowledge import RATIO_COLUMNS, Causes, Knowledge
 
 Array = NDArray[np.float64]
@@ -224,14 +225,25 @@ def ratio_std(known: Knowledge, F: Array) -> Array:
 
 
 def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
-    """Standard deviations of the ratios that some release determines: to b, or of the inner rod alone to its own a."""
-    alone = bool(known.hidden_ratios) and known.rig.rods.mounted == "inner"
-    inertia, letter = (alone_share(known.model.estimate.ratios), "a") if alone else (1.0, "b")
-    return {
-        f"{name.partition('/')[0]}/{letter}": std / inertia
-        for place, (name, std) in enumerate(zip(RATIOS, ratio_std(known, F).tolist(), strict=True))
-        if place not in known.hidden_ratios
-    }
+    """Standard deviations of the ratios that some release determines: of the rods, the arm and its drive.
+
+    Arm and drive are unknowns x at the scale b, of which a free swing determines only x / b. Its variance is that of
+    x - (x / b) b.
+    """
+    estimate, alone = known.model.estimate, bool(known.hidden_ratios) and known.rig.rods.mounted == "inner"
+    of_arm = [place for name in sorted(known.always) for place in known.places.get(name, ())]
+    places = [*(place for place in range(len(RATIOS)) if place not in known.hidden_ratios), *of_arm]
+    nuisance = [place for place in known.fitted if place not in (*places, SCALE)]
+    covariance = np.linalg.inv(given(F, nuisance, [*places, SCALE]))
+    shown: dict[str, float] = {}
+    for i, place in enumerate(places):
+        ratio = ratio_of(known.model.columns[place], estimate, known.rig, alone=alone)
+        if ratio is not None:
+            name, value, divisor = ratio
+            change = np.zeros(len(covariance))
+            change[i], change[-1] = 1.0, -value * divisor / estimate.ratios[SCALE] if place in of_arm else 0.0
+            shown[name] = float(np.sqrt(change @ covariance @ change)) / divisor
+    return shown
 
 
 def detectable(
