@@ -3,14 +3,17 @@
 import numpy as np
 import pytest
 
+from dpr_lab.acceptance.limits import Limits
 from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.identification.expected import Releases, ratio_information
 from dpr_lab.planning.information import informed, laid_out
 from dpr_lab.planning.knowledge import Causes, Knowledge, known_before
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.simulation import simulated_distance
-from dpr_lab.planning.worth.criteria import OpenPairs, given
+from dpr_lab.planning.worth.criteria import OpenPairs, detectable, given
+from dpr_lab.planning.worth.goals import limit_forecasts
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import AddedMass, Pose
 
@@ -34,6 +37,21 @@ def test_shorter_durations_hold_less(known: Knowledge) -> None:
     long, short = informed([CALM], known.model, (2.0,))
     assert (long.release.duration_s, short.release.duration_s) == (4.0, 2.0)
     assert np.linalg.eigvalsh(long.information - short.information).min() > -1e-6 * np.trace(long.information)
+
+
+def test_a_limit_of_a_cable_is_forecast_with_its_other_amplitudes_free(known: Knowledge) -> None:
+    size = {"stiffness_Nm_per_rad": {"max": 1.0, "unit": "N m/rad"}}
+    cogging = {"cos1_Nm": {"max": 1.0, "unit": "N m"}}
+    limits = Limits.model_validate({"effects": {"spring_joint2": size, "detent_joint2": cogging}})
+    (one,) = informed([CALM], known.model)
+    F = known.prior + one.information
+    cable, detent = limit_forecasts(known, F, limits)
+    alone = detectable(known, F, NORMAL_Q90, ["spring_joint2"])["spring_joint2"]["stiffness_Nm_per_rad"]
+    assert cable.decides
+    assert cable.reach is not None
+    assert alone is not None
+    assert cable.reach > alone
+    assert not detent.decides
 
 
 def test_a_release_from_near_upright_is_predictable_for_less_long_than_a_calm_one(known: Knowledge) -> None:

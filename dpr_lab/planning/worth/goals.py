@@ -16,7 +16,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.result import LimitForecast
-from dpr_lab.planning.worth.criteria import detectable, shown_ratio_std
+from dpr_lab.planning.worth.criteria import WORTH, detectable, given, shown_ratio_std
 
 Array = NDArray[np.float64]
 
@@ -70,9 +70,25 @@ def limit_forecasts(known: Knowledge, F: Array, limits: Limits) -> list[LimitFor
 def _of_effects(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
     sizes = detectable(known, F, NORMAL_Q90, limits.effects)
     for name, amplitudes in limits.effects.items():
+        effect = EFFECTS[name]
+        several = len(effect.amplitudes) > 1
+        reaches = _fitted_together(known, F, name) if several and not effect.shapes else sizes.get(name, {})
         for parameter, limit in amplitudes.items():
-            single = len(EFFECTS[name].amplitudes) == 1 or name in known.named
-            yield Goal(f"{name}.{parameter}", limit.unit, sizes.get(name, {}).get(parameter), limit.max / 2, single)
+            single = not (several and effect.shapes) or name in known.named
+            yield Goal(f"{name}.{parameter}", limit.unit, reaches.get(parameter), limit.max / 2, single)
+
+
+def _fitted_together(known: Knowledge, F: Array, name: str) -> dict[str, float]:
+    """Half width of the interval of each amplitude of an effect; {} if they cannot be separated."""
+    places = list(known.places.get(name, ()))
+    amplitudes = given(F, [i for i in known.fitted if i not in places], places)
+    data = amplitudes - known.prior[np.ix_(places, places)]
+    scale = 1 / np.sqrt(np.maximum(np.diag(data), np.finfo(float).tiny))
+    unit = data * scale[:, None] * scale
+    if not places or np.linalg.eigvalsh(unit)[0] < WORTH.seen:
+        return {}
+    stds = np.sqrt(np.diag(np.linalg.inv(unit))) * scale
+    return {known.model.columns[i].name: float(NORMAL_Q90 * std) for i, std in zip(places, stds, strict=True)}
 
 
 def _of_ratios(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
