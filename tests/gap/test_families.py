@@ -6,7 +6,9 @@ import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.families import FAMILIES, expected_of
+from dpr_lab.gap.conclusion.notes import component_notes
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.result.causes import NamedFamily
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Joints
@@ -39,7 +41,19 @@ def test_a_geared_drive_is_named_as_one(recorded: Callable[..., list[Run]], pape
     assert drive.name == "drive_joint2"
     assert set(drive.effects) == {ROTOR, FRICTION}
     assert drive.share == pytest.approx(1.0, abs=0.05)
-    assert any("the effects of a geared drive, joint 2 [drive_joint2]" in note for note in found.notes)
+    assert any(note.startswith("If the rig has a geared drive, joint 2 [drive_joint2], ") for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("geared", "words"), [((2,), "Together "), ((), "If the rig has a "), ((1,), "If the rig has ")]
+)
+def test_a_drive_that_the_rig_file_does_not_state_is_only_possible(geared, words):
+    drive = NamedFamily(
+        name="drive_joint2", words="geared drive, joint 2", effects=[ROTOR, FRICTION], probability=0.9, share=0.7
+    )
+    (note,) = component_notes([drive], geared)
+    assert note.startswith(words)
+    assert "70 % of the excess" in note
 
 
 @pytest.mark.slow

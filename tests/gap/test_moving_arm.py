@@ -109,13 +109,13 @@ def test_signs_scales_and_units_of_arm_and_input_and_an_arm_that_stands_still_ar
     constant = {"nominal": 1.0, "lower": 0.5, "upper": 2.0}
     voltage = rig.model_dump(exclude_none=True) | {"motor": {"input": "voltage", "kt": constant, "R": constant}}
     milli = scaled(runs, 1e3)
-    with pytest.raises(IdentificationError, match=r"in mV, not in V\. Import the table with --scale input=0\.001"):
+    with pytest.raises(IdentificationError, match=r"in mV, not in V\. Import a table with --scale input=0\.001"):
         diagnose(milli, Rig.model_validate(voltage))
     with pytest.raises(IdentificationError, match="the sign of theta0 is reversed"):
         diagnose([replace(run, theta=run.theta * [-1.0, 1.0, 1.0]) for run in runs], rig)
     with pytest.raises(IdentificationError, match=r"sign of the rods is opposite .* --scale theta1=-1, or"):
         diagnose([replace(run, theta=run.theta * [1.0, -1.0, -1.0]) for run in runs], rig)
-    with pytest.raises(IdentificationError, match=r"off by half a turn: import the table with the other --zero"):
+    with pytest.raises(IdentificationError, match=r"off by half a turn: import a table with the other --zero"):
         diagnose([replace(run, theta=run.theta + np.array([0.0, np.pi, np.pi])) for run in runs], rig)
     with pytest.raises(IdentificationError, match=r"theta0 is 0\.5 times the true angle: .* --scale theta0=2,"):
         diagnose([replace(run, theta=run.theta * [0.5, 1.0, 1.0]) for run in runs], rig)

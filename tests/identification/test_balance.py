@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from dpr_lab.identification.misread.balance import energy_fit, energy_zeros, mounted_base
+from dpr_lab.identification.misread.balance import energy_fit, energy_zeros, mounted_base, residual_near
 from dpr_lab.rig import Rig
 
 Array = NDArray[np.float64]
@@ -40,3 +40,14 @@ def test_friction_does_not_change_the_factor_of_the_times(dry: float, slower: fl
     fit = energy_fit(slower * t, one_rod(rig, dry, t, np.pi - 1.5), None, rig)
     assert fit is not None
     assert slower * fit.time_scale == pytest.approx(1.0, rel=0.02)
+
+
+def test_a_zero_error_of_a_small_swing_is_no_error_of_its_energy(paper: Rig):
+    rig = paper.model_copy(update={"rods": paper.rods.model_copy(update={"mounted": "inner"})})
+    t = np.arange(400) * 0.01
+    rods = one_rod(rig, 0.002, t, np.pi - 0.15)
+    fit = energy_fit(t, rods + 0.05, None, rig)
+    assert fit is not None
+    assert fit.residual > 0.3
+    assert residual_near(t, rods + 0.05, None, rig) < 0.05
+    assert residual_near(t, rods + 0.5, None, rig) > 0.5

@@ -32,7 +32,7 @@ KT = {"nominal": 0.5, "lower": 0.1, "upper": 2.0}
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("factor", "words"),
-    [(-1.0, "--scale input=-1"), (1e3, "in mA, not in A. Import the table with --scale input=0.001")],
+    [(-1.0, "--scale input=-1"), (1e3, "in mA, not in A. Import a table with --scale input=0.001")],
 )
 def test_an_input_of_the_wrong_sign_or_unit_is_named(factor, words):
     rng, rig = np.random.default_rng(1), rig_with("driven", "current", kt=KT)
@@ -45,8 +45,8 @@ def test_an_input_of_the_wrong_sign_or_unit_is_named(factor, words):
     ("kind", "gain", "words"),
     [
         ("torque", -0.9, "sign of the torque is reversed"),
-        ("torque", 0.0098, "in N cm, not in N m. Import the table with --scale input=0.01"),
-        ("voltage", 1.1e3, "in kV, not in V. Import the table with --scale input=1000"),
+        ("torque", 0.0098, "in N cm, not in N m. Import a table with --scale input=0.01"),
+        ("voltage", 1.1e3, "in kV, not in V. Import a table with --scale input=1000"),
         ("current", 50.0, "check the unit of its column"),
     ],
 )
@@ -206,7 +206,7 @@ def test_the_end_of_a_cable_is_named_and_a_cable_that_always_pulls_is_not():
         ((np.degrees(1), 1.0), "--scale theta0=0.0174533"),
         ((1.0, np.degrees(1)), "--scale theta1=0.0174533,theta2=0.0174533"),
         ((np.degrees(1), np.degrees(1)), "--unit deg"),
-        ((5.0, 1.0), "theta0 is 5.08 times the true angle: import the table with --scale theta0=0.197"),
+        ((5.0, 1.0), "theta0 is 5.08 times the true angle: import a table with --scale theta0=0.197"),
     ],
 )
 def test_degrees_of_some_angles_and_a_gear_of_the_encoder_are_named(read, option):

@@ -1,8 +1,9 @@
 """Notes below the verdict: restrictions of the named effects, components that they form, and the remainder."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.families import FAMILIES
 from dpr_lab.gap.classes.posterior import motor_imitations
 from dpr_lab.gap.conclusion.verdict import Verdict
 from dpr_lab.gap.result.causes import NamedFamily
@@ -17,7 +18,7 @@ def notes(state: Advised, kind: Verdict, named_families: Sequence[NamedFamily]) 
         return []
     return [
         *_restrictions(state, kind),
-        *_families(named_families),
+        *component_notes(named_families, state.recordings.rig.joints.geared),
         *motor_in_backlash(state.selection),
         *_varying_sizes(state),
         *_remainder(state, kind),
@@ -33,12 +34,18 @@ def _restrictions(state: Advised, kind: Verdict) -> Iterator[str]:
         yield f"Effects of a size that no rig has; another cause must have a similar signature: {listed(oversized)}."
 
 
-def _families(named_families: Sequence[NamedFamily]) -> Iterator[str]:
+def component_notes(named_families: Sequence[NamedFamily], geared: Collection[int]) -> Iterator[str]:
+    """Components that explain several effects; a drive that the rig file does not state is only a possibility."""
+    joints = {family.name: joint for joint, family in enumerate(FAMILIES, 1)}
     for family in named_families:
-        yield (
-            f"Together {listed(family.effects)} are the effects of a {family.words} [{family.name}]:"
-            f" {percent(family.share)} of the excess."
-        )
+        effects, share = listed(family.effects), percent(family.share)
+        if joints[family.name] in geared:
+            yield f"Together {effects} are the effects of a {family.words} [{family.name}]: {share} of the excess."
+        else:
+            yield (
+                f"If the rig has a {family.words} [{family.name}], {effects} are its effects: {share} of the excess."
+                " Then state it in the rig file ([joints] geared)."
+            )
 
 
 def motor_in_backlash(selection: Selection) -> Iterator[str]:

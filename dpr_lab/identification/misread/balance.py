@@ -51,6 +51,10 @@ class EnergySettings:
     """Factor by which a viscous coefficient, which is poorly known, may exceed the value of the rig file."""
     dry: float = 0.5
     """Maximum dry friction relative to the weight torque of the rods."""
+    zero_error_rad: float = 0.1
+    """Maximum error of a zero that is a property of the rig: dry friction holds a rod that far from the vertical, and a
+    camera is tilted by as much.
+    """
     exchanged: float = 0.9
     """Correlation of kinetic and potential energy, apart from trend and friction, from which times are judged."""
 
@@ -125,6 +129,25 @@ def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
         return None
     covariance = np.cov(_terms(moving, None, rig), bias=True)
     return best_zeros(lambda added: _residual(covariance, added), rig)
+
+
+def residual_near(t: Array, rods: Array, torques: Array | None, rig: Rig) -> float:
+    """Residual of the energy balance at the best zeros within `ENERGY.zero_error_rad`; infinite without motion.
+
+    The potential energy of a small swing of amplitude A changes by the share delta / A with an error delta of its zero.
+
+    Args:
+        t: (n,) s
+        rods: (n, 2) absolute angles, rad
+        torques: (n, 2) known torques of the joints, N m; None for a free swing
+        rig: the recorded rig
+    """
+    moving = local_motion(t, rods, periods(rig)[1], ENERGY.motion)
+    if moving is None:
+        return math.inf
+    covariance, most = np.cov(_terms(moving, torques, rig), bias=True), ENERGY.zero_error_rad
+    added = best_zeros(lambda zeros: _residual(covariance, zeros), rig, nearest=True)
+    return _residual(covariance, np.clip(added, -most, most))
 
 
 def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = False) -> tuple[float, float]:

@@ -68,8 +68,8 @@ def wrong_sign(rig: Rig, before: float, after: float, *, of_rods: bool) -> str:
         else ("the sign of theta0 is reversed", "theta0=-1")
     )
     return (
-        f"{subject}: with the opposite sign, the reduced chi-square falls from {before:.3g} to {after:.3g}. Import the"
-        f" table with --scale {option}, or, for a device, reverse the direction of"
+        f"{subject}: with the opposite sign, the reduced chi-square falls from {before:.3g} to {after:.3g}. Import a"
+        f" table with --scale {option}; for a device, reverse the direction of"
         f" {'their encoders' if of_rods else 'encoder 0'} in [encoders]"
     )
 
@@ -83,15 +83,16 @@ def wrong_input(kind: str, gain: float) -> str:
     """
     if gain < 0.0:
         return (
-            f"the sign of the {kind} is reversed: the fitted gain is negative. Import the table with --scale input=-1,"
-            " or reverse the sign of the arm (--scale theta0=-1)"
+            f"the sign of the {kind} is reversed: the fitted gain is negative. Import a table with --scale input=-1,"
+            " or --scale theta0=-1 if it is the sign of the arm; for a device, exchange the leads of the motor or"
+            " reverse the direction of encoder 0 in [encoders]"
         )
     exponent = log10(gain) if gain else 0.0
     strength = f"the {kind} acts {gain:.3g} times as strongly as the rig file says"
     for factor, unit in UNITS.get(kind, {}).items():
         if abs(exponent - factor) < DESCRIPTION.unit:
             return (
-                f"{strength}: its column seems to be in {unit}, not in {INPUT_UNITS[kind]}. Import the table with"
+                f"{strength}: its column seems to be in {unit}, not in {INPUT_UNITS[kind]}. Import a table with"
                 f" --scale input={10.0**factor:g}, or correct the constants of [motor]"
             )
     if abs(exponent) < DESCRIPTION.gain:

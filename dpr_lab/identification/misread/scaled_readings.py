@@ -52,19 +52,19 @@ class ScaledReadings:
         rods = ("theta1", "theta2") if mounted == "both" else ("theta1",)
         if self.turned:
             return (
-                "the angles of the rods are off by half a turn: import the table with the other --zero (upright or"
+                "the angles of the rods are off by half a turn: import a table with the other --zero (upright or"
                 " hanging), or, for a device, correct zero_counts in [encoders]"
             )
         if self.arm == self.rods == per_degree():
-            return "the angles are in degrees, not in rad: import the table with --unit deg"
+            return "the angles are in degrees, not in rad: import a table with --unit deg"
         axes = (*(("theta0",) if self.arm != 1.0 else ()), *(rods if self.rods != 1.0 else ()))
         factor = self.arm if self.arm != 1.0 else self.rods
         option = ",".join(f"{axis}={factor:{'.6g' if factor == per_degree() else '.3g'}}" for axis in axes)
         verb = "are" if len(axes) > 1 else "is"
         if factor == per_degree():
-            return f"{' and '.join(axes)} {verb} in degrees, not in rad: import the table with --scale {option}"
+            return f"{' and '.join(axes)} {verb} in degrees, not in rad: import a table with --scale {option}"
         return (
-            f"{' and '.join(axes)} {verb} {1 / factor:.3g} times the true angle: import the table with --scale"
+            f"{' and '.join(axes)} {verb} {1 / factor:.3g} times the true angle: import a table with --scale"
             f" {option}, or, for a device, multiply counts_per_rev in [encoders] by {1 / factor:.3g}"
         )
 

@@ -87,7 +87,7 @@ def _unconverged(recordings: Sequence[ArmRecording]) -> str:
         if recording.run.arm_mode == "free" and moved < DOUBTS.hardly_rad:
             return (
                 f"{recording.run.file or recording.run.name}: its arm moves by {moved:.2g} rad only, which determines"
-                " neither A nor c0; it seems to be held. Import the table with --arm clamped, or record swings"
+                " neither A nor c0. If it was held, import or capture with --arm clamped; otherwise record swings"
                 " that move the arm"
             )
     return "the fit did not converge: give [arm] A and c0 better nominal values"

@@ -113,7 +113,7 @@ def other_input(fit: ArmFit, misfit: float, runs: Sequence[Run], rig: Rig) -> st
     after, option = misfit * best.misfit / stated.misfit, " ".join(options) or "no input delay"
     return (
         f"{_cause(best, interval)}: with this input the reduced chi-square falls from {misfit:.3g} to {after:.3g}."
-        f" Import the table with {option}, or record the input at the rate of the controller"
+        f" Import a table with {option}, or record the input at the rate of the controller"
     )
 
 

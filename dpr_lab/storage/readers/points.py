@@ -98,12 +98,33 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
         RunError: as `dpr_lab.storage.tables.table.read_table`, or points that are not the ends of two rods.
     """
     table = read_table(path, on_progress)
-    kind, tracked = _points(table) if points or take else ("", [])
+    kind, tracked = _points(table := _with_names(table)) if points or take else ("", [])
     if not tracked:
         if take:
             raise RunError(f"{path}: is a single table without parts: remove --take")
         return table
     return _angles(replace(table, kind=kind), tracked, take)
+
+
+def _with_names(table: Table) -> Table:
+    """A table without a header as t, x1, y1, x2, y2, ... if its columns are ends of rods of constant length.
+
+    Neither angles nor speeds of rods keep a constant distance.
+    """
+    timed = len(table.names) % 2
+    xy = range(timed, len(table.names), 2)
+    steady = not timed or bool((np.diff(table.values[0]) > 0).all())
+    if not (len(xy) in (2, 3) and steady and all(name.isdecimal() for name in table.names)):
+        return table
+    points = [_Point(f"{k}", np.column_stack([table.values[k], table.values[k + 1]])) for k in xy]
+    try:
+        rods = [np.hypot(*(end.at - start.at).T) for start, end in pairwise(_chosen(table, points, ()))]
+    except RunError:  # not on a circle
+        return table
+    if max(float(np.nanstd(rod) / np.nanmean(rod)) for rod in rods) > SETTINGS.length_scatter:
+        return table
+    names = (f"{axis}{number}" for number in range(1, len(xy) + 1) for axis in "xy")
+    return replace(table, names=("t",) * timed + tuple(names))
 
 
 def _points(table: Table) -> tuple[str, list[_Point]]:

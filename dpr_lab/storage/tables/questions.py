@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, periods
+from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, periods, residual_near
 from dpr_lab.identification.misread.moving_arm_balance import arm_balance, is_unit, wrong_unit
 from dpr_lab.identification.misread.torque_balance import inertia_bounds, torque_balance
 from dpr_lab.shown import percent
@@ -138,7 +138,10 @@ def _energy_questions(
         others = [_as_posed(table, other, settings) for other in others]
         return [_read_otherwise("the energy of the swing is not conserved; it is", others)], others
     doubts = []
-    if residual > settings.unexplained[table.torques is not None]:
+    unexplained = settings.unexplained[table.torques is not None]
+    if residual > unexplained:
+        residual = residual_near(read.t, table.theta[looked_at, 1:], read.torques, table.rig)
+    if residual > unexplained:
         share = f"{percent(residual)} of" if residual < 1 else f"{residual:.2g} times"
         doubts.append(
             TableQuestion(
