@@ -19,6 +19,8 @@ class LocalMotionSettings:
     """Length of a window relative to the period of the faster oscillation."""
     window: tuple[int, int]
     """Minimum and maximum number of samples of a window."""
+    gap: tuple[float, float] = (0.25, 4.0)
+    """Interval between rows, in periods and in median intervals, above both of which no window contains it."""
     looked_at_s: float = 10.0
     """Examined duration of a table, s; a wrong interpretation is wrong from the start."""
     looked_at: int = 2000
@@ -56,7 +58,7 @@ def local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionSe
     """
     with np.errstate(all="ignore"):
         try:
-            motion = _local_motion(t, rods, period_s * settings.window_share, settings)
+            motion = _local_motion(t, rods, period_s, settings)
         except np.linalg.LinAlgError:
             return None
     if motion is None or not all(np.isfinite(part).all() for part in (motion.rods, motion.omega, motion.alpha)):
@@ -64,24 +66,29 @@ def local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionSe
     return motion
 
 
-def _local_motion(t: Array, rods: Array, length_s: float, settings: LocalMotionSettings) -> LocalMotion | None:
+def _local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionSettings) -> LocalMotion | None:
     from numpy.lib.stride_tricks import sliding_window_view
 
     rows = max(settings.looked_at, int(np.searchsorted(t, t[0] + settings.looked_at_s)))
     t, rods = t[:rows], rods[:rows]
     if len(t) < settings.fewest:
         return None
-    window = int(np.clip(length_s / np.median(np.diff(t)), *settings.window)) // 2 * 2 + 1
+    interval = float(np.median(np.diff(t)))
+    window = int(np.clip(period_s * settings.window_share / interval, *settings.window)) // 2 * 2 + 1
     stride = -(-len(t) // settings.instants)
     if len(t) < settings.fewest + window:
         return None
-    times, angles = (sliding_window_view(x, window, axis=0)[::stride] for x in (t, rods))
+    longest = max(settings.gap[0] * period_s, settings.gap[1] * interval)
+    whole = sliding_window_view(np.diff(t), window - 1)[::stride].max(axis=1) <= longest
+    if np.count_nonzero(whole) < settings.fewest:
+        return None
+    times, angles = (sliding_window_view(x, window, axis=0)[::stride][whole] for x in (t, rods))
     times_from_mean = times - times.mean(axis=1, keepdims=True)
     reach = np.abs(times_from_mean).max(axis=1)[:, None]
     powers = polyvander(times_from_mean / reach, settings.degree)
     across = powers.transpose(0, 2, 1)
     coefficients = np.linalg.solve(across @ powers, across @ angles.transpose(0, 2, 1))
-    near = np.arange(window // 2, len(t) - window // 2)[::stride]
+    near = np.arange(window // 2, len(t) - window // 2)[::stride][whole]
     return LocalMotion(
         near, times.mean(axis=1), coefficients[:, 0], coefficients[:, 1] / reach, 2 * coefficients[:, 2] / reach**2
     )
