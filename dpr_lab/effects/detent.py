@@ -26,7 +26,7 @@ def harmonics(params: Params) -> Words:
 
 _JOINT1, DETENT_JOINT2 = pair(
     "detent",
-    words="cogging, joint {j}",
+    words="torque periodic in the angle (cogging or a magnet), joint {j}",
     kernel=cogging,
     exported=harmonics,
     equation="tau = A1 cos(N q) + B1 sin(N q) + A2 cos(2 N q) + B2 sin(2 N q) with q the angle of joint {j}",
