@@ -255,7 +255,7 @@ class Effect:
     absorbed_by: tuple[str, ...] = ()
     """Base parameters that absorb this effect completely, so that a free swing cannot show it."""
     corrects: str = ""
-    """Key of the rig file that it corrects; always fitted if the file states an uncertainty (`Rig.unsure`)."""
+    """Key of the rig file, or `t`, that it corrects; always fitted if the file states an uncertainty (`Rig.unsure`)."""
     universal: bool = False
     """Whether every rig has it to some degree, so that it needs no other explanation."""
     propose: Callable[[Recorded], list[dict[str, float]] | None] | None = None

@@ -47,6 +47,7 @@ ENCODER_SCALE = pair(
     words="encoder scale, joint {j}",
     kernel=stretched,
     exported=lambda params: {"encoder_scale": params["excess"]},
+    corrects="counts_per_rev",
     remedy=remedy,
     twins=("spring",),
     equation="encoder {j} reads (1 + x) q{j}, q{j} its angle from hanging",

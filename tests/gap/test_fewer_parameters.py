@@ -7,14 +7,14 @@ import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, explains_as_much
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, excess, explains_as_much
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
-from dpr_lab.gap.which.removals import OWN_SHARE
+from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
 from dpr_lab.gap.which.search import SearchState, apply
 from tests.background_rigs import law, recordings
 
-SCALE, COGGING, LENGTH = "encoder_scale_joint1", "detent_joint1", "wrong_length_L1"
+SCALE, COGGING, LENGTH, FRICTION = "encoder_scale_joint1", "detent_joint1", "wrong_length_L1", "coulomb_joint1"
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,20 @@ def test_a_real_curve_stays(fitted: Callable[..., FittedSets]) -> None:
 
 @pytest.mark.slow
 def test_effects_are_compared_with_the_gap_that_the_right_length_leaves(fitted: Callable[..., FittedSets]) -> None:
-    sets = fitted([law("encoder_scale", 0, 5.0)], (LENGTH, SCALE), rods=2, length=1.01)
-    both = grown(sets, LENGTH, SCALE)
+    sets = fitted([law("coulomb", 0, 5.0)], (LENGTH, FRICTION), rods=2, length=1.01)
+    both = grown(sets, LENGTH, FRICTION)
     assert sets.described(both).effects == (LENGTH,)
     assert sets.described(sets.without(both, LENGTH)) is sets.bare
+
+
+@pytest.mark.slow
+def test_wrong_counts_per_turn_do_not_make_another_cause_look_negligible(fitted: Callable[..., FittedSets]) -> None:
+    laws = [law("encoder_scale", 0, 300.0), law("coulomb", 0, 10.0), law("third", 0, 1.0), law("wander", 0, 1.0)]
+    sets = fitted(laws, (SCALE, FRICTION))
+    both = grown(sets, SCALE, FRICTION)
+    scale = sets.without(both, FRICTION)
+    assert not at_noise_floor(both)
+    assert excess(scale) < THRESHOLDS.keeps * excess(both)
+    assert excess(scale) - excess(both) < THRESHOLDS.large * excess(sets.bare)  # negligible next to the wrong counts
+    for move in (SMALLEST_ADEQUATE, DROP):
+        assert apply(move, sets, SearchState(both, sets.fits, sets.tests, 4)).current.effects == (SCALE, FRICTION)

@@ -141,10 +141,11 @@ class FittedSets:
         return [name for name in model.effects if name not in self.expected]
 
     def described(self, model: Hypothesis) -> Hypothesis:
-        """The bare model with the corrections of the rig file that a set contains.
+        """The bare model with the corrections of the rig file and of the time stamps that a set contains.
 
-        The other effects explain parts of the gap that remains with this model. An error of the rig file, for example
-        of a length, may cause a gap twenty times as large, and is not a property of the rig.
+        The other effects explain parts of the gap that remains with this model. An error of the description, for
+        example of a length or of the counts per turn, may cause a gap a thousand times as large, and is not a property
+        of the rig: the same effects are named with the right description.
         """
         corrections = [name for name in model.effects if self.library[name].corrects]
         if not corrections:
