@@ -30,14 +30,18 @@ def rest_angle(params: Params, *, most_rad: float = math.pi, iterations: int = 2
     return {"rest_angle_rad": q} if abs(q) <= most_rad else {}
 
 
-def is_one_spring(params: Params, tolerance: float = 0.5) -> bool:
+def is_one_spring(params: Params, tolerance: float = 0.5, small_rad: float = 0.5) -> bool:
     """Whether one spring can have these sizes, for example not a constant with a hardening term alone.
 
     C = K q0 + K3 q0^3 and k = K + 3 K3 q0^2 with K >= 0 imply k >= 3/2 (4 K3 C^2)^(1/3). A stiffness of less than
-    the share `tolerance` of this bound contradicts it despite the neglected term and the error of the fit.
+    the share `tolerance` of this bound contradicts it despite the neglected term and the error of the fit. A softening
+    spring pulls back up to `small_rad` at least; without stiffness it would push away. A softening term of a tenth of
+    the constant torque is an error of the fit.
     """
     k, cubic, constant = (params.get(name, 0.0) for name in _NAMES)
-    return k >= tolerance * 1.5 * math.cbrt(4.0 * max(cubic, 0.0) * constant**2)
+    least = tolerance * 1.5 * math.cbrt(4.0 * max(cubic, 0.0) * constant**2)
+    pushes = -cubic * small_rad**2 - 0.1 * abs(constant) / small_rad
+    return k >= max(least, pushes)
 
 
 def linear(params: Params, negligible: float = 1e-3) -> Words:

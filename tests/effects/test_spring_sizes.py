@@ -16,9 +16,17 @@ def test_every_hardening_spring_with_a_rest_angle_is_possible():
         assert is_one_spring(sizes(K + 3 * K3 * q0**2, K3, K * q0 + K3 * q0**3))
 
 
-@pytest.mark.parametrize("simple", [sizes(0, 0, 0.01), sizes(0.01, 0, 0.02), sizes(0, 0.01, 0), sizes(0.01, -0.002, 0)])
+@pytest.mark.parametrize(
+    "simple",
+    [sizes(0, 0, 0.01), sizes(0.01, 0, 0.02), sizes(0, 0.01, 0), sizes(0.01, -0.002, 0), sizes(0, -0.002, 0.01)],
+)
 def test_a_twisted_hose_a_linear_a_centred_and_a_softening_spring_are_possible(simple):
     assert is_one_spring(simple)
+
+
+@pytest.mark.parametrize("constant", [0.0, 0.004])
+def test_a_softening_term_without_stiffness_would_push_the_joint_away(constant):
+    assert not is_one_spring(sizes(0.0, -0.012, constant))
 
 
 def test_a_constant_with_a_hardening_term_alone_is_no_spring():
