@@ -25,7 +25,7 @@ device with drives there is also `torque`: the torques of the sample never arriv
 
 @dataclass(frozen=True, slots=True)
 class FilmNoise:
-    """Noise of angles from a film, measured by the scatter of the constant lengths of the rods in the picture."""
+    """Noise of angles from a video, measured by the scatter of the constant lengths of the rods in the picture."""
 
     std: tuple[float, ...]
     """Standard deviation of the absolute angle of each tracked rod, rad."""
@@ -101,7 +101,7 @@ class Run(Shown):
     arm_read: bool | None = None
     """For an imported table: whether it has a column of the arm. None for a recording by a device."""
     film_noise: FilmNoise | None = None
-    """For a table of points in a film: the noise of its angles."""
+    """For a table of points in a video: the noise of its angles."""
     notes: tuple[str, ...] = ()
     """Notes of the reader or importer for the operator (gaps kept, duplicate rows removed)."""
 

@@ -239,13 +239,24 @@ def test_the_help_of_a_command_lists_the_plugins_that_extend_it(announce: Announ
 def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A fresh environment with the template installed by pip, without a network; it sees the lab of this one."""
     folder = tmp_path_factory.mktemp("environment")
-    subprocess.run([sys.executable, "-m", "venv", "--system-site-packages", str(folder)], check=True)
+    subprocess.run([sys.executable, "-m", "venv", "--system-site-packages", "--without-pip", str(folder)], check=True)
     python = str(folder / "bin" / "python")
     shown = [python, "-c", "import sysconfig; print(sysconfig.get_paths()['purelib'])"]
     site = Path(subprocess.run(shown, check=True, capture_output=True, text=True).stdout.strip())
     (site / "lab.pth").write_text(f"{ROOT}\n{sysconfig.get_paths()['purelib']}\n", encoding="utf-8")
     shutil.copytree(TEMPLATE, folder / "plugin", ignore=shutil.ignore_patterns("__pycache__"))
-    install = [python, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
+    install = [
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        python,
+        "install",
+        "--quiet",
+        "--no-deps",
+        "--no-build-isolation",
+        "--no-index",
+    ]
     subprocess.run([*install, str(folder / "plugin")], check=True, env=_without_path())
     return folder
 

@@ -87,7 +87,7 @@ class EncoderReading(NamedTuple):
     """One encoder reading before its errors."""
 
     number: int
-    """0, 1 or 2, as its joint."""
+    """Number of the encoder and of its joint: 0, 1 or 2."""
     angle: float
     """Reading without errors, rad."""
     hanging: float

@@ -52,7 +52,7 @@ class NoiseFloor:
     std_joint: NDArray[np.float64]
     """(2,) joint 1 and joint 2 as read by its encoder (relative to rod 1, or absolute), rad."""
     source: Literal["rest", "differences", "quantisation", "film"]
-    """Source: the rest before the release, the swing, the size of a count, or the lengths of the rods in a film."""
+    """Source: the rest before the release, the swing, the size of a count, or the lengths of the rods in a video."""
     joints: JointAngles
     """Mounting of the encoder of joint 2."""
 
@@ -75,7 +75,7 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
     """Noise of a recording.
 
     Estimated from the rest before the release if it is long enough, otherwise from high-order differences of the swing;
-    at least the rounding of the readings (`rounding_std`), and at least the noise of a film.
+    at least the rounding of the readings (`rounding_std`), and at least the noise of a video.
 
     Args:
         run: the recording
@@ -100,7 +100,7 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
 
 
 def _film_std(film: FilmNoise, joints: JointAngles) -> NDArray[np.float64]:
-    """(2,) standard deviation of the joint angles of a film, rad; a single rod is both rods."""
+    """(2,) standard deviation of the joint angles of a video, rad; a single rod is both rods."""
     rods = np.asarray(film.std) * np.ones(2)
     to_joints = np.linalg.inv(joints.to_rods_matrix)
     return np.sqrt(to_joints**2 @ rods**2)
@@ -245,7 +245,7 @@ def difference_weights(windows: NDArray[np.float64], period: float) -> NDArray[n
 def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> NDArray[np.float64]:
     """(2,) autocorrelation of the errors of joint 1 and 2 at rest, at a lag in samples; 0 if it is not significant.
 
-    For white noise it is 0 +- 1 / sqrt(n); a tracker or a filter causes a larger one. For a film it is that of the
+    For white noise it is 0 +- 1 / sqrt(n); a tracker or a filter causes a larger one. For a video it is that of the
     lengths of the rods, a process of first order.
     """
     if run.film_noise is not None:

@@ -172,15 +172,17 @@ def fit(
 
 @dataclass(frozen=True, slots=True)
 class RigPrior:
-    """The prior's cost |e - A step|^2 of a step, in units of chi2."""
+    """Prior of the rig file: it adds |e - A step|^2 to the chi2 of a step."""
 
     problem: Problem
     estimate: Estimate
     free: tuple[FreeParameter, ...]
     A: Array
-    """(n, free)"""
+    """(n, free) one row per free parameter, none without a prior; `A @ step` is the step in standard deviations of the
+    prior, times the square root of `weight`.
+    """
     e: Array
-    """(n,)"""
+    """(n,) mean of the prior minus `estimate`, in the same units."""
     weight: float
     """Chi2 of one standard deviation of the prior."""
 

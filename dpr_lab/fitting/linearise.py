@@ -44,7 +44,10 @@ def slow_starts(setup: Setup, states: int = 4) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Linearisation:
-    """Whitened and padded to equal lengths, m = 2 * samples of the longest segment."""
+    """Residuals and derivatives of all segments at one estimate.
+
+    They are whitened. Shorter segments are padded to m = 2 * samples of the longest one.
+    """
 
     residual: Array
     """(segments, m) residual; inf if a segment cannot be followed."""
@@ -55,9 +58,9 @@ class Linearisation:
     initial_state_coefficients: Array
     """(segments, 4, free) Q^T dreadings/dp: the part of the derivatives that initial states can reproduce."""
     Q: Array
-    """(segments, m, 4) Q."""
+    """(segments, m, 4) Q of the QR decomposition of the derivatives by the initial states."""
     R: Array
-    """(segments, 4, 4) R."""
+    """(segments, 4, 4) R of this decomposition."""
 
     @property
     def chi2_by_segment(self) -> Array:

@@ -110,11 +110,11 @@ class MovingParts:
     """Indices of the quantities that the readings of the mounted rods depend on."""
 
     parameters: list[int]
-    """Among a, b, d, e1, c1, c2, p, and the arm's inertia and friction."""
+    """Indices into a, b, d, e1, c1, c2, p, and the arm's inertia and friction."""
     states: list[int]
-    """Among theta1, theta2, omega1, omega2, theta0, omega0."""
+    """Indices into theta1, theta2, omega1, omega2, theta0, omega0."""
     axes: list[int]
-    """Among theta1, joint 2, theta0."""
+    """Indices into theta1, the angle of joint 2, theta0."""
 
 
 def _moving(rig: Rig, *, scaled: bool) -> MovingParts:

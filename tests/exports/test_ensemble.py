@@ -57,14 +57,14 @@ def values(models: list[Model]) -> np.ndarray:
 
 @pytest.mark.slow
 def test_samples_have_the_covariance_of_the_posterior_and_frictions_are_not_negative(model: Model) -> None:
-    drawn = values(sampled_models(model, [component(model)], 4000, 1))
+    drawn = values(sampled_models(model, [component(model)], 1500, 1))
     assert (drawn[:, 2] > 0).all()
     assert drawn[:, 2].mean() == pytest.approx(1e-3 + 0.055 * STD[2], abs=0.05 * STD[2])  # truncated at -2 std
     assert drawn[:, :2].std(axis=0) == pytest.approx(STD[:2], rel=0.05)
     assert np.corrcoef(drawn[:, :2].T)[0, 1] == pytest.approx(0.8, abs=0.03)
-    again = values(sampled_models(model, [component(model)], 4000, 1))
+    again = values(sampled_models(model, [component(model)], 1500, 1))
     assert np.array_equal(drawn, again)
-    wide = values(sampled_models(model, widened([component(model)], 2.0), 4000, 1))
+    wide = values(sampled_models(model, widened([component(model)], 2.0), 1500, 1))
     assert wide[:, 0].std() == pytest.approx(2 * STD[0], rel=0.05)
 
 
@@ -72,9 +72,9 @@ def test_samples_have_the_covariance_of_the_posterior_and_frictions_are_not_nega
 def test_values_of_another_recording_scatter_between_recordings_too(model: Model) -> None:
     own = component(model)
     other = own.model_copy(update={"between": (3 * np.array(own.covariance)).tolist()})
-    assert values(sampled_models(model, [other], 4000, 1))[:, 0].std() == pytest.approx(2 * STD[0], rel=0.05)
+    assert values(sampled_models(model, [other], 1500, 1))[:, 0].std() == pytest.approx(2 * STD[0], rel=0.05)
     wide = widened([other], 2.0)
-    assert values(sampled_models(model, wide, 4000, 1))[:, 0].std() == pytest.approx(4 * STD[0], rel=0.05)
+    assert values(sampled_models(model, wide, 1500, 1))[:, 0].std() == pytest.approx(4 * STD[0], rel=0.05)
 
 
 @pytest.mark.slow

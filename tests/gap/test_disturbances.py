@@ -77,7 +77,7 @@ def test_a_push_soon_after_the_release_is_left_out_to_its_end(tmp_path, since, u
 
 
 def filmed(folder: Path, rod: Rod) -> tuple[Rig, list[Run]]:
-    """A rod in a film of 30 frames per second, whose points scatter by a hundredth of its length."""
+    """A rod in a video of 30 frames per second, whose points scatter by a hundredth of its length."""
     rng = np.random.default_rng(1)
     t, rig = np.arange(0.0, 14.0, 1 / 30), one_rod(1.5 * 9.81 / 14.6, 0.1, 65536, rng)
     angle = rod_swing(rod, 1.15, t) + rng.normal(0.0, 9e-3, len(t))

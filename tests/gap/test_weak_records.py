@@ -19,9 +19,10 @@ from dpr_lab.workflows.rig_toml import Measure
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
 from tests.one_rod import Rod, recorded, swing
-from tests.thinned import thinned
+from tests.thinned import candidates, thinned
 
 TABLES = Path(__file__).parents[2] / "configs" / "tables"
+LIKELY = ("coulomb", "stribeck", "spring", "encoder", "detent", "base_", "latency", "clock")
 LIGHT = {"m2": 0.05, "J2": 0.000167}
 """A light outer rod: a/b = 72."""
 
@@ -151,7 +152,7 @@ def test_a_swing_that_shows_nothing_names_no_cause(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "low.csv", rows, "%.10g", ",", header="time_s,angle1_deg,angle2_deg", comments="")
     rig = load_rig(TABLES / "bench.toml")
     run = import_csv(tmp_path / "low.csv", rig, ImportOptions(unit="deg", angles="relative", zero="hanging"))
-    diagnosis = diagnose([run], rig)
+    diagnosis = diagnose([run], rig, library=candidates(*LIKELY))
     assert (diagnosis.verdict, diagnosis.effects, diagnosis.checks) == ("unexplained", [], [])
     assert "the angles are in radians (import with --unit rad)" in diagnosis.sentence
 

@@ -33,8 +33,8 @@ PI = np.pi
 
 
 @pytest.fixture(scope="module")
-def swings(recorded) -> list[Run]:
-    return recorded({}, duration=1.5)
+def swings(paper: Rig) -> list[Run]:
+    return record(load_plant("paper", 1), paper, 1.5, 250)
 
 
 def read_as(runs: list[Run], angles: Callable) -> list[Run]:
@@ -113,7 +113,7 @@ def driven(paper: Rig) -> list[Run]:
 @pytest.fixture(scope="module")
 def on_a_moving_arm(paper: Rig) -> list[Run]:
     arm = {"arm": ArmConfig(mode="free", J0=0.05, c0=0.02, k0=1.0)}
-    return record(load_plant("paper", 5).model_copy(update=arm), paper, 3.0, 500)
+    return record(load_plant("paper", 5).model_copy(update=arm), paper, 3.0, 250)
 
 
 def test_driven_runs_with_their_torques_pass(driven, paper: Rig) -> None:
@@ -200,7 +200,7 @@ def test_an_arm_that_moves_but_is_given_as_clamped_is_named(on_a_moving_arm, pap
 @pytest.mark.slow
 def test_rods_that_turn_against_the_arm_are_named(paper: Rig) -> None:
     plant = load_plant("paper", 5).model_copy(update={"arm": ArmConfig(mode="free", J0=0.05, c0=0.02, k0=1.0)})
-    turned = [replace(run, theta=run.theta * [-1.0, 1.0, 1.0]) for run in record(plant, paper, 3.0, 500)]
+    turned = [replace(run, theta=run.theta * [-1.0, 1.0, 1.0]) for run in record(plant, paper, 3.0, 250)]
     prescribed = [replace(run, arm=arm_motion(run.t, run.theta[:, 0], run.name), counts=None) for run in turned]
     with pytest.raises(IdentificationError, match=r"in the opposite direction to the arm .*--scale theta0=-1"):
         refuse_misread(prescribed, paper)

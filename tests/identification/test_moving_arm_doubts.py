@@ -25,7 +25,10 @@ from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.workflows.compare_moving_arm import compare_moving_arm
 from dpr_lab.workflows.identify import IdentifyRequest, identify
 from tests.identification.test_moving_arm_fit import NOISE, PUSH, T, drawn, recorded, rig_with
+from tests.thinned import FULL
 
+GEARED = (5.0, 1.0)
+"""Factors of the angles of the arm, whose encoder has a gear, and of the rods."""
 KT = {"nominal": 0.5, "lower": 0.1, "upper": 2.0}
 
 
@@ -59,7 +62,7 @@ def test_sign_and_unit_of_an_input_follow_from_its_gain(kind, gain, words):
 def test_rods_that_turn_the_other_way_are_named():
     rng, rig = np.random.default_rng(3), rig_with("driven", "torque")
     Z, arm, start = drawn(rng, rig)
-    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
+    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng).between(0.0, 1.5)
     run.theta[:, 1:] *= -1
     assert any("--scale theta1=-1,theta2=-1" in failure for failure in identify_moving_arm([run], rig).failures)
 
@@ -86,7 +89,7 @@ def test_right_angles_are_recognised_without_a_fit(rods):
 def test_rods_whose_zero_is_upright_instead_of_hanging_are_named():
     rng, rig = np.random.default_rng(3), rig_with("driven", "torque", rods="inner")
     Z, arm, start = drawn(rng, rig)
-    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng).between(0.0, 1.5)
+    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng).between(0.0, 1.0)
     run.theta[:, 1:] += np.pi
     assert any("with the other --zero" in failure for failure in identify_moving_arm([run], rig).failures)
 
@@ -206,7 +209,7 @@ def test_the_end_of_a_cable_is_named_and_a_cable_that_always_pulls_is_not():
         ((np.degrees(1), 1.0), "--scale theta0=0.0174533"),
         ((1.0, np.degrees(1)), "--scale theta1=0.0174533,theta2=0.0174533"),
         ((np.degrees(1), np.degrees(1)), "--unit deg"),
-        ((5.0, 1.0), "theta0 is 5.08 times the true angle: import a table with --scale theta0=0.197"),
+        (GEARED, "theta0 is 5.08 times the true angle: import a table with --scale theta0=0.197"),
     ],
 )
 def test_degrees_of_some_angles_and_a_gear_of_the_encoder_are_named(read, option):
@@ -218,8 +221,9 @@ def test_degrees_of_some_angles_and_a_gear_of_the_encoder_are_named(read, option
     scale = wrong_scale(run.t, run.theta, rig)
     assert scale is not None
     assert option in scale.cause("both")
-    (failure,) = identify_moving_arm([run], rig).failures
-    assert option in failure
+    if FULL or read == GEARED:  # what is in degrees takes four times as long to fit
+        (failure,) = identify_moving_arm([run], rig).failures
+        assert option in failure
 
 
 def test_an_arm_that_is_pressed_against_its_stop_is_named_and_one_that_friction_holds_is_not():

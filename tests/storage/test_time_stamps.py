@@ -98,7 +98,7 @@ def test_points_without_a_header_are_explained(one: Rig, tmp_path: Path) -> None
     angle = swing(Rod(), 1.2, t)
     file = tmp_path / "film.csv"
     np.savetxt(file, np.column_stack([t, np.sin(angle), -np.cos(angle)]), delimiter=",")
-    with pytest.raises(RunError, match=r"for points of a film add a first line with their names, for example t,x,y"):
+    with pytest.raises(RunError, match=r"for points of a video add a first line with their names, for example t,x,y"):
         import_csv(file, one, ImportOptions())
     file.write_text("t,x,y\n" + file.read_text())
     assert len(import_csv(file, one, ImportOptions()).t) == len(t)

@@ -54,7 +54,7 @@ def drive_of(setups: tuple[Setup, ...]) -> Drive:
 
 
 def _in_sequence(runs: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> Knots:
-    """Knots of all runs from those of each, (K,) and (K,) or (K, columns)."""
+    """Concatenate the knots of all runs; those of each are times (K,) and values (K,) or (K, columns)."""
     values = np.concatenate([values for _, values in runs])
     t = np.concatenate([t for t, _ in runs])
     return Knots(t, values if values.ndim > 1 else values[:, None], np.cumsum([0, *(len(t) for t, _ in runs)]))

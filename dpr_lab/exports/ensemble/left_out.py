@@ -92,7 +92,7 @@ def without(components: Sequence[PosteriorComponent], place: int) -> list[Poster
 
 
 def widening(errors: Sequence[float]) -> float:
-    """Factor from the squared normalised errors s of recordings."""
+    """Factor on the standard deviations, from the squared normalised error s of each recording."""
     if not errors:
         return 1.0
     variance = float(np.median(errors) * LEFT_OUT.independent / chi2.median(LEFT_OUT.independent))

@@ -160,7 +160,7 @@ def _same_gear(diagnosis: Diagnosis) -> float:
 
 
 def with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: float) -> Array:
-    """(6,) base parameters with the file's centre of mass or inertia of a body if only the other one changed."""
+    """(6,) base parameters in which a centre of mass or inertia that hardly differs from the file keeps its value."""
     length, carried = (chain.rods[0].length or 0.0) + longer, sum(r.mass for r in chain.rods[1:]) + chain.elbow_mass
     changed = base.copy()
     for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):

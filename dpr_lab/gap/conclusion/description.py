@@ -83,7 +83,7 @@ def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Descr
 
 
 def _trusted(record: Record) -> Run:
-    """The run without the readings that are excluded as faults of the logger, which look like energy input."""
+    """The run without the readings that are faults of the logger, because these look like energy input."""
     run, screened = record.run, record.screened
     return run.only(~np.isin(run.t, screened.t[~screened.keep.all(axis=1)]))
 

@@ -190,7 +190,7 @@ def _of_tables(reading: Misreading) -> Callable[[Run], Run | None]:
 
 
 def _of_encoders(reading: Misreading) -> Callable[[Run], Run | None]:
-    """Exclude films from the interpretation: the angles of points in a picture have a known sign and unit."""
+    """Exclude videos from the interpretation: the angles of points in a picture have a known sign and unit."""
     return lambda run: reading.read(run) if run.film_noise is None else None
 
 

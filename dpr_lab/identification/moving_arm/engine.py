@@ -26,7 +26,7 @@ OF_ARM = (FREE_ARM.name, DRIVE_GAIN.name)
 
 
 def engine_values(model: MovingArmModel, rig: Rig) -> tuple[Array, Array]:
-    """(7,) ratios to b, b and p/b, and (SIZE,) effects, with which the engine moves as a model does."""
+    """A model in the unknowns of the engine: (7,) five ratios to b, b and p/b, and (SIZE,) parameters of effects."""
     sizes, effects = model.with_arm_effects().sizes, dict(model.with_arm_effects().effects)
     effects[FREE_ARM.name] = {"inertia_kgm2": sizes["A"], "viscous_Nms": sizes["c0"]}
     if model.input and (assumed := drive_gain(rig).value):

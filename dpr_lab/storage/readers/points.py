@@ -76,7 +76,7 @@ _ALONE = re.compile(rf"([xy]){_UNIT}", re.I)
 
 
 _REPEATED = (
-    "repeat the frame before them while the rods move, as in a film that was converted from fewer frames per second"
+    "repeat the frame before them while the rods move, as in a video that was converted from fewer frames per second"
 )
 _INTERPOLATED = (
     "are interpolated, on a straight line at equal steps between others, as trackers fill frames in which they lost a"

@@ -185,7 +185,7 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
                 f"; several recordings next to each other are imported one by one, for example"
                 f" --columns t={clocks[0]},theta1=NAME"
             )
-        points = "; for points of a film add a first line with their names, for example t,x,y" if unnamed else ""
+        points = "; for points of a video add a first line with their names, for example t,x,y" if unnamed else ""
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {available}."
             f" Name it, for example --columns {','.join(f'{quantity}=NAME' for quantity in missing)}{needed}{rate}"

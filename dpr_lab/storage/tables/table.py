@@ -46,7 +46,7 @@ class Table:
     settled: bool = False
     """Whether the angles are absolute, 0 = upright, rad, independent of the options."""
     film_noise: FilmNoise | None = None
-    """Noise of angles from points in a film."""
+    """Noise of angles from points in a video."""
 
     def column(self, name: str) -> NDArray[np.float64]:
         """(n,) values of one column; NaN for missing values.

@@ -70,7 +70,7 @@ class Understood:
     recorded_at: str = ""
     """ISO 8601 date, or date and time in UTC; empty if unknown."""
     film_noise: FilmNoise | None = None
-    """Noise of angles from points in a film."""
+    """Noise of angles from points in a video."""
 
     @property
     def t(self) -> NDArray[np.float64]:

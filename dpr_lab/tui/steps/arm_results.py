@@ -26,7 +26,7 @@ VIEWS = ("angle", "segment residual")
 
 
 def start_of_diagnosis(model: Path | None) -> Path | None:
-    """The model from which a diagnosis starts; None for one whose arm moves: it starts from the rig file."""
+    """The model from which a diagnosis starts; None for a moving arm, which starts from the rig file."""
     from dpr_lab.identification.moving_arm.model import load_moving_arm_model
 
     return None if model is None or load_moving_arm_model(model) is not None else model

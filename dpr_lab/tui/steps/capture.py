@@ -43,7 +43,7 @@ class CaptureChoices:
     durations: tuple[float, ...] = (5.0, 10.0, 20.0, 30.0, 60.0)
     """Durations of a recording, s; the last one is followed by "until rest"."""
     most_repeats: int = 5
-    """Numbers of recordings of each pose; more swings of one pose add little information."""
+    """Maximum number of recordings per pose; more swings of one pose add little information."""
     pose_timeout: float = 1800.0
     """Maximum time to reach a pose, s: long, because the screen shows what is missing."""
     rest_timeout: float = 120.0
