@@ -1,14 +1,15 @@
 """Predictive bands of an ensemble of sampled models: how many readings of held-out recordings they cover.
 
     python benchmarks/ensemble.py [--plants 24] [--first 9000] [--members 50] [--real ../shared/data/real]
-        [--mujoco 12] [--identify] [--json]
+        [--mujoco 12] [--driven 12] [--identify] [--json]
 
 Simulated plants are drawn as for blind trials; three recordings of 5 s are diagnosed, three from other poses are held
 out. `--mujoco` plays rigs in MuJoCo in the same way, with one to three of the planted errors of
-`benchmarks/simulator_models.py`. Of each real rig every recording is held out once; a single recording is cut into
-pieces, and every second one is held out. A recording that swings for more than half of its time beyond the fitted
-amplitudes is pooled apart, without a target. The readings of one recording are far from independent: the standard error
-is that of the mean of recordings.
+`benchmarks/simulator_models.py`. `--driven` plays plants whose joints are driven, with a random fault of the drives or
+none; the held-out recordings have other torques. Of each real rig every recording is held out once; a single recording
+is cut into pieces, and every second one is held out. A recording that swings for more than half of its time beyond the
+fitted amplitudes is pooled apart, without a target. The readings of one recording are far from independent: the
+standard error is that of the mean of recordings.
 """
 
 import sys
@@ -39,6 +40,7 @@ from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from dpr_lab.workflows.rig_from import rig_from_model
+from sim_device.trials.driven import drawn_drives, drawn_fault, driven_runs
 from sim_device.trials.offline_recorder import record
 from tests.exports.planted_errors import STARTS, recordings
 
@@ -47,6 +49,8 @@ DRAWS = ("single", "clean", "pair", "single", "triple", "background")
 PIECE_S = 5.0
 """Length of a piece of a real recording that is alone."""
 PIECES = 8
+OTHER_TORQUES = 1_000_000
+"""Added to a seed for the torques of the recordings that are held out."""
 BEYOND = 0.5
 """Share of a recording's time beyond the fitted amplitudes above which its bands are not expected to cover it."""
 
@@ -103,13 +107,17 @@ def simulated(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) 
     kind = DRAWS[seed % len(DRAWS)]
     plant, rig = hidden(Case("", kind, seed))
     print(f"# {seed}, {kind}: {'+'.join(plant.effects) or 'no effect'}")
+    unseen = record(plant, elsewhere(rig), duration=5.0, before=len(rig.poses))
+    yield from bands(fit, list(record(plant, rig, duration=5.0)), list(unseen), rig, members, seed)
+
+
+def elsewhere(rig: Rig) -> Rig:
+    """The rig with other poses."""
     poses = {
         name: pose.model_copy(update={"theta1": pose.theta1 + 0.5, "theta2": pose.theta2 - 0.7})
         for name, pose in rig.poses.items()
     }
-    elsewhere = rig.model_copy(update={"poses": poses})
-    unseen = record(plant, elsewhere, duration=5.0, before=len(poses))
-    yield from bands(fit, list(record(plant, rig, duration=5.0)), list(unseen), rig, members, seed)
+    return rig.model_copy(update={"poses": poses})
 
 
 def in_mujoco(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[Tested]:
@@ -124,10 +132,20 @@ def in_mujoco(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) 
         file.write_text(mjcf(RIGHT), encoding="utf-8")
         rig_from_model(file, Path(folder) / "rig.toml")
         rig = load_rig(Path(folder) / "rig.toml")
-    elsewhere = [(theta1 + 0.5, theta2 - 0.7) for theta1, theta2 in STARTS]
-    fitted, unseen = (recordings(truth, rig, 5.0, starts=starts) for starts in (STARTS, elsewhere))
+    others = [(theta1 + 0.5, theta2 - 0.7) for theta1, theta2 in STARTS]
+    fitted, unseen = (recordings(truth, rig, 5.0, starts=starts) for starts in (STARTS, others))
     renamed = [replace(run, name=f"held out {k}") for k, run in enumerate(unseen)]
     yield from bands(fit, fitted, renamed, rig, members, seed)
+
+
+def driven(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[Tested]:
+    """Of one plant with driven joints; the recordings that are held out have other torques from other poses."""
+    fault, rig = drawn_fault(seed), load_rig("paper")
+    print(f"# driven {seed}: {fault.name if fault else 'no fault'}")
+    plant, fitted = driven_runs(rig, seed, fault=fault, duration=PIECE_S)
+    others = drawn_drives(plant.model_copy(update={"seed": OTHER_TORQUES + seed}))
+    unseen = record(plant, elsewhere(rig), duration=PIECE_S, drives=others, before=len(rig.poses))
+    yield from bands(fit, fitted, list(unseen), rig, members, seed)
 
 
 def real(rig: RealRig, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[Tested]:
@@ -167,6 +185,7 @@ def main() -> None:
     parser.add_argument("--members", type=int, default=50)
     parser.add_argument("--real", type=Path, default=Path(__file__).parents[2] / "shared" / "data" / "real")
     parser.add_argument("--mujoco", type=int, default=0, help="number of rigs in MuJoCo")
+    parser.add_argument("--driven", type=int, default=0, help="number of plants with driven joints")
     parser.add_argument("--identify", action="store_true", help="models of `identify` instead of a diagnosis")
     chosen = parser.parse_args()
     fit = identified if chosen.identify else diagnosed
@@ -181,6 +200,9 @@ def main() -> None:
     mujoco = range(chosen.first, chosen.first + chosen.mujoco)
     others = [band for seed in mujoco for band in in_mujoco(seed, chosen.members, fit)]
     found += [pooled("rigs in MuJoCo", others)] if others else []
+    under_torques = range(chosen.first, chosen.first + chosen.driven)
+    others = [band for seed in under_torques for band in driven(seed, chosen.members, fit)]
+    found += [pooled("driven plants", others)] if others else []
     if chosen.real.is_dir() and not chosen.quick:
         of_rigs = {rig.title: list(real(rig, chosen.members, fit)) for rig in rigs(chosen.real)}
         found += [pooled(name, some, target=False) for name, some in of_rigs.items() if some]

@@ -13,6 +13,7 @@ from dpr_lab.exports.ensemble.bands import BANDS, fewest_models, level_of, predi
 from dpr_lab.exports.ensemble.calibrate import calibrated, pooled, widened
 from dpr_lab.exports.ensemble.sampled import drawn_values, posterior_of, sampled_models
 from dpr_lab.exports.ensemble.scatter import scatter_of_ratios
+from dpr_lab.exports.ensemble.starts import drawn_starts
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.identification import compare
@@ -22,6 +23,7 @@ from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from sim_device.plant.config import load_plant
+from sim_device.trials.driven import DriveFault, done_by_drives, driven_runs
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import weighed
 from tests.a_diagnosis import made
@@ -202,3 +204,28 @@ def test_bands_cover_the_readings_of_the_true_model_and_a_wrong_one_is_widened(
     )
     assert calibration.factor > 1.0
     assert calibration.covered > 0.85
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", [None, DriveFault("torque_offset_joint1", {"offset_Nm": (8e-3, 0.0)})])
+def test_the_band_of_a_driven_recording_has_all_torques_and_their_noise(fault: DriveFault | None) -> None:
+    rig = load_rig("paper")
+    plant, runs = driven_runs(rig, 3, fault=fault, duration=2.0)
+    base = base_parameters(plant.Z, rig.L1, rig.g)
+    truth = whole_model(rig, Estimate.of(unknown_ratios(base), effect_params({}), np.zeros((1, 4))))
+    truth = truth.model_copy(update={"effects": done_by_drives(plant.drives)})
+    band = predictive_band(truth, [truth] * 13, runs[1], rig, 0)
+    assert band.covered > 0.8
+    assert band.width_rad < 0.2
+
+
+@pytest.mark.slow
+def test_rods_in_stiction_start_at_no_speed_that_their_readings_exclude(model: Model) -> None:
+    """Friction stops them at once, so no derivative shows that a speed is wrong, and the misfit is large."""
+    plant, rig = weighed(load_plant("paper", 5), load_rig("paper"))
+    run = preprocess(record(plant, rig, duration=0.5)[0], rig)
+    sticky = model.model_copy(update={"effects": {f"coulomb_joint{j}": {"torque_Nm": 2.0} for j in (1, 2)}})
+    fitted = compare.follow_preprocessed(run, rig, sticky).fitted
+    rng = np.random.default_rng(0)
+    starts = np.concatenate([drawn_starts(fitted.problem, fitted.fit, rng).initial for _ in range(20)])
+    assert np.abs(starts[:, 2:]).max() < 10.0

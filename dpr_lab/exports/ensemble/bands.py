@@ -1,7 +1,8 @@
 """Predictive bands of an ensemble of models for recordings, and the share of readings that they cover.
 
 Each model starts from a random initial state, drawn from its distribution given the first readings. The model then runs
-freely, and the noise of the encoders is added. The band at an instant lies between quantiles over the models. Readings
+freely, under the known torques of driven joints with a random noise of their measurement, and the noise of the encoders
+is added. The band at an instant lies between quantiles over the models. Readings
 that were used for the initial states, and readings beyond the predictability horizon, are not compared.
 """
 
@@ -11,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.segments import segments
+from dpr_lab.dynamics.segments import Segments, segments
 from dpr_lab.errors import RunError
 from dpr_lab.exports.ensemble.starts import drawn_starts
+from dpr_lab.fitting.disturbance import torque_noise
 from dpr_lab.identification.compare import Followed, follow, follow_preprocessed, free_run_from
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.preprocess import preprocess
@@ -102,8 +104,17 @@ def predictive_band(
     t = swing.t[(swing.t > first + settings.start_s) & (swing.t <= end)][::stride]
     head = preprocess(run.only(run.t < first + settings.start_s + 1e-9), rig)
     _refuse_other_start(follow_preprocessed(head, rig, model), run, settings)
-    drawn = np.array([_swing(follow_preprocessed(head, rig, member), first, t, rng) for member in members])
-    low, high = quantiles_of(drawn, settings)
+    # torques act by their means between instants; those of `head` end with it
+    onward = segments([np.concatenate([swing.t[swing.t <= first + settings.start_s], t])], setups=[swing.setup])
+    noise_Nm = torque_noise(swing.setup.torques) if swing.setup.torques else np.zeros(2)
+    drawn = []
+    for member in members:
+        if noise_Nm.any():
+            noisy = _with_torque_noise(run, noise_Nm, rng)
+            onward = replace(onward, setups=(noisy.swing.setup,))
+            head = preprocess(noisy.only(run.t < first + settings.start_s + 1e-9), rig)
+        drawn.append(_swing(follow_preprocessed(head, rig, member), onward, rng)[-len(t) :])
+    low, high = quantiles_of(np.array(drawn), settings)
     measured = run.theta[np.searchsorted(run.t, t), 1:]
     return PredictiveBand(run.name, end, t, measured, low, high)
 
@@ -151,11 +162,17 @@ def fewest_models(settings: BandSettings = BANDS) -> int:
     return round((1 + settings.level) / (1 - settings.level))
 
 
-def _swing(followed: Followed, first: float, t: Array, rng: np.random.Generator) -> Array:
-    """(n, 2) readings at t of one model, from a drawn initial state, with noise, rad."""
+def _with_torque_noise(run: Run, std_Nm: Array, rng: np.random.Generator) -> Run:
+    """The run with torques that may have acted: as measured, minus a noise of the measurement."""
+    assert run.torques is not None
+    return replace(run, torques=run.torques - std_Nm * rng.standard_normal(run.torques.shape))
+
+
+def _swing(followed: Followed, onward: Segments, rng: np.random.Generator) -> Array:
+    """(n, 2) readings of one model at the instants of a free run, from a drawn initial state, with noise, rad."""
     problem = followed.fitted.problem
     started = drawn_starts(problem, followed.fitted.fit, rng)
-    onward = segments([np.append(first, t)], setups=problem.segments.setups[:1], step=followed.step)
-    onward_only = started.changed(initial=started.initial[:1])
-    theta = problem.joints.to_rods(replace(problem, segments=onward).predict(onward_only))[1:]
-    return theta + rng.multivariate_normal(np.zeros(2), followed.preprocessed.noise.covariance, len(t), method="eigh")
+    freely = replace(problem, segments=replace(onward, step=np.array([followed.step])))
+    theta = problem.joints.to_rods(freely.predict(started.changed(initial=started.initial[:1])))
+    noise = followed.preprocessed.noise.covariance
+    return theta + rng.multivariate_normal(np.zeros(2), noise, len(theta), method="eigh")

@@ -1,22 +1,42 @@
 """Random initial states of segments, drawn from their distribution given readings and model.
 
-With V the covariance of the zeros of the encoders of one recording, R and C of `dpr_lab.fitting.linearise`, and f the
-variance inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`), a draw is
+With V the covariance of the zeros of the encoders of one recording, J_x and J_z the weighted derivatives of the
+readings with respect to initial state and zeros, W the weak prior of `dpr_lab.fitting.linearise`, and f the variance
+inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`), a draw is
 
-    z ~ N(0, V),    x = x0 + R^-1 (sqrt(f) n - C z),    n ~ N(0, 1).
+    z ~ N(0, V),    x = x0 - P^-1 J_x^T J_z z / f + n,    n ~ N(0, P^-1),    P = J_x^T J_x / f + W.
 
 f is that of the model with its effects: the misfit of the same rods without them says nothing about its initial states.
-The zeros are fixed unless the encoders are set to zero before each recording (`rezeroed`).
+It does not widen the prior, which alone limits the speed of a joint that dry friction stops at once. There the readings
+are no linear function of the state: a draw that follows the readings worse than the tail of this distribution is moved
+towards the fit. The zeros are fixed unless the encoders are set to zero before each recording (`rezeroed`).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
+from scipy.stats import chi2
 
 from dpr_lab.exports.ensemble.sampled import square_root
 from dpr_lab.fitting.covariance import considered
 from dpr_lab.fitting.estimate import Estimate, moved
 from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.fitting.linearise import slow_starts
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.residuals import residual_statistics
+
+
+@dataclass(frozen=True, slots=True)
+class StartSettings:
+    """Settings of the draws."""
+
+    tail: float = 1e-3
+    """Share of draws of a linear problem that follow the readings worse than is accepted."""
+    halvings: int = 10
+    """Maximum number of times that a draw is moved to half its distance from the fit."""
+
+
+STARTS = StartSettings()
 
 
 def drawn_starts(problem: Problem, fit: Fit, rng: np.random.Generator) -> Estimate:
@@ -27,8 +47,20 @@ def drawn_starts(problem: Problem, fit: Fit, rng: np.random.Generator) -> Estima
         fit: fit of initial states, and of the zeros that are free
         rng: random numbers
     """
-    inflation, linear = residual_statistics(problem, fit).inflation, fit.linear
+    inflation, linear, states = residual_statistics(problem, fit).inflation, fit.linear, problem.segments.states
+    by_run = np.array([np.diag(slow_starts(setup, states) ** 2) for setup in problem.segments.setups])
+    prior, turned = by_run[problem.segments.run], linear.R.transpose(0, 2, 1)
+    precision = (turned @ linear.R - prior) / inflation + prior
     zeros = square_root(considered(fit, inflation)) @ rng.standard_normal(len(fit.free))
-    noise = inflation**0.5 * rng.standard_normal(fit.estimate.initial.shape)
-    steps = np.linalg.solve(linear.R, (noise - linear.initial_state_coefficients @ zeros)[:, :, None])[:, :, 0]
+    by_zeros = turned @ (linear.initial_state_coefficients @ zeros)[:, :, None] / inflation
+    noise = np.linalg.cholesky(precision) @ rng.standard_normal((*fit.estimate.initial.shape, 1))
+    steps = np.asarray(np.linalg.solve(precision, noise - by_zeros)[:, :, 0], dtype=np.float64)
+    most = linear.chi2_by_segment + inflation * chi2.isf(STARTS.tail, states + len(zeros))
+    for _ in range(STARTS.halvings):
+        drawn = moved(fit.estimate, fit.free, zeros, steps)
+        residual = problem.whitened(problem.measured - problem.predict(drawn))
+        far = ~(np.sum(residual**2, axis=1) <= most)
+        if not far.any():
+            break
+        steps[far] /= 2.0
     return moved(fit.estimate, fit.free, zeros, steps)
