@@ -37,6 +37,7 @@ class StopReason(Enum):
     NO_DESCENT = "no step of any length or damping reduces the cost"
     LOST = "the model can follow no segment from these initial states"
     MAXIMUM_ITERATIONS = "the maximum number of iterations was reached"
+    PRELIMINARY = "the residual far exceeds the noise, and the cost decreases by a small part of it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +66,14 @@ class GaussNewton:
     """Factor after a failed step."""
     most_damping: float = 0.1
     """Damping beyond which no step is expected to help."""
-    same_step: float = 1e-3
-    """Relative difference up to which a step with more damping counts as the one that failed before it."""
+    same_step: float = 0.1
+    """Relative difference, as the norm of the predicted changes of the readings, up to which a step with more damping
+    counts as the one that failed before it.
+    """
+    preliminary: float = 0.0
+    """Relative reduction of the cost that ends the iteration far from the noise; 0: only `converged` ends it."""
+    far: float = 20.0
+    """chi2 per reading above which a fit is far from the noise."""
 
 
 SETTINGS = GaussNewton()
@@ -89,7 +96,7 @@ class Fit:
     @property
     def converged(self) -> bool:
         """Whether more iterations would change nothing."""
-        return self.stop is not StopReason.MAXIMUM_ITERATIONS
+        return self.stop not in (StopReason.MAXIMUM_ITERATIONS, StopReason.PRELIMINARY)
 
     @property
     def chi2(self) -> float:
@@ -249,7 +256,7 @@ def iterate(
     predicted_reduction = state.chi2 + at_start - state.linear.left(step) - prior.cost(step)
     tolerance = (min(settings.converged_frozen, settings.converged) if frozen else settings.converged) * state.chi2
     worthwhile = not (np.isfinite(state.chi2) and predicted_reduction <= tolerance)
-    failed = state.failed is not None and np.allclose(step, state.failed, rtol=settings.same_step, atol=0.0)
+    failed = state.failed is not None and _same_step(state.linear, step, state.failed, settings)
     tries = 0 if failed else settings.tries if worthwhile else 1
     trial = _line_search(problem, free, state, step, prior, settings, tries)
     if trial is None and frozen and worthwhile:
@@ -269,8 +276,19 @@ def iterate(
         damping=max(state.damping * settings.lower_damping, settings.least_damping),
         failed=None,
         frozen_jacobian=abs(reduction - predicted_reduction) <= settings.linearity * predicted_reduction,
-        stop=StopReason.CONVERGED if reduction <= tolerance else None,
+        stop=StopReason.CONVERGED if reduction <= tolerance else _far_end(problem, state.chi2, reduction, settings),
     )
+
+
+def _same_step(linear: Linearisation, step: Array, failed: Array, settings: GaussNewton) -> bool:
+    """Whether two steps of the free parameters change the predicted readings alike."""
+    return bool(np.linalg.norm(linear.A @ (step - failed)) <= settings.same_step * np.linalg.norm(linear.A @ failed))
+
+
+def _far_end(problem: Problem, chi2: float, reduction: float, settings: GaussNewton) -> StopReason | None:
+    """Stop of a preliminary fit, in which the error of the model and not the noise limits what a reduction means."""
+    far = chi2 > settings.far * problem.evidence
+    return StopReason.PRELIMINARY if far and reduction <= settings.preliminary * chi2 else None
 
 
 def _linearised(problem: Problem, free: tuple[FreeParameter, ...], state: Iteration) -> Iteration:

@@ -3,14 +3,21 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.fitting.gauss_newton import Fit, descend, fit
+from dpr_lab.fitting.gauss_newton import SETTINGS, Fit, GaussNewton, descend, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.spread import NORMAL_MAD
 
 Array = NDArray[np.float64]
 
 
-def without_outstanding(problem: Problem, first_fit: Fit, *, iterations: int = 12, outstanding: float = 9.0) -> Fit:
+def without_outstanding(
+    problem: Problem,
+    first_fit: Fit,
+    *,
+    iterations: int = 12,
+    outstanding: float = 9.0,
+    settings: GaussNewton = SETTINGS,
+) -> Fit:
     """Refit from the estimate that results when the worst-fitting segments are down-weighted.
 
     A single swing that passes near the upright can keep all parameters in a local minimum.
@@ -20,6 +27,7 @@ def without_outstanding(problem: Problem, first_fit: Fit, *, iterations: int = 1
         first_fit: the fit
         iterations: maximum number of each of two fits
         outstanding: chi2 of a segment relative to the median above which it is down-weighted
+        settings: tolerances of both fits
 
     Returns:
         the better of the two fits
@@ -29,8 +37,10 @@ def without_outstanding(problem: Problem, first_fit: Fit, *, iterations: int = 1
         return first_fit
     lighter = 1 / np.sqrt(np.maximum(worst, 1.0))
     eased = problem.weighted(lighter[problem.owner, None])
-    relocated = descend(eased, first_fit.estimate, first_fit.free, iterations=iterations)
-    refit = fit(problem, relocated.estimate, first_fit.free, iterations=iterations, predicted=relocated.predicted)
+    free = first_fit.free
+    relocated = descend(eased, first_fit.estimate, free, iterations=iterations, settings=settings)
+    start, predicted = relocated.estimate, relocated.predicted
+    refit = fit(problem, start, free, iterations=iterations, predicted=predicted, settings=settings)
     return min(first_fit, refit, key=lambda candidate: candidate.chi2)
 
 

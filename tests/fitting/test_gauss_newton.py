@@ -117,14 +117,27 @@ class Misleading(Counting):
         return -super().slopes(segments, at, free)
 
 
-def test_a_step_that_failed_is_not_tried_again_because_of_a_little_damping(clean):
+def test_a_step_that_failed_is_not_tried_again_if_damping_changes_the_predicted_readings_little(clean):
     problem, base = clean
     model = Misleading(problem.model)
     start = base.fit.estimate.changed(ratios=base.fit.estimate.ratios * 1.002)
     found = fit(replace(problem, model=model), start, free_parameters(start, (), problem))
     assert found.stop is StopReason.NO_DESCENT
     assert found.estimate is start
-    assert model.predicted <= 1 + 2 * GaussNewton().tries  # a damping of 1e-3 is another step
+    assert model.predicted <= 1 + GaussNewton().tries
+
+
+def test_far_from_the_noise_a_preliminary_fit_ends_at_the_first_small_reduction(clean):
+    problem, base = clean
+    settings = GaussNewton(preliminary=1.0)
+    start = base.fit.estimate.changed(ratios=base.fit.estimate.ratios * 1.00001)
+    free = free_parameters(start, (), problem)
+    near = fit(problem, start, free, settings=settings)
+    far = fit(problem.weighted(np.full((len(problem.t), 1), 100.0)), start, free, settings=settings)
+    assert near.stop is StopReason.CONVERGED
+    assert far.stop is StopReason.PRELIMINARY
+    assert far.iterations == 1
+    assert not far.converged
 
 
 def test_eliminating_initial_states_changes_no_step(clean):

@@ -9,10 +9,12 @@ import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.hypothesis.hypothesis import free_parameters, hypothesis
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep
-from dpr_lab.gap.which.fitted_sets import FittedSets
+from dpr_lab.gap.screen.recordings import LENGTHS
+from dpr_lab.gap.which.fitted_sets import Effort, FittedSets
 from dpr_lab.gap.which.forward import forward_selection
 from dpr_lab.gap.which.moves import MOVES
 from dpr_lab.gap.which.replacements import with_alternatives
@@ -133,6 +135,27 @@ def test_short_segments_propose_nothing_once_torque_noise_is_refuted(
     assert list(short_segments(1).propose(sets, sets.bare))
     monkeypatch.setattr("dpr_lab.gap.which.select.refutes_process_noise", lambda sets, model: bool(model.effects))
     assert not list(short_segments(1).propose(sets, sets.bare))
+
+
+@pytest.mark.slow
+def test_short_segments_are_fitted_once_because_there_are_no_shorter_ones(
+    sets: FittedSets, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dpr_lab.gap.which.fitted_sets.far_from_noise", lambda model: True)
+    monkeypatch.setattr("dpr_lab.gap.which.fitted_sets.EFFORT", Effort(achieved=1e6))  # no fit reduces chi2 enough
+    repeated: list[Hypothesis] = []
+
+    def from_short(problem: Problem, short: object, model: Hypothesis, *arguments: object) -> Hypothesis:
+        repeated.append(model)
+        return model
+
+    monkeypatch.setattr("dpr_lab.gap.which.fitted_sets.refit_with_from_short", from_short)
+    short = sets.on_short()
+    raw = short.bare.fit.estimate.changed(initial=sets.recordings.cut(LENGTHS.first)[1])
+    assert short.problem.chi2(short.bare.fit.estimate.changed(initial=sets.short()[1])) < short.problem.chi2(raw)
+    for tried, times in ((short, 0), (sets.resumed({frozenset(): sets.bare}, sets.tests), 1)):
+        tried.with_one(tried.bare, tried.test(tried.bare).ranking[0])
+        assert len(repeated) == times
 
 
 @pytest.mark.slow

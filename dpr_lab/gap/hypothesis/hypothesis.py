@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from dpr_lab.fitting.estimate import (
     visible_ratios,
     with_scale,
 )
-from dpr_lab.fitting.gauss_newton import Fit, Iteration, descend, fit
+from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, Iteration, descend, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import folds, predictive_loss
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics, residual_statistics
@@ -45,8 +46,24 @@ class Penalty:
 
 PENALTY = Penalty()
 
-LOST = 10.0
-"""Factor of chi2 above which the linear prediction is a worse initial value than the set it was derived from."""
+
+@dataclass(frozen=True, slots=True)
+class Refits:
+    """Settings of the fits that the search compares."""
+
+    preliminary: float = 3e-3
+    """Relative reduction that ends a fit far from the noise. There, sets differ by factors of the residual, which is an
+    error of the model: the last thousandths of it decide nothing. The fit of the selected set is continued to its
+    minimum.
+    """
+    lost: float = 10.0
+    """Factor of chi2 above which the linear prediction is a worse initial value than the set it was derived from."""
+
+
+REFITS = Refits()
+PRELIMINARY = GaussNewton(preliminary=REFITS.preliminary)
+
+preliminary_fit = partial(fit, settings=PRELIMINARY)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,7 +149,9 @@ def started_with(problem: Problem, before: Hypothesis, test: ScoreTest, score: S
     if not iterations:
         return first
     free = free_parameters(first.estimate, (*before.effects, score.effect.name), problem)
-    return descend(problem, first.estimate, free, iterations=iterations, predicted=first.predicted)
+    return descend(
+        problem, first.estimate, free, iterations=iterations, predicted=first.predicted, settings=PRELIMINARY
+    )
 
 
 def refit_with(
@@ -147,7 +166,8 @@ def refit_with(
     start = start or started_with(problem, before, test, score)
     estimate, effects = start.estimate, (*before.effects, score.effect.name)
     free = free_parameters(estimate, effects, problem)
-    return hypothesis(problem, effects, fit(problem, estimate, free, iterations=iterations, predicted=start.predicted))
+    fitted = preliminary_fit(problem, estimate, free, iterations=iterations, predicted=start.predicted)
+    return hypothesis(problem, effects, fitted)
 
 
 def refit_with_from_short(
@@ -163,14 +183,13 @@ def refit_with_from_short(
         iterations: maximum number of iterations of each of the two fits
     """
     short_problem, initial = short
-    short_fit = descend(
-        short_problem, replace(_shaped(before, score), initial=initial), score.free, iterations=iterations
-    )
+    short_start = replace(_shaped(before, score), initial=initial)
+    short_fit = descend(short_problem, short_start, score.free, iterations=iterations, settings=PRELIMINARY)
     initial_states = carried(
         short_problem.segments, short_fit.estimate.initial, problem.segments, before.fit.estimate.initial
     )
     start, effects = short_fit.estimate.changed(initial=initial_states), (*before.effects, score.effect.name)
-    long = fit(problem, start, free_parameters(start, effects, problem), iterations=iterations)
+    long = preliminary_fit(problem, start, free_parameters(start, effects, problem), iterations=iterations)
     return hypothesis(problem, effects, long)
 
 
@@ -195,9 +214,9 @@ def refit_without(
     step[remaining] = np.linalg.lstsq(A[:, remaining], e - A @ removed, rcond=1e-10)[0]
     without = estimate.changed(params=without_effect(estimate.params, effect))
     start = moved(without, [free[i] for i in remaining], step[remaining], linear.initial_steps(step))
-    if not problem.chi2(start) < LOST * problem.chi2(without):
+    if not problem.chi2(start) < REFITS.lost * problem.chi2(without):
         start = without
     if not scale_visible(names, problem):
         start = start.changed(ratios=with_scale(start.ratios, bare.fit.estimate.ratios[SCALE]))
-    fitted = fit(problem, start, free_parameters(start, names, problem), iterations=iterations)
-    return hypothesis(problem, names, fitted)
+    refitted = preliminary_fit(problem, start, free_parameters(start, names, problem), iterations=iterations)
+    return hypothesis(problem, names, refitted)

@@ -14,20 +14,19 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.base import BASE, RATIOS, base_of_run
 from dpr_lab.effects import named_params, param_index, without_effect
 from dpr_lab.effects.effect import Effect
 from dpr_lab.effects.limits import oversized
-from dpr_lab.fitting.covariance import considered
 from dpr_lab.fitting.cut import carried
-from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.robust import relative_chi2, without_outstanding
 from dpr_lab.gap.hypothesis.hypothesis import (
+    PRELIMINARY,
     Hypothesis,
     free_parameters,
     hypothesis,
+    preliminary_fit,
     refit_with,
     refit_with_from_short,
     refit_without,
@@ -37,6 +36,7 @@ from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
 from dpr_lab.gap.hypothesis.steps import recorded
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, far_from_noise, substitute_curve
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.gap.which.gravity import rises
 from dpr_lab.progress import FitBegan, ScoreTestBegan
 
 Progress = Callable[[FitBegan | ScoreTestBegan], None]
@@ -114,7 +114,7 @@ class FittedSets:
 
     def from_bare(self, bare: Hypothesis) -> "FittedSets":
         """Copy with another fit of the bare model and without any other fit."""
-        return replace(self, bare=bare, _fits={}, _tests={}, _refitted_from=set(), _results={})
+        return replace(self, bare=bare, _fits={}, _tests={}, _refitted_from=set(), _short=[], _results={})
 
     def keep(self, model: Hypothesis) -> Hypothesis:
         """Store a fit if it is the best of its set; return the best fit of the set."""
@@ -177,7 +177,8 @@ class FittedSets:
             return self._fits[key]
         self.on_progress(FitBegan(tuple(sorted(key))))
         larger = self._best_shape(model, score)
-        if far_from_noise(model) and model.fit.chi2 - larger.fit.chi2 < EFFORT.achieved * score.gain:
+        failed = far_from_noise(model) and model.fit.chi2 - larger.fit.chi2 < EFFORT.achieved * score.gain
+        if failed and not self._is_short:
             from_short = refit_with_from_short(self.problem, self.short(), model, score, EFFORT.short)
             larger = min(larger, from_short, key=_chi2)
         return self.keep(larger)
@@ -202,11 +203,17 @@ class FittedSets:
             self._short.append(self.recordings.cut(LENGTHS.first))
         return self._short[0]
 
+    @property
+    def _is_short(self) -> bool:
+        """Whether these are the sets of the short segments, which are the shortest."""
+        return any(problem is self.problem for problem, _ in self._short)
+
     def on_short(self) -> "FittedSets":
         """Sets fitted to short segments, in which the influence of an effect is closer to linear."""
         cut, initial = self.short()
         start = self.bare.fit.estimate.changed(initial=initial)
         bare = hypothesis(cut, (), fit(cut, start, free_parameters(start, (), cut), iterations=EFFORT.fine))
+        self._short[0] = (cut, bare.fit.estimate.initial)
         return FittedSets(self.recordings, cut, self.library, bare, self.on_progress, self.expected, _short=self._short)
 
     def carried_over(self, short: Hypothesis) -> Hypothesis:
@@ -218,7 +225,8 @@ class FittedSets:
         """Continue a fit to short segments; missing initial states are taken from `initial`."""
         cut, _ = self.short()
         initial_states = carried(cut.segments, near.estimate.initial, self.problem.segments, initial)
-        return fit(self.problem, near.estimate.changed(initial=initial_states), near.free, iterations=iterations)
+        start = near.estimate.changed(initial=initial_states)
+        return preliminary_fit(self.problem, start, near.free, iterations=iterations)
 
     def escaped(self, model: Hypothesis) -> Hypothesis:
         """Refit a set that may be in a local minimum because of a few segments, long segments, or a wrong order."""
@@ -227,13 +235,13 @@ class FittedSets:
     def _escaped(self, model: Hypothesis) -> Hypothesis:
         if not at_noise_floor(model):
             model = self._in_best_order(model)
-            model = self._better(without_outstanding(self.problem, model.fit), model)
-        if not at_noise_floor(model) and model.effects:
+            model = self._better(without_outstanding(self.problem, model.fit, settings=PRELIMINARY), model)
+        if not at_noise_floor(model) and model.effects and not self._is_short:
             cut, initial = self.short()
             start = model.fit.estimate.changed(initial=initial)
-            near = fit(cut, start, model.fit.free, iterations=EFFORT.rough)
+            near = preliminary_fit(cut, start, model.fit.free, iterations=EFFORT.rough)
             long = self._lengthened(near, model.fit.estimate.initial, iterations=EFFORT.fine)
-            model = self._better(without_outstanding(self.problem, long), model)
+            model = self._better(without_outstanding(self.problem, long, settings=PRELIMINARY), model)
         return model
 
     def _in_best_order(self, model: Hypothesis) -> Hypothesis:
@@ -256,7 +264,7 @@ class FittedSets:
                         params = best.fit.estimate.params.copy()
                         params[index] = other
                         start = best.fit.estimate.changed(params=params)
-                        near = fit(self.problem, start, model.fit.free, iterations=EFFORT.fine)
+                        near = preliminary_fit(self.problem, start, model.fit.free, iterations=EFFORT.fine)
                         model = self._better(near, model)
         return model
 
@@ -349,7 +357,7 @@ class FittedSets:
         start = model.fit.estimate.changed(params=without_effect(params, effect))
         names = tuple(other if name == effect else name for name in model.effects)
         free = free_parameters(start, names, self.problem)
-        return hypothesis(self.problem, names, fit(self.problem, start, free, iterations=EFFORT.fine))
+        return hypothesis(self.problem, names, preliminary_fit(self.problem, start, free, iterations=EFFORT.fine))
 
     def _grown(self, model: Hypothesis, effect: str) -> Hypothesis | None:
         score = self.test(model).of(effect)
@@ -376,22 +384,3 @@ class FittedSets:
 
 def _chi2(model: Hypothesis) -> float:
     return model.fit.chi2
-
-
-def rises(problem: Problem, model: Hypothesis, deviations: float = 2.0) -> bool:
-    """Whether the gravity torque of the inner rod is significantly negative, so that gravity would lift the rod.
-
-    In swings of similar amplitude, an effect that depends on the angle can replace gravity, and compensate for a
-    gravity torque of the wrong size or sign.
-    """
-    estimate, constants, place = model.fit.estimate, problem.model.constants, RATIOS.index("e1/b")
-    free = [i for i, p in enumerate(model.fit.free) if p.block == "ratios" and p.place == place]
-    setups = [setup for setup in set(problem.segments.setups) if setup.mounting != "outer"]
-    if not (free and setups and constants.g > 0.0):
-        return False
-    whole = estimate.whole / estimate.ratios[SCALE]
-    torque = max(base_of_run(whole, setup, constants.L1, constants.g)[BASE.index("e1")] for setup in setups)
-    if torque >= 0.0:
-        return False
-    variance = considered(model.fit, model.residuals.inflation)[free[0], free[0]]
-    return bool(torque + deviations * np.sqrt(variance) < 0.0)
