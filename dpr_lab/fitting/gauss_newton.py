@@ -66,10 +66,8 @@ class GaussNewton:
     """Factor after a failed step."""
     most_damping: float = 0.1
     """Damping beyond which no step is expected to help."""
-    same_step: float = 0.1
-    """Relative difference, as the norm of the predicted changes of the readings, up to which a step with more damping
-    counts as the one that failed before it.
-    """
+    same_step: float = 1e-3
+    """Relative difference up to which a step with more damping counts as the one that failed before it."""
     preliminary: float = 0.0
     """Relative reduction of the cost that ends the iteration far from the noise; 0: only `converged` ends it."""
     far: float = 20.0
@@ -256,7 +254,7 @@ def iterate(
     predicted_reduction = state.chi2 + at_start - state.linear.left(step) - prior.cost(step)
     tolerance = (min(settings.converged_frozen, settings.converged) if frozen else settings.converged) * state.chi2
     worthwhile = not (np.isfinite(state.chi2) and predicted_reduction <= tolerance)
-    failed = state.failed is not None and _same_step(state.linear, step, state.failed, settings)
+    failed = state.failed is not None and np.allclose(step, state.failed, rtol=settings.same_step, atol=0.0)
     tries = 0 if failed else settings.tries if worthwhile else 1
     trial = _line_search(problem, free, state, step, prior, settings, tries)
     if trial is None and frozen and worthwhile:
@@ -278,11 +276,6 @@ def iterate(
         frozen_jacobian=abs(reduction - predicted_reduction) <= settings.linearity * predicted_reduction,
         stop=StopReason.CONVERGED if reduction <= tolerance else _far_end(problem, state.chi2, reduction, settings),
     )
-
-
-def _same_step(linear: Linearisation, step: Array, failed: Array, settings: GaussNewton) -> bool:
-    """Whether two steps of the free parameters change the predicted readings alike."""
-    return bool(np.linalg.norm(linear.A @ (step - failed)) <= settings.same_step * np.linalg.norm(linear.A @ failed))
 
 
 def _far_end(problem: Problem, chi2: float, reduction: float, settings: GaussNewton) -> StopReason | None:

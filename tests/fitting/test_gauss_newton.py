@@ -117,14 +117,14 @@ class Misleading(Counting):
         return -super().slopes(segments, at, free)
 
 
-def test_a_step_that_failed_is_not_tried_again_if_damping_changes_the_predicted_readings_little(clean):
+def test_a_step_that_failed_is_not_tried_again_because_of_a_little_damping(clean):
     problem, base = clean
     model = Misleading(problem.model)
     start = base.fit.estimate.changed(ratios=base.fit.estimate.ratios * 1.002)
     found = fit(replace(problem, model=model), start, free_parameters(start, (), problem))
     assert found.stop is StopReason.NO_DESCENT
     assert found.estimate is start
-    assert model.predicted <= 1 + GaussNewton().tries
+    assert model.predicted <= 1 + 2 * GaussNewton().tries  # a damping of 1e-3 is another step
 
 
 def test_far_from_the_noise_a_preliminary_fit_ends_at_the_first_small_reduction(clean):

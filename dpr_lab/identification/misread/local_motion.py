@@ -74,6 +74,8 @@ def _local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionS
     if len(t) < settings.fewest:
         return None
     interval = float(np.median(np.diff(t)))
+    if interval <= 0.0:
+        return None
     window = int(np.clip(period_s * settings.window_share / interval, *settings.window)) // 2 * 2 + 1
     stride = -(-len(t) // settings.instants)
     if len(t) < settings.fewest + window:
