@@ -255,7 +255,9 @@ class Effect:
     absorbed_by: tuple[str, ...] = ()
     """Base parameters that absorb this effect completely, so that a free swing cannot show it."""
     corrects: str = ""
-    """Key of the rig file, or `t`, that it corrects; always fitted if the file states an uncertainty (`Rig.unsure`)."""
+    """Number of the description that it corrects: a key of the rig file, or `t`, the times of the readings. Always
+    fitted if the rig file states its uncertainty (`Rig.unsure`).
+    """
     universal: bool = False
     """Whether every rig has it to some degree, so that it needs no other explanation."""
     propose: Callable[[Recorded], list[dict[str, float]] | None] | None = None

@@ -10,6 +10,8 @@ class Family:
 
     name: str
     words: str
+    joint: int
+    """Its joint, 1 or 2."""
     parts: tuple[str, ...]
     """Effects that it can cause."""
     marks: tuple[str, ...]
@@ -31,7 +33,7 @@ def _drive(j: int) -> Family:
     friction = (f"{law}_joint{j}" for law in ("coulomb", "stribeck", "friction_curve", "hysteresis"))
     expected = [f"coulomb_joint{j}", f"load_friction_joint{j}"]
     expected += ["rotor_inertia_joint2"] if j == 2 else []  # the rotor of joint 1 is part of a
-    return Family(f"drive_joint{j}", f"geared drive, joint {j}", (*marks, *friction), tuple(marks), tuple(expected))
+    return Family(f"drive_joint{j}", f"geared drive, joint {j}", j, (*marks, *friction), tuple(marks), tuple(expected))
 
 
 FAMILIES = (_drive(1), _drive(2))

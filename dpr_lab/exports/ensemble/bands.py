@@ -2,8 +2,8 @@
 
 Each model starts from a random initial state, drawn from its distribution given the first readings. The model then runs
 freely, under the known torques of driven joints with a random noise of their measurement, and the noise of the encoders
-is added. The band at an instant lies between quantiles over the models. Readings
-that were used for the initial states, and readings beyond the predictability horizon, are not compared.
+is added. The band at an instant lies between quantiles over the models. Readings that were used for the initial states,
+and readings beyond the predictability horizon, are not compared.
 """
 
 from collections.abc import Sequence

@@ -36,7 +36,7 @@ def _restrictions(state: Advised, kind: Verdict) -> Iterator[str]:
 
 def component_notes(named_families: Sequence[NamedFamily], geared: Collection[int]) -> Iterator[str]:
     """Components that explain several effects; a drive that the rig file does not state is only a possibility."""
-    joints = {family.name: joint for joint, family in enumerate(FAMILIES, 1)}
+    joints = {family.name: family.joint for family in FAMILIES}
     for family in named_families:
         effects, share = listed(family.effects), percent(family.share)
         if joints[family.name] in geared:

@@ -89,7 +89,8 @@ class FittedSets:
     _tests: dict[frozenset[str], ScoreTest] = field(default_factory=dict)
     _refitted_from: set[tuple[frozenset[str], frozenset[str]]] = field(default_factory=set)
     """Smaller and larger sets of which the smaller was fitted from the larger."""
-    _short: list[tuple[Problem, NDArray[np.float64]]] = field(default_factory=list)
+    _short: list[tuple[Problem, Hypothesis]] = field(default_factory=list)
+    """The recordings in short segments and the bare model fitted to them, once they are needed."""
     _results: dict[tuple[object, ...], Hypothesis] = field(default_factory=dict)
     """Fits by their arguments: several moves request the same ones."""
 
@@ -198,9 +199,16 @@ class FittedSets:
         return refit_with(self.problem, model, test, score, EFFORT.thorough, best)
 
     def short(self) -> tuple[Problem, NDArray[np.float64]]:
-        """The recordings cut into short segments, with their initial states."""
+        """The recordings cut into short segments, with the initial states of the bare model."""
+        cut, bare = self._in_short_segments()
+        return cut, bare.fit.estimate.initial
+
+    def _in_short_segments(self) -> tuple[Problem, Hypothesis]:
         if not self._short:
-            self._short.append(self.recordings.cut(LENGTHS.first))
+            cut, initial = self.recordings.cut(LENGTHS.first)
+            start = self.bare.fit.estimate.changed(initial=initial)
+            fitted = fit(cut, start, free_parameters(start, (), cut), iterations=EFFORT.fine)
+            self._short.append((cut, hypothesis(cut, (), fitted)))
         return self._short[0]
 
     @property
@@ -210,10 +218,7 @@ class FittedSets:
 
     def on_short(self) -> "FittedSets":
         """Sets fitted to short segments, in which the influence of an effect is closer to linear."""
-        cut, initial = self.short()
-        start = self.bare.fit.estimate.changed(initial=initial)
-        bare = hypothesis(cut, (), fit(cut, start, free_parameters(start, (), cut), iterations=EFFORT.fine))
-        self._short[0] = (cut, bare.fit.estimate.initial)
+        cut, bare = self._in_short_segments()
         return FittedSets(self.recordings, cut, self.library, bare, self.on_progress, self.expected, _short=self._short)
 
     def carried_over(self, short: Hypothesis) -> Hypothesis:

@@ -103,10 +103,9 @@ def energy_fit(t: Array, rods: Array, torques: Array | None, rig: Rig) -> Energy
         torques: (n, 2) known torques of the joints, N m; None for a free swing
         rig: the recorded rig
     """
-    moving = local_motion(t, rods, periods(rig)[1], ENERGY.motion)
-    if moving is None:
+    terms = _terms_of_table(t, rods, torques, rig)
+    if terms is None:
         return None
-    terms = _terms(moving, torques, rig)
     kinetic, potential = terms[[0, 1, 2]].sum(axis=0), terms[[4, 6]].sum(axis=0)
     residual, size = _residual(np.cov(terms, bias=True), np.zeros(2)), float(potential.std())
     if not (np.isfinite(residual) and size > 0):
@@ -124,28 +123,23 @@ def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
         rig: the recorded rig
     """
     stride = max(1, len(rods) // ENERGY.zero_rows)
-    moving = local_motion(t[::stride], rods[::stride], periods(rig)[1], ENERGY.motion)
-    if moving is None:
+    terms = _terms_of_table(t[::stride], rods[::stride], None, rig)
+    if terms is None:
         return None
-    covariance = np.cov(_terms(moving, None, rig), bias=True)
+    covariance = np.cov(terms, bias=True)
     return best_zeros(lambda added: _residual(covariance, added), rig)
 
 
 def residual_near(t: Array, rods: Array, torques: Array | None, rig: Rig) -> float:
-    """Residual of the energy balance at the best zeros within `ENERGY.zero_error_rad`; infinite without motion.
+    """Residual of the balance of `energy_fit` at better zeros nearby; infinite without motion.
 
     The potential energy of a small swing of amplitude A changes by the share delta / A with an error delta of its zero.
-
-    Args:
-        t: (n,) s
-        rods: (n, 2) absolute angles, rad
-        torques: (n, 2) known torques of the joints, N m; None for a free swing
-        rig: the recorded rig
+    Both zeros move towards the best ones, by at most `ENERGY.zero_error_rad`.
     """
-    moving = local_motion(t, rods, periods(rig)[1], ENERGY.motion)
-    if moving is None:
+    terms = _terms_of_table(t, rods, torques, rig)
+    if terms is None:
         return math.inf
-    covariance, most = np.cov(_terms(moving, torques, rig), bias=True), ENERGY.zero_error_rad
+    covariance, most = np.cov(terms, bias=True), ENERGY.zero_error_rad
     added = best_zeros(lambda zeros: _residual(covariance, zeros), rig, nearest=True)
     return _residual(covariance, np.clip(added, -most, most))
 
@@ -175,6 +169,12 @@ def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = 
     best = min(searches, key=lambda result: result.fun)
     inner, outer = np.broadcast_to(np.remainder(best.x + np.pi, 2 * np.pi) - np.pi, 2).tolist()
     return inner, outer
+
+
+def _terms_of_table(t: Array, rods: Array, torques: Array | None, rig: Rig) -> Array | None:
+    """(m, k) terms of the balance from the columns of a table; None if the motion is too small."""
+    moving = local_motion(t, rods, periods(rig)[1], ENERGY.motion)
+    return None if moving is None else _terms(moving, torques, rig)
 
 
 def _terms(moving: LocalMotion, torques: Array | None, rig: Rig) -> Array:

@@ -98,7 +98,10 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
         RunError: as `dpr_lab.storage.tables.table.read_table`, or points that are not the ends of two rods.
     """
     table = read_table(path, on_progress)
-    kind, tracked = _points(table := _with_names(table)) if points or take else ("", [])
+    if not (points or take):
+        return table
+    table = _with_names(table)
+    kind, tracked = _points(table)
     if not tracked:
         if take:
             raise RunError(f"{path}: is a single table without parts: remove --take")
