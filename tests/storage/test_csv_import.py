@@ -120,6 +120,9 @@ def test_common_names_of_angles_of_encoders_arm_and_a_single_rod(tmp_path):
             zip(("t", "theta1", "theta2"), ["Time", *names], strict=True)
         )
     assert guess_columns(["t", "shoulder", "theta1", "theta2"])["theta1"] == "theta1"
+    measured = guess_columns(["time", "pos_meas1", "pos_meas2", "q1_measured", "vel_meas1", "pos_des1"])
+    assert measured == {"t": "time", "theta2": "pos_meas2"}  # two columns of theta1
+    assert guess_columns(["q1", "q1_actual", "q2_actual"]) == {"theta1": "q1", "theta2": "q2_actual"}
     rows = np.column_stack([T, THETA1 - np.pi])
     np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="time,rod_angle", comments="")
     rod = RIG.model_copy(update={"rods": Rods(mounted="inner")})

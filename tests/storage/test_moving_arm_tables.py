@@ -107,6 +107,8 @@ def test_an_override_and_what_it_lacks(rig_file, table):
     with pytest.raises(RunError, match="no column is named 'amps'"):
         import_csv(table, rig, ImportOptions(columns={"input": "amps"}))
     text = table.read_text()
+    table.write_text(text.replace("motor_current_mA", "Im_mA"))
+    assert import_csv(table, rig).arm_input is not None
     table.write_text(text.replace("motor_current_mA", "motor_voltage"))
     with pytest.raises(RunError, match=r"current that drives .* not found: .*set input = \"voltage\" in \[motor\]"):
         import_csv(table, rig)

@@ -216,8 +216,17 @@ def test_time_and_angle_of_a_table_without_a_header_are_found(one: Rig, tmp_path
     understood = understand(table(tmp_path, "", t, angle, np.full_like(t, 0.0167)), one, ImportOptions(zero="hanging"))
     assert (understood.columns["t"], understood.columns["theta1"]) == ("1", "2")
     assert any("the only column that varies" in note for note in understood.notes)
+    plotted = understand(table(tmp_path, "X,Y", t, angle), one, ImportOptions(zero="hanging"))
+    assert (plotted.columns["t"], plotted.columns["theta1"]) == ("X", "Y")
     rows = table(tmp_path, "", np.arange(len(t)), angle)
     assert understand(rows, one, ImportOptions(zero="hanging", rate_hz=100.0)).columns["theta1"] == "2"
+
+
+def test_theta_and_alpha_are_the_arm_and_the_rod_on_it(one: Rig, tmp_path: Path) -> None:
+    t, angle = fallen()
+    understood = understand(table(tmp_path, "t,theta,alpha", t, 0 * t, angle), one, ImportOptions(zero="hanging"))
+    assert (understood.columns["theta0"], understood.columns["theta1"]) == ("theta", "alpha")
+    assert understood.questions == ()
 
 
 def test_two_columns_that_vary_are_asked_for(one: Rig, tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.run import FilmNoise
 from dpr_lab.shown import percent
-from dpr_lab.storage.tables.columns import bare, is_time, own_name
+from dpr_lab.storage.tables.columns import bare, is_time, own_name, runs
 from dpr_lab.storage.tables.table import Table, read_table
 
 
@@ -143,7 +143,8 @@ def _points(table: Table) -> tuple[str, list[_Point]]:
     ungrouped = [own_name(name) for name in table.names]
     angles = any(_ANGLE.search(name.lower()) for name in ungrouped)
     alone = [("point", match[1].lower()) if (match := _ALONE.fullmatch(name)) else ("", "") for name in ungrouped]
-    if sorted(axis for _, axis in alone if axis) == ["x", "y"] and not angles:
+    plotted = len(ungrouped) == 2 and runs(table.values[0])  # x is the time
+    if sorted(axis for _, axis in alone if axis) == ["x", "y"] and not (angles or plotted):
         return PLAIN, list(_upwards(table, alone, 0, -1.0))
     columns = [_coordinate(name) for name in ungrouped]
     pairs = {name for name, _ in columns if {(name, "x"), (name, "y")} <= set(columns)}

@@ -14,8 +14,8 @@ from dpr_lab.storage.tables.options import ImportOptions
 
 _NAMES = {
     "torque": "tau|torque|trq|effort",
-    "current": "current|cur|i",
-    "voltage": "voltage|volt|v",
+    "current": "current|cur|i|im",
+    "voltage": "voltage|volt|v|vm",
     "acceleration": "acceleration|acc|alpha|u",
 }
 _UNITS = {

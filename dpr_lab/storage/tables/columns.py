@@ -21,23 +21,27 @@ NO_ROD = "joint 2, without a rod"
 _TIME_NAME = r"(t|time|timestamp|elapsed|tout|zeit)?({unit})?(?<=.)"
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds", "us": "us|usec|microseconds"}
 _ANGLE_UNIT = r"(rad|radians?|deg|degrees?)"
+_ANGLE_WORD = "(theta|th|phi|q|angle|joint|pos|position|θ|φ)"
+_MEASURED = "(meas|measured|act|actual)"
 _ANGLE_NAME = (
-    rf"(theta|th|phi|q|angle|joint|pos|position|θ|φ){{axis}}{_ANGLE_UNIT}?|(enc|encoder){{axis}}{_ANGLE_UNIT}"
+    rf"{_ANGLE_WORD}{{axis}}{_ANGLE_UNIT}?|(enc|encoder){{axis}}{_ANGLE_UNIT}"
     r"|joint{axis}(pos|position)"
 )
+_MEASURED_NAME = rf"{_ANGLE_WORD}({{axis}}{_MEASURED}|{_MEASURED}{{axis}}){_ANGLE_UNIT}?"
 _ARM_NAME = rf"arm(angle|pos|position)?{_ANGLE_UNIT}?"
 _JOINT_NAMES = {"theta1": "shoulder|(inner|upper)(rod|link|arm)", "theta2": "elbow|(outer|lower)(rod|link|arm)"}
+_ON_ARM = {"theta0": f"theta{_ANGLE_UNIT}?", "theta1": f"alpha{_ANGLE_UNIT}?"}
+"""Angles of arm and rod as Quanser names them."""
 _ROD_NAME = rf"(rod|pendulum)(angle|pos|position)?{_ANGLE_UNIT}?"
-_COUNT_NAME = (
-    r"(counts?|enc|encoder){axis}(counts?|ticks?)?|(theta|th|phi|q|angle|joint|pos|position|θ|φ){axis}(counts?|ticks?)"
-)
+_COUNT_NAME = rf"(counts?|enc|encoder){{axis}}(counts?|ticks?)?|{_ANGLE_WORD}{{axis}}(counts?|ticks?)"
 _ONE_ROD = re.compile(f"{_ANGLE_NAME}|{_COUNT_NAME}|{_ROD_NAME}".format(axis=""))
 _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
 _SAID_UNIT = re.compile(r"(?<![a-z])(rad|deg|counts)(ians|rees)?(?![a-z])|(°)")
 _ONLY_UNIT = re.compile(
     r"\W*(rad|radians?|deg|degrees?|°|counts?|ticks?|m?s|us|sec|seconds|px|pixels?|[mc]?m)\W*", re.I
 )
-_NO_NAME = re.compile(r"\d+|.+\[\d+\]")
+_NO_NAME = re.compile(r"\d+|.+\[\d+\]|[xy]", re.I)
+"""Names without a meaning: numbers, elements of an array, and the axes of a plot."""
 _JOINT_STATES = (re.compile(r"(?:.*[/.])?positions?\[\d+\]", re.I), re.compile(r".+/position", re.I))
 """Angles of joints as tables of ROS name them: `/joint_states/position[0]`, `/joint_states/shoulder/position`."""
 
@@ -61,7 +65,7 @@ def is_time(name: str) -> bool:
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
     """Columns by common names; quantities without exactly one match are omitted.
 
-    Names of joints, such as shoulder, count only where no column has a name of the angle.
+    Names that say measured, and names of joints such as shoulder, count only where no column has a plain name.
     """
     common, angle, ending = (
         (_COUNT_NAME, _COUNT_NAME, "(counts?|ticks?)?")
@@ -70,7 +74,10 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
     )
     patterns = {"t": [_TIME_NAME.format(unit=_TIME_SUFFIX[time_unit])]}
     for axis, quantity in enumerate(AXES):
-        patterns[quantity] = [(angle if quantity == "theta0" else common).format(axis=axis)]
+        patterns[quantity] = [
+            (angle if quantity == "theta0" else common).format(axis=axis),
+            _MEASURED_NAME.format(axis=axis),
+        ]
     for quantity, joint in _JOINT_NAMES.items():
         patterns[quantity] += [f"({joint}){ending}"]
     named = {q: _matches(names, alternatives) for q, alternatives in patterns.items()}
@@ -126,6 +133,7 @@ def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tu
     if "theta2" in given or ("theta1" not in given and any("theta2" in guess for guess in guessed)):
         return table, dict(given)
     given, notes = dict(given), table.notes
+    given |= {} if {"theta0", "theta1"} & set(given) else _on_arm(table.names)
     alone = [name for name in table.names if _ONE_ROD.fullmatch(bare(name))]
     if "theta1" not in given and not any("theta1" in guess for guess in guessed):
         if len(alone) != 1:
@@ -138,18 +146,25 @@ def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tu
     return grown, {**given, "theta2": NO_ROD}
 
 
+def _on_arm(names: Sequence[str]) -> dict[str, str]:
+    """Columns of the arm and of the rod on it, if both are named as by Quanser."""
+    named = {quantity: _matches(names, [pattern]) for quantity, pattern in _ON_ARM.items()}
+    single = all(len(matches) == 1 for matches in named.values())
+    return {quantity: matches[0] for quantity, matches in named.items()} if single else {}
+
+
 def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[list[str], dict[str, str]]:
     """The only column that varies, apart from the time, if there is one; and the time of a table without names."""
     if table.settled:
         return [], {}
     clock = {}
-    if timed and "t" not in given and all(_NO_NAME.fullmatch(name) for name in table.names) and _runs(table.values[0]):
+    if timed and "t" not in given and all(_NO_NAME.fullmatch(name) for name in table.names) and runs(table.values[0]):
         clock = {"t": table.names[0]}
     times = {*given.values(), *clock.values()}
     varying = [
         name
         for name, column in zip(table.names, table.values, strict=True)
-        if name not in times and not is_time(name) and not _runs(column) and _varies(column)
+        if name not in times and not is_time(name) and not runs(column) and _varies(column)
     ]
     return (varying, clock) if len(varying) == 1 else ([], {})
 
@@ -222,7 +237,7 @@ def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, s
         return {}
     others = [name for name in table.names if name != time]
     named: dict[str, str] = {}
-    if time is None and not without_time and _runs(table.values[0]):
+    if time is None and not without_time and runs(table.values[0]):
         named["t"] = others.pop(0)
     if len(others) not in (2, 3) or (time is None and not without_time and not named):
         return {}
@@ -246,7 +261,7 @@ def _of_joint_states(names: Sequence[str], given: Mapping[str, str]) -> dict[str
     return {}
 
 
-def _runs(column: NDArray[np.float64]) -> bool:
+def runs(column: NDArray[np.float64]) -> bool:
     """Whether a column increases in nearly equal steps."""
     steps = np.diff(column)
     return bool(len(steps) and (steps > 0).all() and np.median(steps) > 0.5 * np.mean(steps))
