@@ -38,6 +38,7 @@ def test_the_site_builds_without_a_warning_or_a_network(tmp_path: Path) -> None:
 @pytest.mark.timeout(900)
 def test_the_quickstart_and_the_python_example_run(tmp_path: Path) -> None:
     steps = next(text for text in blocks("sh") if text.startswith("dpr-lab doctor"))
+    steps = steps.replace("--pose X3 --out", "--pose X3 --duration 4 --out")  # whole swings: tests/test_pages.py
     subprocess.run(["sh", "-e", "-c", steps], cwd=tmp_path, env=WITH_COMMANDS, check=True, timeout=600)
     assert (tmp_path / "report" / "report.html").is_file()
     (example,) = blocks("python")

@@ -152,7 +152,13 @@ def _still_window(run: Run) -> int:
 
 def _still(readings: NDArray[np.float64], steps: NDArray[np.float64], window: int) -> NDArray[np.bool_]:
     """(n - window + 1, m) whether `window` readings (n, m) from each on stay within one step."""
-    return np.asarray(np.ptp(sliding_window_view(readings, window, axis=0), axis=2) < 1.5 * steps)
+    least = most = readings
+    covered = 1
+    while covered < window:  # extremes of twice as many readings are those of two neighbouring halves
+        shift = min(covered, window - covered)
+        least, most = np.minimum(least[:-shift], least[shift:]), np.maximum(most[:-shift], most[shift:])
+        covered += shift
+    return np.asarray(most - least < 1.5 * steps)
 
 
 def _rounding(

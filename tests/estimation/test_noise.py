@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.noise import SETTINGS, arm_noise, difference_std, noise_floor, same_rounding
+from dpr_lab.estimation.noise import SETTINGS, arm_noise, difference_std, noise_floor, rounding_std, same_rounding
 from dpr_lab.rig import load_rig
 from dpr_lab.run import Run
 
@@ -177,3 +177,12 @@ def test_readings_within_one_step_share_their_rounding_error():
     rng = np.random.default_rng(1)
     noisy = step * np.round(angle / step + rng.normal(0, 0.5, len(t)))[:, None]
     assert same_rounding(run, noisy, np.array([step]))[1].max() == 1
+
+
+@pytest.mark.parametrize("window", [1, 2, 5, 64, 100, 101])
+def test_the_rounding_error_grows_with_the_share_of_windows_within_one_step(window, rng):
+    readings = np.round(np.cumsum(rng.normal(size=(300, 2)), axis=0) / 30, 1)
+    steps = np.array([0.1, 0.2])
+    still = [np.ptp(readings[begin : begin + window], axis=0) < 1.5 * steps for begin in range(301 - window)]
+    expected = steps * np.sqrt(1 / 12 + np.mean(still, axis=0) / 6)
+    assert rounding_std(readings, steps, window) == pytest.approx(expected, rel=1e-12)

@@ -21,7 +21,7 @@ from tests.thinned import thinned
 pytest.importorskip("mujoco")
 from tests.exports.planted_errors import ELBOW, PLANTED, ROBOT, SHOULDER, SOFTENED, held_out_error, recordings
 
-SECONDS = 3.5
+SECONDS, DRIVEN_SECONDS = 3.0, 2.0
 QUICK = ("damping wrong, elbow", "rod too short")
 """Errors that `make test` plants; dry friction takes five times as long."""
 ATTRIBUTES = {
@@ -41,7 +41,7 @@ def corrected(
     (folder / "robot.xml").write_text(file, encoding="utf-8")
     rig_from_model(folder / "robot.xml", folder / "rig.toml")
     rig = load_rig(folder / "rig.toml")
-    runs = recordings(truth, rig, SECONDS, gears=gears)
+    runs = recordings(truth, rig, SECONDS if gears is None else DRIVEN_SECONDS, gears=gears)
     diagnosis = diagnose(runs, rig)
     chain = double_pendulum(read_model(folder / "robot.xml"))
     model = fitted_in_words(corrected_model(diagnosis, runs, rig), WORDS["MJCF"], runs, rig)

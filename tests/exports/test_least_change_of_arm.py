@@ -19,6 +19,7 @@ from dpr_lab.simulator_models.double_pendulum import double_pendulum
 pytest.importorskip("mujoco")
 from tests.exports.arm_files import NUMBERS, imported, recorded, text_of
 
+SECONDS = 3.0
 PLANTED = {
     "damping of the arm": ("arm_damping", "0.05", "yaw", "damping"),
     "inertia of the arm": ("arm_inertia", "0.012", "yaw", "inertia of the arm about its axis"),
@@ -47,7 +48,7 @@ def test_a_planted_error_is_the_first_cause_and_alone(planted: str, rods: int, t
     file, rig = imported(tmp_path / "own", "xml", text_of("xml", rods))
     truth = text_of("xml", rods, **{name: value})
     gear = float(value) / float(NUMBERS["gear"]) if name == "gear" else 1.0
-    runs = [recorded(truth, rig, number, 5.0, gear) for number in range(4)]
+    runs = [recorded(truth, rig, number, SECONDS, gear) for number in range(4)]
     diagnosis = diagnose(runs[:3], rig)
     model = fitted_in_words(corrected_model(diagnosis, runs[:3], rig), WORDS["MJCF"], runs[:3], rig)
     assert isinstance(model, MovingArmModel)

@@ -23,7 +23,7 @@ from clean_rigs import KINDS, drawn
         pytest.param("bad logger", 1, id="repeats and outliers at 200 Hz", marks=pytest.mark.long),
         pytest.param("bad logger", 5, id="late stamps, repeats, outliers and gaps", marks=pytest.mark.slow),
         pytest.param("bad logger", 11, id="a segment that begins wrong", marks=pytest.mark.long),
-        pytest.param("bad logger", 35, id="a gap in fast swings", marks=pytest.mark.slow),
+        pytest.param("bad logger", 35, id="a gap in fast swings", marks=pytest.mark.long),
     ],
 )
 def test_a_clean_rig_has_no_gap(kind: str, seed: int) -> None:

@@ -27,7 +27,7 @@ from tests.arm_engine import drawn_plant, recorded, rig_of, swing
 LARGEST = 0.12
 
 
-def case(fault, mode, both=False, seconds=4.0, seed=3):
+def case(fault, mode, both=False, seconds=3.0, seed=3):
     rng = np.random.default_rng(seed)
     plant = drawn_plant(rng, both, fault, 1.0, LARGEST)
     rig = rig_of(plant, mode)
@@ -95,7 +95,7 @@ def scaled(runs: list[Run], factor: float) -> list[Run]:
 )
 def test_an_error_of_the_torque_constant_is_no_saturation_at_a_tiny_torque(fault, seed):
     """A saturation whose limit goes to zero takes the same share of every torque as a wrong constant."""
-    _, rig, runs = case(fault, "driven", seconds=10.0, seed=seed)
+    _, rig, runs = case(fault, "driven", seconds=6.0, seed=seed)
     assert diagnose(runs, rig).effects[0].name == fault
 
 
@@ -131,7 +131,7 @@ def test_reversed_rods_of_an_arm_with_a_strong_cable_are_named_and_not_its_input
         diagnose([replace(run, theta=run.theta * [1.0, -1.0, -1.0]) for run in runs], rig)
 
 
-def prescribed(seconds=6.0, noise=2e-4, friction=0.0):
+def prescribed(seconds=3.0, noise=2e-4, friction=0.0):
     """An outer rod on an inner one that a motor moves, by scipy."""
     rig = load_rig("paper")
     a, b, d, e1, c1, c2 = base_parameters(rig.nominal, rig.L1, rig.g)
@@ -201,7 +201,7 @@ def test_modes_that_cannot_be_together_are_refused():
 def test_an_order_of_cogging_that_a_short_arc_hides_is_found_and_no_spring_invented():
     options = Options(rig="furuta", plant="furuta", arm="free", draw_effects="single:clear:detent_joint0", seed=5002)
     trial = drawn_trial(options, load_rig("furuta"))
-    done = diagnose(record(trial.plant, trial.rig, 6.0, 250, drives=trial.drives), trial.rig)
+    done = diagnose(record(trial.plant, trial.rig, 4.0, 250, drives=trial.drives), trial.rig)
     assert [effect.name for effect in done.effects] == ["detent_joint0"]
     assert done.effects[0].parameters["order"].value == trial.plant.effects["detent_joint0"]["order"]
 

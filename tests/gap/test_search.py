@@ -75,15 +75,15 @@ def trial_of(step: SearchStep) -> tuple[str, list[str], bool]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("truth", thinned(FAST, 2))
+@pytest.mark.parametrize("truth", thinned(reversed(FAST), 2))
 def test_the_order_of_runs_and_of_the_library_does_not_change_the_answer(
     paper: Rig, recorded: Callable[..., list[Run]], truth: str
 ) -> None:
     assert_order_does_not_matter(recorded(TRUTHS[truth], duration=2.0), paper, seed=1)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("truth", thinned(sorted(TRUTHS, key=FAST.__contains__), 4))
+@pytest.mark.long
+@pytest.mark.parametrize("truth", TRUTHS)
 def test_nor_does_it_in_longer_recordings(paper: Rig, recorded: Callable[..., list[Run]], truth: str) -> None:
     assert_order_does_not_matter(recorded(TRUTHS[truth], duration=4.0), paper, seed=2)
 

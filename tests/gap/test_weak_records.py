@@ -56,7 +56,9 @@ def case(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", thinned([1, 2], 2))
-@pytest.mark.parametrize(("drag", "size"), [("air_drag_outer", 0.02), ("air_drag_both", 0.01)])
+@pytest.mark.parametrize(
+    ("drag", "size"), [pytest.param("air_drag_outer", 0.02, marks=pytest.mark.long), ("air_drag_both", 0.01)]
+)
 def test_drag_with_the_elbow_clamped_has_an_interval_that_holds_the_truth(
     paper: Rig, drag: str, size: float, seed: int
 ) -> None:

@@ -34,7 +34,8 @@ PI = np.pi
 
 @pytest.fixture(scope="module")
 def swings(paper: Rig) -> list[Run]:
-    return record(load_plant("paper", 1), paper, 1.5, 250)
+    """Two releases: the time to examine interpretations is proportional to their number."""
+    return record(load_plant("paper", 1), paper, 1.5, 250)[:2]
 
 
 def read_as(runs: list[Run], angles: Callable) -> list[Run]:
@@ -61,7 +62,7 @@ def test_friction_that_the_rods_alone_do_not_know_passes(recorded, paper: Rig) -
 @pytest.mark.parametrize(
     ("angles", "said"),
     [
-        (lambda a, b: (a - PI, b - PI), "zero of the angles"),
+        pytest.param(lambda a, b: (a - PI, b - PI), "zero of the angles", marks=pytest.mark.long),
         pytest.param(lambda a, b: (2 * PI - a, b), "one rod's sign", marks=pytest.mark.long),
         pytest.param(lambda a, b: (a, 2 * PI - b), "one rod's sign", marks=pytest.mark.long),
         pytest.param(lambda a, b: (a, 2 * a - b), "sign of joint 2", marks=pytest.mark.long),
@@ -90,7 +91,7 @@ def test_a_wrong_reading_is_refused_with_its_cause(swings, paper: Rig, angles: C
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_identify_says_it_before_it_searches(swings, paper: Rig) -> None:
-    with pytest.raises(IdentificationError, match="wrong --zero"):
+    with pytest.raises(IdentificationError, match=r"zero of the angles.*wrong --zero"):
         identify(read_as(swings, lambda a, b: (a - PI, b - PI)), paper)
 
 
@@ -107,13 +108,13 @@ def in_time(run: Run, factor: float) -> Run:
 
 @pytest.fixture(scope="module")
 def driven(paper: Rig) -> list[Run]:
-    return driven_runs(paper, 0)[1]
+    return driven_runs(paper, 0)[1][:1]
 
 
 @pytest.fixture(scope="module")
 def on_a_moving_arm(paper: Rig) -> list[Run]:
     arm = {"arm": ArmConfig(mode="free", J0=0.05, c0=0.02, k0=1.0)}
-    return record(load_plant("paper", 5).model_copy(update=arm), paper, 3.0, 250)
+    return record(load_plant("paper", 5).model_copy(update=arm), paper, 3.0, 250)[1:2]
 
 
 def test_driven_runs_with_their_torques_pass(driven, paper: Rig) -> None:
@@ -200,7 +201,7 @@ def test_an_arm_that_moves_but_is_given_as_clamped_is_named(on_a_moving_arm, pap
 @pytest.mark.slow
 def test_rods_that_turn_against_the_arm_are_named(paper: Rig) -> None:
     plant = load_plant("paper", 5).model_copy(update={"arm": ArmConfig(mode="free", J0=0.05, c0=0.02, k0=1.0)})
-    turned = [replace(run, theta=run.theta * [-1.0, 1.0, 1.0]) for run in record(plant, paper, 3.0, 250)]
+    turned = [replace(run, theta=run.theta * [-1.0, 1.0, 1.0]) for run in record(plant, paper, 3.0, 250)[:1]]
     prescribed = [replace(run, arm=arm_motion(run.t, run.theta[:, 0], run.name), counts=None) for run in turned]
     with pytest.raises(IdentificationError, match=r"in the opposite direction to the arm .*--scale theta0=-1"):
         refuse_misread(prescribed, paper)
