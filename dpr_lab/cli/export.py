@@ -11,10 +11,11 @@ from dpr_lab.cli.console import emit, json_mode, line, say, table, text
 from dpr_lab.shown import percent
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from dpr_lab.exports.into.replay import FileReplay
     from dpr_lab.workflows.export import ExportResult
+    from dpr_lab.workflows.export_ensemble import EnsembleRequest, EnsembleResult
 
 
 def export(
@@ -77,7 +78,10 @@ def export(
     if into is not None and ensemble is not None:
         raise typer.BadParameter("--into writes one file: remove the option --ensemble")
     if ensemble is not None:
-        _ensemble(model, rig, ensemble, seed, names_in(to or "mjcf") or (), tuple(check or ()), out, as_json)
+        from dpr_lab.workflows.export_ensemble import EnsembleRequest
+
+        formats = names_in(to or "mjcf") or ()
+        _ensemble(EnsembleRequest(model, rig, ensemble, seed, formats, out, tuple(check or ())), as_json)
         return
     if into is not None:
         _into(model, rig, into, out, names_in(joints) or (), tuple(check or ()), as_json)
@@ -100,74 +104,72 @@ def export(
         raise typer.Exit(1)
 
 
-def _ensemble(
-    model: Path,
-    rig: str,
-    size: int,
-    seed: int,
-    formats: tuple[str, ...],
-    check: tuple[Path, ...],
-    out: Path,
-    as_json: bool,
-) -> None:
+def _ensemble(request: "EnsembleRequest", as_json: bool) -> None:
     from dpr_lab.cli.listener import Listener
-    from dpr_lab.exports.ensemble.bands import BANDS, fewest_models
     from dpr_lab.report.words import in_words
-    from dpr_lab.workflows.export_ensemble import EnsembleRequest, export_ensemble
+    from dpr_lab.workflows.export_ensemble import export_ensemble
 
     with Listener() as listener:
-        done = export_ensemble(EnsembleRequest(model, rig, size, seed, formats, out, check), listener)
+        done = export_ensemble(request, listener)
     if as_json:
         emit(done.to_json())
         return
     rows = [(in_words(effects.replace("+", ", ")), count) for effects, count in done.sets.items()]
-    table(f"{size} models", ("effects", "models"), rows)
+    table(f"{request.size} models", ("effects", "models"), rows)
     if done.bands:
-        columns = ("run", "readings in the band", "until, s", "mean width, mrad", "beyond the fitted amplitudes")
-        rows = [
-            (
-                b.run,
-                percent(b.covered),
-                f"{b.until_s:.3g}",
-                f"{1e3 * b.width_rad:.3g}",
-                "unknown" if b.beyond is None else percent(b.beyond),
-            )
-            for b in done.bands
-        ]
-        note = (
-            f"Standard deviations are multiplied by {done.factor:.3g} in total. With this factor, 90 % bands of many"
-            " models cover these runs."
+        _show_bands(done)
+    for sentence in _limits(done, request.size):
+        line(sentence)
+    say(f"ensemble: {done.file}")
+    if done.folders:
+        say(f"files: {done.folders[0]} to {done.folders[-1].name}")
+
+
+def _show_bands(done: "EnsembleResult") -> None:
+    columns = ("run", "readings in the band", "until, s", "mean width, mrad", "beyond the fitted amplitudes")
+    rows = [
+        (
+            band.run,
+            percent(band.covered),
+            f"{band.until_s:.3g}",
+            f"{1e3 * band.width_rad:.3g}",
+            "unknown" if band.beyond is None else percent(band.beyond),
         )
-        table("Predictive bands", columns, rows, note=note)
+        for band in done.bands
+    ]
+    note = (
+        f"Standard deviations are multiplied by {done.factor:.3g} in total. With this factor, 90 % bands of many"
+        " models cover these runs."
+    )
+    table("Predictive bands", columns, rows, note=note)
+
+
+def _limits(done: "EnsembleResult", size: int) -> "Iterator[str]":
+    """Limits of an ensemble of `size` models: its widening, its amplitudes, the coverage of its bands."""
+    from dpr_lab.exports.ensemble.bands import BANDS, fewest_models
+
     if done.factor_of_fit > 1:
-        line(
+        yield (
             f"Standard deviations are multiplied by {done.factor_of_fit:.3g}, a factor from cross-validation: with it,"
             " 90 % bands cover each fitted recording when the others predict it."
         )
     if done.amplitudes_rad is not None:
         low, high = (math.degrees(amplitude) for amplitude in done.amplitudes_rad)
-        line(
+        yield (
             f"The fitted recordings have amplitudes of {low:.3g} to {high:.3g} degrees: beyond them the models"
             " extrapolate, and bands may be too narrow."
         )
     if done.expected_coverage < BANDS.level:
-        line(
+        yield (
             f"{size} models span on average {percent(done.expected_coverage)} of the readings of another recording: for"
             f" {percent(BANDS.level)}, sample {fewest_models()} models or more."
         )
     if not (done.from_diagnosis or done.bands):
-        lacks = (
-            "other causes"
-            if done.scatter
-            else "the scatter between its recordings, which were not found, and other causes"
+        scatter = "" if done.scatter else "the scatter between its recordings, which were not found, and "
+        yield (
+            f"The model has no diagnosis next to it: the ensemble lacks {scatter}other causes, so its bands may be too"
+            " narrow. Give the folder of a diagnosis, or --check RUN to widen the bands."
         )
-        line(
-            f"The model has no diagnosis next to it: the ensemble lacks {lacks}, so its bands may be too narrow. Give"
-            " the folder of a diagnosis, or --check RUN to widen the bands."
-        )
-    say(f"ensemble: {done.file}")
-    if done.folders:
-        say(f"files: {done.folders[0]} to {done.folders[-1].name}")
 
 
 def _into(

@@ -70,7 +70,7 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
         for (name, interval), value, s in zip(diagnosis.all_ratios.items(), values.tolist(), std, strict=True)
     }
     nine, absolute = with_intervals(nine, absolute, ratios, scale, diagnosis.unknowns, rig)
-    gap, alone = diagnosis.gap, bool(diagnosis.fitted)
+    alone = bool(diagnosis.fitted)
     return Model(
         rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.rig.L1, g=rig.rig.g),
         ratios=_alone(diagnosis, [*ratios.values()], rig) if alone else ratios,
@@ -80,25 +80,8 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
         parameters=nine,
         base=absolute,
         scale=scale,
-        fit=FitSummary(
-            rms_rad={AXES[k]: float(np.hypot(v, gap.floor_rad[k])) for k, v in gap.after_rad.items()},
-            noise_rad={AXES[k]: v for k, v in gap.floor_rad.items()},
-            segments=diagnosis.segments,
-            chi2_per_dof=diagnosis.chi2_per_dof,
-            iterations=0,
-            longest_segment_s=0.5,
-        ),
-        search=SearchRecord(
-            algorithm="diagnosis",
-            objective="segments",
-            seed=0,
-            evaluations=0,
-            seconds=diagnosis.seconds,
-            generations=0,
-            best={},
-            best_cost=0.0,
-            history={},
-        ),
+        fit=_fit_summary(diagnosis),
+        search=_search_record(diagnosis),
         runs=[
             RunUsed(
                 file=str(run.file or run.name),
@@ -113,6 +96,33 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
         effects={name: parameters for name, parameters in effects.items() if not EFFECTS[name].event},
         warnings=[] if diagnosis.verdict in ("named", "no_gap") else [diagnosis.sentence],
         version=__version__,
+    )
+
+
+def _fit_summary(diagnosis: Diagnosis) -> FitSummary:
+    gap = diagnosis.gap
+    return FitSummary(
+        rms_rad={AXES[joint]: float(np.hypot(rms, gap.floor_rad[joint])) for joint, rms in gap.after_rad.items()},
+        noise_rad={AXES[joint]: floor for joint, floor in gap.floor_rad.items()},
+        segments=diagnosis.segments,
+        chi2_per_dof=diagnosis.chi2_per_dof,
+        iterations=0,
+        longest_segment_s=0.5,
+    )
+
+
+def _search_record(diagnosis: Diagnosis) -> SearchRecord:
+    """The record of a diagnosis, which has no generations."""
+    return SearchRecord(
+        algorithm="diagnosis",
+        objective="segments",
+        seed=0,
+        evaluations=0,
+        seconds=diagnosis.seconds,
+        generations=0,
+        best={},
+        best_cost=0.0,
+        history={},
     )
 
 

@@ -65,17 +65,9 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
     from aiohttp import web  # pyright: ignore[reportMissingImports]
     from textual_serve.server import Server, to_int  # pyright: ignore[reportMissingImports]
 
-    place = f"{HOST}:{port}"
+    place, guard = f"{HOST}:{port}", _guard(f"{HOST}:{port}", token)
     may = "operate the device" if "--allow-release" in command else "see the screen, which is read-only"
     screen_type = _screen_type()
-
-    @web.middleware
-    async def guard(request: Any, handler: Any) -> Any:
-        same_origin = request.host == place and request.headers.get("Origin", f"http://{place}") == f"http://{place}"
-        shown = (request.query.get("token", ""), request.path.split("/")[1])
-        if not same_origin or not any([secrets.compare_digest(word.encode(), token.encode()) for word in shown]):
-            raise web.HTTPForbidden(text="open the address that dpr-lab tui --serve printed\n")
-        return await handler(request)
 
     async def keep_in(request: Any, response: Any) -> None:
         response.headers.update({"Content-Security-Policy": policy(place), **HEADERS})
@@ -139,6 +131,21 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
             return websocket
 
     return Page()
+
+
+def _guard(place: str, token: str) -> Any:
+    """Middleware that answers only requests of the page itself that show the token, in the path or as a parameter."""
+    from aiohttp import web  # pyright: ignore[reportMissingImports]
+
+    @web.middleware
+    async def guard(request: Any, handler: Any) -> Any:
+        same_origin = request.host == place and request.headers.get("Origin", f"http://{place}") == f"http://{place}"
+        shown = (request.query.get("token", ""), request.path.split("/")[1])
+        if not same_origin or not any([secrets.compare_digest(word.encode(), token.encode()) for word in shown]):
+            raise web.HTTPForbidden(text="open the address that dpr-lab tui --serve printed\n")
+        return await handler(request)
+
+    return guard
 
 
 def _screen_type() -> type:

@@ -19,7 +19,11 @@ if TYPE_CHECKING:
     from dpr_lab.exports.into.least_change import LeastChange
     from dpr_lab.exports.into.replay import FileReplay
     from dpr_lab.exports.into.target import PatchedModel
+    from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.rig import Rig
+    from dpr_lab.run import Run
+    from dpr_lab.simulator_models.chain import ModelChain
+    from dpr_lab.simulator_models.tree import SimulatorModel
     from dpr_lab.simulator_models.xml_edit import ChangedAttribute
 
 
@@ -89,15 +93,10 @@ def diagnose_simulator(
     from dpr_lab.exports.bodies import left_out
     from dpr_lab.exports.corrected import corrected_model
     from dpr_lab.exports.into import WORDS, into_file
-    from dpr_lab.exports.into.least_change import least_change
-    from dpr_lab.exports.into.least_change_of_arm import least_change_of_arm
-    from dpr_lab.exports.into.replay import replay_files
-    from dpr_lab.exports.into.target import arm_to_change, refuse_other_rig
+    from dpr_lab.exports.into.target import arm_to_change
     from dpr_lab.exports.refit import fitted_in_words, unchanged
-    from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.rig import load_rig
     from dpr_lab.simulator_models import read_model
-    from dpr_lab.simulator_models.double_pendulum import double_pendulum
     from dpr_lab.workflows.reading import read_runs
     from dpr_lab.workflows.rig_from import rig_from_model
 
@@ -109,21 +108,14 @@ def diagnose_simulator(
     with tempfile.TemporaryDirectory() as folder:
         file = request.rig or str(rig_from_model(simulator, Path(folder) / "rig.toml", joints).file)
         rig = load_rig(file)
-        try:
-            chain = double_pendulum(read, joints, rig.g if read.gravity is None else None)
-        except ConfigError as error:
-            raise ConfigError(f"{simulator}: {error}") from error
-        refuse_other_rig(chain, rig.L1, rig.g, simulator)
+        chain = _chain(simulator, read, joints, rig)
         moving = chain.arm is not None
         runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque, moving=moving)
         result = diagnose(replace(request, rig=file), on_event)
     model = corrected_model(result.diagnosis, runs, rig)
     arm_to_change(model, chain, rig, simulator)
     written = fitted_in_words(model, WORDS[read.format], runs, rig)
-    if isinstance(written, MovingArmModel):
-        least = least_change_of_arm(result.diagnosis, written, rig, chain, runs)
-    else:
-        least = least_change(result.diagnosis, written, rig, chain, runs)
+    least = _least_change(result.diagnosis, written, rig, chain, runs)
     lost = left_out(model, unchanged(model, written), read.format)
     names = tuple(part.joint.name for part in (*chain.rods, *((chain.arm,) if chain.arm else ())))
     done = SimulatorDiagnosis(result, simulator, read.format, names, least, lost=lost)
@@ -131,18 +123,68 @@ def diagnose_simulator(
         patched = into_file(least.model, rig, simulator, joints)
     except ConfigError as error:  # the diagnosis is still valid
         return replace(done, refused=str(error))
-    before, after = (text.decode("utf-8") for text in (simulator.read_bytes(), patched.text))
-    old, new = (text.splitlines(keepends=True) for text in (before, after))
-    diff = "".join(unified_diff(old, new, str(simulator), f"corrected {simulator.name}", n=1))
+    text = patched.text.decode("utf-8")
     unseen = read_runs(request.held_out, rig, ignore, request.any_clock, request.torque, moving=moving) or runs
     forced = _forced(model, rig, simulator, joints) if lost else None
-    replays = replay_files(simulator, patched, names, model, rig, unseen) if _runs_here() else []
+    done = replace(
+        done,
+        changes=patched.changes,
+        diff=_difference(simulator, text),
+        lost=lost | patched.lost,
+        forced=forced,
+        replays=_replays(simulator, patched, forced, names, model, rig, unseen) if _runs_here() else (),
+    )
+    return _written(done, request.out, text) if request.out else done
+
+
+def _chain(simulator: Path, read: "SimulatorModel", joints: Sequence[str], rig: "Rig") -> "ModelChain":
+    """The rods of the model, which must be those of the rig."""
+    from dpr_lab.exports.into.target import refuse_other_rig
+    from dpr_lab.simulator_models.double_pendulum import double_pendulum
+
+    try:
+        chain = double_pendulum(read, joints, rig.g if read.gravity is None else None)
+    except ConfigError as error:
+        raise ConfigError(f"{simulator}: {error}") from error
+    refuse_other_rig(chain, rig.L1, rig.g, simulator)
+    return chain
+
+
+def _least_change(
+    diagnosis: "Diagnosis", model: "AnyModel", rig: "Rig", chain: "ModelChain", runs: "Sequence[Run]"
+) -> "LeastChange":
+    from dpr_lab.exports.into.least_change import least_change
+    from dpr_lab.exports.into.least_change_of_arm import least_change_of_arm
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
+
+    if isinstance(model, MovingArmModel):
+        return least_change_of_arm(diagnosis, model, rig, chain, runs)
+    return least_change(diagnosis, model, rig, chain, runs)
+
+
+def _difference(simulator: Path, text: str) -> str:
+    """Unified diff of the file and its corrected text."""
+    old, new = (content.splitlines(keepends=True) for content in (simulator.read_bytes().decode("utf-8"), text))
+    return "".join(unified_diff(old, new, str(simulator), f"corrected {simulator.name}", n=1))
+
+
+def _replays(
+    simulator: Path,
+    patched: "PatchedModel",
+    forced: "PatchedModel | None",
+    names: tuple[str, ...],
+    model: "AnyModel",
+    rig: "Rig",
+    runs: "Sequence[Run]",
+) -> "tuple[FileReplay, ...]":
+    """Errors of the file, of the patched one, and of the one with passive forces if there is one."""
+    from dpr_lab.exports.into.replay import replay_files
+
+    replays = replay_files(simulator, patched, names, model, rig, runs)
     if forced and replays:
-        others = replay_files(simulator, forced, names, model, rig, unseen)
+        others = replay_files(simulator, forced, names, model, rig, runs)
         replays = [replace(a, passive_rad=b.passive_rad) for a, b in zip(replays, others, strict=True)]
-    changed = {"changes": patched.changes, "diff": diff, "lost": lost | patched.lost, "replays": tuple(replays)}
-    done = replace(done, forced=forced, **changed)
-    return _written(done, request.out, after) if request.out else done
+    return tuple(replays)
 
 
 def _forced(model: "AnyModel", rig: "Rig", simulator: Path, joints: Sequence[str]) -> "PatchedModel | None":

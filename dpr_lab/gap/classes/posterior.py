@@ -138,23 +138,10 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
     without, chosen, test = selection.without[name], selection.chosen, selection.tests_without[name]
     named_score = test.shaped[name][0]
     others = {score.effect.name: score for score in test.ranking if score is not named_score}
-    indistinguishable = [
-        other for other, score in others.items() if _indistinguishable(selection, without, test, named_score, score)
-    ]
-    hidden = _hidden(selection, named_score.effect)
-    indistinguishable += [other for other in hidden if other in others and other not in indistinguishable]
-    sizes = {other: _plausibility(selection, without, others[other]) for other in indistinguishable}
-    indistinguishable = sorted(indistinguishable, key=lambda other: -sizes[other])
-    prior = np.array([plausibility(chosen.fit.estimate.params, name), *(sizes[other] for other in indistinguishable)])
-    alternatives = [
-        Alternative(other, (other,), test.cosine(named_score, score), _cost(selection, without, score))
-        for other, score in others.items()
-        if other not in indistinguishable
-        and other not in selection.misleading
-        and without.key | {other} not in selection.impossible
-        and not _takes_over(selection, without, other)
-    ]
-    alternatives = sorted(alternatives, key=lambda alternative: alternative.cost)[:ALTERNATIVES]
+    plausibilities = _class_members(selection, without, test, named_score, others)
+    prior = np.array([plausibility(chosen.fit.estimate.params, name), *plausibilities.values()])
+    rest = {other: score for other, score in others.items() if other not in plausibilities}
+    alternatives = _alternatives(selection, without, test, named_score, rest)
     added_cost = np.array(
         [
             0.0,
@@ -165,11 +152,11 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
     scaled = -added_cost / (2 * chosen.residuals.inflation * calibration.temperature)
     weights = np.exp(np.clip(scaled, -NEGLIGIBLE, NEGLIGIBLE))
     weights[1:-1] *= [_prior_odds(selection, without, alternative, calibration) for alternative in alternatives]
-    of_outside = outside(selection, name, calibration, members=indistinguishable)
+    of_outside = outside(selection, name, calibration, members=plausibilities)
     weights *= (1 - of_outside) / weights.sum()
     return EffectPosterior(
         name=name,
-        members=(name, *indistinguishable),
+        members=(name, *plausibilities),
         alternatives=tuple(
             Alternative(alternative.name, alternative.members, alternative.cosine, alternative.cost, float(weight))
             for alternative, weight in zip(alternatives, weights[1:-1], strict=True)
@@ -178,6 +165,30 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
         odds=tuple((prior / prior.sum()).tolist()),
         outside=of_outside,
     )
+
+
+def _class_members(
+    selection: Selection, without: Hypothesis, test: ScoreTest, named: Score, others: Mapping[str, Score]
+) -> dict[str, float]:
+    """Effects that are indistinguishable from the named one, with the prior of their size, the most plausible first."""
+    same = [other for other, score in others.items() if _indistinguishable(selection, without, test, named, score)]
+    hidden = [other for other in _hidden(selection, named.effect) if other in others and other not in same]
+    sizes = {other: _plausibility(selection, without, others[other]) for other in (*same, *hidden)}
+    return dict(sorted(sizes.items(), key=lambda member: -member[1]))
+
+
+def _alternatives(
+    selection: Selection, without: Hypothesis, test: ScoreTest, named: Score, others: Mapping[str, Score]
+) -> list[Alternative]:
+    """The best effects in place of the named one, the least cost first."""
+    alternatives = (
+        Alternative(other, (other,), test.cosine(named, score), _cost(selection, without, score))
+        for other, score in others.items()
+        if other not in selection.misleading
+        and without.key | {other} not in selection.impossible
+        and not _takes_over(selection, without, other)
+    )
+    return sorted(alternatives, key=lambda alternative: alternative.cost)[:ALTERNATIVES]
 
 
 def _prior_odds(selection: Selection, without: Hypothesis, alternative: Alternative, calibration: Calibration) -> float:

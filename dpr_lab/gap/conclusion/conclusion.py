@@ -128,10 +128,6 @@ def _transfer(transfer: Transfer) -> dict[str, dict[str, Interval]]:
     }
 
 
-def _interval(value: float, reach: float) -> Interval:
-    return Interval(value=value, interval90=(value - reach, value + reach))
-
-
 def _where(place: Place) -> Where:
     return Where(
         site=place.site,

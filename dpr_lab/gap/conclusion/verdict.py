@@ -67,12 +67,12 @@ def verdict(
         selection: the selected set of effects
         posteriors: of each of them
         transferred: their performance on held-out recordings
-        visible_counts: number of effects detectable at their typical size, and of those detectable at all
+        visible_counts: number of effects that are detectable at their typical size, and of those detectable at any
         withheld: whether a wrong description of the recordings explains as much
     """
     kind = "unexplained" if withheld else _verdict(selection, posteriors, transferred)
-    shown, all_ = visible_counts
-    return "inconclusive" if kind == "no_gap" and shown < RULES.visible * all_ else kind
+    detectable, effects = visible_counts
+    return "inconclusive" if kind == "no_gap" and detectable < RULES.visible * effects else kind
 
 
 def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
@@ -144,9 +144,9 @@ def sentence(
 
 
 def _inconclusive(visible_counts: tuple[int, int]) -> str:
-    shown, all_ = visible_counts
+    detectable, effects = visible_counts
     return (
-        f"Inconclusive: these recordings cannot show a gap. Of {all_} effects only {shown} are detectable"
+        f"Inconclusive: these recordings cannot show a gap. Of {effects} effects only {detectable} are detectable"
         f" at their typical size. Record more releases, longer, with larger swings, at a higher rate or"
         f" with less noise."
     )
@@ -164,11 +164,16 @@ def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPo
             f"{how_far(transferred)}"
             " Nothing above the noise floor remains."
         )
-    share, remainder = selection.share_explained, _two_digits(selection.chosen.residuals.noise_ratio)
     if kind == "partly_explained":
         causes = listed_causes(_causes_named(selection, posteriors, transferred)) or listed_causes(posteriors)
         remains = _remainder(selection.chosen, transferred)
         return f"The gap is partly explained by {_classes(causes, doubts=True)}. {how_far(transferred)} {remains}"
+    return _unexplained(selection, posteriors, transferred)
+
+
+def _unexplained(selection: Selection, posteriors: Sequence[EffectPosterior], transferred: Transfer) -> str:
+    """Why no effect is the cause: none fits, or the closest ones explain too little or only the fitted recordings."""
+    share, remainder = selection.share_explained, _two_digits(selection.chosen.residuals.noise_ratio)
     if not posteriors and _small(selection.chosen):
         return (
             "Unexplained: the fitted recordings show no gap, but the held-out recordings show one of"
@@ -237,11 +242,10 @@ def how_far(transferred: Transfer) -> str:
     estimate, (low, high) = transferred.closed.estimate, transferred.closed.interval90
     if _undecided(transferred):
         return f"{_tested_on(transferred)} the gap is too small to show a reduction."
-    closes = (
-        f"the gap closes by {percent(estimate)}" if estimate > 0 else f"the gap does not close ({percent(estimate)}"
-    )
-    interval = f"90 % interval {percent(low)} to {percent(high)})"
-    return f"{_tested_on(transferred)} {closes}{' (' if estimate > 0 else ', '}{interval}."
+    interval = f"90 % interval {percent(low)} to {percent(high)}"
+    if estimate > 0:
+        return f"{_tested_on(transferred)} the gap closes by {percent(estimate)} ({interval})."
+    return f"{_tested_on(transferred)} the gap does not close ({percent(estimate)}, {interval})."
 
 
 def _tested_on(transferred: Transfer) -> str:
