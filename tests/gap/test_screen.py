@@ -1,13 +1,18 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from dpr_lab.gap.screen.implausible import repeated
 from dpr_lab.gap.screen.record import _blocks
 from dpr_lab.gap.screen.sensor_faults import screen
-from dpr_lab.rig import Rig
+from dpr_lab.identification.misread.balance import periods
+from dpr_lab.rig import Rig, Rods, load_rig
 from dpr_lab.run import Run
+from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.storage.tables.options import ImportOptions
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
 
@@ -226,4 +231,20 @@ def test_a_swing_sampled_at_a_low_rate_contains_no_missed_counts(
     theta = swing.theta.copy()
     theta[swing.t >= 2.0, 2] += planted * 2 * np.pi / 16384
     findings = screen(replace(swing, theta=theta, counts=None), paper).findings
+    assert any(finding.name == "missed_counts" for finding in findings) == found
+
+
+@pytest.mark.parametrize(("rows_in_period", "planted", "found"), [(8, 0, False), (30, 0, False), (30, 60, True)])
+def test_few_rows_of_a_rod_contain_no_missed_counts(
+    tmp_path: Path, rows_in_period: int, planted: int, found: bool
+) -> None:
+    rig = load_rig("paper").model_copy(update={"rods": Rods(mounted="inner")})
+    t = np.arange(0.0, 8.0, periods(rig)[0] / rows_in_period)
+    e1 = (2 * np.pi / periods(rig)[0]) ** 2
+    swing = solve_ivp(lambda _, x: [x[1], -e1 * np.sin(x[0]) - 0.3 * x[1]], (0, 8), [2.5, 0], t_eval=t, rtol=1e-9)
+    count = abs(rig.radians_per_count[1])
+    angle = np.rint(swing.y[0] / count) * count
+    angle[len(t) // 2 :] += planted * count
+    np.savetxt(tmp_path / "a.csv", np.column_stack([t, angle]), delimiter=",", header="t,theta1", comments="")
+    findings = screen(import_csv(tmp_path / "a.csv", rig, ImportOptions(zero="hanging")), rig).findings
     assert any(finding.name == "missed_counts" for finding in findings) == found

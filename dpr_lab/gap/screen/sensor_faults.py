@@ -27,6 +27,7 @@ from dpr_lab.gap.screen.implausible import repeated, too_fast
 from dpr_lab.gap.screen.instants import even_instants, periodic_delay
 from dpr_lab.gap.screen.local_faults import local_faults
 from dpr_lab.gap.screen.queued_rows import queued_rows
+from dpr_lab.identification.misread.balance import periods
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -74,6 +75,10 @@ class ScreenSettings:
     slowest_period_s: float = 0.012
     """Sampling interval above which steps of two free rods are not sought: below 80 Hz, every large swing of rods
     without a fault contains steps of 12 to 700 counts for the local polynomial; from 100 Hz on, none does.
+    """
+    rows_in_period: float = 20.0
+    """Minimum number of samples in a small oscillation for steps of one rod: of 40 simulated swings without a fault, 29
+    contained a step with 6 samples, 2 with 15, none with 20 or more.
     """
     shown: int = 20
     """Number of findings of one kind on one axis that are listed individually."""
@@ -157,11 +162,11 @@ def screen(run: Run, rig: Rig) -> Screened:
         *_levels(run, rig, at_rest, dithered),
     ]
     breaks: list[tuple[float, int]] = []
-    smooth = run.setup.one_degree or period <= SCREEN.slowest_period_s
+    slowest = periods(rig)[0] / SCREEN.rows_in_period if run.setup.one_degree else SCREEN.slowest_period_s
     for axis, name in enumerate(AXES):
         faults = local_faults(t, joints[:, axis], keep[:, axis], (float(noise[axis]), jitter), period)
         keep[faults.outliers, axis] = False
-        steps = faults.steps if on_grid[axis] and smooth else ()
+        steps = faults.steps if on_grid[axis] and period <= slowest else ()
         breaks += [(float(t[i]), axis) for i, _ in steps]
         for kind, instant, evidence in (
             ("outlier", t[wild[:, axis]], "the reading jumps there and back faster than any rod"),
