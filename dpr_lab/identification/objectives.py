@@ -47,7 +47,7 @@ class ObjectiveChoice:
     settings: str
     """Name of its built-in search file."""
     words: str
-    """Title."""
+    """Its name in words, for reports."""
 
 
 def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:

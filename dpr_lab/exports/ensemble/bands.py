@@ -131,7 +131,7 @@ def _refuse_other_start(head: Followed, run: Run, settings: BandSettings) -> Non
     if not (misfit < most).all():
         raise RunError(
             f"{run.file or run.name}: the model does not follow the first {settings.start_s:g} s, so no band can "
-            "start there; did a hand still move the rods? Leave this recording out"
+            "start there; a hand may still have moved the rods: leave this recording out"
         )
 
 

@@ -43,7 +43,7 @@ class ResidualStatistics:
     level: float
     """Variance of the rough part of the residual, in units of the noise that was assumed for the fit."""
     autocorrelation: float
-    """Smooth fraction of neighbouring residuals."""
+    """Correlation of neighbouring residuals: the fraction of their variance that is smooth."""
     noise_correlation: float = 0.0
     """Correlation of neighbouring reading errors."""
 

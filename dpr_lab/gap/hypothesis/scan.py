@@ -42,7 +42,7 @@ class ScanSettings:
     periods: int = 2
     """Number of periods that a joint must cover: a pattern that does not repeat is not known to be periodic."""
     gap_rad: float = 0.5
-    """Gap between the angles of a joint below which it revolves."""
+    """Largest interval of the circle, without an angle in it, of a joint that revolves."""
 
 
 SCAN = ScanSettings()
@@ -73,10 +73,9 @@ def shapes(effect: Effect, problem: Problem, fit: Fit, reference: Trajectory, re
 
 
 def arc(angle: Array) -> float:
-    """Arc that angles (n,) cover, rad.
+    """Arc that angles (n,) cover, rad: the circle without the largest interval between two neighbouring angles.
 
-    It is the part of the circle without the largest gap between two of them, or the turns of a joint that revolves:
-    each turn repeats a pattern.
+    For a joint that revolves it is the whole range of the angles, because a periodic pattern repeats in each turn.
     """
     around = np.sort(np.mod(angle, 2 * np.pi))
     gap = float(np.diff(around, append=around[0] + 2 * np.pi).max())

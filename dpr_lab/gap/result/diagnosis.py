@@ -140,9 +140,7 @@ class Diagnosis(Shown, Saved):
     segments: int
     """Number of segments of 0.5 s."""
     scale_b: Number
-    """kg m^2: a free swing does not determine the common scale of torques; all are relative to this b of the rig
-    file.
-    """
+    """Inertia b to which all sizes refer, kg m^2; from the rig file after free swings, which show only ratios to b."""
     scale: Scale | None = None
     """The b that absolute sizes assume, its interval and its source; None in a file of an older version."""
     p_over_b: Number | None = None

@@ -74,10 +74,10 @@ def noise_by_speed(
     Args:
         t: (n,) instants, s
         joints: (n, 2) angles, rad
-        floor: (2,) standard deviation at rest, rad; slow segments of a coarse encoder only appear to be below it
+        floor: (2,) standard deviation at rest, rad: a coarse encoder shows less than it in slow segments, without cause
         period: nominal sampling interval, s; neighbourhoods with a gap are excluded
-        keep: (n, 2) readings without a fault: with them the level is a root mean square, which rare large time-stamp
-        errors increase; without, it is a robust level
+        keep: (n, 2) readings without a fault; the level is then a root mean square, which rare large time-stamp errors
+        increase, otherwise a robust estimate
 
     Returns:
         s (s), and its significance

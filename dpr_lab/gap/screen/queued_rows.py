@@ -35,9 +35,9 @@ class QueueSettings:
     there are at most three, because the acceleration is nearly constant there.
     """
     turns: int = 2
-    """Minimum number of turning points with such a series."""
+    """Minimum number of turning points that are followed by such a series."""
     most_turns: float = 0.5
-    """Minimum fraction of the turning points with such a series: noise of the readings causes turning points too."""
+    """Minimum fraction of turning points that are followed by it: noise of the readings causes turning points too."""
     excluded: int = 2
     """Minimum number of successive single counts after which the queue may not be full, so that the row is excluded."""
     repeats: float = 0.01

@@ -313,9 +313,10 @@ class FittedSets:
         return bool(((previous > EFFORT.outstanding) & (current < 0.5 * previous)).any())
 
     def replaced(self, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
-        """The set with another effect in place of one, started without either and with both; None without a score.
+        """The set with another effect in place of one; None if the other one has no score.
 
-        Of two related effects, one takes over the share of the other, whereas a fit from neither may diverge.
+        The fit starts without either effect. If it fails, it starts from a fit with both, in which a related effect
+        gradually takes over the share of the other.
         """
         smaller = self.without(model, effect)
         score = self.test(smaller).of(other)
