@@ -126,6 +126,25 @@ def test_the_scale_moves_inertias_and_torques_together(model: Model) -> None:
     assert np.mean((scales > 0.5) & (scales < 2.0)) == pytest.approx(0.9, abs=0.06)
 
 
+def test_a_scale_that_the_recordings_determine_is_drawn_with_the_ratios(model: Model) -> None:
+    """Known torques determine b, a friction and a/b together: no draw moves b alone, or the friction twice."""
+    b, std = model.base["b"].value, np.array([0.02, 2e-5, 1e-5])
+    together = component(model).model_copy(
+        update={
+            "ratios": component(model).ratios | {"b": b},
+            "free": ["a/b", "b", FREE[2]],
+            "covariance": (np.outer(std, std) * (1 - 1e-9) + np.diag(1e-9 * std**2)).tolist(),
+        }
+    )
+    unsure = Scale(b=b, interval90=(0.5 * b, 2.0 * b), fixed_by="data")
+    members = sampled_models(model.model_copy(update={"scale": unsure}), [together], 50, 3)
+    steps = np.array([(member.base["b"].value - b) / std[1] for member in members])
+    ratios, _, frictions = values(members).T
+    assert steps.std() == pytest.approx(1.0, abs=0.3)
+    assert (ratios - model.ratios["a/b"].value) / std[0] == pytest.approx(steps, abs=1e-3)
+    assert (frictions - 1e-3) / std[2] == pytest.approx(steps, abs=1e-3)
+
+
 @pytest.mark.parametrize("count", [5, 18, 19, 50])
 def test_the_band_of_few_models_covers_what_it_says(count: int) -> None:
     rng = np.random.default_rng(count)

@@ -4,9 +4,9 @@ A set of effects is drawn by its probability, then its values from their joint n
 recording: the covariance of the fit, and that between recordings (`dpr_lab.gap.conclusion.scatter`). Draws with a
 negative value of a quantity that cannot be negative, and with physically impossible inertias, are drawn again: the
 distribution is truncated. Values set to zero instead would lose their correlation: a friction without the negative
-damping that it was drawn with brakes too much. The scale b, which a free swing does not determine, is drawn
-log-normally within its interval. All masses, inertias and torques are proportional to it, so it does not change the
-swing.
+damping that it was drawn with brakes too much. The scale b is one of these values if the recordings determine it: under
+a known torque tau a swing depends on tau / b. A free swing does not determine it. It is then drawn log-normally within
+its interval, and all masses, inertias and torques are proportional to it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -60,10 +60,12 @@ def posterior_of(
     """
     if diagnosis is not None:
         return diagnosed_posterior(diagnosis)
-    free = [name for name in model.covariance.order if name in RATIOS]
+    free = [name for name in model.covariance.order if name in (*RATIOS, "b")]
     places = [model.covariance.order.index(name) for name in free]
     spread = np.array(model.covariance.matrix)[np.ix_(places, places)]
     ratios = {name: estimate.value for name, estimate in model.all_ratios.items()}
+    if "b" in free:
+        ratios["b"] = model.base["b"].value
     between, left_out = np.zeros_like(spread), np.zeros((0, len(free)))
     if scatter is not None:
         common = [name for name in free if name in scatter.names]
@@ -114,14 +116,14 @@ def _positive() -> frozenset[str]:
     effects = (
         f"{name}.{p.name}" for name, effect in EFFECTS.items() for p in effect.parameters if p.sign == "positive"
     )
-    return frozenset(("c1/b", "c2/b", *effects))
+    return frozenset(("c1/b", "c2/b", "b", *effects))
 
 
 def _drawn(model: Model, component: PosteriorComponent, rng: np.random.Generator, tries: int = 1000) -> Model:
     for _ in range(tries):
         drawn = drawn_values(component, rng)
         if _possible(drawn):
-            return _with_values(model, component, drawn, _scale_factor(model, rng))
+            return _with_values(model, component, drawn, rng)
     raise RunError(
         "almost no sample of the posterior is physically possible: these recordings do not determine the model"
     )
@@ -145,28 +147,37 @@ def _possible(values: Mapping[str, float]) -> bool:
     return a > d * d and d > 0 and values["e1/b"] > 0
 
 
-def _scale_factor(model: Model, rng: np.random.Generator) -> float:
-    """Ratio of the drawn b to that of the model."""
-    z = float(rng.standard_normal())
-    if model.scale is None:
-        return 1.0
-    low, high = (float(np.log(end / model.scale.b)) / NORMAL_Q90 for end in model.scale.interval90)
-    return float(np.exp(z * (high if z > 0 else -low)))
+def scaled_effects(
+    component: PosteriorComponent, values: Mapping[str, float], interval: tuple[float, float], rng: np.random.Generator
+) -> tuple[float, dict[str, dict[str, float]]]:
+    """Ratio of the drawn scale to that of the posterior, and the drawn effects at this scale.
 
-
-def _with_values(model: Model, component: PosteriorComponent, values: Mapping[str, float], factor: float) -> Model:
-    base = model.base["b"].value * factor * base_from_ratios(np.array([values[name] for name in RATIOS]))
-    powers = {
-        f"{name}.{p.name}": p.scale_power
-        for name in component.effects
-        if name in EFFECTS
-        for p in EFFECTS[name].parameters
-    }
-    effects = {
+    Args:
+        component: the drawn set of effects
+        values: its drawn values
+        interval: ends of the 90 % interval of the scale, relative to its value, for a scale outside the posterior
+        rng: random numbers
+    """
+    if "b" in component.free:
+        factor, powers = values["b"] / component.ratios["b"], {}
+    else:
+        z, (low, high) = float(rng.standard_normal()), (float(np.log(end)) / NORMAL_Q90 for end in interval)
+        factor = float(np.exp(z * (high if z > 0 else -low)))
+        powers = {f"{name}.{p.name}": p.scale_power for name, effect in EFFECTS.items() for p in effect.parameters}
+    return factor, {
         name: {key: values[f"{name}.{key}"] * factor ** powers.get(f"{name}.{key}", 0) for key in parameters}
         for name, parameters in component.effects.items()
         if name in EFFECTS and not EFFECTS[name].event
     }
+
+
+def _with_values(
+    model: Model, component: PosteriorComponent, values: Mapping[str, float], rng: np.random.Generator
+) -> Model:
+    b, scale = model.base["b"].value, model.scale
+    interval = (scale.interval90[0] / scale.b, scale.interval90[1] / scale.b) if scale else (1.0, 1.0)
+    factor, effects = scaled_effects(component, values, interval, rng)
+    base = b * factor * base_from_ratios(np.array([values[name] for name in RATIOS]))
     return model.with_ratios([values[name] for name in RATIOS]).model_copy(
         update={
             "base": {k: v.model_copy(update={"value": float(base[i])}) for i, (k, v) in enumerate(model.base.items())},

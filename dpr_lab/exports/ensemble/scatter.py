@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.base import RATIOS
-from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
+from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS
 from dpr_lab.gap.conclusion.scatter import between_recordings, left_out_values
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.preprocess import preprocess
@@ -21,7 +20,7 @@ class RatioScatter:
     """Differences of the fitted ratios between recordings."""
 
     names: tuple[str, ...]
-    """Fitted ratios."""
+    """Fitted ratios, and the scale b if the recordings determine it."""
     between: NDArray[np.float64]
     """(n, n) covariance of their values in another recording about the common ones."""
     left_out: NDArray[np.float64]
@@ -39,7 +38,7 @@ def scatter_of_ratios(model: Model, runs: Sequence[Run], rig: Rig, segment_s: fl
     """
     problem, initial = segmented([preprocess(run, rig) for run in runs], rig, segment_s)
     fitted = fit_ratios(problem, rods_estimate(model.unknowns, initial)).fit
-    ratios = [i for i, free in enumerate(fitted.free) if free.block == "ratios" and free.place < len(RATIOS)]
+    ratios = [i for i, free in enumerate(fitted.free) if free.block == "ratios" and free.place <= SCALE]
     return RatioScatter(
         names=tuple(UNKNOWN_RATIOS[fitted.free[i].place] for i in ratios),
         between=between_recordings(problem, fitted)[np.ix_(ratios, ratios)],

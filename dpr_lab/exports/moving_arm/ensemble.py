@@ -2,8 +2,8 @@
 
 As for rods on a clamped arm (`dpr_lab.exports.ensemble.sampled`), impossible values of a posterior are drawn again; a
 negative loss drawn from a covariance is set to zero. Where torque or current determine the scale, the gain of the drive
-is known, apart from the uncertainty of a measured kt, and the scale follows from the drawn ratio; otherwise it is drawn
-log-normally within its interval.
+is known, and the scale is drawn together with the other values; an error of a measured kt changes the scale, but not
+the swing. Otherwise the scale is drawn log-normally within its interval.
 """
 
 from collections.abc import Sequence
@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
-from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects import effect_params
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.errors import ConfigError, RunError
-from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.exports.ensemble.sampled import drawn_values, square_root
+from dpr_lab.exports.ensemble.sampled import drawn_values, scaled_effects, square_root
 from dpr_lab.exports.moving_arm.bodies import arm_bodies
 from dpr_lab.exports.moving_arm.corrected import with_engine_values, with_swing
 from dpr_lab.gap.result.posterior import PosteriorComponent
@@ -107,15 +106,10 @@ def _of_posterior(
     weights = np.array([component.probability for component in components])
     component = components[int(rng.choice(len(components), p=weights / weights.sum()))]
     drawn = drawn_values(component, rng)
-    scale, z = model.absolute[model.scale], float(rng.standard_normal())
-    low, high = (float(np.log(end / scale.value)) / NORMAL_Q90 for end in scale.interval90)
-    factor = float(np.exp(z * (high if z > 0 else -low)))
-    effects = {
-        name: {p.name: drawn[f"{name}.{p.name}"] * factor**p.scale_power for p in EFFECTS[name].parameters}
-        for name in component.effects
-        if name in EFFECTS and not EFFECTS[name].event
-    }
-    if DRIVE_GAIN.name in effects:  # the ratio of the gain to the scale is determined
+    scale = model.absolute[model.scale]
+    interval = (scale.interval90[0] / scale.value, scale.interval90[1] / scale.value)
+    factor, effects = scaled_effects(component, drawn, interval, rng)
+    if DRIVE_GAIN.name in effects and "b" not in component.free:  # the ratio of the gain to the scale is determined
         (excess,) = effects[DRIVE_GAIN.name].values()
         effects[DRIVE_GAIN.name] = {DRIVE_GAIN.amplitudes[0].name: (1.0 + excess) * factor - 1.0}
     unknown, _ = engine_values(model, rig)

@@ -11,7 +11,7 @@ import numpy as np
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import named_params
-from dpr_lab.fitting.estimate import FreeParameter
+from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS, FreeParameter
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.classes.posterior import CALIBRATION
 from dpr_lab.gap.conclusion.scatter import between_recordings, left_out_values
@@ -35,6 +35,9 @@ class MixtureSettings:
 
 
 MIXTURE = MixtureSettings()
+
+SCALED = UNKNOWN_RATIOS[: SCALE + 1]
+"""The ratios, and the scale b if the recordings determine it."""
 
 
 def components(
@@ -100,11 +103,13 @@ def _component(
     spread = covariance(problem, model, rig, remainder)[np.ix_(places, places)]
     if not np.isfinite(spread).all():
         return None
+    free = [_name(model.fit.free[i]) for i in places]
+    ratios = dict(zip(SCALED, model.fit.estimate.ratios.tolist(), strict=False))
     return PosteriorComponent(
         probability=probability,
-        ratios=dict(zip(RATIOS, model.fit.estimate.ratios.tolist(), strict=False)),
+        ratios={name: value for name, value in ratios.items() if name in RATIOS or name in free},
         effects=named_params(model.fit.estimate.params),
-        free=[_name(model.fit.free[i]) for i in places],
+        free=free,
         covariance=spread.tolist(),
         between=between_recordings(problem, model.fit)[np.ix_(places, places)].tolist(),
         left_out=left_out_values(problem, model.fit)[:, places].tolist(),
@@ -115,4 +120,4 @@ def _name(parameter: FreeParameter) -> str:
     """`a/b` or `coulomb_joint2.torque_Nm`; empty for a parameter that a simulation does not need."""
     if parameter.block == "effects":
         return f"{parameter.effect}.{parameter.name}"
-    return parameter.name if parameter.name in RATIOS else ""
+    return parameter.name if parameter.name in SCALED else ""

@@ -17,9 +17,9 @@ class PosteriorComponent(BaseModel):
     probability: Annotated[float, Field(ge=0, le=1)]
     """Probability among the fitted sets; a cause outside the library is not included."""
     ratios: dict[str, Number]
-    """a/b, d/b, e1/b, c1/b, c2/b."""
+    """a/b, d/b, e1/b, c1/b, c2/b, and b, kg m^2, if the recordings determine it."""
     effects: dict[str, dict[str, Number]]
-    """Effect -> parameter -> value, SI, at the b of the diagnosis."""
+    """Effect -> parameter -> value, SI, at the b of these ratios, else at that of the diagnosis."""
     free: list[str]
     """Fitted values, in the order of the covariance: a ratio, or `effect.parameter`."""
     covariance: list[list[Number]]
