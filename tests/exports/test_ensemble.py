@@ -182,13 +182,34 @@ def test_a_diagnosis_without_a_posterior_is_refused(model: Model) -> None:
     assert own.free == list(RATIOS)
 
 
-def test_a_recording_that_a_hand_still_moves_is_refused(model: Model) -> None:
+def released(seconds: float, hand_s: float) -> tuple[Run, Rig, Model]:
+    """A release whose rods a hand still moves for some time, with its rig and its true model."""
     plant, rig = weighed(load_plant("paper", 5), load_rig("paper"))
-    run = record(plant, rig, duration=1.0)[0]
-    hand = np.cumsum(np.where(run.t < 0.5, 1.0 - np.cos(4 * np.pi * run.t), 0.0)) * np.median(np.diff(run.t))
-    held = replace(run, theta=run.theta - 3.0 * hand[:, None] * np.array([0.0, 1.0, 1.0]), counts=None)
-    with pytest.raises(RunError, match=r"first 0.5 s, so no band.*hand"):
-        predictive_band(model, [model], held, rig, 0)
+    run = record(plant, rig, duration=seconds)[0]
+    step = float(np.median(np.diff(run.t)))
+    hand = np.cumsum(np.where((run.t >= 0) & (run.t < hand_s), 1.0 - np.cos(4 * np.pi * run.t), 0.0)) * step
+    truth = unknown_ratios(base_parameters(plant.Z, rig.L1, rig.g))
+    model = whole_model(rig, Estimate.of(truth, effect_params({}), np.zeros((1, 4))))
+    held = replace(run, theta=run.theta - 3.0 * (hand - hand[-1])[:, None] * np.array([0.0, 1.0, 1.0]), counts=None)
+    return held, rig, model.model_copy(update={"effects": {}})
+
+
+def test_a_recording_that_a_hand_shakes_all_the_time_is_refused() -> None:
+    run, rig, model = released(1.0, 0.0)
+    shaken = run.theta + np.where(run.t > 0, 1.0 - np.cos(20 * run.t), 0.0)[:, None] * np.array([0.0, 1.0, 1.0])
+    with pytest.raises(RunError, match=r"first 1 s, so no band.*hand"):
+        predictive_band(model, [model], replace(run, theta=shaken, counts=None), rig, 0)
+
+
+def test_a_band_starts_when_the_hand_has_let_go() -> None:
+    """A wide band from the readings of a held rod covers everything."""
+    run, rig, model = released(2.5, 0.5)
+    held = predictive_band(model, [model] * 19, run, rig, 0)
+    free = predictive_band(model, [model] * 19, released(2.5, 0.0)[0], rig, 0)
+    assert (held.delay_s, free.delay_s) == pytest.approx((0.5, 0.0), abs=0.01)
+    assert held.t[0] == pytest.approx(free.t[0] + 0.5, abs=0.02)
+    assert held.width_rad < 3.0 * free.width_rad
+    assert held.covered > 0.6
 
 
 @pytest.mark.slow

@@ -3,7 +3,8 @@
 Each model starts from a random initial state, drawn from its distribution given the first readings. The model then runs
 freely, under the known torques of driven joints with a random noise of their measurement, and the noise of the encoders
 is added. The band at an instant lies between quantiles over the models. Readings that were used for the initial states,
-and readings beyond the predictability horizon, are not compared.
+and readings beyond the predictability horizon, are not compared. If the model does not follow the first half second as
+it follows the others, a hand may still have moved the rods: the band starts at the first half second that it follows.
 """
 
 from collections.abc import Sequence
@@ -33,12 +34,16 @@ class BandSettings:
     """Share of the readings that a band should cover."""
     start_s: float = 0.5
     """Time to which the initial states are fitted, from the first reading."""
+    starts: int = 4
+    """Maximum number of starts that are tried, each `start_s` after the one before."""
     length_s: float = 10.0
     """Maximum duration of the comparison."""
     rate_hz: float = 200.0
     """Rate of the compared readings."""
     unlike: float = 10.0
-    """Misfit of the first readings, standard deviations of their noise, below which a model always follows them."""
+    """Misfit of the first readings, in standard deviations of their noise, below which a model always follows them,
+    and relative to its median over all half seconds, above which it does not.
+    """
     unexplained: float = 0.5
     """Maximum share of the variance of the first readings that may remain unexplained by a model that follows them."""
 
@@ -61,6 +66,10 @@ class PredictiveBand:
     """Lower end of the band, in the shape of `measured`, rad."""
     high: Array
     """Upper end of the band, rad."""
+    delay_s: float = 0.0
+    """Time from the first reading to those of the initial states, s, because the model does not follow the readings
+    before.
+    """
 
     @property
     def readings(self) -> int:
@@ -97,42 +106,51 @@ def predictive_band(
         RunError: the model cannot follow the readings.
     """
     rng = np.random.default_rng(seed)
-    swing = run.swing
-    first = float(swing.t[0])
-    end = min(free_run_from(follow(run, rig, model), first).horizon_s, first + settings.length_s)
+    swing, followed = run.swing, follow(run, rig, model, settings.start_s)
+    first, begin = float(swing.t[0]), _first_followed(followed, settings)
+    started = begin + settings.start_s
+    end = min(free_run_from(followed, begin).horizon_s, begin + settings.length_s)
     stride = max(1, round((len(swing.t) - 1) / max(float(swing.t[-1]) - first, 1e-9) / settings.rate_hz))
-    t = swing.t[(swing.t > first + settings.start_s) & (swing.t <= end)][::stride]
-    head = preprocess(run.only(run.t < first + settings.start_s + 1e-9), rig)
-    _refuse_other_start(follow_preprocessed(head, rig, model), run, settings)
+    t = swing.t[(swing.t > started) & (swing.t <= end)][::stride]
+    instants = swing.t[(swing.t >= begin) & (swing.t <= started)]
+    of_start = (run.t < started + 1e-9) & ((run.t >= begin) | (begin == first))  # the rest before the release too
+    head = preprocess(run.only(of_start), rig)
     # torques act by their means between instants; those of `head` end with it
-    onward = segments([np.concatenate([swing.t[swing.t <= first + settings.start_s], t])], setups=[swing.setup])
+    onward = segments([np.concatenate([instants, t])], setups=[swing.setup])
     noise_Nm = torque_noise(swing.setup.torques) if swing.setup.torques else np.zeros(2)
     drawn = []
     for member in members:
         if noise_Nm.any():
             noisy = _with_torque_noise(run, noise_Nm, rng)
             onward = replace(onward, setups=(noisy.swing.setup,))
-            head = preprocess(noisy.only(run.t < first + settings.start_s + 1e-9), rig)
-        drawn.append(_swing(follow_preprocessed(head, rig, member), onward, rng)[-len(t) :])
+            head = preprocess(noisy.only(of_start), rig)
+        drawn.append(_swing(follow_preprocessed(head, rig, member), onward, rng)[len(instants) :])
     low, high = quantiles_of(np.array(drawn), settings)
     measured = run.theta[np.searchsorted(run.t, t), 1:]
-    return PredictiveBand(run.name, end, t, measured, low, high)
+    return PredictiveBand(run.name, end, t, measured, low, high, begin - first)
 
 
-def _refuse_other_start(head: Followed, run: Run, settings: BandSettings) -> None:
-    """Refuse a run if the model explains less than half of the variance of its first readings: no state starts it.
+def _first_followed(followed: Followed, settings: BandSettings) -> float:
+    """Start of the first segment that the model follows, s since the release.
 
     Raises:
-        RunError: this is so.
+        RunError: it does not follow the first ones: no state starts them.
     """
-    measured, noise = head.preprocessed.run.theta[:, 1:], head.preprocessed.noise.covariance
-    misfit = np.mean((measured - head.tracked) ** 2, axis=0)
-    most = np.maximum(settings.unexplained * np.var(measured, axis=0), settings.unlike**2 * np.diag(noise))
-    if not (misfit < most).all():
-        raise RunError(
-            f"{run.file or run.name}: the model does not follow the first {settings.start_s:g} s, so no band can "
-            "start there; a hand may still have moved the rods: leave this recording out"
-        )
+    run, offsets = followed.preprocessed.run, followed.bare.problem.segments.offsets
+    measured, noise = run.theta[:, 1:], np.diag(followed.preprocessed.noise.covariance)
+    counts = np.diff(offsets)[:, None]
+    misfits = np.add.reduceat((measured - followed.tracked) ** 2, offsets[:-1]) / counts
+    usual = settings.unlike**2 * np.nanmedian(misfits, axis=0)
+    tried = min(settings.starts, len(misfits))
+    for k in range(tried):
+        spread = np.var(measured[offsets[k] : offsets[k + 1]], axis=0)
+        most = np.maximum(np.minimum(settings.unexplained * spread, usual), settings.unlike**2 * noise)
+        if (misfits[k] < most).all():
+            return float(run.t[offsets[k]])
+    raise RunError(
+        f"{run.file or run.name}: the model does not follow the first {tried * settings.start_s:g} s, so no band can start"
+        " there; did a hand still move the rods? Leave this recording out"
+    )
 
 
 def quantiles_of(drawn: Array, settings: BandSettings = BANDS) -> tuple[Array, Array]:
