@@ -142,6 +142,12 @@ def _show_bands(done: "EnsembleResult") -> None:
         " models cover these runs."
     )
     table("Predictive bands", columns, rows, note=note)
+    for band in done.bands:
+        if band.delay_s > 0:
+            line(
+                f"{band.run}: without its first {band.delay_s:.2g} s, which the model does not follow as it follows the"
+                " rest: a hand may still have moved the rods."
+            )
 
 
 def _limits(done: "EnsembleResult", size: int) -> "Iterator[str]":

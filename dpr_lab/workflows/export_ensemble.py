@@ -54,6 +54,8 @@ class BandCoverage:
     """Predictability horizon, s."""
     width_rad: float
     """Mean width of the band."""
+    delay_s: float
+    """Time from the first reading during which the model does not follow the readings, which the band leaves out, s."""
     beyond: float | None
     """Share of the compared swing with amplitudes beyond those of the fitted recordings; None if they are unknown."""
 
@@ -168,7 +170,9 @@ class _Ensemble:
 
 def _coverage(ensemble: _Ensemble, models: "Sequence[Any]", run: "Run") -> BandCoverage:
     band = ensemble.band(models, run)
-    return BandCoverage(band.run, band.covered, band.horizon_s, band.width_rad, ensemble.beyond(band, run))
+    return BandCoverage(
+        band.run, band.covered, band.horizon_s, band.width_rad, band.delay_s, ensemble.beyond(band, run)
+    )
 
 
 def _of_rods(

@@ -48,7 +48,9 @@ def fitted_amplitudes(model: Model, runs: Sequence[Run], rig: Rig) -> FittedAmpl
 def beyond_fitted(fitted: FittedAmplitudes, band: PredictiveBand, model: Model, run: Run, rig: Rig) -> float:
     """Share of the compared part of a recording that swings beyond the fitted amplitudes."""
     begins, angles = amplitudes(model, run, rig)
-    return fitted.beyond(angles[(begins >= begins[0] + BANDS.start_s - 1e-9) & (begins < band.horizon_s)])
+    return fitted.beyond(
+        angles[(begins >= begins[0] + band.delay_s + BANDS.start_s - 1e-9) & (begins < band.horizon_s)]
+    )
 
 
 def amplitudes(model: Model, run: Run, rig: Rig) -> tuple[Array, Array]:

@@ -148,8 +148,8 @@ def _first_followed(followed: Followed, settings: BandSettings) -> float:
         if (misfits[k] < most).all():
             return float(run.t[offsets[k]])
     raise RunError(
-        f"{run.file or run.name}: the model does not follow the first {tried * settings.start_s:g} s, so no band can start"
-        " there; did a hand still move the rods? Leave this recording out"
+        f"{run.file or run.name}: the model does not follow the first {tried * settings.start_s:g} s, so no band can"
+        " start there; did a hand still move the rods? Leave this recording out"
     )
 
 
