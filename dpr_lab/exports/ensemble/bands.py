@@ -149,7 +149,8 @@ def _first_followed(followed: Followed, settings: BandSettings) -> float:
             return float(run.t[offsets[k]])
     raise RunError(
         f"{run.file or run.name}: the model does not follow the first {tried * settings.start_s:g} s, so no band can"
-        " start there; did a hand still move the rods? Leave this recording out"
+        " start there; a hand may still have moved the rods, or the model lacks an effect: leave this recording out, or"
+        " diagnose it"
     )
 
 
