@@ -8,6 +8,7 @@ import pytest
 from dpr_lab.exports import FORMATS
 from dpr_lab.gap.result.diagnosis import load_diagnosis
 from dpr_lab.rig import Rig, load_rig
+from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.workflows.rig_from import rig_from_model
 from tests.exports.models import model_of
 
@@ -16,7 +17,7 @@ from tests.exports.planted_errors import PLANTED, ROBOT, held_out_error, recordi
 
 
 @pytest.fixture(scope="module")
-def bench(cli, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Rig]:
+def bench(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Rig]:
     """A folder with the model, its rig file and three run files of the truth."""
     folder = tmp_path_factory.mktemp("simulator")
     (folder / "robot.xml").write_text(ROBOT, encoding="utf-8")
@@ -25,21 +26,19 @@ def bench(cli, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Rig]:
     for run in recordings(PLANTED["damping wrong"].truth, rig, seconds=4.0):
         rows = np.column_stack([run.swing.t, run.swing.theta[:, 1:]])
         np.savetxt(folder / f"{run.name}.csv", rows, delimiter=",", header="t_s,theta1_rad,theta2_rad", comments="")
-        words = ("import", "table", f"{run.name}.csv", "--rig", "rig.toml", "--out", "runs")
-        done = cli(*words, cwd=folder)
-        assert done.code == 0, done.err
-        assert (folder / "runs" / f"{run.name}.mcap").is_file()
+        import_csv(folder / f"{run.name}.csv", rig, out=folder / "runs" / f"{run.name}.mcap")
     return folder, rig
 
 
 RUNS = ("runs/r0.mcap", "runs/r1.mcap", "runs/r2.mcap")
+FEW = ("--library", "coulomb_joint1,coulomb_joint2,spring_joint1")
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_the_damping_of_the_file_is_changed_and_nothing_else(cli, bench: tuple[Path, Rig]) -> None:
     folder, rig = bench
-    done = cli("diagnose", *RUNS, "--simulator", "robot.xml", "--out", "out", "--json", cwd=folder)
+    done = cli("diagnose", *RUNS, *FEW, "--simulator", "robot.xml", "--out", "out", "--json", cwd=folder)
     assert done.code == 0, done.err
     said = done.json["simulator"]
     assert (said["format"], said["joints"], said["refused"]) == ("MJCF", ["shoulder", "elbow"], "")
@@ -59,7 +58,7 @@ def test_the_damping_of_the_file_is_changed_and_nothing_else(cli, bench: tuple[P
 @pytest.mark.timeout(900)
 def test_it_speaks_the_names_of_the_file(cli, bench: tuple[Path, Rig]) -> None:
     folder, _ = bench
-    done = cli("diagnose", *RUNS, "--rig", "rig.toml", "--simulator", "robot.xml", cwd=folder)
+    done = cli("diagnose", *RUNS, *FEW, "--rig", "rig.toml", "--simulator", "robot.xml", cwd=folder)
     assert done.code == 0, done.err
     assert "Joints of robot.xml, those of the rods first: 'shoulder', 'elbow'." in done.out
     assert "Changes of robot.xml" in done.out
@@ -86,7 +85,7 @@ def test_a_urdf_is_compared_and_changed(cli, bench: tuple[Path, Rig]) -> None:
     text = FORMATS["urdf"].written(model_of(rig, {}, rig.name), rig)[FORMATS["urdf"].main]
     assert isinstance(text, str)
     (folder / "robot.urdf").write_text(text, encoding="utf-8")
-    words = ("diagnose", *RUNS, "--simulator", "robot.urdf", "--rig", "rig.toml", "--json")
+    words = ("diagnose", *RUNS, *FEW, "--simulator", "robot.urdf", "--rig", "rig.toml", "--json")
     done = cli(*words, cwd=folder)
     assert done.code == 0, done.err
     said = done.json["simulator"]
