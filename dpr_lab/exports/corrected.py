@@ -17,6 +17,7 @@ from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.ensemble.sampled import signed
 from dpr_lab.exports.moving_arm.corrected import corrected_arm_model, has_moving_arm
+from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS
 from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.posterior import PosteriorComponent
@@ -58,7 +59,7 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
     values = unknown[: len(RATIOS)]
     covariance = np.array(diagnosis.ratio_covariance)
     nine, base = update_prior(values, covariance, rig)
-    factor = diagnosis.scale_b / base["b"].value
+    factor = float(unknown[SCALE]) / base["b"].value
     absolute = {
         name: parameter.model_copy(update={"value": parameter.value * factor}) for name, parameter in base.items()
     }
@@ -138,16 +139,15 @@ def _alone(diagnosis: Diagnosis, five: Sequence[EstimatedValue], rig: Rig) -> di
 
 def significant_values(diagnosis: Diagnosis) -> tuple[NDArray[np.float64], dict[str, dict[str, float]]]:
     """(7,) ratios, b and p/b, and the effects, without insignificant amplitudes."""
-    fitted = {name: interval.value for name, interval in diagnosis.all_ratios.items()} | {
+    unknown = diagnosis.unknowns
+    fitted = dict(zip(UNKNOWN_RATIOS, unknown.tolist(), strict=True)) | {
         f"{name}.{key}": value
         for name, parameters in diagnosis.model_effects.items()
         for key, value in parameters.items()
     }
     absent = _insignificant_effects(diagnosis, fitted)
     values = _without_insignificant(diagnosis, fitted, absent)
-    unknown = diagnosis.unknowns
-    unknown[: len(RATIOS)] = [values[name] for name in RATIOS]
-    return unknown, {
+    return np.array([values[name] for name in UNKNOWN_RATIOS]), {
         name: {key: values[f"{name}.{key}"] for key in parameters}
         for name, parameters in diagnosis.model_effects.items()
         if name not in absent

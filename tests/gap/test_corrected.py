@@ -4,10 +4,17 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.base import RATIOS
-from dpr_lab.exports.corrected import _insignificant_effects, _without_insignificant, corrected_model
+from dpr_lab.exports.corrected import (
+    _insignificant_effects,
+    _without_insignificant,
+    corrected_model,
+    significant_values,
+)
+from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.gap.result.causes import EffectSize, NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.posterior import PosteriorComponent
+from dpr_lab.gap.result.saved import Interval
 from dpr_lab.identification.compare import compare_run
 from dpr_lab.identification.model import Model, load_model
 from dpr_lab.rig import Rig
@@ -74,3 +81,23 @@ def test_an_effect_that_is_not_named_is_left_out_if_its_interval_contains_zero(v
     fitted = dict.fromkeys(RATIOS, 1.0) | {key: value}
     assert _insignificant_effects(diagnosis, fitted) == absent
     assert _without_insignificant(diagnosis, fitted, absent)["c2/b"] == 1.0 - (0.75 * value if absent else 0.0)
+
+
+def test_the_scale_follows_an_effect_that_is_left_out():
+    """Known torques determine b and the offset of a torque together."""
+    key = "torque_offset_joint1.offset_Nm"
+    effects = {"torque_offset_joint1": {"offset_Nm": 1e-4}}
+    posterior = PosteriorComponent(
+        probability=1.0,
+        ratios=dict.fromkeys(RATIOS, 1.0) | {"b": 0.02},
+        effects=effects,
+        free=["b", key],
+        covariance=[[1e-6, 2e-8], [2e-8, 1e-6]],
+    )
+    ratios = {name: Interval(value=1.0, interval90=(0.9, 1.1)) for name in RATIOS}
+    diagnosis = Diagnosis.model_construct(
+        effects=[], posterior=[posterior], model_effects=effects, ratios=ratios, scale_b=0.02, fitted=[], p_over_b=None
+    )
+    unknown, left = significant_values(diagnosis)
+    assert left == {}
+    assert unknown[SCALE] == pytest.approx(0.02 - 0.02 * 1e-4, rel=1e-9)
