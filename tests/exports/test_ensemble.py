@@ -234,7 +234,7 @@ def test_bands_cover_the_readings_of_the_true_model_and_a_wrong_one_is_widened(
     members = sampled_models(truth, [exact], 50, 0)
     covered = pooled([predictive_band(truth, members, run, rig, 0) for run in runs])
     assert len(prepared) == 2 * len(runs)  # however many models follow it
-    assert 0.84 < covered < 0.98
+    assert 0.86 < covered < 0.94  # a band without one of its ends covers 0.95
     off = {**exact.ratios, "a/b": 1.002 * exact.ratios["a/b"]}
     wrong = exact.model_copy(update={"ratios": off, "covariance": [[(5e-4 * off["a/b"]) ** 2]]})
     calibration = calibrated(

@@ -124,10 +124,19 @@ def test_where_points_at_the_joint_and_its_speed(recorded, paper: Rig):
     assert "braking most at low speed" in found.where_sentence
 
 
-@pytest.mark.slow
-def test_detectable_size_is_five_standard_deviations_of_a_fit(recorded, bare, paper: Rig):
+def test_detectable_size_is_five_standard_deviations_of_its_own_fit(recorded, bare, tested):
+    problem, base = bare(recorded({}, duration=2.0))
+    least = detectable(base, tested(problem, base.fit, (EFFECTS["base_tilt"],)))["base_tilt"]["tilt_rad"]
+    at = base.fit.estimate
+    A, _ = fit(problem, at, free_parameters(at, ("base_tilt",), problem), iterations=0).linear.flat
+    std = np.sqrt(np.linalg.inv(A.T @ A)[-1, -1] * base.residuals.inflation)
+    assert least == pytest.approx(5 * std, rel=1e-3)
+
+
+@pytest.mark.long
+def test_detectable_size_is_five_standard_deviations_of_repeated_fits(recorded, bare, paper: Rig):
     found, sizes = None, []
-    for seed in range(5, 10):
+    for seed in range(5, 13):
         runs = recorded({}, seed=seed, duration=3.0)
         if found is None:
             found = diagnose(runs, paper).detectable["base_tilt"]["tilt_rad"]
