@@ -129,6 +129,16 @@ def test_two_moves_that_request_the_same_fit_share_it(sets: FittedSets) -> None:
 
 
 @pytest.mark.slow
+def test_of_two_fits_of_a_set_the_better_one_is_kept(sets: FittedSets) -> None:
+    start = sets.bare.fit.estimate.changed(ratios=sets.bare.fit.estimate.ratios * 1.01)
+    free = free_parameters(start, (), sets.problem)
+    worse = hypothesis(sets.problem, (), fit(sets.problem, start, free, iterations=0))
+    resumed = sets.resumed({frozenset(): worse}, {})
+    assert resumed.fits[frozenset()] is sets.bare
+    assert resumed.keep(worse) is sets.bare
+
+
+@pytest.mark.slow
 def test_short_segments_propose_nothing_once_torque_noise_is_refuted(
     sets: FittedSets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
