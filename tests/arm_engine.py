@@ -1,8 +1,8 @@
 """Rigs with a moving arm and one fault, in MuJoCo or by scipy: no code is shared with the package's dynamics.
 
 Faults are those of section 3 of docs/theory.md at joint 0 and of the drive: `FAULTS` maps the name of an effect to what
-draws its size. With backlash of the arm's gear the motor is a body of its own, with a hundredth of the arm's inertia
-and all of its viscous friction; the gear is a tendon with limits, and the encoder reads the motor.
+draws its size. With backlash of the arm's gear the motor is a body of its own, with a share of the arm's inertia and
+all of its viscous friction; the gear is a tendon with limits, and the encoder reads the motor.
 """
 
 from dataclasses import dataclass, field
@@ -75,6 +75,8 @@ class Plant:
     """Torque over input."""
     fault: str = ""
     size: dict[str, float] = field(default_factory=dict)
+    rotor: float = 0.01
+    """Inertia of a motor behind backlash over J0, in addition to J0."""
     stop: float = 1000.0
     """Largest angle of the arm, where a rigid stop holds it, rad."""
 
@@ -82,6 +84,11 @@ class Plant:
     def both(self) -> bool:
         """Whether both rods hang there."""
         return "l2" in self.rods
+
+    @property
+    def motor_share(self) -> float:
+        """Inertia of a motor behind backlash over that of arm and motor together."""
+        return self.rotor * self.J0 / (self.A + self.rotor * self.J0)
 
     @property
     def A(self) -> float:
@@ -130,7 +137,7 @@ def swing(plant: Plant, start: np.ndarray, t: np.ndarray, u: np.ndarray) -> np.n
     outer = OUTER.format(**values) if plant.both else ""
     loose = plant.fault == "backlash_joint0"
     half = 0.5 * plant.size["play_rad"] if loose else 0.0
-    values |= {"own0": 0.0 if loose else plant.c0, "Jr": 0.01 * plant.J0, "low": -half, "high": half}
+    values |= {"own0": 0.0 if loose else plant.c0, "Jr": plant.rotor * plant.J0, "low": -half, "high": half}
     parts = {"motor": MOTOR.format(**values), "gear": GEAR.format(**values)} if loose else {"motor": "", "gear": ""}
     model = mujoco.MjModel.from_xml_string(MODEL.format(**values, g=-plant.g, outer=outer, **parts))
     data, joints = mujoco.MjData(model), 3 if plant.both else 2

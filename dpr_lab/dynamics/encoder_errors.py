@@ -11,7 +11,6 @@ from dpr_lab.effects.effect_kernels import (
     arm_encoder_error,
     encoder_errors,
     held_angle,
-    held_angle0,
     held_angle1,
     reading_shifts,
 )
@@ -91,26 +90,21 @@ def _fill_errors(
 
 
 @njit
-def held_along(
-    angles: NDArray[np.float64], drift: NDArray[np.float64], hold: NDArray[np.float64], model: RigModel
-) -> NDArray[np.float64]:
-    """Angles held by the encoders while their joints move.
+def held_along(angles: NDArray[np.float64], hold: NDArray[np.float64], model: RigModel) -> NDArray[np.float64]:
+    """Angles held by the encoders of the rods while their joints move.
 
     Args:
-        angles: (n, 3) joint 1 absolute, joint 2 as read by its encoder, and the arm, rad
-        drift: (n,) rotation of the arm's motor without load since the previous row, rad
-        hold: (3,) angles held before the first row, rad
+        angles: (n, 2) joint 1 absolute and joint 2 as read by its encoder, rad
+        hold: (2,) angles held before the first row, rad
         model: the rig and its effects; only backlash is used
 
     Returns:
-        (n, 3) held angles, rad
+        (n, 2) held angles, rad
     """
     held = np.empty(angles.shape)
-    hold1, hold2, hold0 = hold
+    hold1, hold2 = hold
     for k in range(len(angles)):
-        angle1, angle2, angle0 = angles[k]
-        hold1 = held_angle1(angle1, hold1, model.params, model.active)
-        hold2 = held_angle(angle2, hold2, model.params, model.active)
-        hold0 = held_angle0(angle0, hold0, drift[k], model.params, model.active)
-        held[k, 0], held[k, 1], held[k, 2] = hold1, hold2, hold0
+        hold1 = held_angle1(angles[k, 0], hold1, model.params, model.active)
+        hold2 = held_angle(angles[k, 1], hold2, model.params, model.active)
+        held[k, 0], held[k, 1] = hold1, hold2
     return held

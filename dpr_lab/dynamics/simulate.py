@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.dynamics.arm import CLAMPED, FREE, MODES, ArmParameters, mounted, with_gravity
+from dpr_lab.dynamics.moving_arm.geared_motor import AnyState, GearedState, stepped_with_gear
 from dpr_lab.dynamics.rig_constants import UNKNOWN
 from dpr_lab.dynamics.schedule import MAX_STEP, steps_between
 from dpr_lab.dynamics.step import RigModel, RigState, model_with, stepped
@@ -123,13 +124,19 @@ def rig_model(
 
 def at_release(state: Sequence[float] | NDArray[np.float64]) -> RigState:
     """State with angles and speeds (6,) at the release, where internal states have their initial values."""
-    return as_state([*state, *AT_RELEASE[list(STEPPED)]])
+    return RigState._make([*map(float, state), tuple(AT_RELEASE[list(STEPPED)].tolist())])
 
 
-def as_state(values: Sequence[float] | NDArray[np.float64]) -> RigState:
+def as_state(values: Sequence[float] | NDArray[np.float64]) -> AnyState:
     """A state from one row of `integrate`."""
-    theta0, theta1, theta2, omega0, omega1, omega2, *internal = map(float, values)
-    return RigState(theta0, theta1, theta2, omega0, omega1, omega2, tuple(internal))
+    numbers, internal = tuple(map(float, values)), 6 + len(STEPPED)
+    fields = [*numbers[:6], numbers[6:internal], *numbers[internal:]]
+    return GearedState._make(fields) if len(numbers) > internal else RigState._make(fields)
+
+
+def as_row(state: AnyState) -> NDArray[np.float64]:
+    """Row of `integrate` for a state."""
+    return np.array([*state[:6], *state.internal, *state[7:]])
 
 
 def _vector(values: ArrayLike, size: int, name: str) -> NDArray[np.float64]:
@@ -144,7 +151,12 @@ def _effects(effects: ArrayLike | None) -> NDArray[np.float64]:
 
 
 def integrate(
-    model: RigModel, mode: int, start: RigState, t: ArrayLike, max_step: float = MAX_STEP, drive: ArrayLike = 0.0
+    model: RigModel,
+    mode: int,
+    start: AnyState,
+    t: ArrayLike,
+    max_step: float = MAX_STEP,
+    drive: ArrayLike = 0.0,
 ) -> NDArray[np.float64]:
     """Simulate a swing from a full state, which allows piecewise computation.
 
@@ -157,14 +169,23 @@ def integrate(
         drive: as for `simulate_arm`
 
     Returns:
-        (n, 6 + internal) states in the order of `RigState`; nan after the swing becomes non-finite
+        (n, 6 + internal) states in the order of `RigState`, or with three more columns in that of `GearedState` if the
+        arm's gear has backlash; nan after the swing becomes non-finite
 
     Raises:
         ValueError: instants that do not increase.
     """
     step, count = steps_between(t, max_step)
     drives = np.broadcast_to(np.asarray(drive, dtype=np.float64), step.shape).copy()
-    return _swing(model, mode, start, np.asarray(t, dtype=np.float64), step, count, drives)
+    t = np.asarray(t, dtype=np.float64)
+    if isinstance(start, RigState):
+        if not (mode == FREE and model.required.play0):
+            return _swing(model, mode, start, t, step, count, drives)
+        start = GearedState(*start, start.theta0, start.omega0, 0.0)
+    model = model._replace(required=model.required._replace(drive0=False))
+    states = np.full((len(t), len(as_row(start))), np.nan)
+    _geared_swing(model, mode, start, t, step, count, drives, states)
+    return states
 
 
 @njit
@@ -187,6 +208,29 @@ def _swing(
             states[i] = np.nan
             break
     return states
+
+
+@njit
+def _geared_swing(
+    model: RigModel,
+    mode: int,
+    start: GearedState,
+    t: NDArray[np.float64],
+    step: NDArray[np.float64],
+    count: NDArray[np.int64],
+    drives: NDArray[np.float64],
+    states: NDArray[np.float64],
+) -> None:
+    x = start
+    for i in range(len(step)):
+        for k in range(count[i]):
+            x = stepped_with_gear(t[i - 1] + k * step[i], x, step[i], model, mode, drives[i - 1])
+        _write(RigState(x.theta0, x.theta1, x.theta2, x.omega0, x.omega1, x.omega2, x.internal), states[i])
+        motor = 6 + len(x.internal)
+        states[i, motor], states[i, motor + 1], states[i, motor + 2] = x.motor_angle, x.motor_speed, x.owed
+        if not np.isfinite(states[i]).all():
+            states[i] = np.nan
+            break
 
 
 @subroutine

@@ -1,6 +1,9 @@
 """Backlash between a joint and its encoder: a loose coupling, a worn key, or a gear with the encoder at its motor."""
 
-from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter, InternalState, Params
+from typing import NamedTuple
+
+from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter, InternalState, Params, shape
+from dpr_lab.effects.elementary import exp
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.effects.stages import StageName
 from dpr_lab.kernels import inlined
@@ -13,20 +16,55 @@ def play(angle: float, held: float, play_rad: float) -> float:
     return min(max(held, angle - half), angle + half)
 
 
-@inlined
-def driven_play(angle: float, held: float, drift: float, play_rad: float) -> float:
-    """Angle held by an encoder at the motor, which turns by `drift` while the gear transmits no torque, rad."""
-    return play(angle, held + drift, play_rad)
+class Motor(NamedTuple):
+    """Motor behind the backlash of a gear, as seen at the arm."""
+
+    angle: float
+    """Angle, rad."""
+    speed: float
+    """Speed, rad/s."""
+    inertia: float
+    """Moment of inertia, kg m^2."""
+    loose: float
+    """1 inside the backlash, where the gear transmits no torque; 0 in contact."""
 
 
 @inlined
-def unloaded_turn(impulse: float, friction: float) -> float:
-    """Rotation, rad, of a motor without inertia and load: impulse of its torque, N m s, viscous friction, N m s/rad."""
-    return impulse / max(friction, 1e-12)
+def geared_motor(
+    angle: float,
+    speed: float,
+    held: float,
+    turning: float,
+    elapsed: float,
+    torque: float,
+    inertia: float,
+    friction: float,
+    play_rad: float,
+    motor_share: float,
+) -> Motor:
+    """Motor after the time `elapsed`, s, under its torque, N m: J dw/dt = torque - friction w, solved exactly.
+
+    At an end of the backlash it takes the speed of the arm. `angle` and `speed` are those of the arm then, `held` and
+    `turning` those of the motor before, rad and rad/s; `inertia` and `friction` are those of arm and motor together.
+    """
+    motor_inertia = min(max(motor_share, 1e-6), 0.9) * inertia
+    rate = max(friction / motor_inertia, 1e-3)
+    decay = exp(-rate * elapsed)
+    lasting = (1.0 - decay) / rate
+    free = held + turning * lasting + torque / motor_inertia * (elapsed - lasting) / rate
+    reached = play(angle, free, play_rad)
+    alone = turning * decay + torque / motor_inertia * lasting
+    loose = abs(reached - angle) < 0.5 * abs(play_rad) * (1.0 - 1e-9)
+    return Motor(reached, alone if reached == free else speed, motor_inertia, 1.0 if loose else 0.0)
 
 
 def _hidden(params: Params) -> float:
     return params["play_rad"]
+
+
+def _longest_step(params: Params, *, longest_s: float = 1.25e-3) -> float:
+    """The mode of the gear is that at the start of a step, so that a long step delays contacts."""
+    return longest_s
 
 
 def _tightened(params: Params, rig: RigConstants, joint: int) -> str:
@@ -77,15 +115,19 @@ BACKLASH_JOINT0 = Effect(
     name="backlash_joint0",
     words="backlash of the arm's gear, with the encoder at the motor",
     equation=(
-        "encoder 0 reads the angle h of the motor: c0 dh/dt = tau, the known torque, while |q0 - h| < x / 2; then the"
-        " motor pushes the arm. Without a drive h is constant inside the backlash"
+        "encoder 0 reads the angle h of the motor, with the inertia J = share A and all viscous friction of the arm:"
+        " J d^2h/dt^2 = tau - c0 dh/dt while |q0 - h| < x / 2, and the arm is free; at the ends both turn as one"
     ),
-    parameters=_PARAMETERS,
+    parameters=(
+        *_PARAMETERS,
+        shape("motor_share", "1", 0.02, (0.005, 0.03, 0.18), draw=(0.005, 0.2), continuous=True),
+    ),
     site="sensor",
     stage="play0",
-    kernel=driven_play,
+    kernel=geared_motor,
     joints=(ARM,),
-    internal=(InternalState("lag", "rad"),),
+    internal=(InternalState("lag", "rad"), InternalState("slip", "rad/s")),
+    longest_step=_longest_step,
     hides_step=_hidden,
     remedy=_tightened,
     quantities=(BenchQuantity("backlash of the gear", "x", ("play_rad",), definition="as an angle of the arm"),),
@@ -93,6 +135,5 @@ BACKLASH_JOINT0 = Effect(
         "Hold the arm and turn the motor's shaft by hand to either side: the encoder counts through the backlash."
         " Friction, in contrast, resists the motion of the arm but the encoder counts it at once."
     ),
-    source=f"{_SOURCE} Motor without inertia: Nordin & Gutman (2002), Controlling mechanical systems with backlash - a"
-    " survey, Automatica 38, 1633.",
+    source="Nordin & Gutman (2002), Controlling mechanical systems with backlash - a survey, Automatica 38, 1633.",
 )

@@ -40,7 +40,7 @@ LAG0, LAG1, LAG2 = (
     for stage in ("play0", "play1", "play")
 )
 """Indices of the backlash states of the arm, joint 1 and joint 2: angle held by the encoder minus that of its joint,
-rad.
+rad. That of the arm is followed by the speed of its motor relative to the arm, rad/s.
 """
 
 ARM = next((i for i, (effect, _) in enumerate(_STATES) if effect.stage == "arm"), len(INTERNAL))
@@ -185,8 +185,10 @@ held_angle = scalar_stage("play")
 held_angle1 = scalar_stage("play1")
 """(angle1, hold1, params, active) -> the same of joint 1."""
 
-held_angle0 = scalar_stage("play0")
-"""(angle0, hold0, drift0, params, active) -> the same of the arm, whose motor has turned by `drift0` without load."""
+geared_motor0 = scalar_stage("play0")
+"""(angle0, speed0, hold0, motor_speed0, elapsed0, motor_torque0, geared_inertia, geared_friction, params, active) ->
+fields of `dpr_lab.effects.backlash.Motor`.
+"""
 
 input_delay = scalar_stage("input")
 """(late, params, active) -> delay of the known torques, s; `late` without effects."""

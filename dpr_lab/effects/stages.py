@@ -22,7 +22,8 @@ an argument or a local variable, the lane version a row of the workspace.
     encoder0    encoder                            the same of the arm's encoder
     play        angle, held                        angle that the encoder of joint 2 holds, rad
     play1       angle, held                        the same of joint 1
-    play0       angle, held, drift                 the same of the arm, whose motor has a drift of its own, rad
+    play0       angle, speed, held, turning,       Motor behind the backlash of the arm's gear
+                elapsed, torque, inertia, friction
     input                                          delay of the known torques, s
     transition  state, displacement                internal state after a displacement of the joint
 
@@ -109,12 +110,12 @@ def _held_arm() -> Stage:
     )
 
 
-def _play(joint: int, *drift: str) -> Stage:
-    """The angle that the encoder of a joint holds, with the drift of a motor."""
+def _play(joint: int) -> Stage:
+    """The angle that the encoder of a joint holds."""
     angle, hold = f"angle{joint}", f"hold{joint}"
     return Stage(
-        arguments=", ".join((angle, hold, *drift)),
-        quantities={"angle": "{angle#}", "held": "{hold#}", "drift": "{drift#}"},
+        arguments=f"{angle}, {hold}",
+        quantities={"angle": "{angle#}", "held": "{hold#}"},
         results={angle: f"{{{angle}}}"},
         combine=_each("{angle#} = x"),
         returns=f"{{{angle}}}",
@@ -194,7 +195,21 @@ STAGES: dict[str, Stage] = {
     ),
     "play": _play(2),
     "play1": _play(1),
-    "play0": _play(0, "drift0"),
+    "play0": Stage(
+        arguments="angle0, speed0, hold0, motor_speed0, elapsed0, motor_torque0, geared_inertia, geared_friction",
+        quantities={
+            "angle": "{angle0}",
+            "speed": "{speed0}",
+            "held": "{hold0}",
+            "turning": "{motor_speed0}",
+            "elapsed": "{elapsed0}",
+            "torque": "{motor_torque0}",
+            "inertia": "{geared_inertia}",
+            "friction": "{geared_friction}",
+        },
+        results={"hold0": "{hold0}", "motor_speed0": "{motor_speed0}", "motor_inertia0": "0.0", "loose0": "0.0"},
+        combine=_each("{hold0}, {motor_speed0}, {motor_inertia0}, {loose0} = x"),
+    ),
     "input": Stage(
         arguments="late",
         quantities={},

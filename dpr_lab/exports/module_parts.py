@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dpr_lab.dynamics.encoder_errors import read_at
+from dpr_lab.dynamics.lanes.interpolation import cubic
 from dpr_lab.dynamics.step import RigModel, RigState, accelerations_at, stepped
 from dpr_lab.effects import EFFECTS, SLICES
 from dpr_lab.effects.effect_kernels import (
@@ -26,8 +27,8 @@ from dpr_lab.effects.effect_kernels import (
     effect_torques,
     encoder_errors,
     free_arm_model,
+    geared_motor0,
     held_angle,
-    held_angle0,
     held_angle1,
     input_delay,
     internal_after,
@@ -57,22 +58,16 @@ FOLDED = {
     "encoder_errors": encoder_errors,
     "held_angle": held_angle,
     "held_angle1": held_angle1,
-    "held_angle0": held_angle0,
+    "geared_motor0": geared_motor0,
     "internal_after": internal_after,
 }
 """Functions that iterate over all effects; in an export they contain only its effects."""
 
 _USED = {"RigModel": RigModel, "RigState": RigState, "accelerations_at": accelerations_at, "stepped": stepped}
 _USED |= {kind.__name__: kind for kind in (BaseParameters, RigConstants, ArmModel, Requirements)}
-_USED |= {"read_at": read_at}
+_USED |= {"read_at": read_at, "cubic": cubic}
 
 SWING = '''
-def cubic(u, h, y0, v0, y1, v1):
-    """Cubic Hermite polynomial through y0, y1 with slopes v0, v1 over a step h, at the fraction u of the step."""
-    v = 1.0 - u
-    return v * v * ((1.0 + 2.0 * u) * y0 + u * h * v0) + u * u * ((3.0 - 2.0 * u) * y1 - v * h * v1)
-
-
 MODEL = {model}
 START = {internal!r}  # internal states of the effects at the release
 
@@ -129,7 +124,7 @@ class Swing:
     def angles(self, t):
         """Angles of joints 1, 2 (as its encoder measures it) and 0, by the cubic polynomial of a step."""
         if not self.steps:
-            return self.x.theta1, self.x.theta2 - {relative2!r} * self.x.theta1, self.x.theta0
+            return self.x.theta1, self.x.theta2 - {relative2!r} * self.x.theta1, self.arm(self.x)[0]
         if t > self.t:  # the clock of the device is slow
             ahead = copy(self)
             ahead.starts, ahead.steps = self.starts[-1:], self.steps[-1:]
@@ -140,8 +135,12 @@ class Swing:
         share = (t - self.starts[i]) / h
         theta1 = cubic(share, h, old.theta1, old.omega1, new.theta1, new.omega1)
         theta2 = cubic(share, h, old.theta2, old.omega2, new.theta2, new.omega2)
-        theta0 = cubic(share, h, old.theta0, old.omega0, new.theta0, new.omega0)
+        theta0 = cubic(share, h, *self.arm(old), *self.arm(new))
         return theta1, theta2 - {relative2!r} * theta1, theta0
+
+    def arm(self, x):
+        """Angle and speed that the encoder of the arm reads."""
+        return x.theta0, x.omega0
 
     def state(self):
         """(4,) theta1, theta2, omega1, omega2."""

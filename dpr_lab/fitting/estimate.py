@@ -45,6 +45,8 @@ class DifferenceSteps:
     """Relative increment of the Coulomb friction of an arm. A smaller increment changes the swing less than the
     division of the integration steps at changes of direction does.
     """
+    geared: float = 1.0
+    """Relative increment of a backlash with a motor behind it, which would cross a much smaller one within a step."""
     shape: float = 1e-5
     """Relative increment of a shape parameter: a frequency error of 1e-3 gives a phase error after ten seconds."""
     least_ratio: float = 1e-2
@@ -254,6 +256,7 @@ def effect_parameters(
         if amplitude:
             upper = np.inf if limits is None else float(limits[index])
             step = steps.dry_arm if effect.dry and effect.of_arm else steps.amplitude
+            step = steps.geared if effect.stage == "play0" else step
             lower = 0.0 if parameter.sign == "positive" else -upper
         elif refined and parameter.continuous:
             step, lower, upper = steps.shape, steps.least_shape * parameter.scan[0], np.inf

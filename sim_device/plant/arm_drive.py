@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.simulate import as_state
-from dpr_lab.dynamics.step import RigState
+from dpr_lab.dynamics.moving_arm.geared_motor import AnyState
+from dpr_lab.dynamics.simulate import as_row, as_state
 from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.errors import ConfigError
 from dpr_lab.whole_file import regular
@@ -23,7 +23,7 @@ from sim_device.random_streams import RandomStream
 
 Array = NDArray[np.float64]
 
-Move = Callable[[RigState, Array, Array], Array]
+Move = Callable[[AnyState, Array, Array], Array]
 """(state at t[0], t (n,), torques (n - 1, 1) of the arm, N m) -> (n, 6 + internal) states."""
 
 
@@ -77,7 +77,7 @@ class ArmDrive:
         return self.config.unit_micro * 1e-6
 
     def block(
-        self, move: Move, state: RigState, t: Array, ticks: int, rate_hz: float, asked: Array
+        self, move: Move, state: AnyState, t: Array, ticks: int, rate_hz: float, asked: Array
     ) -> tuple[Array, Array]:
         """Move the rig over some ticks.
 
@@ -96,7 +96,7 @@ class ArmDrive:
         if self.config.program != "pd" or self.table is not None:
             asked = np.append(asked, self._program(np.arange(first, first + ticks) / rate_hz))
             return move(state, t, np.repeat(self._acting(asked, ticks, rate_hz), looks)[:, None]), asked
-        states = [np.array([[*state[:6], *state.internal]])]
+        states = [as_row(state)[None]]
         for tick in range(ticks):
             asked = np.append(asked, self._controlled(state, len(asked) / rate_hz))
             torques = np.repeat(self._acting(asked, 1, rate_hz), looks)[:, None]
@@ -136,7 +136,7 @@ class ArmDrive:
         now, before = given[late:][:count], given[late - 1 :][:count]
         return self.config.torque_per_input * self.unit * ((1.0 - part) * now + part * before)
 
-    def _controlled(self, state: RigState, t: float) -> float:
+    def _controlled(self, state: AnyState, t: float) -> float:
         """Input of the controller, which turns the arm towards the program's angle."""
         return float(self.config.kp * (self._program(t) - state.theta0) - self.config.kd * state.omega0)
 

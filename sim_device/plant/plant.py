@@ -12,18 +12,17 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.arm import CLAMPED, ArmParameters
 from dpr_lab.dynamics.base import RATIOS, base_parameters, loaded, ratios
 from dpr_lab.dynamics.encoder_errors import apply_encoder_errors, arm_lateness, held_along, read_at
+from dpr_lab.dynamics.moving_arm.geared_motor import AnyState
 from dpr_lab.dynamics.rig_constants import constants_of_run, rig_constants
-from dpr_lab.dynamics.simulate import as_state, at_release, integrate, rig_model
-from dpr_lab.dynamics.step import RigModel, RigState, model_with
+from dpr_lab.dynamics.simulate import as_row, as_state, at_release, integrate, rig_model
+from dpr_lab.dynamics.step import RigModel, model_with
 from dpr_lab.effects import EFFECTS, effect_params, param_index
-from dpr_lab.effects.backlash import unloaded_turn
 from dpr_lab.effects.detent import DETENT_JOINT1, DETENT_JOINT2
 from dpr_lab.effects.mounted import effects_of_run
 from dpr_lab.effects.spring import SPRING
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import JOINTS, PARAMETERS, Rig
 from dpr_lab.setup import Setup, Torques
-from sim_device.plant.arm_drive import Move
 from sim_device.plant.config import PlantConfig
 from sim_device.plant.mount import AT_REST, Yielding
 
@@ -69,8 +68,6 @@ class Block(NamedTuple):
     """(n, 6 + internal) states, as of `RigState`."""
     asked: Theta
     """(ticks,) inputs that the program of the arm requested; zeros without a drive."""
-    torques: Theta
-    """(n - 1,) torques of the drive on the arm from each instant to the next, N m; zeros without a drive."""
 
 
 def hung(Z: NDArray[np.float64], setup: Setup) -> NDArray[np.float64]:
@@ -113,7 +110,7 @@ class Plant:
         self.arm_delay = 0.0
         """Delay of the reading of the arm after that of joint 1, s."""
         self.has_play = False
-        """Whether an encoder has play."""
+        """Whether the encoder of a rod has play."""
         self.mount: Yielding | None = None
         """The mount, if it is compliant."""
         if config.mount is not None:
@@ -136,7 +133,7 @@ class Plant:
         self.pace = read_at(1.0, model)[0]
         self.delay = float(np.subtract(*read_at(0.0, model)))
         self.arm_delay = arm_lateness(model)
-        self.has_play = model.required.play or model.required.play1 or model.required.play0
+        self.has_play = model.required.play or model.required.play1
         if not max(abs(self.delay), abs(self.arm_delay)) < BLOCK_TIME:
             effects = self.config.effects
             timing = [name for name in effects if EFFECTS[name].stage in ("timing", "timing0")]
@@ -184,7 +181,7 @@ class Plant:
         """(n, 3) final counts; unchanged here."""
         return counts
 
-    def start(self, theta: Theta, omega: Theta) -> RigState:
+    def start(self, theta: Theta, omega: Theta) -> AnyState:
         """The state of rods released at theta, omega (3,); a clamped arm does not move."""
         at_rest = 0.0 if self._moving[1] == CLAMPED else float(omega[0])
         return at_release([*theta, at_rest, omega[1], omega[1 if self._setup.held else 2]])
@@ -193,17 +190,17 @@ class Plant:
         """(n, 6) angles and speeds at the instants `t` (n,) of a swing with theta, omega (3,) at t[0]."""
         return self.goes_on(self.start(theta, omega), t)[:, : 2 * JOINTS]
 
-    def goes_on(self, state: RigState, t: Theta) -> NDArray[np.float64]:
+    def goes_on(self, state: AnyState, t: Theta) -> NDArray[np.float64]:
         """(n, 6 + internal) states, as of `RigState`, at true times `t` (n,) since the release; `state` is at t[0]."""
         return integrate(*self._moving, state, t, MAX_STEP)
 
-    def driven_on(self, state: RigState, t: Theta, torques: Theta) -> NDArray[np.float64]:
+    def driven_on(self, state: AnyState, t: Theta, torques: Theta) -> NDArray[np.float64]:
         """Like `goes_on`, under torques (n - 1, ...) that are constant from each instant to the next, N m."""
         if self.config.arm_drive is not None:  # torques (n - 1, 1) of the arm
             return integrate(*self._moving, state, t, MAX_STEP, np.append(torques[:, 0], 0.0))
         changes = 1 + np.flatnonzero((np.diff(torques, axis=0) != 0).any(axis=1))
         (model, mode), ripple = self._driven, np.array(self.config.drives.ripple)
-        states = [np.array([[*state[:6], *state.internal]])]
+        states = [as_row(state)[None]]
         for first, last in pairwise([0, *changes.tolist(), len(torques)]):
             params = model.params.copy()
             params[CONSTANT] += torques[first]
@@ -226,6 +223,12 @@ class Plant:
                 pushed[RIPPLE_ORDER[joint]] = still[RIPPLE_ORDER[joint]] = self.config.drives.ripple_order
         return model_with(model.base, model.constants, model.arm, pushed)._replace(params=still), mode
 
+    def at_encoders(self, states: Theta) -> Theta:
+        """(n, ...) states with the angle and speed of the arm's motor, which its encoder reads, as those of the arm."""
+        if not self._moving[0].required.play0 or self._moving[1] == CLAMPED:
+            return states
+        return np.column_stack([states[:, -3], states[:, 1:JOINTS], states[:, -2], states[:, JOINTS + 1 :]])
+
     def joint2(self, theta1: Theta, theta2: Theta) -> Theta:
         """Angle of joint 2 as read by its encoder, rad."""
         return theta2 - self._constants.relative2 * theta1
@@ -234,14 +237,9 @@ class Plant:
         """(n, 3) absolute angles with another angle of joint 2, (n,) as read by its encoder, rad."""
         return np.column_stack([theta[:, :2], angle2 + self._constants.relative2 * theta[:, 1]])
 
-    def held(self, angles: Theta, torques: Theta, t: Theta, hold: Theta) -> Theta:
-        """(n, 3) angles of encoders with play while their joints move through `angles`: joints 1, 2 and the arm, rad.
-
-        `torques` (n - 1,) act on the arm from each of the instants `t` (n,) to the next, N m.
-        """
-        model = self._moving[0]
-        turns = [unloaded_turn(x * h, model.arm.friction) for x, h in zip(torques, np.diff(t), strict=True)]
-        return held_along(angles, np.array([0.0, *turns]), hold, model)
+    def held(self, angles: Theta, hold: Theta) -> Theta:
+        """(n, 2) angles of encoders with play while joints 1 and 2 move through `angles`, rad."""
+        return held_along(angles, hold, self._moving[0])
 
     def misread(self, theta: Theta, t: Theta, run: int) -> Theta:
         """(n, 3) angles with encoder errors at the device times `t` (n,) since the release number `run`."""
@@ -308,28 +306,18 @@ def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Dri
         yield from (np.column_stack([block.states[:-1:looks, :JOINTS], block.asked]) for block in blocks)
     looks = _fine(rate_hz)
     blocks = _blocks(plant, theta, omega, rate_hz, looks, driven)
-    hold = np.array([theta[1], plant.joint2(theta[1], theta[2]), theta[0]])
+    hold = np.array([theta[1], plant.joint2(theta[1], theta[2])])
     around = [next(blocks), next(blocks)]
     this = 0
     while True:
-        t, states, asked, torques = around[this]
+        t, states, asked = around[this]
         angle0 = _seen_at(around, lambda rows: rows[:, 0], t - plant.arm_delay) if plant.arm_delay else states[:, 0]
-        angles = np.column_stack([states[:, 1], _joint2_at(plant, around, t - plant.delay), angle0])
-        held = plant.held(angles, torques, t, hold)
+        held = plant.held(np.column_stack([states[:, 1], _joint2_at(plant, around, t - plant.delay)]), hold)
         hold = held[-1]
-        yield np.column_stack([plant.with_joint2(held[:-1:looks, [2, 0]], held[:-1:looks, 1]), asked])
+        theta01 = np.column_stack([angle0, held[:, 0]])[:-1:looks]
+        yield np.column_stack([plant.with_joint2(theta01, held[:-1:looks, 1]), asked])
         around = [*around[-2:], next(blocks)]
         this = 1
-
-
-def _noted(plant: Plant, acted: list[Theta]) -> Move:
-    """`Plant.driven_on` that adds the torques of the arm to a list."""
-
-    def move(state: RigState, t: Theta, torques: Theta) -> Theta:
-        acted.append(torques[:, 0])
-        return plant.driven_on(state, t, torques)
-
-    return move
 
 
 def _fine(rate_hz: float) -> int:
@@ -360,16 +348,16 @@ def _blocks(
     instants = np.arange(ticks * looks + 1) / (rate_hz * looks)
     state, first, moved, asked = plant.start(theta, omega), 0, AT_REST, np.zeros(0)
     while True:
-        t, acted = first / rate_hz + instants, [np.zeros(0)]
+        t = first / rate_hz + instants
         if plant.mount is not None:
             torques, moved = plant.mount.torques(t, plant.goes_on(state, t), moved)
             states = plant.driven_on(state, t, torques)
         elif driven is None:
             states = plant.goes_on(state, t)
         elif plant.config.arm_drive is not None:
-            states, asked = driven(_noted(plant, acted), state, t, ticks, asked=asked)
+            states, asked = driven(plant.driven_on, state, t, ticks, asked=asked)
         else:
             states = plant.driven_on(state, t, np.repeat(driven(first, ticks), looks, axis=0))
-        torques = np.concatenate(acted) if len(acted) > 1 else np.zeros(len(t) - 1)
-        yield Block(t, states, asked[first:] if len(asked) else np.zeros((len(states) - 1) // looks), torques)
+        requested = asked[first:] if len(asked) else np.zeros((len(states) - 1) // looks)
+        yield Block(t, plant.at_encoders(states), requested)
         state, first = as_state(states[-1]), first + ticks

@@ -77,11 +77,11 @@ def test_pairs_with_internal_states_pass_them_on():
 
 
 def test_internal_states_that_are_held_still():
-    given = RNG.uniform(-1, 1, (6, len(INTERNAL))) * [1, 1, 1e-3, 1e-3, 1e-2, 1, 1e-3, 1e-3]
+    given = RNG.uniform(-1, 1, (6, len(INTERNAL))) * [1, 1, 1e-3, 1e-3, 1e-2, 1, 1e-3, 1e-3, 1e-3]
     for _ in compare(np.array([typical(*REMEMBERING)]), internal=given):
         pass
     for _ in compare(
-        np.array([typical("hysteresis_joint1")]), internal=given * [1, 1, 1, 0, 0, 1, 1, 1]
+        np.array([typical("hysteresis_joint1")]), internal=given * [1, 1, 1, 0, 0, 1, 1, 1, 1]
     ):  # its arm is held
         pass
 

@@ -1,21 +1,24 @@
 """What every effect at a free or driven arm keeps to, and what the lanes make of an arm."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dpr_lab.dynamics.arm import FREE, ArmParameters
+from dpr_lab.dynamics.arm import FREE, ArmParameters, mass_matrix, with_gravity
 from dpr_lab.dynamics.base import whole_parameters
 from dpr_lab.dynamics.moving_arm.swing import arm_segments, swing_segments
 from dpr_lab.dynamics.prediction import predict
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
-from dpr_lab.dynamics.simulate import simulate_arm
+from dpr_lab.dynamics.simulate import at_release, integrate, rig_model, simulate_arm
+from dpr_lab.dynamics.step import motion_of
 from dpr_lab.effects import EFFECTS, OF_ARM, effect_params, param_index
 from dpr_lab.effects.limits import amplitude_limits, oversized
 from dpr_lab.effects.mounted import effects_of_run
-from dpr_lab.effects.quantities import BaseParameters
+from dpr_lab.effects.quantities import ArmModel, BaseParameters
 from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
 from tests.arm_engine import drawn_plant, rig_of, swing
@@ -176,32 +179,58 @@ def test_names_of_the_arm_end_with_its_joint():
     assert all(EFFECTS[name].joints == (-1,) for name in OF_ARM)
 
 
-@pytest.mark.parametrize("torque", [PUSH, None])
-def test_backlash_of_the_arm_s_gear_is_a_play_operator_that_the_motor_moves(torque):
-    play, arm = 0.04, {"free_arm": {"inertia_kgm2": INERTIA, "viscous_Nms": VISCOUS}}
-    laid_out = driven() if torque is not None else segments([T], setups=[Setup(arm_moves=True)], step=1e-3)
-    fine = T[0] - 0.02 + 1e-3 * np.arange(round(1e3 * (T[-1] - T[0] + 0.02)) + 1)
-    setup = laid_out.setups[0]
-    motion = predict(
-        BASE, effect_params(arm), CONSTANTS, segments([fine[20:]], setups=[setup], step=1e-3), START, arm=True
-    )[:, 2]
-    turn = (
-        np.zeros(len(motion)) if torque is None else np.diff(np.interp(fine[19:], *setup.torques.arm_knots)) / VISCOUS
-    )
-    held, angle = np.empty(len(motion)), motion[0] - play / 2
-    for k, q in enumerate(motion):
-        angle = held[k] = min(max(angle + turn[k], q - play / 2), q + play / 2)
-    found = read({"backlash_joint0": {"play_rad": play}}, laid_out)[:, 2]
-    late = np.s_[40:]  # by then the first flank does not count
-    np.testing.assert_allclose(found[late], held[::5][: len(found)][late], atol=2e-3 * play)
-    assert np.abs(found - motion[::5][: len(found)]).max() == pytest.approx(play / 2, rel=1e-3)
+def motor_state(effects, t, torque, viscous=VISCOUS):
+    """(n, 3) angle of the motor, its speed and the owed impulse, and (n, 6) states, by the scalar steps."""
+    arm = ArmParameters(INERTIA - sum(RIG.nominal[2:5]) * CONSTANTS.L0**2, viscous, mode="free")
+    frame = CONSTANTS.L0, CONSTANTS.L1, CONSTANTS.g
+    model, mode = rig_model(RIG.nominal, frame, arm, effect_params(effects), CONSTANTS)
+    states = integrate(model, mode, at_release(START[0, [4, 0, 1, 5, 2, 3]]), t, 1e-3, torque)
+    return states[:, -3:], states[:, :6]
+
+
+@pytest.mark.parametrize(
+    "more", [{}, {"torque_scale_joint0": {"excess": 0.2}}, {"coulomb_joint0": {"torque_Nm": 0.05}}]
+)
+@pytest.mark.parametrize("share", [0.003, 0.1])
+def test_the_motor_behind_backlash_moves_alike_in_lanes_and_scalar_steps(share, more):
+    effects = {"backlash_joint0": {"play_rad": 0.04, "motor_share": share}} | more
+    t, torque = held_torque()
+    motor, states = motor_state(effects, t, torque)
+    found = read(effects)
+    np.testing.assert_allclose(found[:, 2], motor[20::5, 0], atol=1e-5)
+    np.testing.assert_allclose(found[:, 0], states[20::5, 1], atol=1e-5)
+    assert np.abs(motor[:, 0] - states[:, 0]).max() == pytest.approx(0.02, rel=1e-6)
+
+
+def test_a_motor_behind_backlash_conserves_momentum_and_loses_energy_at_impacts():
+    share, t = 0.2, 1e-3 * np.arange(1500)
+    motor, states = motor_state({"backlash_joint0": {"play_rad": 0.1, "motor_share": share}}, t, 0.0, viscous=0.0)
+    base = with_gravity(BASE[:6], CONSTANTS.L1, CONSTANTS.g)
+    arm = ArmModel((1.0 - share) * INERTIA, CONSTANTS.L0 / CONSTANTS.g, 0.0, 0.0)
+    momentum, energy = [], []
+    for (_, speed, owed), x in zip(motor, states, strict=True):
+        motion = motion_of(0.0, x[:3], x[3:], (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+        M00, M01, M02 = mass_matrix(motion, base, arm)
+        w0, w1, w2 = x[3:]
+        momentum.append(M00 * w0 + M01 * w1 + M02 * w2 + share * INERTIA * speed + owed)
+        kinetic = base.a * w1**2 + base.b * w2**2 + 2 * base.d * np.cos(x[1] - x[2]) * w1 * w2
+        kinetic += w0 * (M00 * w0 + 2 * M01 * w1 + 2 * M02 * w2) + share * INERTIA * speed**2
+        energy.append(0.5 * kinetic + base.e1 * np.cos(x[1]) + base.e2 * np.cos(x[2]))
+    loose = np.abs(motor[:, 0] - states[:, 0]) < 0.05 * (1 - 1e-9)
+    assert np.sum(np.diff(loose.astype(int)) < 0) > 3  # impacts
+    np.testing.assert_allclose(momentum, momentum[0], atol=1e-5 * np.abs(momentum).max() + 1e-6)
+    settled = np.array(energy)[np.abs(motor[:, 2]) < 1e-7]  # not in the step between an impact and its reaction
+    assert len(settled) > 0.9 * len(energy)
+    assert (np.diff(settled) < 1e-5 * abs(energy[0])).all()
+    assert settled[-1] < settled[0] - 0.01 * abs(energy[0])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("both", [True, False])
 @pytest.mark.parametrize("mode", ["free", "driven"])
-def test_backlash_of_the_arm_s_gear_is_that_of_a_light_motor_in_mujoco(both, mode):
-    plant = drawn_plant(np.random.default_rng(3), both, "backlash_joint0", 1.0, 0.2)
+def test_backlash_of_the_arm_s_gear_is_that_of_a_motor_in_mujoco(both, mode):
+    rotor = 0.3 if both else 0.01
+    plant = replace(drawn_plant(np.random.default_rng(3), both, "backlash_joint0", 1.0, 0.2), rotor=rotor)
     rig, t = rig_of(plant, mode), 2e-3 * np.arange(1000)
     u = 0.2 * np.sin(7.0 * t + 0.3) + 0.06 * np.sign(np.sin(11.0 * t)) if mode == "driven" else np.zeros(len(t))
     start = np.array([0.0, 4.4, 3.6 if both else 4.4, 0.0 if mode == "driven" else 1.0, 0.0, 0.0])
@@ -209,16 +238,11 @@ def test_backlash_of_the_arm_s_gear_is_that_of_a_light_motor_in_mujoco(both, mod
     constants = rig_constants(rig)
     setup = Setup(rig.rods.mounting, torques=Torques(t, np.zeros((len(t), 2)), on_arm=u), arm_moves=True)
     base = whole_parameters(rig.nominal, constants.L1, constants.g)
-    arm = {"free_arm": {"inertia_kgm2": plant.A, "viscous_Nms": plant.c0}}
-
-    def gap(effects):
-        laid_out = segments([t[10:]], setups=[setup], step=1e-3)
-        initial = [[start[1], start[2], 0.0, 0.0, 0.0, start[3]]]
-        return np.std(
-            predict(base, effect_params(arm | effects), constants, laid_out, initial, arm=True)[:, 2] - expected
-        )
-
-    assert gap({"backlash_joint0": plant.size}) < 0.5 * gap({})
+    arm = {"free_arm": {"inertia_kgm2": plant.A + plant.rotor * plant.J0, "viscous_Nms": plant.c0}}
+    backlash = {"backlash_joint0": {**plant.size, "motor_share": plant.motor_share}}
+    laid_out, initial = segments([t[10:]], setups=[setup], step=1e-3), [[start[1], start[2], 0.0, 0.0, 0.0, start[3]]]
+    found = predict(base, effect_params(arm | backlash), constants, laid_out, initial, arm=True)[:, 2]
+    assert np.std(found - expected) < 3e-4 * (4 if both else 1)  # 0.3 mrad is the noise of its encoder
 
 
 def test_a_saturated_drive_is_no_larger_than_any_rig_and_a_huge_friction_is():

@@ -1,13 +1,8 @@
 """Probability of a cause outside the library: by the remaining share, its size, and the share of the effect."""
 
-from types import SimpleNamespace
-from typing import Any
-
 import pytest
 
-from dpr_lab.gap.classes.posterior import CALIBRATION, odds_outside, outside
-from dpr_lab.gap.conclusion.notes import motor_in_backlash
-from dpr_lab.gap.which.selected import Selection
+from dpr_lab.gap.classes.posterior import CALIBRATION, odds_outside
 
 
 def test_even_odds_where_a_remainder_as_large_as_the_noise_is_the_stated_share():
@@ -41,31 +36,3 @@ def test_a_small_effect_that_another_form_of_a_large_one_explains_as_well_is_uns
     compensating, other = (odds_outside(1e-4, 0.0, unique=0.004, own_share=own) for own in (0.001, 0.5))
     assert 1 / (1 + compensating) < 0.3
     assert 1 / (1 + other) > 0.95
-
-
-def selected(shares: dict[str, float]) -> Selection:
-    """A set of effects with these shares of the gap, which leaves only noise."""
-    noise = SimpleNamespace(effects=tuple(shares), residuals=SimpleNamespace(excess=0.0, z=0.0, noise_ratio=1.0))
-    base = SimpleNamespace(residuals=SimpleNamespace(excess=1.0))
-    without = {name: SimpleNamespace(residuals=SimpleNamespace(excess=share)) for name, share in shares.items()}
-    parts: dict[str, Any] = dict.fromkeys(("fitted", "final_test", "without", "tests_without", "path"))
-    return Selection(**{**parts, "base": base, "chosen": noise, "without_substitute": without, "own_shares": {}})
-
-
-@pytest.mark.parametrize("name", ["input_delay", "hysteresis_joint0", "friction_curve_joint0", "coulomb_joint0"])
-def test_a_small_effect_of_the_arm_next_to_a_backlash_of_its_gear_may_be_the_motor(name: str) -> None:
-    both = selected({"backlash_joint0": 0.9, name: 0.03})
-    assert outside(both, name) >= 0.5
-    assert outside(both, "backlash_joint0") < 0.1
-    assert "cannot separate" in next(motor_in_backlash(both))
-
-
-def test_a_large_effect_one_of_the_rods_or_one_without_a_backlash_is_not_the_motor() -> None:
-    for shares in (
-        {"backlash_joint0": 0.5, "coulomb_joint0": 0.4},
-        {"backlash_joint0": 0.9, "coulomb_joint1": 0.03},
-        {"coulomb_joint0": 0.9, "input_delay": 0.03},
-    ):
-        other = selected(shares)
-        assert outside(other, list(shares)[1]) < 0.1
-        assert not list(motor_in_backlash(other))

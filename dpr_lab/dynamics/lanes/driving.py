@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.arm import levers
 from dpr_lab.dynamics.lanes.workspace import LANES, LaneWorkspace
-from dpr_lab.effects.backlash import unloaded_turn
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.kernels import subroutine
 from dpr_lab.setup import Setup
@@ -121,19 +120,6 @@ def set_torques(w: LaneWorkspace, drive: Drive, run: NDArray[np.int64], knot: ND
         if i >= 0:
             knot[1, k], j = i, _interval(arm, run[k], i, stop)
             w.drive0[k] = (_value(arm, j, stop, 0) - _value(arm, i, start, 0)) / (stop - start)
-
-
-@subroutine
-def unloaded_motor(w: LaneWorkspace, drive: Drive, run: NDArray[np.int64], knot: NDArray[np.int64]) -> None:
-    """Fill the row `drift0`: the arm's motor turns in its backlash between `followed0` and `share` of a step, rad."""
-    arm = drive.arm
-    for k in range(LANES):
-        w.drift0[k] = 0.0
-        since, until = w.old_t[k] - w.late[k] + w.followed0[k] * w.h[k], w.old_t[k] - w.late[k] + w.share[k] * w.h[k]
-        if arm.first[run[k] + 1] > arm.first[run[k]] and w.share[k] <= 1.0:
-            i, j = _interval(arm, run[k], knot[1, k], since), _interval(arm, run[k], knot[1, k], until)
-            impulse = _value(arm, j, until, 0) - _value(arm, i, since, 0)
-            w.drift0[k] = unloaded_turn(impulse, w.friction[k])
 
 
 @subroutine

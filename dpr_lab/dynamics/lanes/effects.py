@@ -96,8 +96,8 @@ hold_angle2 = lane_stage("play")
 hold_angle1 = lane_stage("play1")
 """(w, active): the same for joint 1."""
 
-hold_angle0 = lane_stage("play0")
-"""(w, active): the same for the arm, whose motor has turned by the row `drift0` without load."""
+follow_motor = lane_stage("play0")
+"""(w, active): move the arm's motor within the backlash of its gear by the time in the row `elapsed0`."""
 
 _move_states = lane_stage("transition")
 

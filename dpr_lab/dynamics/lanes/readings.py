@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.lanes.blocks import Buffers, Candidates, LaneBlock, Piece, SegmentArrays
 from dpr_lab.dynamics.lanes.driving import prescribe_arm, set_torques
 from dpr_lab.dynamics.lanes.effects import displaced
+from dpr_lab.dynamics.lanes.interpolation import angle0, angle1, angle2, speed0
 from dpr_lab.dynamics.lanes.samples import (
-    angle0,
-    angle1,
-    angle2,
     read_both,
     read_joint1,
     read_joint2,
@@ -109,7 +107,7 @@ def _read(block: LaneBlock, advance: Any, buffers: Buffers) -> None:
             read_both(w, relative2, required.arm, samples)
         else:
             if required.play1 or required.play0:
-                read_play1(w, required.arm, block.active, drive, buffers.run, buffers.knot, samples)
+                read_play1(w, required.arm, required.play0, block.active, samples)
             else:
                 read_joint1(w, required.arm, samples)
             if required.play:
@@ -161,11 +159,14 @@ def _hand_over(
             if u > 0.0:
                 for n, index in enumerate(STEPPED):
                     after[k, index] = w.moved[n, k]
-                after[k, LAG0] = w.hold0[k] - angle0(w, k, 1.0) if required.play0 else 0.0
+                if required.play0:
+                    after[k, LAG0] = (1.0 - u) * (w.old_hold0[k] - w.old_theta0[k]) + u * (w.hold0[k] - w.theta0[k])
+                    speed = (1.0 - u) * w.old_motor_speed0[k] + u * w.motor_speed0[k]
+                    after[k, LAG0 + 1] = speed - speed0(w, k, u)
                 after[k, LAG1] = w.hold1[k] - angle1(w, k, 1.0) if required.play1 else 0.0
                 after[k, LAG2] = w.hold2[k] - angle2(w, k, 1.0, relative2) if required.play else 0.0
                 after[k, ARM] = angle0(w, k, u)
-                after[k, ARM + 1] = w.old_omega0[k] + u * (w.omega0[k] - w.old_omega0[k])
+                after[k, ARM + 1] = speed0(w, k, u)
             w.handed[k] = np.inf
 
 

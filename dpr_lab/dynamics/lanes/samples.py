@@ -1,12 +1,13 @@
-"""Encoder readings within a step of all lanes, by the cubic polynomial through its ends."""
+"""Encoder readings within a step of all lanes."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.lanes.driving import Drive, unloaded_motor
-from dpr_lab.dynamics.lanes.effects import hold_angle0, hold_angle1, hold_angle2
+from dpr_lab.dynamics.lanes.effects import hold_angle1, hold_angle2
+from dpr_lab.dynamics.lanes.geared_motor import balance_gear, follow
+from dpr_lab.dynamics.lanes.interpolation import angle0, angle1, angle2
 from dpr_lab.dynamics.lanes.workspace import LANES, LaneWorkspace, Row, waits
 from dpr_lab.kernels import subroutine
 
@@ -27,32 +28,6 @@ class LaneSamples(NamedTuple):
     next2: NDArray[np.int64]
     size: NDArray[np.int64]
     """(LANES,) number of samples of the segment; 0 for an idle lane."""
-
-
-@subroutine
-def _cubic(u: float, h: float, y0: float, v0: float, y1: float, v1: float) -> float:
-    """Cubic polynomial through y0, y1 with derivatives v0, v1 over a step of h, at the share u of the step."""
-    v = 1.0 - u
-    return v * v * ((1.0 + 2.0 * u) * y0 + u * h * v0) + u * u * ((3.0 - 2.0 * u) * y1 - v * h * v1)
-
-
-@subroutine
-def angle1(w: LaneWorkspace, k: int, u: float) -> float:
-    """theta1 of lane k at the share u of its step, rad."""
-    return _cubic(u, w.h[k], w.old_theta1[k], w.old_omega1[k], w.theta1[k], w.omega1[k])
-
-
-@subroutine
-def angle2(w: LaneWorkspace, k: int, u: float, relative2: float) -> float:
-    """Angle of joint 2 as read by its encoder, at the share u, rad."""
-    theta2 = _cubic(u, w.h[k], w.old_theta2[k], w.old_omega2[k], w.theta2[k], w.omega2[k])
-    return theta2 - relative2 * angle1(w, k, u)
-
-
-@subroutine
-def angle0(w: LaneWorkspace, k: int, u: float) -> float:
-    """theta0 at the share u, rad."""
-    return _cubic(u, w.h[k], w.old_theta0[k], w.old_omega0[k], w.theta0[k], w.omega0[k])
 
 
 @subroutine
@@ -118,51 +93,47 @@ def read_joint1(w: LaneWorkspace, arm: bool, samples: LaneSamples) -> None:
 
 
 @subroutine
-def read_play1(
-    w: LaneWorkspace,
-    arm: bool,
-    active: NDArray[np.bool_],
-    drive: Drive,
-    run: NDArray[np.int64],
-    knot: NDArray[np.int64],
-    samples: LaneSamples,
-) -> None:
-    """Read joint 1 and the arm through the backlash of their encoders, which is updated at each quarter of the step."""
-    for k in range(LANES):
-        w.followed0[k] = 0.0
+def read_play1(w: LaneWorkspace, arm: bool, geared: bool, active: NDArray[np.bool_], samples: LaneSamples) -> None:
+    """Read joint 1 and the arm through backlash, which is updated at each quarter of the step.
+
+    Args:
+        w: the workspace
+        arm: whether the arm moves
+        geared: whether its encoder reads a motor behind the backlash of a gear
+        active: (effects,) mask of the active effects
+        samples: the samples
+    """
     for quarter in range(1, 5):
         until = 0.25 * quarter
         while shares(w, w.due1, until):
             for k in range(LANES):
                 w.angle1[k] = angle1(w, k, w.share[k])
             hold_angle1(w, active)
-            if arm:
+            if geared:
+                follow(w, active, until)
+                for k in range(LANES):
+                    w.angle0[k] = w.hold0[k] - w.late0[k] * w.motor_speed0[k]
+            elif arm:
                 _read_arm(w)
-                unloaded_motor(w, drive, run, knot)
-                hold_angle0(w, active)
             for k in range(LANES):
                 if w.share[k] <= until:
                     j = samples.next1[k]
                     i = samples.first[k] + j * samples.columns
                     w.hold1[k] = samples.out[i] = w.angle1[k]
-                    if arm:
-                        w.hold0[k], w.followed0[k] = w.angle0[k], w.share[k]
-                        if samples.columns > 2:
-                            samples.out[i + 2] = w.angle0[k]
+                    if arm and samples.columns > 2:
+                        samples.out[i + 2] = w.angle0[k]
                     samples.next1[k] = _after_reading(w.due1, k, samples.t1, j, samples.size[k])
         for k in range(LANES):
             w.share[k], w.angle1[k] = until, angle1(w, k, until)
         hold_angle1(w, active)
-        if arm:
-            for k in range(LANES):
-                w.angle0[k] = angle0(w, k, until)
-            unloaded_motor(w, drive, run, knot)
-            hold_angle0(w, active)
+        if geared:
+            follow(w, active, until)
         for k in range(LANES):
-            w.hold1[k], w.hold0[k], w.followed0[k] = w.angle1[k], w.angle0[k], until
+            w.hold1[k] = w.angle1[k]
+    if geared:
+        balance_gear(w)
     for k in range(LANES):
         w.hold1[k] = angle1(w, k, 1.0) if waits(w, k) else w.hold1[k]
-        w.hold0[k] = angle0(w, k, 1.0) if waits(w, k) else w.hold0[k]
 
 
 @subroutine

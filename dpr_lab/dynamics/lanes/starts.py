@@ -16,6 +16,7 @@ from dpr_lab.effects.effect_kernels import (
     arm_delay,
     arm_model,
     free_arm_model,
+    geared_motor0,
     input_delay,
     internal_sliding,
     reading_shifts,
@@ -49,6 +50,7 @@ def load_track(w: LaneWorkspace, k: int, c: int, r: int, block: LaneBlock) -> No
     w.late[k] = input_delay(0.0, params, block.active)
     w.late0[k] = arm_delay(0.0, params, block.active)
     w.inertia[k], w.friction[k], w.stiffness[k] = arm.inertia, arm.friction, arm.stiffness
+    w.geared_inertia[k], w.geared_friction[k] = arm.inertia, arm.friction
 
 
 @subroutine
@@ -98,6 +100,8 @@ def begin_segment(k: int, piece: Piece, block: LaneBlock, buffers: Buffers) -> N
     w.handed[k] = min(segment_start(until), last1)
     w.t[k], w.h[k], w.step[k] = start, block.segments.step[s], block.segments.step[s]
     _set_state(w, k, block.candidates.initial[c, s], internal, block.rig.relative2)
+    if block.required.play0:
+        _set_motor(w, k, block.candidates.params[c, params_row(int(block.segments.run[s]), block)], block.active)
 
 
 @subroutine
@@ -151,8 +155,18 @@ def _set_state(
         row[k] = 0.0
     w.hold0[k], w.hold1[k] = w.theta0[k] + internal[LAG0], initial[0] + internal[LAG1]
     w.hold2[k] = initial[1] - relative2 * initial[0] + internal[LAG2]
+    w.motor_speed0[k], w.owed0[k] = w.omega0[k] + internal[LAG0 + 1], 0.0
     for n, index in enumerate(STEPPED):
         w.internal[n, k] = internal[index]
+
+
+@subroutine
+def _set_motor(w: LaneWorkspace, k: int, params: NDArray[np.float64], active: NDArray[np.bool_]) -> None:
+    """Set the motor of lane k within the backlash of the arm's gear."""
+    arm, motor = (w.theta0[k], w.omega0[k]), (w.hold0[k], w.motor_speed0[k])
+    w.hold0[k], w.motor_speed0[k], w.motor_inertia0[k], w.loose0[k] = geared_motor0(
+        *arm, *motor, 0.0, 0.0, w.geared_inertia[k], w.geared_friction[k], params, active
+    )
 
 
 @subroutine

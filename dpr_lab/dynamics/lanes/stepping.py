@@ -32,6 +32,7 @@ from dpr_lab.dynamics.lanes.effects import (
     add_whole_torques,
     displaced,
 )
+from dpr_lab.dynamics.lanes.geared_motor import begin_gear, transmit
 from dpr_lab.dynamics.lanes.workspace import (
     LANES,
     LaneWorkspace,
@@ -78,6 +79,8 @@ def _advance(
     _begin(w)
     if required.arm:
         _begin_arm(w)
+    if required.play0:
+        begin_gear(w)
     resting = dry and begin_dry(w, required)
     for stage in range(4):
         ahead = 0.0 if stage == 0 else 1.0 if stage == 3 else 0.5
@@ -195,9 +198,13 @@ def _add_arm(w: LaneWorkspace, rig: RigConstants, active: NDArray[np.bool_], req
     """All torques on the arm, and those on the rods that come with them."""
     for k in range(LANES):
         w.torque0[k] = w.drive0[k]
+    if required.play0:
+        if required.drive0:
+            add_arm_drives(w, active)
+        transmit(w)
     if required.torque0:
         add_arm_torques(w, active)
-    if required.drive0:
+    if required.drive0 and not required.play0:
         add_arm_drives(w, active)
     if required.whole0:
         add_whole_torques(w, rig, active)

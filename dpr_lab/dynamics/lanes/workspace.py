@@ -130,8 +130,23 @@ class LaneWorkspace:
     forward0: Row
     first0: Row
     last0: Row
-    # readings: next samples of joints 1 and 2, their share of the step, angles there, angles held by backlash, and the
-    # drift of the arm's motor inside its backlash since the share of the step up to which it was followed
+    # motor behind the backlash of the arm's gear: inertia and friction of both together, motor's inertia, speed and
+    # torque, whether it is loose, impulse owed by the gear to the arm, state at the start of the step, speed of the
+    # arm, share of the step up to which it was followed, and time since then
+    geared_inertia: Row
+    geared_friction: Row
+    motor_inertia0: Row
+    motor_speed0: Row
+    motor_torque0: Row
+    loose0: Row
+    old_loose0: Row
+    owed0: Row
+    old_hold0: Row
+    old_motor_speed0: Row
+    speed0: Row
+    followed0: Row
+    elapsed0: Row
+    # readings: next samples of joints 1 and 2, their share of the step, angles there, and angles held by backlash
     due1: Row
     due2: Row
     share: Row
@@ -141,8 +156,6 @@ class LaneWorkspace:
     hold0: Row
     hold1: Row
     hold2: Row
-    drift0: Row
-    followed0: Row
     handed: Row
     # internal states that move with a joint: at the start of the step, after a displacement, and current
     old_internal: Rows

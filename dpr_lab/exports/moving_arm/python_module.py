@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from dpr_lab.dynamics.arm import DRIVEN, FREE, with_gravity
+from dpr_lab.dynamics.moving_arm.geared_motor import GearedState, stepped_with_gear
 from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.dynamics.step import with_arm
 from dpr_lab.effects import EFFECTS
-from dpr_lab.effects.backlash import unloaded_turn
+from dpr_lab.effects.backlash import BACKLASH_JOINT0
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.quantities import ArmModel
 from dpr_lab.exports.module_parts import assembled, parameter_lines, simulated_rig
@@ -54,6 +55,7 @@ OUTER = {outer!r}  # whether the outer rod is mounted
 
 _TAIL = '''
 DELAY = delay_of_input(0.0, None, None)  # of the input, s
+GEARED = MODEL.required.play0  # whether the arm's motor is a body of its own, behind the backlash of a gear
 
 
 class ArmSwing(Swing):
@@ -66,9 +68,9 @@ class ArmSwing(Swing):
         theta2, omega2 = (theta2, omega2) if OUTER else (0.0, 0.0)
         super().__init__((theta1, theta2, omega1, omega2), t, run)
         self.x = self.x._replace(theta0=theta0, omega0=omega0)
+        self.x = GearedState(*self.x, theta0, omega0, 0.0) if GEARED else self.x
         self.input, self.times, self.impulse = None, [], []
         self.kept_s = abs(arm_delay(0.0, None, None))
-        self.held[0] = theta0
 
     def step(self, h, u=None):
         """Simulate a step of h, s, with an input."""
@@ -90,6 +92,9 @@ class ArmSwing(Swing):
     def after(self, h, u, _):
         """State after a step of h."""
         try:
+            if GEARED:  # the effects of the drive act on the motor
+                rig = MODEL._replace(required=MODEL.required._replace(drive0=False))
+                return stepped_with_gear(self.t, self.x, h, rig, {mode}, GAIN * u)
             return stepped(self.t, self.x, h, MODEL, {mode}, GAIN * u)
         except (ValueError, OverflowError):  # sine of a value that is not finite
             return self.x._replace(theta1=nan, theta2=nan, omega1=nan, omega2=nan)
@@ -97,13 +102,13 @@ class ArmSwing(Swing):
     def read(self, t):
         """Readings of the encoders of joints 0, 1 and 2 at device time t, s, rad; t must not decrease between calls."""
         at0 = max(read_at(t, MODEL)[0] - arm_delay(0.0, None, None), self.began)
-        before = self.followed[0]
-        for instant in self.instants(0, at0, MODEL.required.play0):
-            torque = GAIN * self.steps[max(bisect(self.starts, before) - 1, 0)][3] if self.steps else 0.0
-            drift, before = unloaded_turn(torque * (instant - before), MODEL.arm.friction), instant
-            self.held[0] = held_angle0(self.angles(instant)[2], self.held[0], drift, None, None)
-        error0 = arm_encoder_error(self.held[0], t, self.run, MODEL.constants, None, None)
-        return self.held[0] + error0, *super().read(t)
+        angle0 = self.angles(at0)[2]
+        error0 = arm_encoder_error(angle0, t, self.run, MODEL.constants, None, None)
+        return angle0 + error0, *super().read(t)
+
+    def arm(self, x):
+        """Angle and speed that the encoder of the arm reads."""
+        return (x.motor_angle, x.motor_speed) if GEARED else (x.theta0, x.omega0)
 
     def state(self):
         """(6,) the state."""
@@ -168,5 +173,6 @@ def arm_module_text(model: MovingArmModel, rig: Rig, more: Mapping[str, Any], re
     mode = DRIVEN if model.input == "acceleration" else FREE
     simulated = simulated_rig(base, constants, arm, effects)
     tail = _TAIL.format(mode=mode)
-    more = {"with_arm": with_arm, "unloaded_turn": unloaded_turn, **more}
+    of_gear = {"GearedState": GearedState, "stepped_with_gear": stepped_with_gear}
+    more = {"with_arm": with_arm, **(of_gear if BACKLASH_JOINT0.name in effects else {}), **more}
     return assembled(head, simulated, tail, effects, more, rewritten, mode)

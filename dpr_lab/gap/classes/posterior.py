@@ -17,8 +17,7 @@ it that no other functional form of the other effects explains. First term: a la
 the library lacks leaves a share of its own gap, however far that is above the noise. The small causes of every rig
 leave about as much as the noise, for any size of the gap, unless the noise is so small that it is no measure of them.
 Second term: an effect that explains no more than what remains may imitate a part of the same unknown cause. Third term:
-a smaller effect may compensate for the inexact form of a large one. For the effects that may be the motor in a backlash
-of the arm's gear (`motor_imitations`), the odds increase by one.
+a smaller effect may compensate for the inexact form of a large one.
 """
 
 import math
@@ -29,8 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.effects import EFFECTS, effect_params, param_index, plausibility
-from dpr_lab.effects.backlash import BACKLASH_JOINT0
-from dpr_lab.effects.effect import ARM, Effect
+from dpr_lab.effects.effect import Effect
 from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
@@ -284,27 +282,7 @@ def outside(
     unique, own_share = (selection.unique_share(name), selection.own_shares.get(name, 1.0)) if name else (math.inf, 1.0)
     if any(EFFECTS[member].universal for member in members):
         own_share = 1.0
-    odds = odds_outside(unexplained, remainder, unique, own_share, calibration)
-    if name in motor_imitations(selection):
-        odds += 1.0
-    return probability_outside(odds, calibration)
-
-
-def motor_imitations(selection: Selection) -> list[str]:
-    """Smaller effects of the arm or its drive that may be the motor, next to a backlash of the arm's gear.
-
-    The model of this backlash neglects the inertia of the motor. A real motor takes some time to cross it, which
-    resembles a delay, and moves by itself within it, which resembles a friction of the arm.
-    """
-    if BACKLASH_JOINT0.name not in selection.chosen.effects:
-        return []
-    return [
-        name
-        for name in selection.chosen.effects
-        if name != BACKLASH_JOINT0.name
-        and (EFFECTS[name].driven or ARM in EFFECTS[name].joints)
-        and selection.unique_share(name) < THRESHOLDS.secondary
-    ]
+    return probability_outside(odds_outside(unexplained, remainder, unique, own_share, calibration), calibration)
 
 
 def probability_outside(odds: float, calibration: Calibration = CALIBRATION) -> float:

@@ -4,11 +4,9 @@ from collections.abc import Collection, Iterator, Sequence
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.families import FAMILIES
-from dpr_lab.gap.classes.posterior import motor_imitations
 from dpr_lab.gap.conclusion.verdict import Verdict
 from dpr_lab.gap.result.causes import NamedFamily
 from dpr_lab.gap.state import Advised
-from dpr_lab.gap.which.selected import Selection
 from dpr_lab.shown import listed, parameter_words, percent
 
 
@@ -19,7 +17,6 @@ def notes(state: Advised, kind: Verdict, named_families: Sequence[NamedFamily]) 
     return [
         *_restrictions(state, kind),
         *component_notes(named_families, state.recordings.rig.joints.geared),
-        *motor_in_backlash(state.selection),
         *_varying_sizes(state),
         *_remainder(state, kind),
     ]
@@ -46,16 +43,6 @@ def component_notes(named_families: Sequence[NamedFamily], geared: Collection[in
                 f"If the rig has a {family.words} [{family.name}], {effects} are its effects: {share} of the excess."
                 " Then state it in the rig file ([joints] geared)."
             )
-
-
-def motor_in_backlash(selection: Selection) -> Iterator[str]:
-    """A note on effects that may be the motor in a backlash (`motor_imitations`)."""
-    if imitations := motor_imitations(selection):
-        yield (
-            f"{listed(imitations)} may be the motion of the motor within the backlash of its gear, because the model of"
-            " the backlash neglects the inertia of the motor; these recordings cannot separate them. Record with the"
-            " gear pressed to one side, for example by torques of one sign: only other causes remain visible."
-        )
 
 
 def _varying_sizes(state: Advised) -> Iterator[str]:
