@@ -1,0 +1,46 @@
+"""A spring that softens as the error of an encoder's scale does.
+
+An encoder of a single rod that reads q = (1 + x) theta changes the acceleration of the reading by
+
+    -x w (sin q - q cos q),    w = e1 / a,
+
+which up to q^7 is the change by a spring k q + k3 q^3 with k / a = 4 x w and k3 = -k / 12, and by gravity that is
+smaller by k. On an arc of 3 rad the best ratio k3 / k is -0.071, and 0.4 % of the change remain. The recordings of one
+rod therefore do not distinguish the two; a spring with just this ratio would be a coincidence.
+"""
+
+from collections.abc import Container
+
+import numpy as np
+
+from dpr_lab.effects import param_index
+from dpr_lab.fitting.covariance import considered
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+
+SIZES = ("stiffness_Nm_per_rad", "cubic_Nm_per_rad3")
+"""k and k3."""
+
+
+def softens_as_scale(
+    problem: Problem,
+    library: Container[str],
+    model: Hypothesis,
+    ratio: float = -1 / 12,
+    tolerance: float = 0.5,
+    deviations: float = 2.0,
+) -> bool:
+    """Whether a spring of the only rod is significantly softer at large angles, in the ratio of a scale error."""
+    if not all(setup.one_degree for setup in set(problem.segments.setups)):
+        return False
+    for joint in ("joint1", "joint2"):
+        spring = f"spring_{joint}"
+        if spring not in model.effects or f"encoder_scale_{joint}" not in library:
+            continue
+        stiffness, cubic = model.fit.estimate.params[[param_index(spring, name) for name in SIZES]]
+        free = [i for i, p in enumerate(model.fit.free) if (p.effect, p.name) == (spring, SIZES[1])]
+        if free and abs(cubic - ratio * stiffness) < tolerance * abs(ratio) * stiffness:
+            variance = considered(model.fit, model.residuals.inflation)[free[0], free[0]]
+            if cubic + deviations * np.sqrt(variance) < 0.0:
+                return True
+    return False
