@@ -8,6 +8,7 @@ from dpr_lab.gap.hypothesis.hypothesis import refit_with
 from dpr_lab.gap.which.forms import own_share
 from sim_device.plant.config import PlantConfig, load_plant
 from sim_device.trials.offline_recorder import record as recorded_from
+from tests.background_rigs import Law, law, recordings
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +44,19 @@ def test_an_effect_of_its_own_explains_what_no_other_form_of_the_first_does(reco
     first, second = two_effects
     assert share_beside(recorded(two_effects), first, second) > 0.5
     assert share_beside(recorded(two_effects), second, first) > 0.5
+
+
+@pytest.mark.slow
+def test_drag_is_no_other_form_of_the_friction_of_the_same_joint(bare, tested):
+    """A free function of the speed, or of the time along a decay, is both friction and drag."""
+    drag = Law("air_drag", 0, 2e-4, lambda t, angle, speed: -2e-4 * speed * abs(speed))
+    rig, runs, _ = recordings(5, [law("coulomb", 0, 6.0), drag, law("third", 0, 0.3)], rods=1)
+    problem, base = bare(runs, rig)
+    first = tested(problem, base.fit, [EFFECTS["coulomb_joint1"]])
+    friction = refit_with(problem, base, first, first.shaped["coulomb_joint1"][0], iterations=10)
+    share = own_share(problem, friction, tested(problem, friction.fit, [EFFECTS["air_drag_both"]]), "air_drag_both")
+    assert share is not None
+    assert share > 0.1
 
 
 @pytest.mark.slow

@@ -11,10 +11,12 @@ from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import effect_params
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.hypothesis.hypothesis import hypothesis
 from dpr_lab.gap.hypothesis.swing_lines import on_swing_line
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig import Rig
+from dpr_lab.run import Run
 from tests import one_rod
 from tests.thinned import thinned
 
@@ -44,6 +46,19 @@ def test_two_rods_have_no_frequency_of_the_swing(paper: Rig, recorded) -> None:
     params = effect_params({"base_vibration": {"cos_m_per_s2": 0.1, "frequency_hz": 2.0}})
     at = Estimate.of(np.ones(len(RATIOS) + 2), params, initial)
     assert not on_swing_line(problem, "base_vibration", at)
+
+
+@pytest.mark.slow
+def test_pieces_of_one_release_are_one_decay(tmp_path: Path, bare) -> None:
+    rig, (run, other) = one_rod.recorded(STEADY, 1, tmp_path)
+    pieces = [run.between(-np.inf, 3.0), run.between(3.0, np.inf)]
+
+    def drifts(runs: list[Run]) -> frozenset[str]:
+        problem, base = bare(runs, rig)
+        return hypothesis(problem, ("friction_drift_joint1",), base.fit).of_decay
+
+    assert drifts(pieces)
+    assert not drifts([run, other])
 
 
 @pytest.mark.slow

@@ -123,8 +123,12 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
 
 
 def _one_decay(problem: Problem) -> bool:
-    """Whether the recordings are a single free swing."""
-    return len(np.unique(problem.segments.run)) == 1 and all(setup.free for setup in problem.segments.setups)
+    """Whether the recordings are a single free swing: one release, or pieces of one, whose times do not overlap."""
+    segments = problem.segments
+    first, last = segments.t[segments.offsets[:-1]], segments.t[segments.offsets[1:] - 1]
+    order = np.argsort(first)
+    in_series = (last[order][:-1] <= first[order][1:]).all()
+    return bool(in_series) and all(setup.free for setup in segments.setups)
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:

@@ -5,6 +5,11 @@ power of the load, a softening spring, a delay that decreases with speed. While 
 may merely compensate for such a deviation. It must therefore explain a part of the residual that no other form of the
 remaining effects can explain. A torque that takes no energy and the error of an encoder have no form that depends
 on the speed: a tilt whose sign changes with the speed would be friction.
+
+A form that contains the tested effect itself is no other explanation. Air drag, for example, is Coulomb friction
+multiplied by a function of the speed. Two losses at a joint therefore have no other forms over the speed, nor over the
+time, because the amplitude of a free swing decreases with time. The free function of the speed is an effect of the
+library (`friction_curve`), with which the search compares both.
 """
 
 import numpy as np
@@ -51,7 +56,9 @@ def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: st
         return None
     reference, linear = trajectory(problem, smaller.fit.estimate), test.linear
     forms = linear.projected(
-        np.concatenate([_other_forms(problem, reference, smaller, name) for name in smaller.effects], axis=2)
+        np.concatenate(
+            [_other_forms(problem, reference, smaller, name, score.effect) for name in smaller.effects], axis=2
+        )
     )
     fitted, new = linear.A[:, :, list(test.fitted_columns)], linear.A[:, :, list(score.columns)]
     space = ColumnSpace.of(np.concatenate([fitted, new, forms], axis=2), linear.e)
@@ -65,8 +72,8 @@ def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: st
     return float(np.clip((with_both - others) / (alone - before), 0.0, 1.0)) if alone > before else 0.0
 
 
-def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, name: str) -> Array:
-    """(segments, m, k) whitened readings under the effects of a set in other functional forms."""
+def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, name: str, tested: Effect) -> Array:
+    """(segments, m, k) whitened readings under an effect of a set in other functional forms than the tested effect."""
     effect, estimate = EFFECTS[name], model.fit.estimate
     if effect.stage == "load":
         (joint,) = effect.joints
@@ -76,12 +83,18 @@ def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, nam
     if effect.stage not in TRAJECTORY_TORQUES:
         without = estimate.changed(params=without_effect(estimate.params, name))
         error = np.nan_to_num(problem.predict(estimate) - problem.predict(without))
-        free = [_free(effect, encoder_angle(problem, j), encoder_speed(reference, j), problem.t) for j in effect.joints]
+        free = [
+            _free(effect, tested, encoder_angle(problem, j), encoder_speed(reference, j), problem.t)
+            for j in effect.joints
+        ]
         return problem.whitened(error[:, :, None] * np.concatenate(free, axis=1)[:, None, :])
     alone = np.zeros_like(estimate.params)
     alone[SLICES[name]] = estimate.params[SLICES[name]]
     torque = reference.torques(effect.stage, problem.model.constants, alone[None])
-    free = [_free(effect, reference.joint_angle[:, j], reference.joint_speed[:, j], reference.t) for j in effect.joints]
+    free = [
+        _free(effect, tested, reference.joint_angle[:, j], reference.joint_speed[:, j], reference.t)
+        for j in effect.joints
+    ]
     columns = [reference.response(problem, torque * np.concatenate(free, axis=1)[:, None, :])]
     if effect.potential:
         columns += [
@@ -90,8 +103,16 @@ def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, nam
     return np.concatenate(columns, axis=2)
 
 
-def _free(effect: Effect, angle: Array, speed: Array, t: Array) -> Array:
-    """(n, k) hats over angle and time, and over speed where the effect may depend on it."""
+def _free(effect: Effect, tested: Effect, angle: Array, speed: Array, t: Array) -> Array:
+    """(n, k) hats over the angle, and over time and speed where the effect may depend on them."""
     of_pose = not effect.dissipative and effect.stage in ("torque", "encoder")
-    hats = [angle_hats(angle)[0], time_hats(t)[0], *([] if of_pose else [speed_hats(speed)[0]])]
+    hats = [angle_hats(angle)[0]]
+    if not _are_losses_of_speed(effect, tested):
+        hats += [time_hats(t)[0], *([] if of_pose else [speed_hats(speed)[0]])]
     return np.concatenate(hats, axis=1)
+
+
+def _are_losses_of_speed(effect: Effect, tested: Effect) -> bool:
+    """Whether both are losses at one joint; the tested one is a law of the speed."""
+    share_joint = not set(effect.joints).isdisjoint(tested.joints)
+    return share_joint and effect.dissipative and tested.dissipative and tested.stage != "load"
