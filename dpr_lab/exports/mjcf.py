@@ -105,6 +105,10 @@ class EngineSwing({kind}):
         if GRAVITY is not None:
             self.model.opt.gravity[:] = 0.0, 0.0, -GRAVITY
 
+    def arm(self, x):
+        """Angle and speed of the arm: the engine has no motor behind the backlash of a gear."""
+        return x.theta0, x.omega0
+
     def after(self, h, torque1, torque2):
         count = max(1, math.ceil(h / self.longest - 1e-9))
         self.model.opt.timestep, self.data.time = h / count, self.t

@@ -162,6 +162,7 @@ SETS = {
         "input_delay": {"delay_s": 0.02},
         "coulomb_joint1": {"torque_Nm": 0.004},
     },
+    "gear": {"backlash_joint0": {"play_rad": 0.03, "motor_share": 0.02}},
     "readings": {
         "encoder_scale_joint0": {"excess": 0.01},
         "latency_joint0": {"delay_s": 0.004},
@@ -184,12 +185,15 @@ def engine_readings(rig, model, start, t):
 
 @pytest.mark.parametrize("rods", ["both", "inner"])
 @pytest.mark.parametrize("effects", SETS)
-@pytest.mark.parametrize(("name", "near"), [("python", 2e-5), ("mjcf", 2e-3)])
+@pytest.mark.parametrize(("name", "near"), [("python", 5e-5), ("mjcf", 2e-3)])
 def test_effects_of_arm_and_drive_are_in_the_program(name, near, effects, rods, tmp_path):
     rig, model = model_of(rods, kind="current", kt={"nominal": 0.4, "lower": 0.1, "upper": 1.0}, k0=0.0)
     model = model.model_copy(update={"effects": SETS[effects]})
     start = START if rods == "both" else START * [1, 1, 0, 1, 1, 0]
     chosen = FORMATS[name]
+    if effects == "gear" and name == "mjcf":  # its motor would be another body
+        assert "backlash_joint0" in chosen.lost(model, rig)
+        return
     assert not chosen.lost(model, rig)
     for file, content in chosen.written(model, rig).items():
         (tmp_path / file).write_text(str(content))
