@@ -83,6 +83,14 @@ class Program(Listing):
         super().__init__(**attributes)
         self.commands = LazyCommands(COMMANDS)
 
+    def invoke(self, ctx: typer.Context) -> Any:
+        """Run the command; the reason for a refused option is without the words that pydantic puts before it."""
+        try:
+            return super().invoke(ctx)
+        except typer.BadParameter as error:
+            error.message = error.message.removeprefix("Value error, ")
+            raise
+
 
 app = typer.Typer(help=HELP, cls=Program, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
 

@@ -249,6 +249,12 @@ def test_unknown_names_list_the_known_ones(tmp_path: Path, runs: list[Path], cli
         assert known in done.err
 
 
+def test_an_unknown_choice_names_the_choices_without_words_of_a_library(tmp_path: Path, cli) -> None:
+    done = cli("import", "table", tmp_path / "swing.csv", "--rig", "paper", "--zero", "absolute")
+    assert done.code == 2
+    assert "'--zero': 'absolute' is not one of 'upright', 'hanging'" in done.err
+
+
 def test_wrong_usage_is_two(cli) -> None:
     assert cli("identify").code == 2
     assert cli("nonesuch").code == 2
