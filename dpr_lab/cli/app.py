@@ -83,7 +83,7 @@ class Program(Listing):
         super().__init__(**attributes)
         self.commands = LazyCommands(COMMANDS)
 
-    def invoke(self, ctx: typer.Context) -> Any:
+    def invoke(self, ctx: Any) -> Any:
         """Run the command; the reason for a refused option is without the words that pydantic puts before it."""
         try:
             return super().invoke(ctx)
