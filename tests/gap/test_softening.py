@@ -8,7 +8,7 @@ import pytest
 
 from dpr_lab.effects import effect_params
 from dpr_lab.gap.which import softening
-from dpr_lab.gap.which.softening import SIZES, softens_as_scale
+from dpr_lab.gap.which.softening import SIZES, springs_like_scale
 
 SCALE = ("encoder_scale_joint1",)
 
@@ -18,14 +18,16 @@ class Mounted:
     one_degree: bool = True
 
 
-def softens(cubic: float, std: float, monkeypatch, *, library=SCALE, one_degree: bool = True) -> bool:
-    """For a spring of 0.1 N m/rad with a cubic term of a standard deviation."""
+def named(cubic: float, std: float, monkeypatch, *, library=SCALE, one_degree: bool = True) -> tuple[str, ...]:
+    """Springs named as a scale error, for one of 0.1 N m/rad with a cubic term of a standard deviation."""
     params = effect_params({"spring_joint1": dict(zip(SIZES, (0.1, cubic), strict=True))})
     free = [Fake(effect="spring_joint1", name=name) for name in SIZES]
     fit = Fake(estimate=Fake(params=params), free=free)
     monkeypatch.setattr(softening, "considered", lambda *_: np.diag([1.0, std**2]))
     problem = Fake(segments=Fake(setups=(Mounted(one_degree),)))
-    return softens_as_scale(problem, library, Fake(effects=("spring_joint1",), fit=fit, residuals=Fake(inflation=1.0)))
+    return springs_like_scale(
+        problem, library, Fake(effects=("spring_joint1",), fit=fit, residuals=Fake(inflation=1.0))
+    )
 
 
 @pytest.mark.parametrize("arc", [0.5, 1.5, 3.0])
@@ -41,12 +43,12 @@ def test_a_scale_error_is_a_softening_spring_and_less_gravity(arc):
 
 def test_only_a_spring_that_softens_like_it_is_impossible(monkeypatch):
     like = -0.1 / 12
-    assert softens(like, 0.001, monkeypatch)
-    assert not softens(0.0, 0.001, monkeypatch)
-    assert not softens(3 * like, 0.001, monkeypatch)
-    assert not softens(like, 0.01, monkeypatch), "a linear spring is as likely"
+    assert named(like, 0.001, monkeypatch) == ("spring_joint1",)
+    assert not named(0.0, 0.001, monkeypatch)
+    assert not named(3 * like, 0.001, monkeypatch)
+    assert not named(like, 0.01, monkeypatch), "a linear spring is as likely"
 
 
 def test_both_rods_or_a_scale_that_is_not_fitted_leave_it_possible(monkeypatch):
-    assert not softens(-0.1 / 12, 0.001, monkeypatch, one_degree=False)
-    assert not softens(-0.1 / 12, 0.001, monkeypatch, library=())
+    assert not named(-0.1 / 12, 0.001, monkeypatch, one_degree=False)
+    assert not named(-0.1 / 12, 0.001, monkeypatch, library=())

@@ -25,7 +25,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.effects.limits import oversized
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.classes.posterior import EffectPosterior
@@ -115,7 +114,7 @@ class Transfer:
     the model, because the quarters differ in amplitude.
     """
     oversized: tuple[str, ...]
-    """Effects whose size is impossible on any rig."""
+    """Effects whose size is impossible on any rig, or that of another cause."""
     worse_free_run: WorseFreeRun | None
     """Error of free runs without and with the effects, if the effects increase it; otherwise None. On the held-out
     runs, without these on the fitted ones.
@@ -190,7 +189,7 @@ def transfer(
         effects={name: shares[name] for name in selection.without_substitute},
         withdrawn=() if basis == "one release" else failed,
         unproven=failed if basis == "one release" else (),
-        oversized=oversized(selection.chosen.fit.estimate.params, recordings.prior.limits),
+        oversized=selection.oversized,
         worse_free_run=worse_free_run(before, after, expected, held_out.names if held_out else before),
     )
 

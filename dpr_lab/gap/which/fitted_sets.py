@@ -37,7 +37,7 @@ from dpr_lab.gap.hypothesis.steps import recorded
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, far_from_noise, substitute_curve
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.which.gravity import rises
-from dpr_lab.gap.which.softening import softens_as_scale
+from dpr_lab.gap.which.softening import springs_like_scale
 from dpr_lab.progress import FitBegan, ScoreTestBegan
 
 Progress = Callable[[FitBegan | ScoreTestBegan], None]
@@ -132,11 +132,12 @@ class FittedSets:
 
     def possible(self, model: Hypothesis) -> bool:
         """Whether the effects and the gravity torque of a set have sizes that a rig can have."""
-        return not (
-            oversized(model.fit.estimate.params, self.problem.limits)
-            or rises(self.problem, model)
-            or softens_as_scale(self.problem, self.library, model)
-        )
+        return not (self.oversized(model) or rises(self.problem, model))
+
+    def oversized(self, model: Hypothesis) -> tuple[str, ...]:
+        """Effects of a set with sizes that no rig has, or with those of another cause."""
+        sizes = oversized(model.fit.estimate.params, self.problem.limits)
+        return (*sizes, *springs_like_scale(self.problem, self.library, model))
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
         """Whether the sizes of a set are possible on a rig, or those of another set are impossible too."""

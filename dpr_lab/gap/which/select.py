@@ -184,6 +184,7 @@ def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]
         path=_path(sets, chosen),
         expected=sets.expected,
         impossible=frozenset(key for key, model in fits.items() if not sets.possible(model)),
+        oversized=sets.oversized(chosen),
         misleading=misleading,
         trace=state.trace,
     )

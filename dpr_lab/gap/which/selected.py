@@ -55,6 +55,8 @@ class Selection:
     """Effects that the rig is known to have; they stay in the model at any size."""
     impossible: frozenset[frozenset[str]] = frozenset()
     """Fitted sets with an effect of an impossible size."""
+    oversized: tuple[str, ...] = ()
+    """Effects of the selected set with sizes that no rig has, or with those of another cause."""
     misleading: tuple[str, ...] = ()
     """Effects that worsen the prediction of held-out runs and are therefore not in the selected set."""
     trace: tuple[TracedTrial, ...] = ()

@@ -22,17 +22,18 @@ SIZES = ("stiffness_Nm_per_rad", "cubic_Nm_per_rad3")
 """k and k3."""
 
 
-def softens_as_scale(
+def springs_like_scale(
     problem: Problem,
     library: Container[str],
     model: Hypothesis,
     ratio: float = -1 / 12,
     tolerance: float = 0.5,
     deviations: float = 2.0,
-) -> bool:
-    """Whether a spring of the only rod is significantly softer at large angles, in the ratio of a scale error."""
+) -> tuple[str, ...]:
+    """Springs of the only rod that are significantly softer at large angles, in the ratio of a scale error."""
+    springs: list[str] = []
     if not all(setup.one_degree for setup in set(problem.segments.setups)):
-        return False
+        return ()
     for joint in ("joint1", "joint2"):
         spring = f"spring_{joint}"
         if spring not in model.effects or f"encoder_scale_{joint}" not in library:
@@ -42,5 +43,5 @@ def softens_as_scale(
         if free and abs(cubic - ratio * stiffness) < tolerance * abs(ratio) * stiffness:
             variance = considered(model.fit, model.residuals.inflation)[free[0], free[0]]
             if cubic + deviations * np.sqrt(variance) < 0.0:
-                return True
-    return False
+                springs.append(spring)
+    return tuple(springs)
