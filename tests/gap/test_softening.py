@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import effect_params
+from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.which import softening
 from dpr_lab.gap.which.softening import SIZES, springs_like_scale
+from tests.background_rigs import law, laws, recordings
 
 SCALE = ("encoder_scale_joint1",)
 
@@ -52,3 +54,12 @@ def test_only_a_spring_that_softens_like_it_is_impossible(monkeypatch):
 def test_both_rods_or_a_scale_that_is_not_fitted_leave_it_possible(monkeypatch):
     assert not named(-0.1 / 12, 0.001, monkeypatch, one_degree=False)
     assert not named(-0.1 / 12, 0.001, monkeypatch, library=())
+
+
+@pytest.mark.slow
+def test_a_spring_that_replaces_a_scale_error_is_not_sure():
+    of_rig = [of for of in laws(np.random.default_rng([97021, 9]), rods=1, dominant=True) if "spring" not in of.name]
+    of_rig = [of for of in of_rig if not of.name.startswith("encoder_scale")]
+    rig, runs, _ = recordings(97021, [*of_rig, law("encoder_scale", 0, 200.0)], rods=1)
+    probabilities = {effect.name: effect.probability for effect in diagnose(runs, rig).effects}
+    assert probabilities.get("spring_joint1", 0.0) <= 0.1
