@@ -225,7 +225,7 @@ def _geared_swing(
     for i in range(len(step)):
         for k in range(count[i]):
             x = stepped_with_gear(t[i - 1] + k * step[i], x, step[i], model, mode, drives[i - 1])
-        _write(RigState(x.theta0, x.theta1, x.theta2, x.omega0, x.omega1, x.omega2, x.internal), states[i])
+        _write(x, states[i])
         motor = 6 + len(x.internal)
         states[i, motor], states[i, motor + 1], states[i, motor + 2] = x.motor_angle, x.motor_speed, x.owed
         if not np.isfinite(states[i]).all():
@@ -234,7 +234,7 @@ def _geared_swing(
 
 
 @subroutine
-def _write(x: RigState, row: NDArray[np.float64]) -> None:
+def _write(x: AnyState, row: NDArray[np.float64]) -> None:
     row[0], row[1], row[2] = x.theta0, x.theta1, x.theta2
     row[3], row[4], row[5] = x.omega0, x.omega1, x.omega2
     for k, value in enumerate(x.internal):

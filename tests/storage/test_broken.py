@@ -290,7 +290,7 @@ def test_a_small_file_that_claims_any_size_is_read_to_its_hole(tmp_path, whole):
 
 
 def flooded(path, kinds=("INDEX",), times=2000):
-    # with time standing still: a slow machine would flush, and count anew, within a flood
+    # with time standing still: a slow machine would flush within a flood and restart the count
     with RunWriter(path, RunMetadata(RIG, "X1", 1000), now=lambda: 0.0) as writer:
         for at in range(0, N, 100):
             writer.samples(np.arange(at, at + 100), COUNTS[at : at + 100])

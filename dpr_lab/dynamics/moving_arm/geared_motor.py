@@ -57,6 +57,4 @@ def stepped_with_gear(t: float, x: GearedState, h: float, model: RigModel, mode:
     turn = angle - x.motor_angle - (1.0 - loose) * (y.theta0 - x.theta0)
     change = speed - x.motor_speed - (1.0 - loose) * (y.omega0 - x.omega0)
     owed = loose * torque * h - arm.friction * turn - motor_inertia * change
-    return GearedState(
-        y.theta0, y.theta1, y.theta2, y.omega0, y.omega1, y.omega2, y.internal, angle, speed, owed
-    )  # fmt: skip
+    return GearedState(y.theta0, y.theta1, y.theta2, y.omega0, y.omega1, y.omega2, y.internal, angle, speed, owed)
