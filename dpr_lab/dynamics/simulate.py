@@ -134,6 +134,12 @@ def as_state(values: Sequence[float] | NDArray[np.float64]) -> AnyState:
     return GearedState._make(fields) if len(numbers) > internal else RigState._make(fields)
 
 
+def motors_of(states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3) angle of the motor behind backlash, its speed, and the owed impulse, of rows of `integrate`."""
+    first = 6 + len(STEPPED)
+    return states[:, first : first + 3]
+
+
 def as_row(state: AnyState) -> NDArray[np.float64]:
     """Row of `integrate` for a state."""
     return np.array([*state[:6], *state.internal, *state[7:]])
@@ -169,7 +175,7 @@ def integrate(
         drive: as for `simulate_arm`
 
     Returns:
-        (n, 6 + internal) states in the order of `RigState`, or with three more columns in that of `GearedState` if the
+        (n, 6 + internal) states in the order of `RigState`, or with five more columns in that of `GearedState` if the
         arm's gear has backlash; nan after the swing becomes non-finite
 
     Raises:
@@ -181,7 +187,7 @@ def integrate(
     if isinstance(start, RigState):
         if not (mode == FREE and model.required.play0):
             return _swing(model, mode, start, t, step, count, drives)
-        start = GearedState(*start, start.theta0, start.omega0, 0.0)
+        start = GearedState(*start, start.theta0, start.omega0, 0.0, 0.0, 0.0)
     model = model._replace(required=model.required._replace(drive0=False))
     states = np.full((len(t), len(as_row(start))), np.nan)
     _geared_swing(model, mode, start, t, step, count, drives, states)
@@ -227,7 +233,8 @@ def _geared_swing(
             x = stepped_with_gear(t[i - 1] + k * step[i], x, step[i], model, mode, drives[i - 1])
         _write(x, states[i])
         motor = 6 + len(x.internal)
-        states[i, motor], states[i, motor + 1], states[i, motor + 2] = x.motor_angle, x.motor_speed, x.owed
+        states[i, motor], states[i, motor + 1] = x.motor_angle, x.motor_speed
+        states[i, motor + 2], states[i, motor + 3], states[i, motor + 4] = x.owed, x.behind, x.bonded
         if not np.isfinite(states[i]).all():
             states[i] = np.nan
             break

@@ -63,7 +63,7 @@ def _hidden(params: Params) -> float:
 
 
 def _longest_step(params: Params, *, longest_s: float = 1.25e-3) -> float:
-    """The mode of the gear is that at the start of a step, so that a long step delays contacts."""
+    """The drive is constant in a step, and a light motor inside the backlash follows each change of it."""
     return longest_s
 
 

@@ -14,7 +14,7 @@ from dpr_lab.dynamics.base import RATIOS, base_parameters, loaded, ratios
 from dpr_lab.dynamics.encoder_errors import apply_encoder_errors, arm_lateness, held_along, read_at
 from dpr_lab.dynamics.moving_arm.geared_motor import AnyState
 from dpr_lab.dynamics.rig_constants import constants_of_run, rig_constants
-from dpr_lab.dynamics.simulate import as_row, as_state, at_release, integrate, rig_model
+from dpr_lab.dynamics.simulate import as_row, as_state, at_release, integrate, motors_of, rig_model
 from dpr_lab.dynamics.step import RigModel, model_with
 from dpr_lab.effects import EFFECTS, effect_params, param_index
 from dpr_lab.effects.detent import DETENT_JOINT1, DETENT_JOINT2
@@ -227,7 +227,8 @@ class Plant:
         """(n, ...) states with the angle and speed of the arm's motor, which its encoder reads, as those of the arm."""
         if not self._moving[0].required.play0 or self._moving[1] == CLAMPED:
             return states
-        return np.column_stack([states[:, -3], states[:, 1:JOINTS], states[:, -2], states[:, JOINTS + 1 :]])
+        angle, speed, _ = motors_of(states).T
+        return np.column_stack([angle, states[:, 1:JOINTS], speed, states[:, JOINTS + 1 :]])
 
     def joint2(self, theta1: Theta, theta2: Theta) -> Theta:
         """Angle of joint 2 as read by its encoder, rad."""

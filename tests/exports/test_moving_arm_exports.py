@@ -15,6 +15,7 @@ from dpr_lab.dynamics.prediction import predict, segment_start
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports import FORMATS
+from dpr_lab.exports.fmu import fmu
 from dpr_lab.exports.moving_arm.ensemble import sampled_arm_models
 from dpr_lab.exports.programs import Replay
 from dpr_lab.fitting.estimate import whole_of
@@ -25,6 +26,7 @@ from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.identification.moving_arm.unknowns import GAINS
 from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
+from tests.exports.test_fmu import simulate
 from tests.identification.test_moving_arm_fit import rig_with
 
 T = np.arange(0, 1.0, 0.005)
@@ -208,6 +210,40 @@ def test_effects_of_arm_and_drive_are_in_the_program(name, near, effects, rods, 
     without = model.model_copy(update={"effects": {}})
     assert np.abs(read - engine_readings(rig, without, start, t))[:, :joints].max() > 20 * near
     assert away.max() < near
+
+
+@pytest.mark.slow
+def test_a_unit_with_backlash_of_the_gear_is_its_module(tmp_path):
+    rig, model = model_of("inner", k0=0.0)
+    model = model.model_copy(update={"effects": {**SETS["gear"], "input_delay": {"delay_s": 0.02}}})
+    start, t = START * [1, 1, 0, 1, 1, 0], 5e-3 * np.arange(60)
+    module = module_of(rig, model, tmp_path)
+    expected = module["readings"](start, t, torques=lambda now, state: (0.4,))
+    unit = tmp_path / "unit.fmu"
+    unit.write_bytes(fmu(model, rig))
+    names = [f"{kind}{joint}_start" for kind in ("theta", "omega") for joint in range(3)]
+    found = simulate(
+        unit, stop_time=t[-1], step_size=5e-3, output_interval=5e-3, output=["encoder0", "encoder1"],
+        input=np.array([(0.0, 0.4), (1.0, 0.4)], dtype=[("time", float), ("drive", float)]),
+        start_values=dict(zip(names, start, strict=True)),
+    )  # fmt: skip
+    np.testing.assert_allclose(np.column_stack([found["encoder0"], found["encoder1"]]), expected[:, :2], atol=1e-9)
+
+
+@pytest.mark.parametrize("effects", [{}, SETS["gear"], SETS["gear"] | {"dead_zone_joint0": {"width_Nm": 0.05}}])
+def test_the_derivative_of_the_module_is_that_of_its_steps(effects, tmp_path):
+    rig, model = model_of(k0=0.0)
+    module = module_of(rig, model.model_copy(update={"effects": effects}), tmp_path)
+    h = 1e-5
+    slope = (module["step"](START, 0.4, h) - START) / h
+    np.testing.assert_allclose(module["derivative"](START, 0.4), slope, rtol=1e-3, atol=1e-3)
+
+
+def module_of(rig, model, folder):
+    """The names of the exported Python module."""
+    path = folder / "corrected_model.py"
+    path.write_text(str(FORMATS["python"].written(model, rig)["corrected_model.py"]))
+    return runpy.run_path(str(path))
 
 
 @pytest.mark.parametrize(("mounted", "kind"), [("both", "torque"), ("inner", "voltage")])

@@ -1,12 +1,16 @@
 """Motor behind the backlash of the arm's gear in the lanes: followed through each step after the arm.
 
 Inside the backlash the arm moves alone, without the inertia and the viscous friction of the motor; in contact both are
-one body. The mode is that at the start of a step. Once the motor has been followed, the impulse of the gear is known
-from the balance of its momentum, and the arm receives in the next step what it lacked in this one:
+one body. The mode is that at the start of a step of length h. Once the motor has been followed, the impulse of the gear
+and its first moment about the end of the step are known from the balance of the motor's momentum:
 
-    P = tau h - c0 (change of h) - J (change of dh/dt),    owed += P - impulse of the gear that the step contained
+    P = tau h - c0 (change of q) - J (change of dq/dt)
+    M = tau h^2/2 - c0 h/2 (change of q) - J (change of q - h dq/dt at the start)
 
-so that momentum is conserved, at an impact too. Loops over lanes as in `stepping`.
+What the step contained of both is subtracted. The rest is owed to the arm, which receives a torque (`fed`) that repays
+impulse and moment in two steps. So momentum is conserved, at an impact too, and the arm is where an impact at its own
+instant would have brought it. After an impact the motor stays in contact for one step, in which both bodies take their
+common speed. Loops over lanes as in `stepping`.
 """
 
 import numpy as np
@@ -25,15 +29,22 @@ def begin_gear(w: LaneWorkspace) -> None:
         w.old_hold0[k], w.old_motor_speed0[k], w.old_loose0[k] = w.hold0[k], w.motor_speed0[k], w.loose0[k]
         w.inertia[k] = w.geared_inertia[k] - w.loose0[k] * w.motor_inertia0[k]
         w.friction[k] = (1.0 - w.loose0[k]) * w.geared_friction[k]
+        w.fed0[k] = fed(w.owed0[k], w.behind0[k], w.step[k])
         w.followed0[k] = 0.0
 
 
 @subroutine
+def fed(owed: float, behind: float, step: float) -> float:
+    """Torque by which two steps repay an owed impulse, N m s, and its first moment, N m s^2."""
+    return (1.5 * owed + behind / step) / step
+
+
+@subroutine
 def transmit(w: LaneWorkspace) -> None:
-    """Replace the torque of the drive by that of the gear on the arm, with the owed impulse over one step."""
+    """Replace the torque of the drive by that of the gear on the arm, with the torque that repays what it is owed."""
     for k in range(LANES):
         w.motor_torque0[k] = w.torque0[k]
-        w.torque0[k] = (1.0 - w.old_loose0[k]) * w.motor_torque0[k] + w.owed0[k] / w.step[k]
+        w.torque0[k] = (1.0 - w.old_loose0[k]) * w.motor_torque0[k] + w.fed0[k]
 
 
 @subroutine
@@ -45,17 +56,27 @@ def follow(w: LaneWorkspace, active: NDArray[np.bool_], until: float) -> None:
         w.elapsed0[k] = (u - w.followed0[k]) * w.h[k]
         w.followed0[k] = u
     follow_motor(w, active)
+    for k in range(LANES):
+        bonded = w.bonded0[k] > 0.0
+        w.hold0[k] = w.old_hold0[k] + (w.angle0[k] - w.old_theta0[k]) if bonded else w.hold0[k]
+        w.motor_speed0[k] = w.speed0[k] if bonded else w.motor_speed0[k]
+        w.loose0[k] = 0.0 if bonded else w.loose0[k]
 
 
 @subroutine
 def balance_gear(w: LaneWorkspace) -> None:
-    """Set the owed impulse after a step; before the release the motor moves as the arm."""
+    """Set what the gear owes to the arm after a step; before the release the motor moves as the arm."""
     for k in range(LANES):
         h, geared = w.h[k], 1.0 - w.old_loose0[k]
-        turn, change = w.hold0[k] - w.old_hold0[k], w.motor_speed0[k] - w.old_motor_speed0[k]
-        turn -= geared * (w.theta0[k] - w.old_theta0[k])
-        change -= geared * (w.omega0[k] - w.old_omega0[k])
-        w.owed0[k] += w.old_loose0[k] * w.motor_torque0[k] * h - w.owed0[k] * h / w.step[k]
-        w.owed0[k] -= w.geared_friction[k] * turn + w.motor_inertia0[k] * change
+        first_speed = w.old_motor_speed0[k] - geared * w.old_omega0[k]
+        turn = w.hold0[k] - w.old_hold0[k] - geared * (w.theta0[k] - w.old_theta0[k])
+        change = w.motor_speed0[k] - geared * w.omega0[k] - first_speed
+        torque = w.old_loose0[k] * w.motor_torque0[k] - w.fed0[k]
+        friction, inertia = w.geared_friction[k], w.motor_inertia0[k]
+        w.behind0[k] += h * (w.owed0[k] + 0.5 * (torque * h - friction * turn)) - inertia * (turn - first_speed * h)
+        w.owed0[k] += torque * h - friction * turn - inertia * change
+        impact = w.old_loose0[k] > w.loose0[k]
+        w.bonded0[k] = w.step[k] if impact else max(w.bonded0[k] - h, 0.0)
         if waits(w, k):
-            w.hold0[k], w.motor_speed0[k], w.owed0[k] = w.theta0[k], w.omega0[k], 0.0
+            w.hold0[k], w.motor_speed0[k] = w.theta0[k], w.omega0[k]
+            w.owed0[k], w.behind0[k], w.bonded0[k] = 0.0, 0.0, 0.0

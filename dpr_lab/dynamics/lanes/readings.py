@@ -107,7 +107,8 @@ def _read(block: LaneBlock, advance: Any, buffers: Buffers) -> None:
             read_both(w, relative2, required.arm, samples)
         else:
             if required.play1 or required.play0:
-                read_play1(w, required.arm, required.play0, block.active, samples)
+                # backlash of the encoder alone needs the turning points of the joint
+                read_play1(w, required.arm, required.play0, 4 if required.play1 else 1, block.active, samples)
             else:
                 read_joint1(w, required.arm, samples)
             if required.play:

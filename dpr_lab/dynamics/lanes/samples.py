@@ -93,18 +93,21 @@ def read_joint1(w: LaneWorkspace, arm: bool, samples: LaneSamples) -> None:
 
 
 @subroutine
-def read_play1(w: LaneWorkspace, arm: bool, geared: bool, active: NDArray[np.bool_], samples: LaneSamples) -> None:
-    """Read joint 1 and the arm through backlash, which is updated at each quarter of the step.
+def read_play1(
+    w: LaneWorkspace, arm: bool, geared: bool, parts: int, active: NDArray[np.bool_], samples: LaneSamples
+) -> None:
+    """Read joint 1 and the arm through backlash.
 
     Args:
         w: the workspace
         arm: whether the arm moves
         geared: whether its encoder reads a motor behind the backlash of a gear
+        parts: number of parts of the step at whose ends the backlash is updated
         active: (effects,) mask of the active effects
         samples: the samples
     """
-    for quarter in range(1, 5):
-        until = 0.25 * quarter
+    for part in range(1, parts + 1):
+        until = part / parts
         while shares(w, w.due1, until):
             for k in range(LANES):
                 w.angle1[k] = angle1(w, k, w.share[k])

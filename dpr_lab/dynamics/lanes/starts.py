@@ -155,7 +155,8 @@ def _set_state(
         row[k] = 0.0
     w.hold0[k], w.hold1[k] = w.theta0[k] + internal[LAG0], initial[0] + internal[LAG1]
     w.hold2[k] = initial[1] - relative2 * initial[0] + internal[LAG2]
-    w.motor_speed0[k], w.owed0[k] = w.omega0[k] + internal[LAG0 + 1], 0.0
+    w.motor_speed0[k] = w.omega0[k] + internal[LAG0 + 1]
+    w.owed0[k], w.behind0[k], w.bonded0[k] = 0.0, 0.0, 0.0
     for n, index in enumerate(STEPPED):
         w.internal[n, k] = internal[index]
 

@@ -131,8 +131,9 @@ class LaneWorkspace:
     first0: Row
     last0: Row
     # motor behind the backlash of the arm's gear: inertia and friction of both together, motor's inertia, speed and
-    # torque, whether it is loose, impulse owed by the gear to the arm, state at the start of the step, speed of the
-    # arm, share of the step up to which it was followed, and time since then
+    # torque, whether it is loose, impulse owed by the gear to the arm, its first moment, torque that repays both, time
+    # for which the motor stays in contact after an impact, state at the start of the step, speed of the arm, share of
+    # the step up to which the motor was followed, and time since then
     geared_inertia: Row
     geared_friction: Row
     motor_inertia0: Row
@@ -141,6 +142,9 @@ class LaneWorkspace:
     loose0: Row
     old_loose0: Row
     owed0: Row
+    behind0: Row
+    fed0: Row
+    bonded0: Row
     old_hold0: Row
     old_motor_speed0: Row
     speed0: Row

@@ -5,7 +5,7 @@
 
 from typing import NamedTuple
 
-from dpr_lab.dynamics.lanes.interpolation import cubic
+from dpr_lab.dynamics.lanes.geared_motor import fed
 from dpr_lab.dynamics.step import RigModel, RigState, motion_of, stepped
 from dpr_lab.effects.effect_kernels import arm_drives, geared_motor0
 from dpr_lab.effects.quantities import ArmModel
@@ -13,7 +13,11 @@ from dpr_lab.kernels import subroutine
 
 
 class GearedState(NamedTuple):
-    """Fields of `RigState`, and the motor as seen at the arm: angle rad, speed rad/s, and owed impulse, N m s."""
+    """Fields of `RigState`, and the motor as seen at the arm: angle rad, speed rad/s, and what the gear owes.
+
+    That is an impulse, N m s, and its first moment, N m s^2; `bonded` is the time for which the motor stays in contact
+    after an impact, s.
+    """
 
     theta0: float
     theta1: float
@@ -25,10 +29,31 @@ class GearedState(NamedTuple):
     motor_angle: float
     motor_speed: float
     owed: float
+    behind: float
+    bonded: float
 
 
 AnyState = RigState | GearedState
 """State of a rig with or without a motor behind backlash."""
+
+
+@subroutine
+def arm_of_gear(t: float, x: GearedState, model: RigModel, drive: float) -> tuple[RigModel, float, float, float, float]:
+    """The rig as the gear leaves it at an instant, in contact or loose.
+
+    Returns:
+        the rig, whose arm has the motor's inertia and friction only in contact; torques of the gear on the arm and of
+        the drive on the motor, N m; the motor's inertia, kg m^2; 1 inside the backlash, else 0
+    """
+    arm, params, active = model.arm, model.params, model.active
+    _, _, motor_inertia, loose = geared_motor0(
+        x.theta0, x.omega0, x.motor_angle, x.motor_speed, 0.0, 0.0, arm.inertia, arm.friction, params, active
+    )
+    thetas, omegas = (x.theta0, x.theta1, x.theta2), (x.omega0, x.omega1, x.omega2)
+    torque = arm_drives(motion_of(t, thetas, omegas, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)), drive, drive, params, active)
+    moved = ArmModel(arm.inertia - loose * motor_inertia, arm.reach, (1.0 - loose) * arm.friction, arm.stiffness)
+    rig = RigModel(model.base, model.constants, moved, params, active, model.required)
+    return rig, (1.0 - loose) * torque, torque, motor_inertia, loose
 
 
 @subroutine
@@ -37,24 +62,21 @@ def stepped_with_gear(t: float, x: GearedState, h: float, model: RigModel, mode:
 
     The model does not require the effects of the drive: they act on the motor.
     """
-    arm, params, active = model.arm, model.params, model.active
-    angle, speed, motor_inertia, loose = geared_motor0(
-        x.theta0, x.omega0, x.motor_angle, x.motor_speed, 0.0, 0.0, arm.inertia, arm.friction, params, active
-    )
-    thetas, omegas = (x.theta0, x.theta1, x.theta2), (x.omega0, x.omega1, x.omega2)
-    torque = arm_drives(motion_of(t, thetas, omegas, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)), drive, drive, params, active)
-    moved = ArmModel(arm.inertia - loose * motor_inertia, arm.reach, (1.0 - loose) * arm.friction, arm.stiffness)
-    rig = RigModel(model.base, model.constants, moved, params, active, model.required)
+    rig, geared, torque, inertia, loose = arm_of_gear(t, x, model, drive)
+    repaid, arm, params, active = fed(x.owed, x.behind, h), model.arm, model.params, model.active
     start = RigState(x.theta0, x.theta1, x.theta2, x.omega0, x.omega1, x.omega2, x.internal)
-    y = stepped(t, start, h, rig, mode, (1.0 - loose) * torque + x.owed / h)
-    for quarter in range(4):
-        u = 0.25 * (quarter + 1)
-        theta0 = cubic(u, h, x.theta0, x.omega0, y.theta0, y.omega0)
-        omega0 = x.omega0 + u * (y.omega0 - x.omega0)
-        angle, speed, _, _ = geared_motor0(
-            theta0, omega0, angle, speed, 0.25 * h, torque, arm.inertia, arm.friction, params, active
+    y = stepped(t, start, h, rig, mode, geared + repaid)
+    angle, speed, still_loose = x.motor_angle + (y.theta0 - x.theta0), y.omega0, 0.0
+    if x.bonded <= 0.0:
+        angle, speed, _, still_loose = geared_motor0(
+            y.theta0, y.omega0, x.motor_angle, x.motor_speed, h, torque, arm.inertia, arm.friction, params, active
         )
+    first_speed = x.motor_speed - (1.0 - loose) * x.omega0
     turn = angle - x.motor_angle - (1.0 - loose) * (y.theta0 - x.theta0)
-    change = speed - x.motor_speed - (1.0 - loose) * (y.omega0 - x.omega0)
-    owed = loose * torque * h - arm.friction * turn - motor_inertia * change
-    return GearedState(y.theta0, y.theta1, y.theta2, y.omega0, y.omega1, y.omega2, y.internal, angle, speed, owed)
+    change = speed - (1.0 - loose) * y.omega0 - first_speed
+    more = loose * torque - repaid
+    behind = x.behind + h * (x.owed + 0.5 * (more * h - arm.friction * turn)) - inertia * (turn - first_speed * h)
+    owed = x.owed + more * h - arm.friction * turn - inertia * change
+    bonded = h if loose > still_loose else max(x.bonded - h, 0.0)
+    swing = y.theta0, y.theta1, y.theta2, y.omega0, y.omega1, y.omega2, y.internal
+    return GearedState(*swing, angle, speed, owed, behind, bonded)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dpr_lab.dynamics.arm import DRIVEN, FREE, with_gravity
-from dpr_lab.dynamics.moving_arm.geared_motor import GearedState, stepped_with_gear
+from dpr_lab.dynamics.moving_arm.geared_motor import GearedState, arm_of_gear, stepped_with_gear
 from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.dynamics.step import with_arm
 from dpr_lab.effects import EFFECTS
@@ -56,6 +56,7 @@ OUTER = {outer!r}  # whether the outer rod is mounted
 _TAIL = '''
 DELAY = delay_of_input(0.0, None, None)  # of the input, s
 GEARED = MODEL.required.play0  # whether the arm's motor is a body of its own, behind the backlash of a gear
+OF_ARM = MODEL._replace(required=MODEL.required._replace(drive0=False))  # the effects of the drive act on the motor
 
 
 class ArmSwing(Swing):
@@ -68,7 +69,7 @@ class ArmSwing(Swing):
         theta2, omega2 = (theta2, omega2) if OUTER else (0.0, 0.0)
         super().__init__((theta1, theta2, omega1, omega2), t, run)
         self.x = self.x._replace(theta0=theta0, omega0=omega0)
-        self.x = GearedState(*self.x, theta0, omega0, 0.0) if GEARED else self.x
+        self.x = GearedState(*self.x, theta0, omega0, 0.0, 0.0, 0.0) if GEARED else self.x
         self.input, self.times, self.impulse = None, [], []
         self.kept_s = abs(arm_delay(0.0, None, None))
 
@@ -92,9 +93,8 @@ class ArmSwing(Swing):
     def after(self, h, u, _):
         """State after a step of h."""
         try:
-            if GEARED:  # the effects of the drive act on the motor
-                rig = MODEL._replace(required=MODEL.required._replace(drive0=False))
-                return stepped_with_gear(self.t, self.x, h, rig, {mode}, GAIN * u)
+            if GEARED:
+                return stepped_with_gear(self.t, self.x, h, OF_ARM, {mode}, GAIN * u)
             return stepped(self.t, self.x, h, MODEL, {mode}, GAIN * u)
         except (ValueError, OverflowError):  # sine of a value that is not finite
             return self.x._replace(theta1=nan, theta2=nan, omega1=nan, omega2=nan)
@@ -131,8 +131,10 @@ def readings(x0, t, run=0, max_step=1e-3, start=0.0, kind=ArmSwing, torques=lamb
 
 def derivative(x, u=0.0):
     """(6,) time derivative of a state (6,) with the input u; internal states are those at the release."""
-    start = ArmSwing(x)
-    return np.array([*x[3:], *accelerations_at(0.0, start.x, 0.0, 0.0, MODEL, {mode}, GAIN * u)])
+    start, rig, torque = ArmSwing(x).x, MODEL, GAIN * u
+    if GEARED:  # the motor is released in the middle of the backlash
+        rig, torque, *_ = arm_of_gear(0.0, start, OF_ARM, torque)
+    return np.array([*x[3:], *accelerations_at(0.0, start, 0.0, 0.0, rig, {mode}, torque)])
 
 
 def step(x, u, h):
@@ -173,6 +175,6 @@ def arm_module_text(model: MovingArmModel, rig: Rig, more: Mapping[str, Any], re
     mode = DRIVEN if model.input == "acceleration" else FREE
     simulated = simulated_rig(base, constants, arm, effects)
     tail = _TAIL.format(mode=mode)
-    of_gear = {"GearedState": GearedState, "stepped_with_gear": stepped_with_gear}
+    of_gear = {"GearedState": GearedState, "arm_of_gear": arm_of_gear, "stepped_with_gear": stepped_with_gear}
     more = {"with_arm": with_arm, **(of_gear if BACKLASH_JOINT0.name in effects else {}), **more}
     return assembled(head, simulated, tail, effects, more, rewritten, mode)
