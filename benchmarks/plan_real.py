@@ -10,9 +10,10 @@ the unknowns that every fit estimates, and a an amplitude of the library, the fi
     delta_k = (P + H_k)_RR^-1 (H_k)_Ra    per unit of a,
     E_k^2 = sum over j != k of (H_j)_aa - 2 delta_k^T (H_j)_Ra + delta_k^T (H_j)_RR delta_k,
 
-and the criterion is the geometric mean of E_k over all amplitudes. Source: G. E. P. Box & N. R. Draper (1959), A basis
-for the selection of a response surface design, Journal of the American Statistical Association 54, 622-654: where the
-model may be wrong, the bias of its predictions decides, not their variance.
+and the criterion is the geometric mean of E_k over the amplitudes whose typical size is visible in the others.
+Of the rest, such as a zero offset that every recording fits for itself, only round-off remains. Source: G. E. P. Box &
+N. R. Draper (1959), A basis for the selection of a response surface design, Journal of the American Statistical
+Association 54, 622-654: where the model may be wrong, the bias of its predictions decides, not their variance.
 """
 
 import sys
@@ -33,6 +34,7 @@ from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.identification.moving_arm.setup import setup_of
 from dpr_lab.planning.acting import Acting
 from dpr_lab.planning.knowledge import information_of_runs, known_before
+from dpr_lab.planning.worth.criteria import WORTH
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
@@ -74,8 +76,18 @@ def expected_errors(rig: Rig, runs: list[Run]) -> list[float]:
     acting = Acting(frozenset({rig.rods.mounting})).besides([setup_of(run, rig) for run in runs])
     known = known_before(rig, acting)
     H = [information_of_runs(Recordings((record(run, rig),), rig), known.model) for run in runs]
-    squared = biases(np.array(H), known.prior, known.fitted)
-    return np.exp(0.5 * np.log(np.maximum(squared, np.finfo(float).tiny)).mean(axis=1)).tolist()
+    typical = np.array([column.size for column in known.model.columns])
+    return geometric_means(
+        np.array(H) * typical[:, None] * typical, known.prior * typical[:, None] * typical, known.fitted
+    )
+
+
+def geometric_means(H: NDArray[np.float64], prior: NDArray[np.float64], fitted: list[int]) -> list[float]:
+    """Geometric mean of E_k over the visible amplitudes, per typical size, from (n, k, k) information and prior."""
+    power = np.delete(np.diagonal(H, axis1=1, axis2=2), fitted, axis=1)
+    others = power.sum(axis=0) - power
+    squared = np.maximum(biases(H, prior, fitted), WORTH.seen * others)[:, others.min(axis=0) > 1.0]
+    return np.exp(0.5 * np.log(squared).mean(axis=1)).tolist()
 
 
 def biases(H: NDArray[np.float64], prior: NDArray[np.float64], fitted: list[int]) -> NDArray[np.float64]:

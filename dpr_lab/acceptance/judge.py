@@ -153,7 +153,9 @@ def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
     for named in diagnosis.effects:
         if named.name == effect:
             size = named.parameters.get(parameter)
-            return size and (size.interval90_with_scale or size.interval90)
+            if size is None or size.interval90[0] == size.interval90[1]:  # an amplitude that the fit left out
+                return None
+            return size.interval90_with_scale or size.interval90
     for tested in diagnosis.evidence.exclusions if diagnosis.evidence else ():
         if (tested.effect, tested.parameter) == (effect, parameter) and tested.interval90 is not None:
             return _with_scale(diagnosis, effect, parameter, *tested.interval90)
@@ -211,6 +213,8 @@ def _doubted(named: NamedEffect) -> str:
 
 
 def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> str:
+    if any(named.name == effect for named in diagnosis.effects):
+        return "the fit of this effect left this amplitude out, so it has no interval"
     if other := diagnosis.absorbed.get(effect, {}).get(parameter):
         return f"indistinguishable from {other}"
     if len(EFFECTS[effect].amplitudes) > 1:

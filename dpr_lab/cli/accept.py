@@ -55,9 +55,10 @@ def accept(
 def show(acceptance: "Acceptance") -> None:
     """Print the answer to each limit."""
     from dpr_lab.report.gap.acceptance import LIMIT_COLUMNS, answer_sentence, deciding_sentence, limit_rows
+    from dpr_lab.report.words import in_words
 
     line(answer_sentence(acceptance))
-    line(acceptance.sentence)
+    line(in_words(acceptance.sentence))
     table("Limits", LIMIT_COLUMNS, limit_rows(acceptance))
     if sentence := deciding_sentence(acceptance):
         line(sentence)

@@ -7,16 +7,19 @@ import typer
 
 from dpr_lab.cli.checks import AnyClock, RigName, TorqueKind
 from dpr_lab.cli.console import emit, json_mode, line, table
-from dpr_lab.shown import parameter_words
+from dpr_lab.shown import parameter_words, percent
 
 if TYPE_CHECKING:
     from dpr_lab.planning.result import Detectable, Plan, PlannedRelease
 
 
-HORIZON = (
-    "Angles: 0 = upright, 180 deg = hanging. Horizon: beyond it, the swing depends on small errors of the initial pose."
-    " Its samples still contribute information. Information: of all releases up to this one, from 0 (they distinguish"
-    " no two effects of the library) to 1 (they distinguish all of them)."
+COLUMNS = ("release", "what to record", "reason", "minutes", "horizon, s", "effects distinguished")
+
+RELEASES = (
+    "Angles: 0 = upright, 180 deg = hanging. Horizon: afterwards, small errors of the start pose change the swing; its"
+    " later samples still contribute information. Effects distinguished: mean expected information about two effects of"
+    " the library (`dpr-lab effects`), by all releases up to this one; 0 % if they distinguish no two effects, 100 % if"
+    " all."
 )
 
 FORECAST = " P(decided): probability that the causes are decided by then."
@@ -70,33 +73,29 @@ def plan(
     show(planned.plan)
     for name, file in planned.files.items():
         line(f"{name}: {file}")
-    for command in _commands(planned.plan):
+    for command in commands(planned.plan):
         line(command)
 
 
 def show(made: "Plan") -> None:
     """Print a plan."""
-    from dpr_lab.report.tables import RATIO_UNITS
+    from dpr_lab.report.tables import RATIO_STD_COLUMNS, ratio_std_rows
     from dpr_lab.report.words import in_words
 
     line(in_words(made.sentence))
-    columns = ["release", "what to record", "reason", "minutes", "horizon, s", "information, bits"]
     if made.releases:
         forecast = bool(made.forecast)
         rows = [_row(release) for release in made.releases]
-        note = HORIZON + FORECAST * forecast
-        table("What to record, in this order", [*columns, *["P(decided)"] * forecast], rows, note=note)
+        note = RELEASES + FORECAST * forecast
+        table("What to record, in this order", [*COLUMNS, *["P(decided)"] * forecast], rows, note=note)
     if pairs := _pair_rows(made):
         last = len(made.releases)
         after = "after release 1" if last == 1 else f"after release 1 to {last}"
         table("Undecided causes", ("cause", "or", f"expected bits {after}"), pairs, note=BITS)
     if made.releases:
-        last = made.releases[-1].ratio_std
-        rows = [
-            (name, f"{std:.2g}", f"{last[name]:.2g}", RATIO_UNITS.get(name, "")) for name, std in made.ratio_std.items()
-        ]
+        rows = ratio_std_rows(made, made.releases[-1])
         note = "Now: from the bounds of the rig file." if made.state == "first" else ""
-        table("Standard deviation of each ratio", ("ratio", "now", "after the plan", "unit"), rows, note=note)
+        table("Standard deviation of each ratio", RATIO_STD_COLUMNS, rows, note=note)
         _show_detectable(made)
     if made.limits:
         rows = [
@@ -119,7 +118,7 @@ def _row(release: "PlannedRelease") -> tuple[str, ...]:
     from dpr_lab.report.words import in_words
 
     decided = [] if release.decided is None else [f"{release.decided:.2f}"]
-    figures = (f"{release.minutes:.1f}", f"{release.horizon_s:.1f}", f"{release.library_bits:.2f}")
+    figures = (f"{release.minutes:.1f}", f"{release.horizon_s:.1f}", percent(release.library_bits))
     return (str(release.number), release.text, in_words(release.reason), *figures, *decided)
 
 
@@ -134,16 +133,20 @@ def _pair_rows(made: "Plan") -> list[tuple[str, ...]]:
     return [(*map(named, causes), ", ".join(values)) for causes, values in bits.items()]
 
 
-def _commands(made: "Plan") -> list[str]:
+def commands(made: "Plan") -> list[str]:
     """Commands that record the releases of a first plan, or the next release of a later one."""
     if made.state not in ("first", "record"):
         return []
     return [
-        f"to record release {release.number}: dpr-lab capture --rig {release.rig} --link LINK --pose {release.pose}"
-        f" --duration {release.duration_s:g} --out runs"
+        f"to record release {release.number}: {_replayed(release)}dpr-lab capture --rig {release.rig} --link LINK"
+        f" --pose {release.pose} --duration {release.duration_s:g} --out runs"
         for release in made.releases[: None if made.state == "first" else 1]
-        if release.pose and not release.signal
+        if release.pose
     ]
+
+
+def _replayed(release: "PlannedRelease") -> str:
+    return f"let the device replay {release.input} from the release on, and " if release.input else ""
 
 
 def _show_detectable(made: "Plan", most: int = 6) -> None:

@@ -75,4 +75,5 @@ class CandidateRelease:
             text += ", arm free"
         if self.torques is None:
             return text
-        return f"{text}, {'arm ' if self.arm == 'driven' else ''}driven by a {self.signal}"
+        signal = {"multisine": "multi-sine"}.get(self.signal, self.signal)
+        return f"{text}, {'arm ' if self.arm == 'driven' else ''}driven by a {signal}"

@@ -159,9 +159,8 @@ def _sentence(
     if state == "first":
         bits = releases[-1].library_bits
         share = f"{percent(bits)} of" if bits < 0.995 else "nearly all"
-        shown = f"{share} the differences between effects of the library"
         verb = "is" if len(releases) == 1 else "are"
-        return f"Before any recording: {count} {verb} expected to show {shown}.{note}"
+        return f"Before any recording: {count} {verb} expected to distinguish {share} the effects of the library.{note}"
     if state == "bench check":
         pairs = listed([f"{a} and {b}" for a, b in (inseparable.causes for inseparable in stuck)])
         return (

@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.acceptance.limits import RATIO_UNITS
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.identification.model import ALONE
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, interval, pair, plus_minus, scaled_unit, three
 from dpr_lab.shown import FIXED_BY
@@ -17,6 +20,7 @@ from dpr_lab.shown import FIXED_BY
 if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison
     from dpr_lab.identification.model import Model
+    from dpr_lab.planning.result import Plan, PlannedRelease
 
 RATIO_COLUMNS = ("ratio", "value ± std", "90 % interval", "unit")
 RATIO_NOTE = (
@@ -61,7 +65,7 @@ BASE_UNITS = {
 OF_OUTER_ROD = ("l2", "m2", "mb", "c2", "J2")
 """Parameters of what is not mounted with an inner rod alone."""
 
-RATIO_UNITS = {"a/b": "1", "d/b": "1", "e1/b": "1/s²", "c1/b": "1/s", "c2/b": "1/s", "e1/a": "1/s²", "c1/a": "1/s"}
+RATIO_STD_COLUMNS = ("ratio", "now", "after the plan", "unit")
 PARAMETER_UNITS = {
     "l1": ("m", "inner rod, pivot to CoM"),
     "l2": ("m", "outer rod, pivot to CoM"),
@@ -127,10 +131,26 @@ def ratio_rows(model: "Model") -> list[list[str]]:
             name,
             plus_minus(ratio.value, ratio.std),
             interval(*ratio.interval90, ratio.value, ratio.std),
-            RATIO_UNITS.get(name, ""),
+            scaled_unit(RATIO_UNITS[name]),
         ]
         for name, ratio in model.ratios.items()
         if ratio.fixed_by == "data"
+    ]
+
+
+def ratio_std_rows(made: "Plan", release: "PlannedRelease") -> list[tuple[str, ...]]:
+    """Standard deviation of each ratio now and after a release of a plan, in the columns `RATIO_STD_COLUMNS`.
+
+    Before any recording, the rig file bounds the ratios of the rods only: those of arm and drive are unknown.
+    """
+    return [
+        (
+            name,
+            "unknown" if made.state == "first" and name not in (*RATIOS, *ALONE) else f"{std:.2g}",
+            f"{release.ratio_std[name]:.2g}",
+            scaled_unit(RATIO_UNITS[name]),
+        )
+        for name, std in made.ratio_std.items()
     ]
 
 

@@ -265,7 +265,9 @@ def _check_rig(stored: Scan, rig: Rig) -> None:
         f"{key} is {stored} in the run, {given} in the rig file" for key, stored, given in pairs if stored != given
     ]
     if differing:
-        raise RunError(f"{stored.path}: run of another rig: {'; '.join(differing)}")
+        raise RunError(
+            f"{stored.path}: run of another rig: {'; '.join(differing)}; give the rig file that it was recorded with"
+        )
 
 
 def _what_happened(stored: Scan) -> list[str]:

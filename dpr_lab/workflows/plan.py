@@ -5,15 +5,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import ConfigError
+from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.shown import listed
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
 from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.planning.result import Plan
     from dpr_lab.rig import Rig
+    from dpr_lab.run import Run
 
 RECORD = "plan.json"
 """In the folder of a plan: what `plan --json` prints."""
@@ -69,8 +74,9 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
     Events: those of a diagnosis, where runs are given without one.
 
     Raises:
-        ConfigError: the rig, the limits or the budget is not valid, or leaves nothing to record.
-        RunError: a run or the diagnosis cannot be used.
+        ConfigError: the rig, the limits or the budget is not valid, or leaves nothing to record; a diagnosis without
+        its runs.
+        RunError: a run or the diagnosis cannot be used; the diagnosis is of other runs.
         IdentificationError: the recordings are read with another zero, unit, sign or order than they were written with.
         DprError: a result cannot be written.
     """
@@ -84,17 +90,33 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
     budget = minutes(request.budget) if request.budget else None
     if request.out:
         refuse_file(request.out)
+    if request.diagnosis and not request.runs:
+        raise ConfigError(f"{request.diagnosis}: a plan after a diagnosis needs its runs: add the run files")
     diagnosis, runs = None, []
     if request.runs:
         if request.diagnosis:
             diagnosis = load_diagnosis(request.diagnosis)
             runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque, moving=True)
+            refuse_other_runs(request.diagnosis, diagnosis, runs)
         else:
             wanted = DiagnoseRequest(request.runs, request.rig, any_clock=request.any_clock, torque=request.torque)
             diagnosis = diagnose(wanted, on_event).diagnosis
             runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque, moving=True)
     planned = plan_runs(rig, runs, diagnosis, limits=limits, budget_min=budget, seed=request.seed)
     return _kept(planned, rig, request.out)
+
+
+def refuse_other_runs(file: Path, diagnosis: "Diagnosis", runs: "Sequence[Run]") -> None:
+    """Refuse a diagnosis of other runs: its causes would be combined with the information of these runs."""
+    from dpr_lab.gap.screen.pieces import whole
+
+    closed = diagnosis.gap.closed_held_out
+    fitted, given = {whole(name) for name in closed.per_run}, {run.name for run in runs}
+    if fitted and not fitted <= given <= fitted | {whole(name) for name in closed.held_out}:
+        raise RunError(
+            f"{file}: is a diagnosis of {listed(sorted(fitted))}, not of {listed(sorted(given))}: give its runs, or"
+            " omit --diagnosis and these runs are diagnosed first"
+        )
 
 
 def minutes(text: str) -> float:

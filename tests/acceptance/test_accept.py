@@ -6,12 +6,14 @@ from pathlib import Path
 import pytest
 
 from dpr_lab.acceptance.free_run import free_run_errors
-from dpr_lab.acceptance.judge import judge
+from dpr_lab.acceptance.judge import Acceptance, JudgedLimit, judge
 from dpr_lab.acceptance.limits import Limits, load_limits
 from dpr_lab.errors import ConfigError
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
+from dpr_lab.gap.result.causes import EffectSize
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.report.gap.acceptance import limit_rows
 from dpr_lab.rig import Rig
 
 TORQUE_NM = 1.5e-3
@@ -114,6 +116,22 @@ def test_a_ratio_that_the_recordings_do_not_determine_is_not_decidable(found: Di
     wide = Limits.model_validate({"ratios": {"c2/b": {"min": 0.0, "unit": "1/s"}}})
     (judged,) = judge(alone, wide).limits
     assert (judged.answer, judged.reason) == ("not decidable", "these recordings determine e1/a, not c2/b")
+
+
+def test_an_amplitude_that_the_fit_left_out_does_not_pass(found: Diagnosis) -> None:
+    (named,) = found.effects
+    left_out = EffectSize(value=0.0, interval90=(0.0, 0.0), interval90_with_scale=(0.0, 0.0))
+    without = named.model_copy(update={"parameters": {"torque_Nm": left_out}})
+    without = found.model_copy(update={"effects": [without]})
+    (judged,) = judge(without, limit("coulomb_joint1", "torque_Nm", 1.0, "N m")).limits
+    assert (judged.answer, judged.interval90) == ("not decidable", None)
+    assert "left this amplitude out" in judged.reason
+
+
+def test_the_interval_of_a_ratio_has_the_digits_that_show_its_width() -> None:
+    rows = [JudgedLimit("c2/b", "1/s", 0.001, 5.0, (low, high), "pass", "") for low, high in ((0.19551, 0.195543),)]
+    ((_, limits, interval, *_),) = limit_rows(Acceptance("pass", "", tuple(rows)))
+    assert (limits, interval) == ("0.001 to 5", "0.19551 to 0.195543")
 
 
 UNITS = ("1/s^2", "1", "1/(s^2 V)")

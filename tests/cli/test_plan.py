@@ -4,12 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from dpr_lab.errors import ConfigError
+from dpr_lab.cli.plan import commands
+from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.plan import plan
+from dpr_lab.planning.result import Plan, PlannedRelease
 from dpr_lab.rig import load_rig
 from dpr_lab.rig_tables import AddedMass
+from dpr_lab.run import Run
+from dpr_lab.workflows.plan import refuse_other_runs
 from dpr_lab.workflows.planned_rigs import planned_rigs
+from tests.a_diagnosis import made
 from tests.schemas import validator
 
 LIMITS = """
@@ -110,12 +115,37 @@ def test_the_tables_name_what_to_record(cli, tmp_path: Path) -> None:
     assert "minutes at the rig" in done.out
 
 
+def test_a_driven_release_is_recorded_while_the_device_replays_its_input() -> None:
+    release = PlannedRelease.model_construct(
+        number=1, signal="chirp", pose="P1", rig="rig.toml", input="input_1.csv", duration_s=10.0
+    )
+    (command,) = commands(Plan.model_construct(state="first", releases=[release]))
+    assert "let the device replay input_1.csv from the release on, and dpr-lab capture --rig rig.toml" in command
+    (free,) = commands(
+        Plan.model_construct(state="record", releases=[release.model_copy(update={"input": None, "number": 2})])
+    )
+    assert free.startswith("to record release 2: dpr-lab capture")
+
+
+def test_a_diagnosis_of_other_runs_is_refused(two_runs: list[Run]) -> None:
+    diagnosis = made()
+    closed = diagnosis.gap.closed_held_out.model_copy(update={"per_run": {run.name: 1.0 for run in two_runs[:2]}})
+    other = diagnosis.model_copy(update={"gap": diagnosis.gap.model_copy(update={"closed_held_out": closed})})
+    with pytest.raises(RunError, match="is a diagnosis of X1 and X2, not of X2 and X3"):
+        refuse_other_runs(Path("diagnosis"), other, two_runs[1:])
+    refuse_other_runs(Path("diagnosis"), other, two_runs[:2])
+    with_held_out = closed.model_copy(update={"held_out": {two_runs[2].name: 1.0}})
+    other = other.model_copy(update={"gap": other.gap.model_copy(update={"closed_held_out": with_held_out})})
+    refuse_other_runs(Path("diagnosis"), other, two_runs)
+
+
 def test_refusals_say_what_to_do(cli, tmp_path: Path) -> None:
     for words, message in (
         (("--budget", "soon"), "give a time such as 10min"),
         (("--budget", "10s"), "is too small: one release takes"),
         (("--limits", tmp_path / "none.toml"), "none.toml: cannot be read"),
         ((tmp_path / "none.mcap",), "none.mcap"),
+        (("--diagnosis", tmp_path / "diagnosis"), "needs its runs: add the run files"),
     ):
         done = cli("plan", *words, "--rig", "paper")
         assert done.code == 3, done.err

@@ -159,10 +159,11 @@ def test_a_repeated_release_is_worth_less_and_a_plan_does_not_repeat_itself(pape
 @pytest.mark.slow
 def test_each_release_says_what_it_adds(paper: Rig) -> None:
     first, second, third = plan(paper).releases
-    assert first.reason.startswith("distinguishes effects (0.")
+    assert first.reason.startswith("distinguishes 9")
+    assert first.reason.endswith("% of the effects of the library")
     assert second.reason.startswith("verifies the result of the first release with another swing")
     shares = np.array([third.ratio_std[name] / std for name, std in second.ratio_std.items()])
-    assert third.reason == f"standard deviations of the ratios fall to {percent(np.exp(np.log(shares).mean()))}"
+    assert third.reason == f"reduces the standard deviations of the ratios to {percent(np.exp(np.log(shares).mean()))}"
 
 
 @pytest.mark.slow

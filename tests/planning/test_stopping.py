@@ -92,6 +92,8 @@ def test_a_cause_just_below_a_decision_gets_its_bench_check(paper: Rig, probabil
     [
         ((False, True, True), True, "Releases 2 and 3 are necessary only if the causes are still undecided then."),
         ((False, False, True), False, "Release 3 only improves the accuracy of the ratios."),
+        ((False, True, True, True), False, "Releases 2 to 4 only improve the accuracy of the ratios."),
+        ((True, False, True, True), False, "Releases 1, 3 and 4 only improve the accuracy of the ratios."),
         ((True, True), True, "Releases 1 and 2 only improve the accuracy of the ratios."),
         ((False, False), True, ""),
     ],

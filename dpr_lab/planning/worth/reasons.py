@@ -57,12 +57,17 @@ def reason(before: Expected, after: Expected, needed: bool = False, diagnosed: b
         (first, second), bits = max(added.items(), key=lambda bits_by_pair: bits_by_pair[1])
         parts.insert(0, f"separates {first} from {second} ({bits:.2f} bits)")
     if (bits := after.gain.library - before.gain.library) >= NOTICEABLE.library:
-        unnamed = " that are not named so far" if diagnosed else ""
-        parts.append(f"distinguishes effects{unnamed} ({bits:.2f} bits)")
+        parts.append(_distinguishes(bits, before.gain.library >= NOTICEABLE.library, diagnosed))
     if after.gain.limits - before.gain.limits >= NOTICEABLE.limits:
         parts.append("tests the limits more accurately")
     share = float(np.exp(np.log(after.ratio_std / before.ratio_std).mean()))
-    return Reason("; ".join(parts) or f"standard deviations of the ratios fall to {percent(share)}", not parts)
+    return Reason("; ".join(parts) or f"reduces the standard deviations of the ratios to {percent(share)}", not parts)
+
+
+def _distinguishes(share: float, more: bool, diagnosed: bool) -> str:
+    """Sentence on a share of the effects, from 0 to 1; `more` if earlier releases distinguish some of them."""
+    effects = "the effects that are not named so far" if diagnosed else "the effects of the library"
+    return f"distinguishes {percent(share)}{' more' * more} of {effects}"
 
 
 def only_ratios_sentence(reasons: Sequence[Reason], undecided: bool) -> str:
@@ -76,7 +81,8 @@ def only_ratios_sentence(reasons: Sequence[Reason], undecided: bool) -> str:
     if not numbers:
         return ""
     several = len(numbers) > 1
-    which = f" Release{'s' * several} {listed(numbers)}"
+    in_a_row = len(numbers) > 2 and int(numbers[-1]) - int(numbers[0]) == len(numbers) - 1
+    which = f" Release{'s' * several} {f'{numbers[0]} to {numbers[-1]}' if in_a_row else listed(numbers)}"
     if undecided and "1" not in numbers:
         need = "are" if several else "is"
         return f"{which} {need} necessary only if the causes are still undecided then."

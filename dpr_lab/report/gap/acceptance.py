@@ -1,5 +1,7 @@
 """The result of `dpr-lab accept` as tables and sentences, for the terminal and the report of the diagnosis."""
 
+import math
+
 from dpr_lab.acceptance.judge import Acceptance
 from dpr_lab.shown import listed
 
@@ -42,4 +44,8 @@ def deciding_sentence(acceptance: Acceptance) -> str:
 def _range(low: float | None, high: float | None) -> str:
     if low is None:
         return "none" if high is None else f"below {high:.4g}"
-    return f"above {low:.4g}" if high is None else f"{low:.4g} to {high:.4g}"
+    if high is None:
+        return f"above {low:.4g}"
+    size, width = max(abs(low), abs(high)), high - low
+    digits = 4 if not 0 < width < size else max(4, 2 - math.floor(math.log10(width / size)))
+    return f"{low:.{digits}g} to {high:.{digits}g}"

@@ -15,6 +15,7 @@ from dpr_lab.errors import DprError
 from dpr_lab.progress import StageBegan
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.rig import load_rig
+from dpr_lab.shown import percent
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.services import Services
@@ -25,7 +26,7 @@ from dpr_lab.workflows.plan import PlanRequest, PlanResult
 if TYPE_CHECKING:
     from dpr_lab.planning.result import Plan, PlannedRelease
 
-COLUMNS = ("release", "start pose", "duration", "minutes", "bits", "P(decided)")
+COLUMNS = ("release", "start pose", "duration", "minutes", "distinguished", "P(decided)")
 PLANNING = "planning the next releases"
 ONE = "take a release from the list: {plan.start} makes the list"
 OTHER_SETUP = (
@@ -49,7 +50,9 @@ are diagnosed first.
 
 - **limits file**: which poses can be reached, what can be mounted, and how many minutes each step takes.
 - **budget**: time at the rig, such as `10min`; without it three releases are planned.
-- **bits**: mean expected information about an effect of the library against another.
+- **distinguished**: mean expected information about two effects of the library, by all releases up to this
+  one; 0 % if they distinguish no two effects, 100 % if all.
+- **P(decided)**: probability that the causes are decided by then.
 - `{plan.take}` takes the marked release as the next pose and duration of Capture, with the rig file that describes
   its rods, mass and arm. Nothing moves and nothing is released: Capture guides you to the pose as to any other.
 
@@ -210,22 +213,27 @@ def _row(release: "PlannedRelease", unit: AngleUnit) -> tuple[str, ...]:
     pose = f"{unit.text(release.theta1_rad)}  {unit.text(release.theta2_rad)}"
     decided = "" if release.decided is None else f"{release.decided:.2f}"
     name = release.pose or str(release.number)
-    return (name, pose, f"{release.duration_s:g} s", f"{release.minutes:.1f}", f"{release.library_bits:.2f}", decided)
+    return (name, pose, f"{release.duration_s:g} s", f"{release.minutes:.1f}", percent(release.library_bits), decided)
 
 
 def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
     """The marked release, what no release decides, and the assumptions."""
+    from dpr_lab.report.tables import ratio_std_rows
     from dpr_lab.report.words import in_words, named
 
     shown: list[RenderableType] = []
     if release is not None:
-        lines = [release.text, f"reason: {in_words(release.reason)}", f"horizon: {release.horizon_s:.1f} s"]
+        lines = [
+            release.text,
+            f"reason: {in_words(release.reason)}",
+            f"horizon: {release.horizon_s:.1f} s; afterwards, small errors of the start pose change the swing",
+        ]
         shown.append(sentences(f"Release {release.number}", lines))
         if release.pairs:
             rows = [(*map(named, pair.causes), f"{pair.bits:.2f}") for pair in release.pairs]
             shown += [table("Undecided causes", ("cause", "or", "expected bits"), rows), ""]
-        rows = [(name, f"{std:.2g}", f"{release.ratio_std[name]:.2g}") for name, std in made.ratio_std.items()]
-        shown += [table("Standard deviation of each ratio", ("ratio", "now", "after this release"), rows), ""]
+        columns = ("ratio", "now", "after this release", "unit")
+        shown += [table("Standard deviation of each ratio", columns, ratio_std_rows(made, release)), ""]
     checks = [in_words(f"{' or '.join(inseparable.causes)}: {inseparable.check}") for inseparable in made.inseparable]
     shown.append(sentences("No release separates these causes", checks))
     shown.append(sentences("Assumptions", made.assumptions))

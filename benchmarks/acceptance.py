@@ -1,0 +1,105 @@
+"""Limits of simulated rigs: how often an effect just above its limit passes, and one at half its limit.
+
+    python benchmarks/acceptance.py --plants 20 --seed 1
+
+A rig is drawn around `paper` with one effect of the library, three releases of 6 s. Its diagnosis is judged against
+limits whose truth is known: each amplitude of the effect, and each ratio, lies 5 % above its limit (it must not pass)
+or at half of it (it should pass). A limit below the minimum detectable size is counted apart: such recordings cannot
+decide it. The limit of a ratio is a tolerance about a nominal value. Amplitudes of absent effects have their typical
+size as limit.
+"""
+
+import sys
+from collections import Counter
+from collections.abc import Iterator
+
+from _bars import Bar, at_least, at_most, options, show
+from _trial_cases import Case, hidden, opened
+
+from dpr_lab.acceptance.judge import Answer, judge
+from dpr_lab.acceptance.limits import RATIO_UNITS, Limits
+from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
+from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from sim_device.trials.offline_recorder import record
+
+SWING_S = 6.0
+ABOVE, HALF = 1.05, 0.5
+"""Size in units of its limit."""
+TARGETS = ("above", "half", "ratio above", "ratio half")
+TOLERANCE = 0.03
+"""Tolerance of a ratio, relative to its nominal value."""
+
+
+def limit_of(effect: str, parameter: str, size: float) -> Limits:
+    """Largest permitted size of one amplitude."""
+    (unit,) = (p.unit for p in EFFECTS[effect].amplitudes if p.name == parameter)
+    return Limits.model_validate({"effects": {effect: {parameter: {"max": size, "unit": unit}}}})
+
+
+def range_of(ratio: str, true: float, share: float) -> Limits:
+    """A tolerance of a ratio, of which the true deviation from the nominal value takes up a share."""
+    nominal = true / (1 + share * TOLERANCE)
+    bounds = {"nominal": nominal, "tolerance": TOLERANCE * abs(nominal), "unit": RATIO_UNITS[ratio]}
+    return Limits.model_validate({"ratios": {ratio: bounds}})
+
+
+def answers(seed: int, level: str) -> Iterator[tuple[str, str, Answer, str]]:
+    """Kind of limit, quantity, answer and reason for every limit of one plant."""
+    plant, rig = hidden(Case("single", f"single:{level}", seed))
+    truth = opened(plant, rig)
+    found = diagnose(record(plant, rig, SWING_S), rig)
+
+    def judged(kind: str, limits: Limits) -> tuple[str, str, Answer, str]:
+        (limit,) = judge(found, limits).limits
+        return kind, limit.quantity, limit.answer, f"{limit.reason} {limit.interval90}"
+
+    print(f"plant {seed}: {truth.effects}, {_words(found)}", file=sys.stderr)
+    for name, sizes in truth.effects.items():
+        for parameter in (p.name for p in EFFECTS[name].amplitudes if sizes.get(p.name)):
+            for kind, share in (("above", ABOVE), ("half", HALF)):
+                limit = abs(sizes[parameter]) / share
+                detectable = found.detectable.get(name, {}).get(parameter)
+                hidden_from = kind == "half" and (detectable is None or limit < detectable)
+                yield judged("hidden" if hidden_from else kind, limit_of(name, parameter, limit))
+    true = ratios(base_parameters(plant.Z, rig.L1, rig.g))
+    for name, value in zip(RATIOS, true.tolist(), strict=True):
+        for kind, share in (("ratio above", ABOVE), ("ratio half", HALF)):
+            yield judged(kind, range_of(name, value, share))
+    for name, effect in OF_FREE_SWINGS.items():
+        if name not in truth.effects and not effect.absorbed_by:
+            for p in effect.amplitudes:
+                yield judged("absent", limit_of(name, p.name, p.typical))
+
+
+def _words(found: Diagnosis) -> str:
+    return f"{found.verdict} {[(e.name, round(e.probability, 2)) for e in found.effects]}"
+
+
+def main() -> None:
+    """Draw, record, diagnose, judge, print."""
+    parser = options(__doc__)
+    parser.add_argument("--plants", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=0, help="of the first plant")
+    parser.add_argument("--level", default="subtle", help="visibility of the effect: clear, subtle or faint")
+    args = parser.parse_args()
+    counts: dict[str, Counter[Answer]] = {}
+    for seed in range(args.seed, args.seed + (1 if args.quick else args.plants)):
+        for kind, quantity, answer, reason in answers(seed, args.level):
+            counts.setdefault(kind, Counter())[answer] += 1
+            wanted = (answer == "pass") == ("half" in kind) or kind not in TARGETS
+            if not wanted:
+                print(f"  {kind}: {quantity} {answer}: {reason}", file=sys.stderr, flush=True)
+    bars = []
+    for kind, each in sorted(counts.items()):
+        share, name = each["pass"] / each.total(), f"{kind}: share that passes (of {each.total()})"
+        if kind in TARGETS:
+            bars.append(at_most(name, share, 0.05) if "above" in kind else at_least(name, share, 0.9))
+        else:
+            bars.append(Bar(name, "-", share, None))
+    show("limits of simulated rigs", bars, args.json)
+
+
+if __name__ == "__main__":
+    main()
