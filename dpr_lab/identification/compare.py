@@ -15,6 +15,7 @@ from dpr_lab.effects import effect_params
 from dpr_lab.errors import RunError
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS, Estimate
 from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.identification.model import Model
@@ -169,7 +170,8 @@ def _with_effects(bare: RatioFit, measured: NDArray[np.float64], rig: Rig, model
     """Prediction of the run by the model with its effects and refitted initial states.
 
     A segment whose fit is worse than without effects has converged to a wrong minimum, for example if a torque is 20 %
-    wrong without the effects. Its fit is repeated from the measured initial state, a row of (segments, 4).
+    wrong without the effects. Its fit is repeated from the measured initial state, a row of (segments, 4), and then
+    from the state in which the segment before it ends, which is more precise where the rods are fast.
     """
     laid_out = bare.problem.segments
     at_step = replace(laid_out, step=np.full(len(laid_out), STEP))
@@ -179,15 +181,34 @@ def _with_effects(bare: RatioFit, measured: NDArray[np.float64], rig: Rig, model
     starts = np.stack([bare.fit.estimate.initial, measured])
     starts[:, :, :2] -= leads[:, None] * starts[:, :, 2:]  # with effects it starts shortly before its first sample
     start = Estimate.of(model.unknowns, effect_params(model.effects), starts[0], bare.fit.estimate.zeros)
-    first = fit(problem, start, (), iterations=15, settings=TO_THE_MINIMUM)
-    worse = first.linear.chi2_by_segment > bare.fit.linear.chi2_by_segment
-    if not worse.any():
-        return RatioFit(problem, first)
-    restarted = start.changed(initial=np.where(worse[:, None], starts[1], first.estimate.initial))
-    second = fit(problem, restarted, (), iterations=15, settings=TO_THE_MINIMUM)
-    better = second.linear.chi2_by_segment < first.linear.chi2_by_segment
-    best = np.where(better[:, None], second.estimate.initial, first.estimate.initial)
-    return RatioFit(problem, fit(problem, start.changed(initial=best), (), iterations=1, settings=TO_THE_MINIMUM))
+    best = fit(problem, start, (), iterations=15, settings=TO_THE_MINIMUM)
+    for further in (lambda _: starts[1], lambda estimate: _continued(problem, estimate)):
+        worse = best.linear.chi2_by_segment > bare.fit.linear.chi2_by_segment
+        if not worse.any():
+            break
+        tried = np.where(worse[:, None], further(best.estimate), best.estimate.initial)
+        other = fit(problem, start.changed(initial=tried), (), iterations=15, settings=TO_THE_MINIMUM)
+        better = other.linear.chi2_by_segment < best.linear.chi2_by_segment
+        initial = np.where(better[:, None], other.estimate.initial, best.estimate.initial)
+        best = fit(problem, start.changed(initial=initial), (), iterations=1, settings=TO_THE_MINIMUM)
+    return RatioFit(problem, best)
+
+
+def _continued(problem: Problem, estimate: Estimate) -> NDArray[np.float64]:
+    """(segments, 4) initial states at which the segment before each of them ends; the first one keeps its own."""
+    laid_out = problem.segments
+    if len(laid_out) == 1:
+        return estimate.initial
+    firsts = laid_out.t[laid_out.offsets[:-1]]
+    times = [
+        np.array([first, start - STEP, start + STEP])
+        for first, start in zip(firsts[:-1], map(segment_start, firsts[1:].tolist()), strict=True)
+    ]
+    until = replace(problem, segments=segments(times, setups=laid_out.setups, step=STEP))
+    readings = until.predict(estimate.changed(initial=estimate.initial[:-1]))
+    _, before, after = until.joints.to_rods(readings).reshape(-1, 3, 2).transpose(1, 0, 2)
+    ends = np.hstack([(before + after) / 2, (after - before) / (2 * STEP)])
+    return np.vstack([estimate.initial[:1], ends])
 
 
 def free_run_from(followed: Followed, at_s: float) -> FreeRun:

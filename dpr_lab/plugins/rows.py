@@ -105,7 +105,7 @@ def _reason(plugin: Plugin, error: Exception) -> str:
         )
     if isinstance(error, ImportError) and "partially initialized" in str(error):
         return (
-            f"it imports another table while that of {plugin.group} is incomplete: put the rows of each table into a"
-            " module of their own"
+            f"it imports {error.name}, which needs the table of {plugin.group} that is being made: import it where the"
+            " documentation of the table does, and put the rows of each table into a module of their own"
         )
     return f"{type(error).__name__}: {error}"

@@ -25,7 +25,9 @@ def sum_of(parts: Sequence[Part]) -> tuple[float, Vector, Vector]:
     """
     mass = sum(part.mass for part in parts)
     if not mass > 0 or not math.isfinite(mass):
-        raise ConfigError(f"the part {parts[0].name!r} and all parts fixed to it have no mass")
+        joint = parts[0].joint
+        moving = f"joint {joint.name!r} moves no mass: " if joint else ""
+        raise ConfigError(f"{moving}{parts[0].name!r} and all parts fixed to it, up to the next joint, have none")
     centroid = sum((part.mass * part.centroid for part in parts), np.zeros(3)) / mass
     inertia = np.zeros((3, 3))
     for part in parts:
@@ -111,9 +113,12 @@ def arm_of(
     r = centre - joint.anchor
     inertia_about_axis = joint.armature + float(up @ inertia @ up + mass * (r @ r - (r @ up) ** 2))
     length = float(abs((sum_of([part for rod in rods for part in rod])[1] - joint.anchor) @ e))
-    if not length > 1e-6:
-        raise ConfigError(f"the rods are on the axis of the arm {joint.name!r}: L0 would be zero")
     sideways = float(abs((inner.anchor - joint.anchor) @ np.cross(e, up)))
+    if not length > 1e-6:
+        raise ConfigError(
+            f"the axis of the rods must point along the arm, but it passes the axis of {joint.name!r} at"
+            f" {1e3 * sideways:.3g} mm: L0, the distance along it, would be zero"
+        )
     if sideways > 1e-3 * length:
         notes.append(f"the axis of the rods passes that of the arm at {1e3 * sideways:.3g} mm: treated as zero")
     apart = float(np.ptp([sum_of(rod)[1] @ e for rod in rods]))

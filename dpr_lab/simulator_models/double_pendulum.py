@@ -44,7 +44,11 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
     down = pull - (pull @ e) * e
     g = float(np.linalg.norm(down))
     if not g > 0.1:
-        raise ConfigError(f"gravity across the axis of {inner.name!r} is {g:.3g} m/s^2: a pendulum needs at least 0.1")
+        along, towards = (", ".join(f"{value + 0.0:.3g}" for value in vector) for vector in (e, pull))
+        raise ConfigError(
+            f"gravity across the axis of {inner.name!r} is {g:.3g} m/s^2, but a pendulum needs at least 0.1: the axis"
+            f" is ({along}), and gravity ({towards}) m/s^2"
+        )
     inclination = math.asin(min(1.0, abs(pull @ e) / float(np.linalg.norm(pull))))
     if inclination > CHAIN.noticed:
         notes.append(

@@ -11,6 +11,9 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.simulator_models.chain import CHAIN
 from dpr_lab.simulator_models.tree import ModelJoint, SimulatorModel, Vector
 
+CHOOSE = "name those to use, --joints INNER,OUTER or INNER,OUTER,ARM or ROD,ARM; the others are fixed at zero"
+"""What to do with a model that has more hinges than a double pendulum on an arm."""
+
 
 class Hinges(NamedTuple):
     """Indices of the parts whose joints are those of the rods and of the arm."""
@@ -90,9 +93,7 @@ def only_choice(model: SimulatorModel) -> Hinges:
         others = f" (joints of other kinds: {', '.join(kinds)})" if kinds else ""
         raise ConfigError(f"the model has {have}{others}; a double pendulum, or a rod on an arm, has two in a chain")
     if len(hinges) > 3:
-        raise ConfigError(
-            f"the model has {len(hinges)} hinges, {_names(model, hinges)}: choose two with --joints INNER,OUTER"
-        )
+        raise ConfigError(f"the model has {len(hinges)} hinges, {_names(model, hinges)}: {CHOOSE}")
     chain = set(hinges)
     ordered = sorted(hinges, key=lambda index: _depth(model, index))
     if any(carrier(model, outer, chain) != inner for inner, outer in pairwise(ordered)):
@@ -104,7 +105,7 @@ def only_choice(model: SimulatorModel) -> Hinges:
     if _between(joint_of(model, arm).axis, joint_of(model, shoulder).axis) < math.pi / 4:
         raise ConfigError(
             f"the model has three hinges, {_names(model, ordered)}, and the first has the same axis as the"
-            f" second: choose two with --joints INNER,OUTER"
+            f" second: {CHOOSE}"
         )
     return Hinges((shoulder, elbow), arm)
 

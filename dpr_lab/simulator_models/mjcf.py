@@ -3,7 +3,7 @@
 import warnings
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -72,6 +72,11 @@ class CompiledMjcf:
     """Whether the file has angles in degrees."""
     notes: tuple[str, ...]
 
+    @property
+    def unnamed(self) -> set[str]:
+        """What the parts call joints that have no name in the file."""
+        return {_name(self.model, j) for j in range(self.model.njnt) if not self.model.joint(j).name}
+
     def body(self, joint: str) -> BodyFrame:
         """Body of a joint."""
         m, b = self.model, int(self.model.joint(joint).bodyid[0])
@@ -125,7 +130,11 @@ def compile_mjcf(path: Path, text: bytes | None = None) -> CompiledMjcf:
         for b, share in enumerate(model.body_gravcomp)
         if share
     ]
-    return CompiledMjcf(spec.modelname or path.stem, model, data, degrees, tuple(notes))
+    compiled = CompiledMjcf(spec.modelname or path.stem, model, data, degrees, tuple(notes))
+    if compiled.unnamed:
+        unnamed = f"joints without a name: {len(compiled.unnamed)}; their numbers can be read, but not corrected"
+        return replace(compiled, notes=(*notes, unnamed))
+    return compiled
 
 
 def _scalar_positions(model: Any) -> list[int]:
@@ -285,7 +294,7 @@ def _joint(model: Any, data: Any, j: int) -> ModelJoint:
     lower, upper = model.jnt_range[j].tolist()
     limited = model.jnt_limited[j] and not any(_disabled(model, flag) for flag in ("limit", "constraint"))
     return ModelJoint(
-        model.joint(j).name or f"joint {j}",
+        _name(model, j),
         kind,
         np.array(data.xaxis[j]),
         np.array(data.xanchor[j]),
@@ -297,6 +306,10 @@ def _joint(model: Any, data: Any, j: int) -> ModelJoint:
         (lower, upper) if limited else None,
         other,
     )
+
+
+def _name(model: Any, j: int) -> str:
+    return str(model.joint(j).name) or f"joint {j}"
 
 
 def _disabled(model: Any, flag: str) -> bool:

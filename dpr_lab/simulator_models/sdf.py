@@ -14,7 +14,7 @@ import numpy as np
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.simulator_models.numbers import refuse_bad_texts
-from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel
+from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel, follows
 from dpr_lab.simulator_models.xml_file import read_xml
 
 IGNORED = {"visual", "collision", "plugin", "sensor", "light", "include", "actor", "gui", "scene", "particle_emitter"}
@@ -172,4 +172,18 @@ def _joint(plant: Any, context: Any, joint: Any, element: Element | None, rotor_
         stiffness=number("spring_stiffness"),
         rest=number("spring_reference"),
         limits=limits,
+        other=_mimic(element),
     )
+
+
+def _mimic(element: Element | None) -> dict[str, str]:
+    """The other joint that a joint follows: `<mimic>` of its axis, or `<drake:mimic>` of the joint."""
+    if element is None:
+        return {}
+    if (mimic := element.find("axis/mimic")) is not None:
+        factor, offset = (mimic.findtext(key) for key in ("multiplier", "offset"))
+    elif (mimic := next((child for child in element if child.tag == "drake:mimic"), None)) is not None:
+        factor, offset = (mimic.get(key) for key in ("multiplier", "offset"))
+    else:
+        return {}
+    return follows(mimic.get("joint", ""), float(factor or 1), float(offset or 0))

@@ -81,6 +81,12 @@ class SimulatorModel:
     """Notes on elements that were not read, and on terms that a rig file cannot contain."""
 
 
+def follows(joint: str, factor: float, offset: float) -> dict[str, str]:
+    """Term of a joint that mimics another one, for `ModelJoint.other`."""
+    plus = f" + {offset:g}" if offset else ""
+    return {"follows another joint (mimic), which is not in the rig file:": f"{factor:g} x {joint!r}{plus}"}
+
+
 def frame(roll: float, pitch: float, yaw: float) -> Vector:
     """(3, 3) rotation about the fixed axes x, y, z in this order, rad."""
     (a, b), (c, d), (e, f) = ((np.cos(angle), np.sin(angle)) for angle in (roll, pitch, yaw))

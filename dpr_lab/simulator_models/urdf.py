@@ -13,7 +13,7 @@ import numpy as np
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.simulator_models.numbers import refuse_bad_attributes
-from dpr_lab.simulator_models.tree import ModelActuator, ModelJoint, Part, SimulatorModel, Vector, frame
+from dpr_lab.simulator_models.tree import ModelActuator, ModelJoint, Part, SimulatorModel, Vector, follows, frame
 from dpr_lab.simulator_models.xml_file import read_xml
 
 KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free", "fixed": "fixed"}
@@ -162,7 +162,7 @@ def _joint(joint: Any, turned: Vector, position: Vector, rotor_inertia: float) -
         raise ValueError(f"joint {joint.name} has an axis without a direction")
     dynamics, limit = joint.dynamics, joint.limit
     limits = (float(limit.lower or 0), float(limit.upper or 0)) if limit and joint.type == "revolute" else None
-    mimic = {"mimics another joint": f"{joint.mimic.joint} x {joint.mimic.multiplier or 1:g}"} if joint.mimic else {}
+    mimic = joint.mimic
     return ModelJoint(
         joint.name,
         KINDS.get(joint.type, joint.type),
@@ -172,7 +172,7 @@ def _joint(joint: Any, turned: Vector, position: Vector, rotor_inertia: float) -
         float((dynamics and dynamics.friction) or 0.0),
         rotor_inertia,
         limits=limits,
-        other=mimic,
+        other=follows(mimic.joint, float(mimic.multiplier or 1), float(mimic.offset or 0)) if mimic else {},
     )
 
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
 from dpr_lab.dynamics.prediction import predict
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.effects import EFFECTS, effect_params
-from dpr_lab.identification.model import Model, ParameterValue, RigFacts
+from dpr_lab.identification.model import EstimatedValue, Model, ParameterValue, RigFacts
 from dpr_lab.rig import PARAMETERS, Rig
 
 BASE = ("a", "b", "d", "e1", "c1", "c2")
@@ -36,6 +36,12 @@ def model_of(rig: Rig, effects: Mapping[str, Mapping[str, float]], name: str = "
         parameters=values(PARAMETERS, rig.nominal),
         effects={name: dict(coefficients) for name, coefficients in effects.items()},
     )
+
+
+def identified_model(rig: Rig, effects: Mapping[str, Mapping[str, float]], name: str = "paper") -> Model:
+    """The same with its ratios, which replays and comparisons read."""
+    exact = [EstimatedValue(value=value, std=0.0, interval90=(value, value)) for value in ratios(base_of(rig)).tolist()]
+    return model_of(rig, effects, name).model_copy(update={"ratios": dict(zip(RATIOS, exact, strict=True))})
 
 
 def typical(effect: str) -> dict[str, dict[str, float]]:

@@ -5,16 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports.into import into_file
 from dpr_lab.exports.into.replay import replay_files
-from dpr_lab.identification.model import EstimatedValue, Model
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.simulator_models import read_model
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.workflows.rig_from import rig_from_model
-from tests.exports.models import model_of
+from tests.exports.models import identified_model, model_of
 
 pytest.importorskip("urdf_parser_py")
 
@@ -184,15 +182,9 @@ def test_a_replay_shows_both_files(file: Path, name: str) -> None:
     truth = identified(rig, c1=0.2, J2=1.3)
     right = into_file(model_of(truth, {}, rig.name), rig, file)
     runs = recordings(_mujoco(file, right.text), rig, seconds=2.0)[:1]
-    (replay,) = replay_files(file, right, (), _identified_model(truth), rig, runs)
+    (replay,) = replay_files(file, right, (), identified_model(truth, {}, rig.name), rig, runs)
     assert replay.until_s > 1.0
     assert replay.after_rad < 1.5 * replay.lab_rad < 0.1 * replay.before_rad
-
-
-def _identified_model(rig: Rig) -> Model:
-    base = base_parameters(rig.nominal, rig.L1, rig.g)
-    values = [EstimatedValue(value=float(value), std=0.0, interval90=(0.0, 0.0)) for value in ratios(base)]
-    return model_of(rig, {}, rig.name).model_copy(update={"ratios": dict(zip(RATIOS, values, strict=True))})
 
 
 def _mujoco(file: Path, text: bytes) -> str:
@@ -209,6 +201,18 @@ def _mujoco(file: Path, text: bytes) -> str:
       <option gravity="0 0 {-chain.gravity}" integrator="RK4"/><worldbody><body><joint {joints[0]}/>{places[0]}
       <body pos="0 0 -0.3"><inertial pos="0 0 0" mass="{mass}" diaginertia="1e-9 1e-9 1e-9"/></body>
       <body pos="0 0 -0.3"><joint {joints[1]}/>{places[1]}</body></body></worldbody></mujoco>"""
+
+
+def test_a_default_inertia_of_sdformat_becomes_an_element(tmp_path: Path) -> None:
+    pytest.importorskip("pydrake")
+    file = tmp_path / "own.sdf"
+    inertia = "<inertia><ixx>0.0008</ixx><iyy>0.0008</iyy><izz>2e-5</izz></inertia>"
+    file.write_text(SDF.replace(inertia, ""), encoding="utf-8")
+    rig = rig_of(file)
+    assert rig.parameters["J2"].nominal == pytest.approx(1.0)
+    patched = into_file(model_of(identified(rig, J2=0.9), {}, rig.name), rig, file)
+    assert patched.text.count(b"<ixx>0.9</ixx>") == 1
+    assert {change.element for change in patched.changes} == {"link lower, inertia"}
 
 
 @each_format

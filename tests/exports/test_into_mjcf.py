@@ -153,6 +153,26 @@ def test_masses_that_cannot_be_kept_are_named(start: tuple[Path, Rig]) -> None:
         into_mjcf(model_of(identified(rig, {"l2": 1.8, "J2": 0.1, "m2": 1.8}), {}, rig.name), rig, path)
 
 
+def test_joints_without_a_name_can_be_read_but_not_changed(tmp_path: Path) -> None:
+    file = tmp_path / "robot.xml"
+    file.write_text(ROBOT.replace(' name="elbow"', "").replace('<sensor><jointpos joint="elbow"/></sensor>', ""))
+    read = rig_from_model(file, tmp_path / "rig.toml")
+    assert read.joints == ("shoulder", "joint 1")
+    assert any("joints without a name: 1" in note for note in read.notes)
+    rig = load_rig(tmp_path / "rig.toml")
+    with pytest.raises(ConfigError, match="'joint 1' has no name in the file"):
+        into_mjcf(model_of(rig, {}), rig, file)
+
+
+def test_no_rounding_error_of_a_rotation_is_written(start: tuple[Path, Rig]) -> None:
+    file, rig = start
+    file.write_text(ROBOT.replace('name="upper" pos="0 0 1"', 'name="upper" pos="0 0 1" euler="0 0 1.3"'))
+    longer = into_mjcf(model_of(identified(rig, {"l1": 1.1, "l2": 1.1}), {}), rig, file)
+    places = [change.after for change in longer.changes if change.attribute == "pos"]
+    assert len(places) == 2
+    assert all("e-" not in place for place in places)
+
+
 def test_a_flag_that_switches_off_what_would_change_is_refused(tmp_path: Path) -> None:
     flag = '<option><flag frictionloss="disable"/></option>'
     (tmp_path / "robot.xml").write_text(ROBOT.replace("<default>", f"{flag}<default>"), encoding="utf-8")

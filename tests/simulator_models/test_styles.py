@@ -160,6 +160,15 @@ READ = {
         0.5,
         "meshes, not loaded: 1; joint 'root' (free) is treated as fixed at zero",
     ),
+    "urdf, joint that follows another one": (
+        "model.urdf",
+        f'<robot name="m"><link name="world"/>{RODS}{urdf_joint("q1", "world", "upper", 0.0)}'
+        + urdf_joint("q2", "upper", "lower", -1.0).replace("<dynamics", '<mimic joint="q1" multiplier="2"/><dynamics')
+        + "</robot>",
+        ("q1", "q2"),
+        1.0,
+        "joint 'q2': follows another joint (mimic), which is not in the rig file: 2 x 'q1'",
+    ),
     "mjcf, rotary pendulum": (
         "model.xml",
         """<mujoco><worldbody><body name="arm"><joint name="yaw" axis="0 0 1"/>
@@ -200,7 +209,28 @@ REFUSED = {
         "model.urdf",
         f"""<robot name="rr"><link name="base"/>{RODS}{urdf_joint("q1", "base", "upper", 0.0, "0 0 1")}
         {urdf_joint("q2", "upper", "lower", -1.0, "0 0 1")}</robot>""",
-        "gravity",
+        r"the axis is \(0, 0, 1\), and gravity \(0, 0, -9.81\)",
+    ),
+    "mjcf, rotary pendulum with the backlash of its servo as a hinge": (
+        "model.xml",
+        """<mujoco><worldbody><body><joint name="motor" axis="0 0 1" armature=".002"/><geom size=".01"/>
+        <body><joint name="backlash" axis="0 0 1" range="-.3 .3"/><geom size=".01" pos=".05 0 0"/><body pos=".1 0 0">
+        <joint name="pend" axis="1 0 0"/><geom type="capsule" fromto="0 0 0 0 0 .12" size=".002"/></body></body></body>
+        </worldbody></mujoco>""",
+        "three hinges, 'motor', 'backlash', 'pend'.*ROD,ARM; the others are fixed",
+    ),
+    "mjcf, pendulum that swings along its arm": (
+        "model.xml",
+        """<mujoco><worldbody><body><joint name="arm" axis="0 0 1"/><geom size=".02" pos="0 .1 0"/><body pos="0 .18 0">
+        <joint name="rod" axis="1 0 0"/><geom type="capsule" fromto="0 0 0 0 0 -.15" size=".01"/></body></body>
+        </worldbody></mujoco>""",
+        "must point along the arm, but it passes the axis of 'arm' at 180 mm",
+    ),
+    "mjcf, two hinges in one body": (
+        "model.xml",
+        """<mujoco><worldbody><body name="a"><joint name="q1" axis="0 1 0"/>
+        <joint name="q2" axis="0 1 0" pos="0 0 -.1"/><geom size=".02" pos="0 0 -.25"/></body></worldbody></mujoco>""",
+        "joint 'q1' moves no mass: 'a'",
     ),
     "urdf, arm of seven joints": (
         "model.urdf",
@@ -289,6 +319,29 @@ def test_rotors_of_drake_are_read(tmp_path: Path) -> None:
     )
     chain = double_pendulum(read_model(tmp_path / "model.urdf"))
     assert [rod.joint.armature for rod in chain.rods] == pytest.approx([0.0, 0.01])
+
+
+MIMICS = {
+    "of its axis": "<axis>{}<mimic joint='q1'><multiplier>2</multiplier><offset>0.5</offset></mimic></axis>",
+    "of Drake": "<axis>{}</axis><drake:mimic joint='q1' multiplier='2' offset='0.5'/>",
+}
+
+
+@pytest.mark.parametrize("mimic", MIMICS.values(), ids=MIMICS)
+def test_a_joint_of_sdformat_that_follows_another_one_is_listed(tmp_path: Path, mimic: str) -> None:
+    pytest.importorskip("pydrake")
+    inertial = "<inertial><pose>0 0 -.1 0 0 0</pose><mass>1</mass></inertial>"
+    axis = "<xyz>0 1 0</xyz>"
+    (tmp_path / "model.sdf").write_text(
+        f"""<sdf version="1.11" xmlns:drake="http://drake.mit.edu"><model name="m">
+        <link name="u">{inertial}</link><link name="l"><pose>0 0 -.3 0 0 0</pose>{inertial}</link>
+        <joint name="q1" type="revolute"><parent>world</parent><child>u</child><axis>{axis}</axis></joint>
+        <joint name="q2" type="revolute"><parent>u</parent><child>l</child>{mimic.format(axis)}</joint></model>
+        </sdf>""",
+        encoding="utf-8",
+    )
+    notes = double_pendulum(read_model(tmp_path / "model.sdf")).notes
+    assert any("'q2': follows another joint" in note and "2 x 'q1' + 0.5" in note for note in notes)
 
 
 def test_rotors_of_drake_are_read_from_sdformat(tmp_path: Path) -> None:

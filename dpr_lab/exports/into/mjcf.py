@@ -76,8 +76,10 @@ def _read(path: Path, joints: Sequence[str], text: bytes | None = None) -> _File
         chain = double_pendulum(read, joints)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
-    parts = (*chain.rods, *((chain.arm,) if chain.arm else ()))
-    return _File(path, compiled, read, chain, tuple(part.joint.name for part in parts))
+    names = tuple(part.joint.name for part in (*chain.rods, *((chain.arm,) if chain.arm else ())))
+    if unnamed := [name for name in names if name in compiled.unnamed]:
+        raise ConfigError(f"{path}: {unnamed[0]!r} has no name in the file: give its <joint> one")
+    return _File(path, compiled, read, chain, names)
 
 
 def into_mjcf(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ()) -> PatchedModel:
@@ -124,14 +126,14 @@ def into_mjcf(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
         _set_body(edits[-1], file, file.chain.arm, arm_change(file.read, file.chain.arm, of_arm, path))
         _set_joint(edits[-1], file, file.chain.arm, of_arm)
     text = edits[-1].text()
-    reason = f"{path}: {_overriding(path)}: remove it, or save the compiled model with mj_saveLastXML, and change that"
+    reason = f"{path}: {_overriding(path)}"
     refuse_overridden(_read(path, file.joints, text).chain, targets, made.rods[0].length, WORDS, reason, of_arm)
     changes = tuple(change for edit in edits for change in edit.changes)
     return PatchedModel(text, changes, left_out(model, {*expressed, *added.effects}, "MJCF"), added)
 
 
 def _overriding(path: Path) -> str:
-    """What in a file overrides the changed numbers: `<flag constraint="disable"> switches off ...`."""
+    """What in a file overrides the changed numbers, and what to do."""
     root, switches = with_includes(path), {flag for flags in SWITCHES.values() for flag in flags}
     off = [
         f'<flag {name}="disable">'
@@ -145,9 +147,11 @@ def _overriding(path: Path) -> str:
         for name, value in compiler.items()
         if (name, value) == ("inertiafromgeom", "true") or name == "settotalmass"
     ]
+    remedy = "save the compiled model with mj_saveLastXML, and change that"
     if off or global_values:
-        return f"{' and '.join([*off, *global_values])} switches off or overrides what would change"
-    return "a default class or compiler option overrides the changed numbers"
+        remedy = f"remove it, or {remedy}" if global_values else "remove it, and repeat the command"
+        return f"{' and '.join([*off, *global_values])} switches off or overrides what would change: {remedy}"
+    return f"a default class or compiler option overrides the changed numbers: {remedy}"
 
 
 def _geared(file: _File, effect: str) -> bool:
@@ -170,7 +174,7 @@ def _set_body(edit: XmlEdit, file: _File, part: ChainRod | ChainArm, change: Bod
     if inertial is None:
         inertia = change.factor * frame.principal
         values = {"pos": place, "quat": frame.local_turn, "mass": [change.mass], "diaginertia": inertia}
-        edit.insert(body, "inertial", label, **{name: numbers(value) for name, value in values.items()})
+        edit.insert(body, "inertial", f"{label}, inertial", **{name: numbers(value) for name, value in values.items()})
         return
     if change.moves:
         edit.set(inertial, f"{label}, inertial", pos=numbers(place))

@@ -33,14 +33,12 @@ class SdfEditor:
             edit.set_text(pose, label, text)
 
     def scale_inertia(self, edit: XmlEdit, inertial: int, label: str, factor: float) -> None:
-        """See `Editor`.
-
-        Raises:
-            ConfigError: the inertia is the default of the format.
-        """
+        """See `Editor`. Without the element, the inertia is that of the format, 1 kg m^2 about each axis."""
         inertia = edit.child(inertial, "inertia")
         if inertia is None:
-            raise ConfigError(f"{label} has no <inertia> element: give it one")
+            moments = dict.fromkeys(("ixx", "iyy", "izz"), numbers([factor]))
+            edit.insert_texts(inertial, f"{label}, inertia", within="inertia", **moments, ixy="0", ixz="0", iyz="0")
+            return
         for index, tag in enumerate(edit.tags):
             if tag.parent == inertia and float(tag.text):
                 edit.set_text(index, f"{label}, inertia", numbers([factor * float(tag.text)]))

@@ -33,6 +33,8 @@ class PatchSettings:
     """Maximum relative difference of L1 and g between the rig file and the model."""
     digits: int = 9
     """Significant digits of a written number."""
+    rounding: float = 1e-12
+    """Part of the largest number of a vector below which another one is zero."""
     negligible: float = 1e-9
     """Relative change, or shift in m, that is ignored."""
     reached: float = 1e-5
@@ -300,5 +302,7 @@ def refuse_overridden(
 
 
 def numbers(values: Vector | Sequence[float]) -> str:
-    """Numbers as text for a file."""
-    return " ".join(f"{float(value):.{PATCH.digits}g}" for value in np.asarray(values))
+    """Numbers as text for a file, without rounding errors of a rotation next to larger numbers."""
+    exact = np.asarray(values, dtype=np.float64)
+    rounded = np.where(np.abs(exact) < PATCH.rounding * np.max(np.abs(exact)), 0.0, exact)
+    return " ".join(f"{value:.{PATCH.digits}g}" for value in rounded.tolist())
