@@ -61,6 +61,7 @@ def test_broken_plugins_are_named_and_skipped(announce: Announce) -> None:
     announce("taken", LAW.replace("magnet_joint{j}", "coulomb_joint{j}"), effects="a = taken:MAGNETS")
     announce("asks", LAW.replace("joint: Joint", "velocity: Joint"), effects="a = asks:MAGNETS")
     announce("units", LAW.replace('"N m s/rad"', '"furlong"'), effects="a = units:MAGNETS")
+    announce("circle", LAW.replace("dpr_lab.kernels", "dpr_lab.effects.effect_kernels"), effects="a = circle:MAGNETS")
     broken_kernels = {
         "typo": ("joint.speed", "joint.sped"),
         "prints": ("    return -damp", "    open('file')\n    return -damp"),
@@ -81,6 +82,8 @@ def test_broken_plugins_are_named_and_skipped(announce: Announce) -> None:
     assert "'coulomb_joint1' exists already" in reasons["taken"]
     assert "the kernel asks for velocity" in reasons["asks"]
     assert "no limit for 'furlong'" in reasons["units"]
+    line = LAW.splitlines().index("from dpr_lab.kernels import inlined") + 1
+    assert f"circle.py, line {line} imports a module that needs the table of effects" in reasons["circle"]
     line = LAW.splitlines().index(next(line for line in LAW.splitlines() if "joint.speed" in line)) + 1
     assert f"typo.py, line {line}: the kernel magnet cannot be compiled: Unknown attribute 'sped'" in reasons["typo"]
     assert f"prints.py, line {line}: the kernel magnet cannot be compiled" in reasons["prints"]

@@ -104,8 +104,15 @@ def _reason(plugin: Plugin, error: Exception) -> str:
             " rows of each table into a module of their own"
         )
     if isinstance(error, ImportError) and "partially initialized" in str(error):
+        root = plugin.module.partition(".")[0]
+        *_, (frame, line) = (
+            (frame, line)
+            for frame, line in traceback.walk_tb(error.__traceback__)
+            if str(frame.f_globals["__name__"]).partition(".")[0] == root
+        )
         return (
-            f"it imports {error.name}, which needs the table of {plugin.group} that is being made: import it where the"
-            " documentation of the table does, and put the rows of each table into a module of their own"
+            f"{Path(frame.f_code.co_filename).name}, line {line} imports a module that needs the table of"
+            f" {plugin.group}, which is being made: import as the template package does, and put the rows of each table"
+            " into a module of their own"
         )
     return f"{type(error).__name__}: {error}"
