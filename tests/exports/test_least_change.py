@@ -2,13 +2,16 @@
 
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 from dpr_lab.exports.corrected import corrected_model
 from dpr_lab.exports.into import WORDS, into_file
-from dpr_lab.exports.into.least_change import LeastChange, least_change
+from dpr_lab.exports.into.least_change import LeastChange, _base, _changed_gears, least_change
 from dpr_lab.exports.refit import fitted_in_words
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.identification.model import Model
@@ -63,6 +66,28 @@ def test_the_benchmark_expects_the_same_words(monkeypatch: pytest.MonkeyPatch) -
     of_benchmark = import_module("simulator_models").PLANTED
     words = {planted.cause for planted in PLANTED.values()} | {"gear of the motor"}
     assert {quantity for quantity, *_ in of_benchmark.values()} == words
+
+
+def diagnosed(a: float, known: bool = False) -> tuple[Any, Any]:
+    """A model with this a/b, other ratios of 1 and b = 2 kg m^2, and its diagnosis."""
+    scale = SimpleNamespace(known=known, interval90=(1.9, 2.1))
+    diagnosis = SimpleNamespace(scale=scale, ratio_covariance=1e-8 * np.eye(5))
+    ratios = np.array([a, 1.0, 1.0, 1.0, 1.0])
+    return SimpleNamespace(ratio_values=ratios, base={"b": SimpleNamespace(value=2.0)}), diagnosis
+
+
+@pytest.mark.parametrize(("estimated", "of_rod"), [(3.0, 5.5), (3.255, 6.0)])
+def test_a_changed_inertia_is_that_of_the_rod_without_its_rotor(estimated: float, of_rod: float) -> None:
+    """The estimate, at b = 2, contains the rotor of 0.5; the file has a rod of 6, which a difference of 0.2 % does not change."""
+    of_file, rotor = np.array([6.0, 2.0, 2.0, 2.0, 2.0, 2.0]), np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
+    base = _base(of_file, rotor, *diagnosed(estimated), gears=np.zeros(0))
+    assert base.tolist() == pytest.approx([of_rod, 2.0, 2.0, 2.0, 2.0, 2.0])
+
+
+def test_a_gear_changes_by_its_torque_constant_times_the_factor_of_the_masses() -> None:
+    gears = {"torque_scale_joint1": 1.25, "torque_scale_joint2": 0.8}
+    changed = _changed_gears(gears, 1.25, diagnosed(3.0)[1])
+    assert changed == {"torque_scale_joint1": {"excess": pytest.approx(0.5625)}}
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -7,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from dpr_lab.gap.screen.implausible import repeated
 from dpr_lab.gap.screen.record import _blocks
-from dpr_lab.gap.screen.sensor_faults import screen
+from dpr_lab.gap.screen.sensor_faults import _late, screen
 from dpr_lab.identification.misread.balance import periods
 from dpr_lab.rig import Rig, Rods, load_rig
 from dpr_lab.run import Run
@@ -15,6 +16,7 @@ from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.options import ImportOptions
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
+from tests.gap.test_instants import readings
 
 
 @pytest.fixture(scope="module")
@@ -150,6 +152,22 @@ def test_faults_of_a_logger_are_named_alone_and_together(recorded, paper: Rig, f
     for run in recorded({}, duration=4.0, **fault):
         found = {finding.name for finding in screen(run, paper).findings}
         assert names <= found <= names | harmless
+
+
+def test_late_readings_are_found_among_repeated_ones_that_hide_them():
+    """Every 40th reading is 2.5 ms late; between 0.5 and 1.5 s every second one repeats the one before."""
+    number = np.arange(3000)
+    late, again = number % 40 == 1, (number % 2 == 0) & (number >= 500) & (number < 1500)
+    read = np.round(readings(number * 1e-3 + 2.5e-3 * late, 3e-4) / 1e-3) * 1e-3
+    read[again] = read[np.flatnonzero(again) - 1]
+    run = SimpleNamespace(setup=SimpleNamespace(alone=False), rate_hz=1000.0, name="logged")
+    masked, findings = _late(run, number * 1e-3, read)
+    assert [finding.name for finding in findings] == ["repeated_sample", "periodic_delay"]
+    assert findings[1].evidence.startswith("one reading in 40")
+    assert float(findings[1].evidence.split()[6]) == pytest.approx(2.5, rel=0.02)
+    assert (masked >= late).all()
+    assert np.mean(masked[again]) > 0.95
+    assert not masked[(number % 2 == 1) & ~late].any()
 
 
 def test_a_stretch_of_repeated_frames_is_masked_where_it_is(recorded, paper: Rig):

@@ -118,6 +118,22 @@ def test_faults_of_the_encoders_are_to_be_named():
     assert scored(said("no_gap", findings=["gap"]), truth).faults_missed == ("jitter",)
 
 
+@pytest.mark.parametrize(
+    ("fault", "missed"),
+    [
+        ({"late_every": 0, "stale_every": 0, "lost_for_s": 0.0}, ()),
+        ({"late_every": 9}, ("periodic_delay",)),
+        ({"stale_every": 8}, ("repeated_sample",)),
+        ({"repeated_share": 0.04}, ("repeated_sample",)),
+        ({"lost_for_s": 0.3}, ("gap",)),
+        ({"step_counts": 4}, ("undithered_quantisation",)),
+    ],
+)
+def test_each_fault_of_the_encoders_has_its_own_finding(fault, missed):
+    outcome = scored(said("no_gap"), truth_of(encoders=CLEAN_ENCODERS | fault))
+    assert outcome.faults_missed == missed
+
+
 def test_sizes_are_compared_at_the_scale_that_the_lab_can_know():
     """Everything twice as heavy swings the same; the lab gives half the true torque, at its own scale."""
     heavy = truth_of({"coulomb_joint1": {"torque_Nm": 0.004}}, heavier=2.0)

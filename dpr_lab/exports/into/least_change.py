@@ -72,14 +72,12 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     of_file = _base_of(chain, longer)
     rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])  # visible only in a during a free swing
     gears = _gear_factors(effects, diagnosis, runs)
-    total = _base(of_file + rotor, model, diagnosis, np.array(list(gears.values())))
-    base = with_own_numbers(chain, np.where(total == of_file + rotor, of_file, total - rotor), of_file, longer)
+    base = _base(of_file, rotor, model, diagnosis, np.array(list(gears.values())))
+    base = with_own_numbers(chain, base, of_file, longer)
     factor = base[1] / model.base["b"].value
     effects = {name: as_in_file(diagnosis, chain, name, scaled(name, v, factor)) for name, v in effects.items()}
-    for name, gain in gears.items():
-        effects[name] = {"excess": float(factor * gain - 1)}
-        if abs(factor * gain - 1) < _same_gear(diagnosis):
-            del effects[name]
+    effects = {name: values for name, values in effects.items() if name not in gears}
+    effects |= _changed_gears(gears, factor, diagnosis)
     effects |= unseen(diagnosis, chain, effects, (0, 1))
     file = {name: {key: 0.0 for key in values} | in_file(chain, name) for name, values in effects.items()}
     effects = felt(effects, file, lambda of_effects: _error(_with(model, chain, base, of_effects), runs, rig))
@@ -125,11 +123,18 @@ def _gear_factors(
     return {name: 1.0 + effects.get(name, {}).get("excess", 0.0) for name in names.values()}
 
 
-def _base(of_file: Array, model: Model, diagnosis: Diagnosis, gears: Array) -> Array:
+def _changed_gears(gears: Mapping[str, float], factor: float, diagnosis: Diagnosis) -> dict[str, dict[str, float]]:
+    """Errors of the torque constants in the file if all masses change by a common factor; without negligible ones."""
+    excess = {name: float(factor * gain - 1) for name, gain in gears.items()}
+    return {name: {"excess": x} for name, x in excess.items() if abs(x) >= _same_gear(diagnosis)}
+
+
+def _base(of_file: Array, rotor: Array, model: Model, diagnosis: Diagnosis, gears: Array) -> Array:
     """(6,) base parameters: those of the file if compatible, the others as estimated, at one scale.
 
     Args:
-        of_file: (6,) of the file
+        of_file: (6,) of the file, without rotors
+        rotor: (6,) contribution of the rotors of the file, which the estimates contain
         model: the corrected model
         diagnosis: the diagnosis
         gears: `_gear_factors`
@@ -138,7 +143,7 @@ def _base(of_file: Array, model: Model, diagnosis: Diagnosis, gears: Array) -> A
     std = np.insert(np.sqrt(np.diag(np.array(diagnosis.ratio_covariance))), 1, 0.0)
     tolerance = np.maximum(CHANGE.same, CHANGE.stds * std / u)
     floor = CHANGE.idle * np.sqrt(of_file[1] * of_file[3])  # a file without damping; both in N m s
-    x = np.where(of_file > 0, of_file, floor)
+    x = np.where(of_file > 0, of_file, floor) + rotor
     b, scale = model.base["b"].value, diagnosis.scale
     scales: list[float] = [] if scale is not None and scale.known and not len(gears) else (x / u)[:4].tolist()
     scales += [] if scale is None or not scale.known else [b, *(b / gears).tolist()]
@@ -150,7 +155,7 @@ def _base(of_file: Array, model: Model, diagnosis: Diagnosis, gears: Array) -> A
         return int(np.sum(stays(s)) + np.sum(np.abs(s / b * gears - 1) < _same_gear(diagnosis)))
 
     s = max(scales, key=lambda scale: (unchanged(scale), -np.abs(np.log(scale * u / x)[:4]).sum()))
-    return np.where(stays(s), of_file, s * u)
+    return np.where(stays(s), of_file, s * u - rotor)
 
 
 def _same_gear(diagnosis: Diagnosis) -> float:
