@@ -1,8 +1,8 @@
-"""Column with the input of a driven arm."""
+"""Columns of known inputs: torques of the joints, or the input of a driven arm."""
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig, refuse_impossible_arm, refuse_impossible_inner
 from dpr_lab.rig_tables import MotorTable
 from dpr_lab.storage.tables.options import ImportOptions
+from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, Pairs, find_torques, held_torque
 
 _NAMES = {
     "torque": "tau|torque|trq|effort",
@@ -27,6 +28,86 @@ _UNITS = {
 _KIND = "(?:measured|meas|commanded|command|cmd|desired|des|motor|arm)?"
 _UNNAMED = f"{_KIND}input{_KIND}"
 """Name of an input whose kind is that of the rig file, as `run export` writes it."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownInputs:
+    """Columns of the known torques of joints 1 and 2, or of the input of a driven arm."""
+
+    pairs: Pairs
+    """Kind -> both columns, for a driven arm its input and `PASSIVE`; empty for a free swing."""
+    factors: tuple[float, float]
+    """Factors of both columns from the unit in the name of the column to SI."""
+    motor: MotorTable | None = None
+    """Motor of a driven arm; None if the columns are torques of the joints."""
+
+    def torques(
+        self, columns: Mapping[str, NDArray[np.float64]], t: NDArray[np.float64], rows: NDArray[np.intp]
+    ) -> dict[str, NDArray[np.float64]]:
+        """Kind -> (k, 2) inputs of the kept rows (k,), SI, from all rows of the columns and the times t, s."""
+        return {
+            kind: np.stack([held_torque(t, columns[name], rows) for name in pair], axis=1) * self.factors
+            for kind, pair in self.pairs.items()
+        }
+
+    def refuse_silent(
+        self, columns: Mapping[str, NDArray[np.float64]], rows: NDArray[np.intp], path: object, least: float = 1e-9
+    ) -> None:
+        """Check that the input of a driven arm is not zero throughout, and exceeds `least`, SI, somewhere.
+
+        Raises:
+            RunError: the input is zero throughout, or never exceeds `least`.
+        """
+        if self.motor is None:
+            return
+        name = self.pairs[""][0]
+        largest = float(np.nanmax(np.abs(columns[name][rows] * self.factors[0]), initial=0.0))
+        if largest == 0.0:
+            raise RunError(f"{path}: the input {name!r} is zero throughout: the arm was not driven; use --arm free")
+        if largest < least:
+            raise RunError(
+                f"{path}: the input {name!r} never exceeds {largest:.2g}, too little for a drive: name its column"
+                " (--columns input=NAME) or its factor to SI units (--scale input=FACTOR), or use --arm free"
+            )
+
+    def notes(self) -> list[str]:
+        """Notes on the interpretation of the columns."""
+        if not self.pairs:
+            return []
+        if self.motor is not None:
+            name = self.pairs[""][0]
+            driven = f"the arm is driven by the {self.motor.input} in column {name}, each value held until the next row"
+            return [driven, *_gain_note(self.motor)]
+        passive = {f"joint {j}" for pair in self.pairs.values() for j, name in enumerate(pair, 1) if name == PASSIVE}
+        return [
+            f"driven by {' and '.join(self.pairs) or 'known'} torques, each held until the next row",
+            *(f"{joint} has no torque column: treated as passive, with a torque of zero" for joint in passive),
+        ]
+
+
+def known_inputs(
+    recorded: Sequence[str], others: Sequence[str] | Mapping[str, int], rig: Rig, options: ImportOptions, path: object
+) -> KnownInputs:
+    """Find the known inputs of a table.
+
+    Args:
+        recorded: names of the columns with numbers
+        others: names of columns of another length
+        rig: the recorded rig
+        options: with the mode of the arm
+        path: path of the table
+
+    Raises:
+        RunError: a column that does not exist, is ambiguous, or does not fit the mode of the arm.
+    """
+    pairs = find_torques([*recorded, *others], options.torque, options.columns, path)
+    if pairs and options.arm in ("free", "driven"):
+        raise RunError(f"{path}: torques of joints 1 and 2 are not supported with a moving arm: use --torque none")
+    if options.arm != "driven":
+        return KnownInputs(pairs, (options.scale.get(JOINTS[0], 1.0), options.scale.get(JOINTS[1], 1.0)))
+    assert rig.motor is not None
+    name, factor = find_input(recorded, rig.motor, options.columns.get("input"), path)
+    return KnownInputs({"": (name, PASSIVE)}, (factor * options.scale.get("input", 1.0), 1.0), rig.motor)
 
 
 def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[str, str]) -> ImportOptions:
@@ -94,7 +175,7 @@ def _other_input(names: Sequence[str], motor: MotorTable) -> str:
     return ""
 
 
-def gain_note(motor: MotorTable) -> list[str]:
+def _gain_note(motor: MotorTable) -> list[str]:
     """A note if the rig file lacks a constant that turns the input into a torque."""
     needed = {"current": ("kt",), "voltage": ("kt", "R")}.get(motor.input, ())
     missing = [name for name in needed if getattr(motor, name) is None]
@@ -106,22 +187,6 @@ def gain_note(motor: MotorTable) -> list[str]:
     ]
 
 
-def refuse_silent(values: NDArray[np.float64], name: str, path: object, least: float = 1e-9) -> None:
-    """Check that the input is not zero throughout, and exceeds `least` N m, A, V or rad/s^2 somewhere.
-
-    Raises:
-        RunError: the input is zero throughout, or never exceeds `least`.
-    """
-    if not np.any(values):
-        raise RunError(f"{path}: the input {name!r} is zero throughout: the arm was not driven; use --arm free")
-    largest = float(np.nanmax(np.abs(values)))
-    if largest < least:
-        raise RunError(
-            f"{path}: the input {name!r} is {largest:.2g} at most, too small for a drive: name its column"
-            " (--columns input=NAME) or its factor to SI units (--scale input=FACTOR), or use --arm free"
-        )
-
-
 def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
     """A note if a table has an input of the arm's drive although its arm is free."""
     if mode != "free":
@@ -129,4 +194,4 @@ def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
     words = "|".join(_NAMES[kind].split("|")[0] for kind in ("torque", "current", "voltage"))
     pattern = re.compile(rf"{_KIND}(?:{words})0?{_KIND}")
     unused = [name for name in names if pattern.fullmatch(re.sub(r"[\W_]+", "", name.lower()))]
-    return [f"column {name} is not used, because the arm is free; of a driven arm: --arm driven" for name in unused]
+    return [f"column {name} is not used, because the arm is free; if it is driven, use --arm driven" for name in unused]

@@ -20,7 +20,7 @@ from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
 from dpr_lab.run import FilmNoise, as_mounted
 from dpr_lab.storage.readers import read_any
-from dpr_lab.storage.tables.arm_input import find_input, gain_note, refuse_silent, stated_arm, unused_input
+from dpr_lab.storage.tables.arm_input import known_inputs, stated_arm, unused_input
 from dpr_lab.storage.tables.clock_wrap import continues_across, unwrapped_times, wrap_behind
 from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, with_still_joint2
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
@@ -37,7 +37,7 @@ from dpr_lab.storage.tables.questions import questions, refuse_push
 from dpr_lab.storage.tables.readings import angles, in_radians
 from dpr_lab.storage.tables.table import Table
 from dpr_lab.storage.tables.time_stamps import even_times, stamps_at_gaps
-from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, held_torque, torque_column
+from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, torque_column
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,64 +96,52 @@ def understand(
     if options.pose is not None and options.pose not in rig.poses:
         raise RunError(f"{file}: pose {options.pose!r} is not one of the rig's: {', '.join(rig.poses) or 'none'}")
     path = Path(file)
-    named_angles = not set(AXES).isdisjoint(options.columns)
-    table, given = read_any(path, options.take, on_progress, points=not named_angles), dict(options.columns)
-    if rig.rods.mounted != "both":
-        table, given = with_still_joint2(table, given, options.rate_hz is None)
-    for driving_column in ("input", *JOINTS):
-        given.pop(driving_column, None)
+    table, given = _read(path, rig, options, on_progress)
     columns = find_columns(table, given, options.unit, options.time_unit, options.rate_hz)
     options = replace(options, unit=columns.unit, time_unit=columns.time_unit)
     options = stated_arm(rig, options, path, columns.names)
     _refuse_conventions(table, options)
-    t = _times(table, columns.names, options)
-    columns_read = {axis: table.column(columns.names[axis]) for axis in AXES if axis in columns.names}
-    readings, unrecorded = _recorded(table, columns_read)
-    _check_forwards(table, t, options, readings)
-    t, rounded = even_times(t, readings)
-    unrecorded += [rounded] if rounded else []
-    outliers = drop_outliers(readings, rig, options)
-    t, misplaced = stamps_at_gaps(t, {axis: _unwrapped(column, options) for axis, column in readings.items()})
-    unrecorded += [misplaced] if misplaced else []
+    t, readings, notes = _readings(table, columns.names, rig, options)
     recorded = [
         name
         for name, column in zip(table.names, table.values, strict=True)
         if name != NO_ROD and not np.isnan(column).all()
     ]
-    names = [*recorded, *table.other_lengths]
-    driving = find_torques(names, options.torque, options.columns, path)
-    factors, drive = [options.scale.get(joint, 1.0) for joint in JOINTS], None
-    if driving and options.arm in ("free", "driven"):
-        raise RunError(f"{path}: torques of joints 1 and 2 are not supported with a moving arm: use --torque none")
-    if options.arm == "driven":
-        assert rig.motor is not None
-        drive, factor = find_input(recorded, rig.motor, options.columns.get("input"), path)
-        driving, factors = {"": (drive, PASSIVE)}, [factor * options.scale.get("input", 1.0), 1.0]
-    known = {name: torque_column(table, name) for pair in driving.values() for name in pair}
-    rows, notes = _rows_to_keep(path, t, {**readings, **known}, options)
-    if drive is not None:
-        refuse_silent(known[drive][rows] * factors[0], drive, path)
-    unrecorded += unused_input(recorded, options.arm)
-    if driving and not any(column[rows].any() for column in known.values()):
-        driving, unrecorded = {}, [*unrecorded, "its torques are zero throughout: a free swing"]
-    torques = {
-        kind: np.stack([held_torque(t, known[name], rows) for name in pair], axis=1) * factors
-        for kind, pair in driving.items()
-    }
-    if drive is not None and rig.motor is not None:
-        unrecorded.append(
-            f"the arm is driven by the {rig.motor.input} in column {drive}, each value held until the next row"
-        )
-        unrecorded += gain_note(rig.motor)
-    elif torques:
-        unrecorded.append(f"driven by {' and '.join(torques) or 'known'} torques, each held until the next row")
-        passive = {f"joint {k + 1}" for pair in driving.values() for k, name in enumerate(pair) if name == PASSIVE}
-        unrecorded += [f"{joint} has no torque column: treated as passive, with a torque of zero" for joint in passive]
+    inputs = known_inputs(recorded, table.other_lengths, rig, options, path)
+    known = {name: torque_column(table, name) for pair in inputs.pairs.values() for name in pair}
+    rows, removed = _rows_to_keep(path, t, {**readings, **known}, options)
+    inputs.refuse_silent(known, rows, path)
+    notes += unused_input(recorded, options.arm)
+    if inputs.pairs and not any(column[rows].any() for column in known.values()):
+        inputs = replace(inputs, pairs={})
+        notes.append("its torques are zero throughout: a free swing")
     values = {axis: _scaled(column[rows], axis, options) for axis, column in readings.items()}
-    notes = [*table.notes, *columns.notes, *notes, *outliers, *unrecorded]
+    notes = [*table.notes, *columns.notes, *removed, *notes, *inputs.notes()]
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
-    read = _Rows(path, rows, t, values, torques, named, options, _ignored(table, names, options, rows))
-    return replace(_understood(read, notes, rig, table.kind, driving), film_noise=table.film_noise)
+    ignored = _ignored(table, [*recorded, *table.other_lengths], options, rows)
+    read = _Rows(path, rows, t, values, inputs.torques(known, t, rows), named, options, ignored)
+    return replace(_understood(read, notes, rig, table.kind, inputs.pairs), film_noise=table.film_noise)
+
+
+def _read(path: Path, rig: Rig, options: ImportOptions, on_progress: OnImport) -> tuple[Table, dict[str, str]]:
+    """The table, and its stated columns of time and angles; a missing rod is at rest."""
+    named_angles = not set(AXES).isdisjoint(options.columns)
+    table = read_any(path, options.take, on_progress, points=not named_angles)
+    stated = {name: column for name, column in options.columns.items() if name not in ("input", *JOINTS)}
+    return (table, stated) if rig.rods.mounted == "both" else with_still_joint2(table, stated, options.rate_hz is None)
+
+
+def _readings(
+    table: Table, names: Mapping[str, str], rig: Rig, options: ImportOptions
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], list[str]]:
+    """(rows,) times, s, (rows,) readings of each recorded axis with NaN for outliers, and notes."""
+    t = _times(table, names, options)
+    readings, empty = _recorded(table, {axis: table.column(names[axis]) for axis in AXES if axis in names})
+    _check_forwards(table, t, options, readings)
+    t, rounded = even_times(t, readings)
+    outliers = drop_outliers(readings, rig, options)
+    t, misplaced = stamps_at_gaps(t, {axis: _unwrapped(column, options) for axis, column in readings.items()})
+    return t, readings, [*outliers, *empty, *filter(None, (rounded, misplaced))]
 
 
 @dataclass(frozen=True, slots=True)
