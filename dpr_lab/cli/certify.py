@@ -7,27 +7,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import AnyClock, HeldOut, Library, MaxEffects, RigName, TorqueKind, Without, names_in
+from dpr_lab.cli.checks import RigName
 from dpr_lab.cli.console import emit, json_mode, line, table
+from dpr_lab.cli.option_groups import DiagnosisChoices, with_groups
 
 if TYPE_CHECKING:
     from dpr_lab.certificate.lines import Declared, Verified
     from dpr_lab.workflows.certify import Certified, VerifiedCertificate
 
 
+@with_groups
 def certify(
+    *,
     runs: Annotated[list[Path], typer.Argument(help="Run files (.mcap).")],
     rig: RigName,
-    held_out: HeldOut = None,
-    library: Library = None,
-    without: Without = None,
-    max_effects: MaxEffects = 4,
-    seed: Annotated[
-        int,
-        typer.Option(min=0, max=(1 << 63) - 1, help="Seed of the random numbers; the same seed gives the same result."),
-    ] = 0,
-    any_clock: AnyClock = False,
-    torque: TorqueKind = None,
+    choices: DiagnosisChoices,
     limits: Annotated[
         Path | None, typer.Option(help="Limits file of `accept`: certify the result of each limit as well.")
     ] = None,
@@ -48,21 +42,12 @@ def certify(
     Example: dpr-lab certify runs/*.mcap --rig paper --out certificate.json
     """
     json_mode(as_json)
+    if choices.seed >= 1 << 63:
+        raise typer.BadParameter("--seed must be below 2^63 in a certificate")
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.certify import certify as certify_runs
-    from dpr_lab.workflows.diagnose import DiagnoseRequest
 
-    request = DiagnoseRequest(
-        tuple(runs),
-        rig,
-        tuple(held_out or ()),
-        library=names_in(library),
-        without=tuple(without or ()),
-        max_effects=max_effects,
-        seed=seed,
-        any_clock=any_clock,
-        torque=torque,
-    )
+    request = choices.request(runs, rig)
     with Listener() as listener:
         certified = certify_runs(request, out, listener, sign, _ask_passphrase if sys.stdin.isatty() else None, limits)
     if as_json:

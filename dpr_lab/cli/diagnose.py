@@ -6,18 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import (
-    REASON_NAMES,
-    AnyClock,
-    HeldOut,
-    Library,
-    MaxEffects,
-    TorqueKind,
-    Without,
-    complete_rig,
-    names_in,
-)
+from dpr_lab.cli.checks import REASON_NAMES, complete_rig, names_in
 from dpr_lab.cli.console import emit, json_mode, line, say, table, text
+from dpr_lab.cli.option_groups import DiagnosisChoices, with_groups
 from dpr_lab.shown import percent
 
 if TYPE_CHECKING:
@@ -38,7 +29,9 @@ class ShownRows:
 SHOWN = ShownRows()
 
 
+@with_groups
 def diagnose(
+    *,
     runs: Annotated[
         list[Path], typer.Argument(help="Run files (.mcap); three or more releases distinguish more effects.")
     ],
@@ -65,18 +58,10 @@ def diagnose(
         ),
     ] = None,
     model: Annotated[Path | None, typer.Option(help="Model written by `identify`; initial values of the fit.")] = None,
-    held_out: HeldOut = None,
-    library: Library = None,
-    without: Without = None,
-    max_effects: MaxEffects = 4,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the random numbers; the same seed gives the same result.")
-    ] = 0,
+    choices: DiagnosisChoices,
     out: Annotated[
         Path | None, typer.Option(help="Folder of the report, figures, corrected model and exports.")
     ] = None,
-    any_clock: AnyClock = False,
-    torque: TorqueKind = None,
     fail_on: Annotated[
         str | None,
         typer.Option(
@@ -113,23 +98,10 @@ def diagnose(
     if joints and simulator is None:
         raise typer.BadParameter("--joints requires --simulator")
     from dpr_lab.cli.listener import Listener
-    from dpr_lab.workflows.diagnose import DiagnoseRequest, failures
     from dpr_lab.workflows.diagnose import diagnose as diagnose_runs
+    from dpr_lab.workflows.diagnose import failures
 
-    request = DiagnoseRequest(
-        tuple(runs),
-        rig,
-        tuple(held_out or ()),
-        model,
-        names_in(library),
-        tuple(without or ()),
-        max_effects,
-        seed,
-        out,
-        any_clock=any_clock,
-        torque=torque,
-        trust=trust,
-    )
+    request = choices.request(runs, rig, model=model, out=out, trust=trust)
     changed = None
     with Listener() as listener:
         if simulator is not None:

@@ -1,0 +1,81 @@
+"""Groups of options: a parameter of a command whose type is a dataclass stands for one option per field."""
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from dpr_lab.cli.checks import AnyClock, HeldOut, Library, MaxEffects, TorqueKind, Without, names_in
+
+if TYPE_CHECKING:
+    from dpr_lab.workflows.diagnose import DiagnoseRequest
+
+
+def with_groups(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command one option for each field of its groups, in the place of the group.
+
+    A field of a group is declared as an option: `seed: Annotated[int, typer.Option(...)] = 0`.
+    """
+    parameters = inspect.signature(command).parameters
+    groups = {
+        name: parameter.annotation for name, parameter in parameters.items() if is_dataclass(parameter.annotation)
+    }
+
+    @wraps(command)
+    def run(**values: Any) -> None:
+        group: Any
+        for name, group in groups.items():
+            values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
+        command(**values)
+
+    options = []
+    for name, parameter in parameters.items():
+        options += (
+            _options(groups[name]) if name in groups else [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)]
+        )
+    run.__signature__ = inspect.Signature(options)  # pyright: ignore[reportAttributeAccessIssue]
+    return run
+
+
+def _options(group: Any) -> list[inspect.Parameter]:
+    """One parameter for each field of a group."""
+    return [
+        inspect.Parameter(f.name, inspect.Parameter.KEYWORD_ONLY, default=f.default, annotation=f.type)
+        for f in fields(group)
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosisChoices:
+    """Choices of a diagnosis, which a certificate declares."""
+
+    held_out: HeldOut = None
+    library: Library = None
+    without: Without = None
+    max_effects: MaxEffects = 4
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the random numbers; the same seed gives the same result.")
+    ] = 0
+    any_clock: AnyClock = False
+    torque: TorqueKind = None
+
+    def request(self, runs: Sequence[Path], rig: str, **others: Any) -> "DiagnoseRequest":
+        """Request of a diagnosis with these choices; `others` are further fields of it."""
+        from dpr_lab.workflows.diagnose import DiagnoseRequest
+
+        return DiagnoseRequest(
+            tuple(runs),
+            rig,
+            held_out=tuple(self.held_out or ()),
+            library=names_in(self.library),
+            without=tuple(self.without or ()),
+            max_effects=self.max_effects,
+            seed=self.seed,
+            any_clock=self.any_clock,
+            torque=self.torque,
+            **others,
+        )
