@@ -1,6 +1,7 @@
 """Generalised torques of effects along a known trajectory, without feedback on the motion."""
 
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,26 +31,28 @@ Array = NDArray[np.float64]
 _AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
 
 
-def effect_torques_along(
-    t: Array,
-    run: NDArray[np.int64],
-    theta: Array,
-    omega: Array,
-    alpha: Array,
-    drive: Array,
-    base: Array,
-    constants: RigConstants,
-    params: Array,
-) -> Array:
+class KnownMotion(NamedTuple):
+    """Motion of the rods, and of an arm that moves, along a trajectory: axes theta1, theta2 and then theta0."""
+
+    t: Array
+    """(n,) time since the release, s."""
+    run: NDArray[np.int64]
+    """(n,) index of the run."""
+    theta: Array
+    """(n, axes) absolute angles, rad."""
+    omega: Array
+    """(n, axes) speeds, rad/s."""
+    alpha: Array
+    """(n, axes) accelerations, rad/s^2."""
+    drive: Array
+    """(n, axes) known torques on these angles, N m."""
+
+
+def effect_torques_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
     """Torques of effects on the rods, with the internal states of the release.
 
     Args:
-        t: (n,) since the release, s
-        run: (n,) index of the run
-        theta: (n, 2) absolute angles of the rods, rad
-        omega: (n, 2) speeds, rad/s
-        alpha: (n, 2) accelerations, rad/s^2
-        drive: (n, 2) known torques on theta1, theta2, N m
+        motion: the motion of the rods
         base: (6,) base parameters, SI
         constants: the rig
         params: (k, SIZE) effects
@@ -61,23 +64,13 @@ def effect_torques_along(
     params, rig = _c(params), RigConstants(*map(float, constants))
     active = active_effects(params)
     used = np.flatnonzero(np.logical_or.reduce(active, axis=0)[EFFECT_OF])
-    torques = np.empty((len(t), 2, len(params)))
-    swing = _c(t), _c(theta), _c(omega), _c(drive)
+    torques = np.empty((len(motion.t), 2, len(params)))
+    swing = _c(motion.t), _c(motion.theta), _c(motion.omega), _c(motion.drive)
     _effect_torques(*swing, named, rig, params, active, used, lane_workspace(), torques)
     return torques
 
 
-def arm_torques_along(
-    t: Array,
-    run: NDArray[np.int64],
-    theta: Array,
-    omega: Array,
-    alpha: Array,
-    drive: Array,
-    base: Array,
-    constants: RigConstants,
-    params: Array,
-) -> Array:
+def arm_torques_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
     r"""Torques of a slightly compliant arm; arguments and result as of `effect_torques_along`.
 
     The rods drive the arm, A alpha0 + c0 omega0 + k0 theta0 = F, and its acceleration acts on the rods:
@@ -88,11 +81,11 @@ def arm_torques_along(
     """
     named = with_gravity(base, constants.L1, constants.g)
     levers = constants.L0 / constants.g * np.array([named.e1, named.e2])
-    sine, cosine = np.sin(theta), np.cos(theta)
-    force = (sine * omega**2 - cosine * alpha) @ levers
+    sine, cosine = np.sin(motion.theta), np.cos(motion.theta)
+    force = (sine * motion.omega**2 - cosine * motion.alpha) @ levers
     arms = [arm_model(constants, HELD_ARM, row, active_effects(row)) for row in _c(params)]
     inertia, _, friction, stiffness = np.array(arms).T
-    swing = _driven(_c(t), np.array(run), force, friction / inertia, stiffness / inertia) / inertia
+    swing = _driven(_c(motion.t), np.array(motion.run), force, friction / inertia, stiffness / inertia) / inertia
     return -(cosine * levers)[:, :, None] * swing[:, None, :]
 
 
@@ -110,7 +103,7 @@ def _effect_torques(
     w: LaneWorkspace,
     torques: Array,
 ) -> None:
-    """Instants in the lanes, for one effect vector after the other; `used` are the parameters of any vector."""
+    """Compute torques for one instant per lane and one effect vector after the other; `used`: parameters in use."""
     for first in range(0, len(t), LANES):
         for k in range(LANES):
             i = min(first + k, len(t) - 1)
@@ -127,7 +120,7 @@ def _effect_torques(
 
 @subroutine
 def _exert(w: LaneWorkspace, rig: RigConstants, active: NDArray[np.bool_]) -> None:
-    """Torques of one effect vector in all lanes."""
+    """Compute the torques of one effect vector in all lanes."""
     for k in range(LANES):
         w.torque1[k], w.torque2[k] = 0.0, 0.0
     add_torques(w, rig, active)
@@ -187,25 +180,16 @@ def _c(values: Array) -> Array:
     return np.array(values, dtype=np.float64, order="C")
 
 
-def arm_effects_along(
-    t: Array,
-    run: NDArray[np.int64],
-    theta: Array,
-    omega: Array,
-    alpha: Array,
-    drive: Array,
-    base: Array,
-    constants: RigConstants,
-    params: Array,
-) -> Array:
+def arm_effects_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
     """Torques of the effects at a free or driven arm; arguments as of `effect_torques_along`, with theta0 third.
 
     Returns:
         (n, 3, k) generalised torques on theta1, theta2, theta0, N m
     """
     named, rig = with_gravity(base, constants.L1, constants.g), RigConstants(*map(float, constants))
-    params, torques = _c(params), np.zeros((len(t), 3, len(params)))
-    _arm_effects(_c(t), _c(theta), _c(omega), _c(drive), named, rig, params, active_effects(params), torques)
+    params, torques = _c(params), np.zeros((len(motion.t), 3, len(params)))
+    swing = _c(motion.t), _c(motion.theta), _c(motion.omega), _c(motion.drive)
+    _arm_effects(*swing, named, rig, params, active_effects(params), torques)
     return torques
 
 
@@ -233,7 +217,7 @@ def _arm_effects(
             )
 
 
-TrajectoryTorques = Callable[[Array, NDArray[np.int64], Array, Array, Array, Array, Array, RigConstants, Array], Array]
+TrajectoryTorques = Callable[[KnownMotion, Array, RigConstants, Array], Array]
 
 TRAJECTORY_TORQUES: Mapping[StageName, TrajectoryTorques] = {
     "torque": effect_torques_along,

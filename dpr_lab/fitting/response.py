@@ -22,7 +22,7 @@ from dpr_lab.dynamics.moving_arm.followed import FOLLOW, FollowedSwing, followed
 from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.dynamics.segments import Segments, segments
-from dpr_lab.dynamics.trajectory import OF_ARM, TRAJECTORY_TORQUES
+from dpr_lab.dynamics.trajectory import OF_ARM, TRAJECTORY_TORQUES, KnownMotion
 from dpr_lab.effects.mounted import effects_of_run
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.effects.stages import StageName
@@ -83,12 +83,10 @@ class Trajectory:
         """(segments, m, k) whitened change of the encoder readings due to generalised torques, (n, 2, k), N m."""
         torque, count = np.ascontiguousarray(torque), torque.shape[2]
         changes = np.empty((len(self.first) - 1, int(np.diff(self.first).max()), problem.axes, count))
-        grid, rows = (
-            (self.t, self.into, self.out, self.at, self.edges, self.first),
-            changes.reshape(len(changes), -1, count),
-        )
-        follow_torques = _response_with_arm if problem.segments.arm_moves else _response
-        follow_torques(*grid, problem.weight, torque, np.empty((2, self.into.shape[1], count)), rows)
+        grid = self.t, self.into, self.out, self.at, self.edges, self.first
+        sums, rows = np.empty((2, self.into.shape[1], count)), changes.reshape(len(changes), -1, count)
+        integrate = _response_with_arm if problem.segments.arm_moves else _response
+        integrate(*grid, problem.weight, torque, sums, rows)
         return problem.decorrelated(changes)
 
     def torques(self, stage: StageName, constants: RigConstants, params: Array) -> Array:
@@ -111,12 +109,10 @@ class Trajectory:
         if stage in OF_ARM and self.theta.shape[1] == 2:
             return np.zeros((*self.theta[mask].shape, len(params)))  # a clamped arm
         axes = self.theta.shape[1] if stage in OF_ARM else 2
-        theta, omega, alpha, drive = (
-            values[mask][:, :axes] for values in (self.theta, self.omega, self.alpha, self.drive)
-        )
-        swing = self.t[mask], self.run[mask], theta, omega, alpha, drive
+        by_axis = (values[mask][:, :axes] for values in (self.theta, self.omega, self.alpha, self.drive))
+        motion = KnownMotion(self.t[mask], self.run[mask], *by_axis)
         base, hanging = self.bases[self.setups.index(setup)], constants_of_run(constants, setup)
-        torques = TRAJECTORY_TORQUES[stage](*swing, base, hanging, effects_of_run(params, setup))
+        torques = TRAJECTORY_TORQUES[stage](motion, base, hanging, effects_of_run(params, setup))
         missing = self.theta.shape[1] - torques.shape[1]
         return np.pad(torques, ((0, 0), (0, missing), (0, 0))) if missing else torques
 
@@ -244,6 +240,7 @@ def _response(
 ) -> None:
     """Trapezoidal integral from the start of each segment, weighted at the samples; inner loop over torques.
 
+    This is `_response_with_arm` for the four states of two rods, unrolled: a diagnosis integrates thousands of torques.
     The result is written to `response`, (segments, m, k), where short segments end in zeros; `sums` (2, 4, k) is a work
     array.
     """
