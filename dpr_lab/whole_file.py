@@ -40,7 +40,7 @@ def write_whole(path: Path, write: Callable[[Path], object], error: type[DprErro
 
     Args:
         path: the file
-        write: fills the file that it is given, of the same suffix
+        write: fills the file whose path it receives, which has the same suffix
         error: class of the exception
 
     Raises:

@@ -298,7 +298,7 @@ def _jumps(judged: JudgedRun) -> Check | None:
 
 
 def _moved(judged: JudgedRun) -> Check | None:
-    """Motion of the joints in counts, because with a relative encoder theta2 follows theta1."""
+    """Motion of the joints in counts; as an angle, theta2 of a relative encoder would contain the motion of theta1."""
     limit = judged.limits.travel_counts
     swing = judged.run.swing
     if len(swing.t) < judged.limits.fewest_samples:

@@ -92,7 +92,7 @@ def slides(
 
 @subroutine
 def _rubbed(terms: Terms, before: tuple[float, float], after: tuple[float, float], limits: Limits) -> Terms:
-    """The terms with the friction of rods' joints that have just started to slide."""
+    """Terms including the sliding friction of rods' joints that have just started to slide."""
     _, forward, backward = limits
     torque1, torque2 = terms.torque1, terms.torque2
     if before[0] == 0.0 and after[0] != 0.0:

@@ -76,7 +76,7 @@ class Segments:
     def turning_as_one(self, initial: NDArray[np.float64]) -> NDArray[np.float64]:
         """(..., S, 4) initial states, with one speed for rods that turn as one, and one angle for a rod alone.
 
-        The halves of a rod alone are in line: an arm that moves feels where each of them is.
+        The halves of a rod alone are in line, because the torque on a moving arm depends on both angles.
         """
         if self.held.any():
             alone = np.array([setup.alone for setup in self.setups])[self.run]

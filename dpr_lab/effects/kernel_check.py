@@ -70,7 +70,7 @@ def _place(kernel: Callable[..., Any], message: str) -> str:
 
 
 def _cause(message: str) -> str:
-    """The first sentence of an error of the compiler that says what is wrong, without its formatting."""
+    """First informative sentence of a compiler error, without its formatting."""
     plain = [re.sub(r"\x1b\[[0-9;]*m", "", line).strip() for line in message.splitlines()]
     causes = [line for line in plain if line and not line.startswith(("Failed in", "File ", ">>>", "-", "During:"))]
     return causes[0].partition(" Raised from")[0].rstrip(".:") if causes else "unknown reason"

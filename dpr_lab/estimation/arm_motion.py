@@ -13,7 +13,7 @@ FEWEST = 5
 
 
 def prescribed_arm(t: NDArray[np.float64], theta0: NDArray[np.float64], rig: Rig, name: str) -> ArmMotion:
-    """Motion of the arm of a run, which needs the length of the arm; arguments and errors as for `arm_motion`."""
+    """Motion of a prescribed arm, whose length the rig file must give; arguments and errors as for `arm_motion`."""
     if "L0" not in rig.rig.model_fields_set:
         raise RunError(f"{name}: a moving arm needs its length L0 in [rig]")
     return arm_motion(t, theta0, name)
@@ -40,16 +40,14 @@ def arm_motion(t: NDArray[np.float64], theta0: NDArray[np.float64], name: str, a
     if len(t) < FEWEST or not np.isfinite(theta0).all():
         raise RunError(f"{name}: a prescribed joint needs its angle in every row: name the columns of {angle} and t")
     spacing = float(np.median(np.diff(t)))
-    spline = make_smoothing_spline(
-        (t - t[0]) / spacing, theta0
-    )  # time in samples, because its search for the weight is scale-dependent
-    normalised = (t - t[0]) / spacing
+    normalised = (t - t[0]) / spacing  # in samples, because the search for the weight of the spline depends on the unit
+    spline = make_smoothing_spline(normalised, theta0)
     noise = float(difference_std(t, theta0[:, None])[0]) if len(t) > ORDER else 0.0
     return ArmMotion(t, np.asarray(spline(normalised)), np.asarray(spline.derivative()(normalised)) / spacing, noise)
 
 
 def refuse_still_arm(theta0: NDArray[np.float64], mode: str, path: object, least_rad: float = 0.01) -> None:
-    """Make sure that an arm that could move did.
+    """Check that a free or driven arm moved.
 
     Raises:
         RunError: its angle does not change.

@@ -35,7 +35,7 @@ class HeldSettings:
     """Minimum excursion of a swing in widths of the band."""
     restart: float = 5.0
     """Minimum excursion after a rest in widths of the band; a decaying swing has a smaller one."""
-    stretch_s: float = 0.4
+    interval_s: float = 0.4
     """Minimum duration of a held interval, s. At a turning point both rods of 0.4 m are in the band for less than
     0.2 s.
     """
@@ -52,24 +52,25 @@ class HeldSettings:
     standard deviations of the estimated release.
     """
     onset: float = 4.0
-    """Standard deviations about the rest within which a rod at rest stays."""
+    """Maximum excursion of a rod from its mean position at rest, in standard deviations."""
     own_zero_s: float = 0.05
-    """Maximum delay of the visible motion after the table's own t = 0 for which this is the release, s; slow falls
-    are visible late.
+    """Maximum delay of the visible motion after t = 0 of the table for t = 0 to count as the release, s; a slow fall
+    becomes visible late.
     """
     driven_share: float = 0.02
     """Share of the largest torque of the recording below which torques count as zero."""
     unclear: float = 0.25
-    """Share of the excursion above which the band is too wide to distinguish rest from motion: noise or few
-    readings.
+    """Width of the band, relative to the excursion, above which rest and motion are indistinguishable: too much noise
+    or too few readings.
     """
     restless: float = 3.0
     """Ratio of the standard deviation of a rest to that of its white noise above which the rods tremble."""
     readings: int = 20_000
     """Maximum number of readings for the noise estimate."""
     bent: float = 5.0
-    """Standard deviations of the curvature of the readings from which rods in a band as wide as their noise turn
-    round."""
+    """Minimum significance of a turning point within a band as wide as the noise: curvature of the readings in its
+    standard deviations.
+    """
 
 
 HELD = HeldSettings()
@@ -123,7 +124,7 @@ def free_part(motion: RodMotion, name: str) -> FreePart:
     band, excursion = still_band(motion), float(np.ptp(motion.rods, axis=0).max())
     if excursion > 0 and band > HELD.unclear * excursion:
         return FreePart(0, 0, n)
-    held = _held_stretches(motion, band)
+    held = _held_intervals(motion, band)
     edges = [(0, 0), *held, (n, n)]
     swings = [(first, stop) for (_, first), (stop, _) in pairwise(edges) if _swings(motion, first, stop, band)]
     if not swings:
@@ -153,7 +154,7 @@ def free_part_of(run: Run) -> FreePart:
 
 
 def refuse_held(runs: Sequence[Run]) -> None:
-    """Check that the rods of no imported table are held within its swing.
+    """Check that no imported table contains rods held within its swing.
 
     Raises:
         RunError: the rods of one are at rest throughout, or are held between several swings.
@@ -189,11 +190,11 @@ def _noise(motion: RodMotion) -> Array:
     return difference_std(motion.t[samples], motion.rods[samples]) if len(motion.t) > ORDER else np.zeros(2)
 
 
-def _held_stretches(motion: RodMotion, band: float) -> list[tuple[int, int]]:
+def _held_intervals(motion: RodMotion, band: float) -> list[tuple[int, int]]:
     """First sample, and index after the last, of each interval in which the rods are held."""
     return [
         (first, stop)
-        for first, stop in _still_stretches(motion, band)
+        for first, stop in _still_intervals(motion, band)
         if not (_known_input(motion, first, stop, band))
         and not (band > HELD.still_rad and _turns(motion, first, stop))
         and (not _hangs(motion.rods[first:stop]) or (_free(motion) and _restarts(motion, stop, band)))
@@ -209,9 +210,9 @@ def _highest(values: NDArray[Any], width: int) -> NDArray[Any]:
     return np.maximum(of_halves[: len(of_halves) - width + half], of_halves[width - half :])
 
 
-def _still_stretches(motion: RodMotion, band: float) -> list[tuple[int, int]]:
+def _still_intervals(motion: RodMotion, band: float) -> list[tuple[int, int]]:
     n = len(motion.t)
-    half_width = round(HELD.stretch_s / float(np.median(np.diff(motion.t))) / 2)
+    half_width = round(HELD.interval_s / float(np.median(np.diff(motion.t))) / 2)
     width = 2 * half_width + 1
     if not HELD.fewest <= width <= n:
         return []
@@ -287,7 +288,7 @@ def _swings(motion: RodMotion, first: int, stop: int, band: float) -> bool:
 
 
 def _short_rest(motion: RodMotion, band: float) -> int:
-    """Number of samples before the release in a rest at the beginning that is shorter than a held interval.
+    """Number of samples of a rest at the beginning that is too short for a held interval.
 
     Rods that are released at t0 fall by alpha (t - t0)^2 / 2. The times t1 and t2 at which they have fallen by d and 4
     d give t0 = 2 t1 - t2.
@@ -322,7 +323,7 @@ def _onset(motion: RodMotion, rest: int, first: int) -> int:
     t, rods = motion.t, motion.rods
     if first - rest < HELD.fewest:
         return first
-    near = max(rest, int(np.searchsorted(t, t[first - 1] - HELD.stretch_s)))
+    near = max(rest, int(np.searchsorted(t, t[first - 1] - HELD.interval_s)))
     quiet = rods[near : near + max(HELD.fewest, (first - near) // 2)]
     away = np.abs(rods[near:first] - quiet.mean(axis=0))
     limit = np.maximum(HELD.onset * quiet.std(axis=0), 1.5 * np.abs(quiet - quiet.mean(axis=0)).max(axis=0))

@@ -27,7 +27,7 @@ class MotionSettings:
     """Minimum range of an angle of a swinging rod, rad: a hanging rod that is touched moves by some milliradians."""
     above_noise: float = 10.0
     """Minimum range of an angle of a swinging rod in standard deviations of a reading. Noise alone has a range of about
-    five, shuffled rows of three. The readings of a camera whose frames are stamped late have one of sixteen.
+    five, shuffled rows of three. Late time stamps of camera frames increase it to sixteen.
     """
     elbow: float = 0.02
     """Range of joint 2 relative to that of joint 1 below which the elbow does not turn. A free elbow turns by a
@@ -35,7 +35,7 @@ class MotionSettings:
     rad.
     """
     tail: float = 0.01
-    """Share of the readings at either end of a range that is ignored: single faults."""
+    """Share of the readings that is ignored at each end of a range, because they may be single faults."""
 
 
 SETTINGS = MotionSettings()

@@ -1,4 +1,4 @@
-"""Noise floor of recorded angles, below which a difference to a model has no meaning."""
+"""Noise floor of recorded angles, below which a difference from a model is not significant."""
 
 import math
 from dataclasses import dataclass
@@ -36,10 +36,10 @@ class NoiseSettings:
     wild: float = 8.0
     """Deviations, in units of the 90 % quantile, above which a reading at rest is a fault of the logger."""
     on_grid: float = 0.7
-    """Mean of exp(2 pi i change / step) from which the readings of a table are multiples of a step; it is zero for
+    """Minimum mean of exp(2 pi i change / step) for the readings of a table to be multiples of a step; it is zero for
     readings without one."""
     still_s: float = 0.1
-    """Time within one step from which the errors of rounding are not independent: a swing reverses faster."""
+    """Minimum time within one step for rounding errors to be dependent, s; a swing reverses faster."""
 
 
 SETTINGS = NoiseSettings()
@@ -100,14 +100,14 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
 
 
 def _film_std(film: FilmNoise, joints: JointAngles) -> NDArray[np.float64]:
-    """(2,) standard deviation of the joint angles of a video, rad; a single rod is both rods."""
+    """(2,) standard deviation of the joint angles of a video, rad; of a single rod the same for both."""
     rods = np.asarray(film.std) * np.ones(2)
     to_joints = np.linalg.inv(joints.to_rods_matrix)
     return np.sqrt(to_joints**2 @ rods**2)
 
 
 def arm_noise(run: Run, rig: Rig, *, still: bool = True) -> float:
-    """Standard deviation of a reading of the arm's encoder, rad: at rest if it was recorded, else by differences."""
+    """Standard deviation of a reading of the arm's encoder, rad: from the rest if recorded, else from differences."""
     rest, swing = run.rest[:, 0], run.swing
     quiet = len(rest) >= SETTINGS.rest_samples
     std = np.std(rest, keepdims=True) if quiet else difference_std(swing.t, swing.theta[:, :1])
@@ -192,8 +192,8 @@ def rounding_std(readings: NDArray[np.float64], steps: NDArray[np.float64], wind
     """(m,) standard deviation of the rounding errors of readings (n, m) to multiples of `steps` (m,).
 
     step / sqrt(12) while a reading crosses steps, because the errors of its samples are then independent. A reading
-    that stays within one step for `window` samples, as of a rod that a controller balances, rests near the edge between
-    two values, with errors of up to step / 2.
+    that stays within one step for `window` samples, such as that of a rod balanced by a controller, rests near the edge
+    between two values, with errors of up to step / 2.
     """
     if len(readings) < window:
         return steps / math.sqrt(12)
@@ -236,7 +236,7 @@ def difference_weights(windows: NDArray[np.float64], period: float) -> NDArray[n
 
     Args:
         windows: (windows, 7) increasing instants, s
-        period: usual time between two, s
+        period: usual interval, s
     """
     normalised = (windows - windows[:, :1]) / period
     weights = np.ones_like(normalised)

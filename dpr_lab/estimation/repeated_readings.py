@@ -22,16 +22,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class RepeatSettings:
-    """Limits from which rows are repeated readings."""
+    """Limits for rows to count as repeated readings."""
 
     counts: float = 6.0
     """Minimum sum of the changes before and after equal rows, in units of the smallest change, for a held reading. If
     an encoder turns by less than a count per row, its readings change by at most three counts.
     """
     share: float = 0.2
-    """Share of such rows from which all equal rows are repeated readings; fewer are found by the diagnosis."""
+    """Minimum share of such rows for all equal rows to be removed; a smaller share is detected by the diagnosis."""
     apart: float = 10.0
-    """Ratio of the time between bursts to that between the rows of a burst."""
+    """Minimum ratio of the time between bursts to that between the rows of a burst."""
     even: float = 0.2
     """Maximum relative deviation of the times between bursts from their median, at both quartiles."""
     lasting: float = 0.2

@@ -35,11 +35,11 @@ class FilterSettings:
 
     memories: tuple[float, float, float] = (-1.0, 2.0, 0.25)
     """Grid of memories, log10 of samples: first, last, step; for fast swings at 30 Hz to slow ones at 10 kHz."""
-    stretch_s: float = 0.4
+    section_s: float = 0.4
     """Length of a section with constant process noise, s: slightly less than half a swing of a 0.4 m rod."""
-    stretch_samples: int = 100
+    section_samples: int = 100
     """Minimum number of samples of a section; they determine memories of up to ten samples."""
-    memories_per_stretch: int = 10
+    memories_per_section: int = 10
     """Maximum memory that a section determines, relative to its length."""
 
 
@@ -75,7 +75,7 @@ def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smooth
     Args:
         run: the run; only t >= 0 is used, because the release is not a smooth motion
         noise: from `dpr_lab.estimation.noise.noise_floor`
-        snap: process noise, rad^2/s^7: one, (2,) or (n, 2); none: `tuned_snap` of this run
+        snap: process noise, rad^2/s^7: one, (2,) or (n, 2); None: `tuned_snap` of this run
 
     Raises:
         RunError: fewer than two samples of swing.
@@ -113,8 +113,8 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> NDArray[np.float64]:
     """
     t, theta, period = _swing(run)
     variance = np.diag(noise.covariance)
-    stretches = _stretches(len(t), period)
-    longest = (stretches[0].stop - stretches[0].start) / SETTINGS.memories_per_stretch
+    sections = _sections(len(t), period)
+    longest = (sections[0].stop - sections[0].start) / SETTINGS.memories_per_section
     first, last, step = SETTINGS.memories
     grid = np.arange(first, last + step / 2, step)
     grid = grid[: max(3, np.searchsorted(grid, math.log10(longest)))]
@@ -126,10 +126,10 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> NDArray[np.float64]:
     def likelihoods(log_memory: float) -> list[list[float]]:
         scale = FilterUnits.of(period, np.diag(variance), snap(log_memory))
         instants, rods = t / scale.time, np.ascontiguousarray((theta / scale.angle).T)
-        return [[log_likelihood(instants[s], rods[i, s], scale.snap[i], prior) for i in (0, 1)] for s in stretches]
+        return [[log_likelihood(instants[s], rods[i, s], scale.snap[i], prior) for i in (0, 1)] for s in sections]
 
     best = _peaks(grid, np.array([likelihoods(log_memory) for log_memory in grid]))
-    middles = [(s.start + s.stop) / 2 for s in stretches]
+    middles = [(s.start + s.stop) / 2 for s in sections]
     return snap(np.stack([np.interp(np.arange(len(t)), middles, best[:, i]) for i in (0, 1)], axis=1))
 
 
@@ -141,8 +141,8 @@ def _swing(run: Run) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     return swing.t, swing.theta[:, 1:], float(np.median(np.diff(swing.t)))
 
 
-def _stretches(samples: int, period: float) -> list[slice]:
-    length = max(SETTINGS.stretch_samples, round(SETTINGS.stretch_s / period))
+def _sections(samples: int, period: float) -> list[slice]:
+    length = max(SETTINGS.section_samples, round(SETTINGS.section_s / period))
     edges = np.linspace(0, samples, max(1, samples // length) + 1).astype(int)
     return [slice(start, stop) for start, stop in pairwise(edges)]
 

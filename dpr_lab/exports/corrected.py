@@ -54,7 +54,7 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyM
 
 
 def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model:
-    """The model of a diagnosis without a moving arm; arguments as of `corrected_model`."""
+    """Corrected model of a diagnosis whose arm does not move; arguments as of `corrected_model`."""
     unknown, effects = significant_values(diagnosis)
     values = unknown[: len(RATIOS)]
     covariance = np.array(diagnosis.ratio_covariance)

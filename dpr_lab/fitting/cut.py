@@ -30,14 +30,14 @@ def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
         breaks: instants that no segment may span, s
     """
     edges = [0, *([] if breaks is None else np.searchsorted(t, breaks).tolist()), len(t)]
-    stretches: list[slice] = []
+    parts: list[slice] = []
     for first, last in pairwise(edges):
         if last - first < MIN_SAMPLES:
             continue
         count = max(1, min(round(float(t[last - 1] - t[first]) / length), (last - first) // MIN_SAMPLES))
         inner = first + np.searchsorted(t[first:last], np.linspace(t[first], t[last - 1], count + 1)[1:-1])
-        stretches += [slice(i, j) for i, j in pairwise([first, *inner.tolist(), last]) if j - i >= MIN_SAMPLES]
-    return stretches
+        parts += [slice(i, j) for i, j in pairwise([first, *inner.tolist(), last]) if j - i >= MIN_SAMPLES]
+    return parts
 
 
 def partition(run: Run, length: float) -> list[slice]:

@@ -152,7 +152,7 @@ def _push_of_arm(reference: Trajectory, problem: Problem) -> Array:
 
 
 def _push_of_inner(reference: Trajectory, problem: Problem) -> Array:
-    """(n, 4) the same for the inner rod."""
+    """(n, 4) change of the initial state equivalent to a unit acceleration of the inner rod."""
     return PRESCRIBED.inertia * reference.into[:, :, 0]
 
 

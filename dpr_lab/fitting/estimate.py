@@ -46,7 +46,7 @@ class DifferenceSteps:
     division of the integration steps at changes of direction does.
     """
     geared: float = 1.0
-    """Relative increment of a backlash with a motor behind it, which would cross a much smaller one within a step."""
+    """Relative increment of a backlash with a motor behind it; the motor would cross a smaller one within a step."""
     shape: float = 1e-5
     """Relative increment of a shape parameter: a frequency error of 1e-3 gives a phase error after ten seconds."""
     least_ratio: float = 1e-2

@@ -67,7 +67,7 @@ class GaussNewton:
     most_damping: float = 0.1
     """Damping beyond which no step is expected to help."""
     same_step: float = 1e-3
-    """Relative difference up to which a step with more damping counts as the one that failed before it."""
+    """Relative difference up to which a step with more damping equals the step that failed, and is not tried."""
     preliminary: float = 0.0
     """Relative reduction of the cost that ends the iteration far from the noise; 0: only `converged` ends it."""
     far: float = 20.0
@@ -134,7 +134,7 @@ class Iteration:
     frozen_jacobian: bool = False
     """Whether the last step was linear enough to use the Jacobian again."""
     failed: Array | None = None
-    """(free,) step from this estimate that reduced the cost at no length."""
+    """(free,) step from this estimate that failed: no length of it reduced the cost."""
     number: int = 0
     stop: StopReason | None = None
 
@@ -251,7 +251,7 @@ def iterate(
     prior = RigPrior.at(problem, state.estimate, free, state.linear)
     step = _step(state, free, prior)
     at_start = prior.cost(np.zeros(len(free)))
-    predicted_reduction = state.chi2 + at_start - state.linear.left(step) - prior.cost(step)
+    predicted_reduction = state.chi2 + at_start - state.linear.predicted_chi2(step) - prior.cost(step)
     tolerance = (min(settings.converged_frozen, settings.converged) if frozen else settings.converged) * state.chi2
     worthwhile = not (np.isfinite(state.chi2) and predicted_reduction <= tolerance)
     failed = state.failed is not None and np.allclose(step, state.failed, rtol=settings.same_step, atol=0.0)
@@ -279,7 +279,7 @@ def iterate(
 
 
 def _far_end(problem: Problem, chi2: float, reduction: float, settings: GaussNewton) -> StopReason | None:
-    """Stop of a preliminary fit, in which the error of the model and not the noise limits what a reduction means."""
+    """Stop of a preliminary fit far above the noise, where the model error exceeds any small reduction."""
     far = chi2 > settings.far * problem.evidence
     return StopReason.PRELIMINARY if far and reduction <= settings.preliminary * chi2 else None
 

@@ -97,7 +97,7 @@ class Linearisation:
             self, A=self.A[:, :, columns], initial_state_coefficients=self.initial_state_coefficients[:, :, columns]
         )
 
-    def left(self, step: Array) -> float:
+    def predicted_chi2(self, step: Array) -> float:
         """Sum of squared residuals that the linear model predicts after a step of the free parameters."""
         return float(np.sum((self.e - self.A @ step) ** 2))
 

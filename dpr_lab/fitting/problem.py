@@ -90,7 +90,7 @@ class Problem:
 
     @property
     def evidence(self) -> int:
-        """Number of readings minus number of initial values."""
+        """Degrees of freedom: number of readings minus number of initial values."""
         return int(np.count_nonzero(self.read)) - int(self.segments.starts.sum())
 
     @property

@@ -169,7 +169,7 @@ def _selected(located: Located) -> Selected:
 
 
 def _with_torque_model(located: Located, draft: Draft, most_changes: int = 2) -> tuple[Located, Draft]:
-    """Forward selection with the noise of known torques, and their values between rows, that its result requires."""
+    """Repeat forward selection with the noise and the intermediate values of known torques that its result implies."""
     for _ in range(most_changes):
         changed = with_other_noise(located.recordings, located.problem, draft.model)
         if changed is None:

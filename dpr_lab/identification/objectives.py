@@ -65,7 +65,7 @@ def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
     parts = []
     for run, prepared in ((prepared.run, _seen_as_one(prepared, rig)) for prepared in runs):
         samples = _thinned(prepared.run.t)
-        edges = np.searchsorted(samples, [stretch.start for stretch in partition(prepared.run, SETTINGS.segment_s)])
+        edges = np.searchsorted(samples, [part.start for part in partition(prepared.run, SETTINGS.segment_s)])
         groups = [group for group in np.split(samples, edges[1:]) if len(group) > 1]
         groups = groups[:: -(-len(groups) // SETTINGS.segments)]
         swings = segments([prepared.run.t[group] for group in groups], step=SETTINGS.step)

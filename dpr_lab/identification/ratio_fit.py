@@ -136,10 +136,10 @@ def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: fl
         length: nominal length of a segment, s
         step: longest Runge-Kutta step, s; a step of 5 ms has an error below a microradian over half a second
     """
-    cuts = [(i, stretch) for i, prepared in enumerate(runs) for stretch in partition(prepared.run, length)]
+    cuts = [(i, part) for i, prepared in enumerate(runs) for part in partition(prepared.run, length)]
     joints = rig.encoders.joint_angles
     laid_out = segments(
-        [runs[i].run.t[stretch] for i, stretch in cuts],
+        [runs[i].run.t[part] for i, part in cuts],
         [i for i, _ in cuts],
         [prepared.run.setup for prepared in runs],
         step,
@@ -152,7 +152,7 @@ def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: fl
             for count, prepared in zip(counts, runs, strict=True)
         ]
     )
-    initial = np.array([runs[i].states[stretch.start] for i, stretch in cuts])
+    initial = np.array([runs[i].states[part.start] for i, part in cuts])
     model = RodsAlone(rig_constants(rig))
     problem = Problem(laid_out, measured, weight, model, rezeroed=rig.encoders.rezeroed, prior=prior_of(rig))
     return problem, initial

@@ -110,7 +110,7 @@ def _scale_family(truth: NDArray[np.float64], rig: Rig, scale: float = 1.1) -> C
         " of each range.",
         f"All masses, inertias and frictions {scale:g} times too large, inside the bounds: E = "
         + ", ".join(f"{e:.2g} ({p})" for p, e in zip(POSES, E, strict=True))
-        + " rad², which is rounding. The searches with the true values off the grid show the accuracy"
+        + " rad², which is within rounding. The searches with the true values off the grid show the accuracy"
         " without this coincidence.",
     )
 

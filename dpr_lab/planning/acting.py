@@ -50,7 +50,7 @@ class Acting:
         states, rods = arm_states(rig, limits), frozenset(allowed_rods(rig, limits))
         return cls(rods, limits.drive is not None, states != ("held",), "driven" in states)
 
-    def besides(self, setups: Sequence[Setup]) -> "Acting":
+    def including(self, setups: Sequence[Setup]) -> "Acting":
         """What the plan permits, together with what acted in the recordings."""
         driven = [setup.torques for setup in setups if setup.torques is not None]
         return replace(

@@ -136,7 +136,7 @@ def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> 
 def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Problem, Array]:
     """Releases of one duration cut into segments with readings of zero, and (segments, 4) their initial states.
 
-    A segment starts `PAD`, one sample, before its first sample; the first one starts at the release.
+    A segment starts one sample (`PAD`) before its first sample; the first one starts at the release.
     """
     path, rate = simulated_states(batch, model), SWING.rate_hz
     length, stride = round(LENGTHS.working * rate), SWING.path_hz // rate

@@ -134,7 +134,7 @@ def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Act
         acting: what may act in the next release
     """
     recordings = Recordings(tuple(record(run, rig) for run in runs), rig)
-    acting = acting.besides([recorded.setup for recorded in recordings.records])
+    acting = acting.including([recorded.setup for recorded in recordings.records])
     ratios, always = diagnosis.unknowns, _always(rig, acting)
     params = _with_arm(diagnosis.model_effects, rig, acting)
     if not np.isfinite(ratios[ON_ELBOW]):

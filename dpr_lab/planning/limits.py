@@ -120,11 +120,11 @@ class DriveLimits(RigTable):
     """Limits of joint drives."""
 
     torque_Nm: Both
-    """Largest torque of joint 1 and joint 2, of either sign."""
+    """Largest magnitude of the torques of joint 1 and joint 2."""
     speed_rad_s: Both = (1e6, 1e6)
     """Largest speed of joint 1 and joint 2."""
     angle_rad: Both = (1e6, 1e6)
-    """Largest angle of joint 1 and joint 2 from hanging straight."""
+    """Largest deviation of joint 1 and joint 2 from hanging straight."""
     rate_hz: Annotated[int, Field(ge=10, le=10_000, strict=True)] = 200
     """Rate at which the device replays an input signal."""
     highest_hz: Positive = 5.0
@@ -132,12 +132,12 @@ class DriveLimits(RigTable):
 
 
 class ArmPlan(RigTable):
-    """What the arm may do in a planned release, and the limits of its motor."""
+    """Permitted states of the arm in a planned release, and the limits of its motor."""
 
     modes: tuple[ArmState, ...] | None = None
     """States of the arm; None: held, and that of the rig file (driven only with `input`)."""
     input: Positive | None = None
-    """Largest input of the motor, of either sign, in the unit of `[motor]` of the rig file: N m, A or V."""
+    """Largest magnitude of the motor's input, in the unit of `[motor]` of the rig file: N m, A or V."""
     speed_rad_s: Positive = 1e6
     """Largest speed of the arm."""
     angle_rad: Positive = 1e6

@@ -11,11 +11,11 @@ from dpr_lab.rig_tables import AddedMass, Mounting
 from dpr_lab.setup import Setup, Torques
 
 ArmState = Literal["held", "free", "driven"]
-"""What the arm does: it is clamped, it moves by itself, or its motor drives it by an input signal."""
+"""State of the arm: clamped, moving freely, or driven by its motor with an input signal."""
 
 
 class MountedParts(NamedTuple):
-    """What hangs on the rig, and whether its arm is held."""
+    """Mounted parts, and whether the arm is held."""
 
     mounting: Mounting = "both"
     added: AddedMass | None = None
@@ -41,11 +41,11 @@ class CandidateRelease:
     signal: Literal["", "multisine", "chirp"] = ""
     """Kind of the input signal: `multisine` or `chirp`; empty for a free swing."""
     arm: ArmState = "held"
-    """What the arm does."""
+    """State of the arm."""
 
     @property
     def mounted(self) -> MountedParts:
-        """What must hang on the rig."""
+        """Parts that must be mounted for this release."""
         return MountedParts(self.mounting, self.added, self.arm == "held")
 
     @property

@@ -6,7 +6,7 @@ A multi-sine is a sum of harmonics of one over its length, with the phases of Sc
 
 A chirp sweeps its frequency evenly from the lowest to the highest. Each acts on joint 1, on joint 2, on both, or on the
 motor of the arm, whose input is the torque over the gain of the drive. The amplitude is the largest at which the
-simulated swing keeps speeds and angles, the limit of torque or input at most.
+simulated swing respects the limits of speed and angle, and at most the limit of torque or input.
 
 Source: M. R. Schroeder (1970), Synthesis of low-peak-factor signals and binary sequences with low autocorrelation, IEEE
 Trans. Information Theory 16, 85-89.
@@ -129,7 +129,7 @@ def _shaped(t: Array, highest_hz: float) -> Iterator[tuple[SignalKind, Array]]:
 
 
 def _driven(torques: Torques, kind: SignalKind, arm: ArmState, rig: Rig) -> CandidateRelease:
-    """A release from hanging, with what hangs on the rig now."""
+    """A release from hanging with the parts that are mounted now."""
     duration = len(torques.t) * float(torques.t[1])
     return CandidateRelease(np.pi, np.pi, duration, rig.rods.mounting, rig.added_mass, torques, kind, arm)
 

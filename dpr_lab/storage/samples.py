@@ -148,7 +148,7 @@ def _stacked(columns: Sequence[NDArray[Any] | None]) -> NDArray[Any] | None:
 def _whole(values: list[Any], shape: tuple[int, ...]) -> NDArray[np.int64]:
     read = np.array(values if values else np.zeros(shape, dtype=np.int64))
     if read.shape != shape or read.dtype != np.int64:
-        raise ValueError(f"a value that is not a whole number of 64 bits, or not {shape[1:] or 'one'} of them")
+        raise ValueError(f"a value is not a 64-bit integer, or there are not {shape[1:] or 'one'} of them")
     return read
 
 

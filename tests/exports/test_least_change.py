@@ -78,7 +78,7 @@ def diagnosed(a: float, known: bool = False) -> tuple[Any, Any]:
 
 @pytest.mark.parametrize(("estimated", "of_rod"), [(3.0, 5.5), (3.255, 6.0)])
 def test_a_changed_inertia_is_that_of_the_rod_without_its_rotor(estimated: float, of_rod: float) -> None:
-    """The estimate, at b = 2, contains the rotor of 0.5; the file has a rod of 6, which a difference of 0.2 % does not change."""
+    """The estimate contains the rotor of 0.5; a difference of 0.2 % does not change the rod of the file."""
     of_file, rotor = np.array([6.0, 2.0, 2.0, 2.0, 2.0, 2.0]), np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
     base = _base(of_file, rotor, *diagnosed(estimated), gears=np.zeros(0))
     assert base.tolist() == pytest.approx([of_rod, 2.0, 2.0, 2.0, 2.0, 2.0])

@@ -184,7 +184,7 @@ def _alphas(w: LaneWorkspace, k: int) -> Three:
 
 @subroutine
 def _end_cut(w: LaneWorkspace, k: int) -> None:
-    """Set to rest the joint whose stop ended the step of lane k."""
+    """Set the joint whose stop ended the step of lane k to rest."""
     joint = int(w.cut[k]) - 1
     if joint > 0:
         speed, acceleration = of_joints(_omegas(w, k))[joint - 1], of_joints(_alphas(w, k))[joint - 1]

@@ -134,7 +134,7 @@ def _begin_arm(w: LaneWorkspace) -> None:
 
 @subroutine
 def _place(w: LaneWorkspace, share: float) -> None:
-    """State of a stage from the speeds and accelerations of the previous stage, which the first stage does not use."""
+    """Set the state of a stage from the speeds and accelerations of the previous stage; the first stage has none."""
     for k in range(LANES):
         ahead = share * w.h[k]
         p1, p2 = w.stage_omega1[k], w.stage_omega2[k]
@@ -195,7 +195,7 @@ def _accelerate(
 
 @subroutine
 def _add_arm(w: LaneWorkspace, rig: RigConstants, active: NDArray[np.bool_], required: Requirements) -> None:
-    """All torques on the arm, and those on the rods that come with them."""
+    """All torques on the arm, and the torques of the same effects on the rods."""
     for k in range(LANES):
         w.torque0[k] = w.drive0[k]
     if required.play0:

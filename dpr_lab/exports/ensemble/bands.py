@@ -41,8 +41,8 @@ class BandSettings:
     rate_hz: float = 200.0
     """Rate of the compared readings."""
     unlike: float = 10.0
-    """Misfit of the first readings, in standard deviations of their noise, below which a model always follows them,
-    and relative to its median over all half seconds, above which it does not.
+    """Limits of the misfit of the first readings. Below the first one, in standard deviations of their noise, a model
+    follows them; above the second one, relative to the median over all half seconds, it does not.
     """
     unexplained: float = 0.5
     """Maximum share of the variance of the first readings that may remain unexplained by a model that follows them."""
@@ -134,7 +134,7 @@ def _first_followed(followed: Followed, settings: BandSettings) -> float:
     """Start of the first segment that the model follows, s since the release.
 
     Raises:
-        RunError: it does not follow the first ones: no state starts them.
+        RunError: it follows none of the first segments.
     """
     run, offsets = followed.preprocessed.run, followed.bare.problem.segments.offsets
     measured, noise = run.theta[:, 1:], np.diag(followed.preprocessed.noise.covariance)

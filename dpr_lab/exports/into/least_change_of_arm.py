@@ -117,7 +117,7 @@ def _carried(chain: ModelChain) -> float:
 
 
 def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[str, float]:
-    """Those of the file if compatible, the others as estimated, at one scale."""
+    """Values of the file if compatible, otherwise estimates, at one scale."""
     u: dict[str, float] = dict(zip(SWING_PARAMETERS, model.swing, strict=True))
     tolerance = _tolerances(model)
     floor = CHANGE.idle * np.sqrt(of_file["a"] * of_file["e1"])  # a file without damping

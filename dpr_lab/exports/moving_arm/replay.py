@@ -66,7 +66,7 @@ def run_problem(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> 
     """
     name = str(run.file or run.name)
     if run.arm_mode not in ("free", "driven"):
-        raise RunError(f"{name}: its arm is {run.arm_mode}: give a run whose arm is free or driven, as the model's")
+        raise RunError(f"{name}: its arm is {run.arm_mode}: give a run with a free or driven arm, as in the model")
     if model.input == "acceleration":
         raise RunError(f"{name}: its arm is driven by an acceleration, which the replay does not support")
     if run.arm_mode == "driven" and model.input != (rig.motor.input if rig.motor else ""):

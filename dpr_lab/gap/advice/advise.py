@@ -31,7 +31,7 @@ CHECK_KINDS: dict[str, CheckKind] = {
 
 
 WORTH_A_CHECK = 0.05
-"""Probability of an alternative from which a check is recommended."""
+"""Minimum probability of an alternative for which a check is recommended."""
 
 
 def kind_of(check: AdvisedCheck) -> CheckKind:

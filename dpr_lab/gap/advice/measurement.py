@@ -179,7 +179,7 @@ def magnitude(values: Array, covariance: Array) -> Interval | None:
 
 
 def has(name: str, measured: str, amplitude: str) -> bool:
-    """Whether an effect has the amplitude of another, as functional forms of one effect have, additions excepted."""
+    """Whether an effect contains an amplitude of another one: forms of one effect share all but their additions."""
     if amplitude == EFFECTS[measured].adds and name in EFFECTS[measured].nested:
         return False
     return not {name, *EFFECTS[name].nested}.isdisjoint({measured, *EFFECTS[measured].nested})

@@ -210,7 +210,7 @@ def _added_cost(selection: Selection, name: str, alternative: Alternative) -> fl
 
 
 def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
-    """Whether another effect is a curve that in place of the named effect only follows it, or small unknown causes."""
+    """Whether another effect is a curve that would only imitate the named effect, or follow small unknown causes."""
     with_both = selection.fitted.get(selection.chosen.key | {other})
     instead = selection.fitted.get(without.key | {other})
     if instead is None or follows_decay(selection.base, instead, selection.chosen):

@@ -33,12 +33,12 @@ class DescriptionRules:
     effects.
     """
     closed: float = 0.93
-    """Share of the excess explained by effects from which an apparent energy input is no evidence: an encoder error
-    causes it too.
+    """Share of the excess explained by effects above which an apparent energy input is not evidence of a wrong
+    description: an encoder error causes it too.
     """
     torque_step: float = 0.08
-    """Median change of a known torque between rows, relative to its range, from which a delay of less than a row is no
-    property of the drive: 0.02 or less for recordings of real drives, 0.12 for a sine of 1 Hz at 20 Hz.
+    """Median change of a known torque between rows, relative to its range, above which a delay of less than a row is
+    not attributed to the drive: 0.02 or less for recordings of real drives, 0.12 for a sine of 1 Hz at 20 Hz.
     """
 
 

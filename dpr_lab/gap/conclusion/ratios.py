@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 def ratios(state: Advised) -> dict[str, Interval]:
-    """The ratios; those that depend on the bounds of the rig file are not negative."""
+    """Ratios to b with 90 % intervals; an interval widened by the bounds of the rig file does not extend below zero."""
     values = state.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
     reaches = np.array([state.intervals.get(("", name), 0.0) for name in RATIOS])
     prior_variance = by_unseen_ratios(state.problem, state.selection.chosen, state.recordings.rig)

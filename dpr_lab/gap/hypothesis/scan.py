@@ -42,7 +42,7 @@ class ScanSettings:
     periods: int = 2
     """Number of periods that a joint must cover: a pattern that does not repeat is not known to be periodic."""
     gap_rad: float = 0.5
-    """Largest interval of the circle, without an angle in it, of a joint that revolves."""
+    """Maximum interval of the circle without an angle for a joint to count as revolving, rad."""
 
 
 SCAN = ScanSettings()

@@ -1,8 +1,8 @@
 """Frequencies at which the swing of a rod alone repeats, and vibrations that are indistinguishable from its harmonics.
 
 Any law of angle or speed that the model lacks leaves a residual at multiples of the frequency of the swing, which falls
-slowly with the amplitude. A vibration of the base at such a multiple follows this residual along one release. Its true
-source does not know the frequency of the swing, so that this is no evidence of a vibration.
+slowly with the amplitude. A vibration of the base at such a multiple follows this residual along one release. The
+frequency of a true vibration is independent of the swing, so such a match is not evidence of a vibration.
 """
 
 from dataclasses import dataclass

@@ -114,7 +114,7 @@ class Diagnosis(Shown, Saved):
     checks: list[AdvisedCheck] = []
     """Recommended checks as data; `dpr-lab check` accepts their results."""
     checks_done: list[CheckDone] = []
-    """Results of checks that were undone, the latest last."""
+    """Results of the completed checks, the latest last."""
     parent: str = ""
     """SHA-256 of the diagnosis from which a check produced this one."""
     ratios: dict[str, Interval]
@@ -196,7 +196,7 @@ class Diagnosis(Shown, Saved):
 
 
 ADDED_BY_COMMANDS = ("files", "simulator")
-"""Keys of `diagnosis.json` besides those of the diagnosis (`dpr_lab.report.schemas.printed`)."""
+"""Keys of `diagnosis.json` in addition to those of the diagnosis (`dpr_lab.report.schemas.printed`)."""
 
 
 def diagnosis_file(path: Path) -> Path:

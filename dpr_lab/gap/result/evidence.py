@@ -31,9 +31,9 @@ class Occupancy(Saved):
     """Edges of the angles: 0 is upright, pi hanging, full turns subtracted."""
     speed_edges_rad_per_s: list[Number]
     fitted_s: list[list[Number]]
-    """(angles, speeds) s, in the fitted recordings."""
+    """(angles, speeds) time in each cell over the fitted recordings, s."""
     held_out_s: list[list[Number]]
-    """(angles, speeds) s, in the held-out recordings."""
+    """(angles, speeds) time in each cell over the held-out recordings, s."""
 
 
 class Closing(Saved):
@@ -159,7 +159,7 @@ class Curves(Saved):
     input: list[Number] = []
     """(n,) input of the arm's drive."""
     input_name: str = ""
-    """What it is, with its unit."""
+    """Name of the input with its unit."""
 
 
 class Evidence(Saved):

@@ -74,7 +74,7 @@ def noise_by_speed(
     Args:
         t: (n,) instants, s
         joints: (n, 2) angles, rad
-        floor: (2,) standard deviation at rest, rad: a coarse encoder shows less than it in slow segments, without cause
+        floor: (2,) standard deviation at rest, rad: in slow segments, a coarse encoder shows less without a fault
         period: nominal sampling interval, s; neighbourhoods with a gap are excluded
         keep: (n, 2) readings without a fault; the level is then a root mean square, which rare large time-stamp errors
         increase, otherwise a robust estimate

@@ -38,9 +38,9 @@ class DisturbanceRules:
     """Thresholds of the detection of disturbances."""
 
     outstanding: float = 8.0
-    """Ratio of chi2 of a kicked segment to that of the worst undisturbed one;"""
+    """Minimum ratio of chi2 of a kicked segment to that of the worst undisturbed one."""
     pushed: float = 100.0
-    """the same if no cut helps, so that an effect of the rig may be the cause."""
+    """Minimum of this ratio if no cut reduces chi2: an effect of the rig may then be the cause."""
     visible: float = 25.0
     """Minimum chi2 per reading of a disturbed segment."""
     most: float = 0.1

@@ -141,7 +141,7 @@ def _refuse_still(recordings: Recordings) -> None:
 
 
 def _fitted(recordings: Recordings, start: Array, effects: tuple[str, ...] = ()) -> Fit:
-    """The model with a free gain and some effects, fitted to short segments; it starts from the most similar unit."""
+    """Fit a model with a free gain and some effects to short segments, from the gain of the best-fitting unit."""
     problem, initial = recordings.cut(LENGTHS.first)
     estimate = Estimate.of(start, recordings.start_params, initial)
     if recordings.driven_arm and recordings.rig.motor:

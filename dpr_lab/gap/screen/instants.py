@@ -44,9 +44,9 @@ class InstantSettings:
     better. Blocks with less evidence use even instants.
     """
     preferred: float = 4.0
-    """Standard errors by which the windows that prefer even instants must outnumber the others."""
+    """Standard errors by which the windows that are smoother on even instants must outnumber the others."""
     likelihood: float = 6.0
-    """Log-likelihood ratio, nats, that is sufficient as well: few stamps are late, but by much."""
+    """Log-likelihood ratio, nats, that is sufficient by itself, for few stamps that are very late."""
     fewest: int = 48
     """Minimum number of readings."""
     fast: float = 0.4
@@ -58,7 +58,7 @@ class InstantSettings:
     contrast: float = 2.0
     """Minimum ratio of the delay of the late reading to the largest other delay in the cycle."""
     likely: float = 0.3
-    """Fraction of the largest significance from which another cycle is fitted as well."""
+    """Minimum significance of another cycle to be fitted as well, relative to the largest one."""
     unshared: float = 0.15
     """Quantile of the scatter over the positions of a cycle: late readings do not affect it."""
     least: float = 0.1
@@ -88,15 +88,15 @@ class PeriodicDelay:
 
 
 def even_instants(t: Array, joints: Array) -> Array | None:
-    """Even instants in place of stamps with jitter, if the angles prefer them.
+    """Even instants in place of stamps with jitter, if the angles are smoother on them.
 
-    Each window of seven samples is judged twice, by the sixth divided difference on its stamps and on even instants.
-    The number of windows that prefer one of both decides, or the likelihood ratio
+    For each window of seven samples, the sixth divided differences on the stamps and on even instants are compared.
+    Even instants are chosen if they are better in significantly more windows, or by the likelihood ratio
 
         sum over joints of  k / 7 ln(rms on stamps / rms on even instants),    k windows, of which one in seven is
         independent.
 
-    It weighs how much a window prefers its instants. Large differences are limited alike in both, because a wrong
+    It takes the size of each difference into account. Large differences are limited alike on both, because a wrong
     reading affects both.
 
     Args:

@@ -60,7 +60,8 @@ class TransferSettings:
     """Factor by which the named effects may increase the error of free runs, besides the noise of the first readings.
     """
     unpredictable: float = 2.0
-    """Standard deviations of the error of free runs, due to the noise of their first readings, that are chance."""
+    """Increase of the error of free runs that counts as chance, in its standard deviations due to the noise of their
+    first readings."""
     followed_rad: float = 0.3
     """Error of a free run of the bare model, rms from its beginning, up to which free runs are compared: where it is
     larger, chaos dominates.
@@ -114,7 +115,7 @@ class Transfer:
     the model, because the quarters differ in amplitude.
     """
     oversized: tuple[str, ...]
-    """Effects whose size is impossible on any rig, or that of another cause."""
+    """Effects whose size is impossible on any rig, or is that of another cause."""
     worse_free_run: WorseFreeRun | None
     """Error of free runs without and with the effects, if the effects increase it; otherwise None. On the held-out
     runs, without these on the fitted ones.
@@ -204,7 +205,7 @@ def worse_free_run(
 
     Segments and free runs must agree: an effect that closes the gap of segments but worsens the free run is not
     confirmed. Each run is compared up to the time at which chaos dominates the error of the bare model. An increase
-    that the noise of the first readings explains is none.
+    that the noise of the first readings explains does not count.
 
     Args:
         before: run -> error of the free run of the bare model

@@ -41,9 +41,9 @@ class DiscrepancyRules:
     ridges: tuple[float, ...] = (100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
     """Ratio of the noise variance to the prior variance: from a negligible term to a nearly free one."""
     likelier: float = 10.0
-    """Reduction of -2 log likelihood from which the term is included."""
+    """Minimum reduction of -2 log likelihood for the term to be included."""
     mostly: float = 2.0
-    """Ratio of the mean squared torques at low and high speed from which one of them is named."""
+    """Ratio of the mean squared torques at low and high speed above which the sentence names the larger one."""
 
 
 RULES = DiscrepancyRules()

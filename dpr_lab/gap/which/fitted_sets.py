@@ -60,7 +60,7 @@ class Effort:
     achieved: float = 0.5
     """Fraction of the predicted reduction of chi2 below which a fit is repeated from shorter segments."""
     outstanding: float = 5.0
-    """chi2 of a segment relative to the median from which it may hold a fit in a local minimum."""
+    """chi2 of a segment relative to the median above which it may keep a fit in a local minimum."""
     nowhere: float = 0.99
     """Ratio of chi2 with an effect to chi2 without it above which the fit of the effect has failed."""
     starts: int = 4
@@ -376,7 +376,7 @@ class FittedSets:
         return None if score is None else self._best_shape(model, score)
 
     def reshaped(self, model: Hypothesis, effect: str) -> Hypothesis:
-        """A set fitted once more, after a new search for the shape of one of its effects."""
+        """Refit of a set after a new search for the shape of one of its effects."""
         other = self._grown(self.without(model, effect), effect)
         return self.keep(model if other is None or other.cost >= model.cost else other)
 

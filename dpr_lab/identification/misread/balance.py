@@ -36,7 +36,7 @@ class EnergySettings:
     """Settings of the energy test."""
 
     motion: LocalMotionSettings = field(default=LocalMotionSettings(degree=3, window_share=1 / 16, window=(7, 51)))
-    """Local polynomials for the velocities; windows that short suit a rod that turns five times as fast."""
+    """Local polynomials for the velocities; such short windows also suit a rod that turns five times as fast."""
     slack: float = 3.0
     """Factor by which a base parameter may differ from the value of the rig file."""
     zeros: int = 18

@@ -28,7 +28,7 @@ class DescriptionLimits:
     unit: float = 0.5
     """Maximum distance of the logarithm (base 10) of the gain from that of a unit's factor."""
     gain: float = 1.5
-    """Logarithm (base 10) of the ratio of the gain to that of the rig file beyond which no motor constant is."""
+    """Logarithm (base 10) of the ratio of the gain to that of the rig file beyond which no motor constant lies."""
 
 
 DESCRIPTION = DescriptionLimits()

@@ -8,9 +8,9 @@ torques f1, f2 of Coulomb friction, the equations of motion of both rods are
     b al2 + d (cos(delta) al1 - sin(delta) w1^2 - g/L1 sin(th2)) + c2 (w2 - w1) + f2 s(w2 - w1) = tau2
 
 They are linear in all coefficients, which are fitted within bounds about the rig file's values. The balance needs
-accelerations, and thus more rows than the energy balance (`balance`). It sees friction and gravity at every instant,
-so that a wrong zero or scale of one rod does not pass as friction. With one degree of freedom (a clamped elbow, or one
-rod as two equal halves) only the sum of both equations holds, in which the torques of joint 2 cancel.
+accelerations, and thus more rows than the energy balance (`balance`). It compares friction and gravity at every
+instant, so that a wrong zero or scale of one rod is not mistaken for friction. With one degree of freedom (a clamped
+elbow, or one rod as two equal halves) only the sum of both equations holds, in which the torques of joint 2 cancel.
 """
 
 from dataclasses import dataclass, field, replace

@@ -45,8 +45,8 @@ class MisreadSettings:
     better: float = 10.0
     """Factor by which chi2 must be smaller in another interpretation that refuses recordings."""
     better_hint: float = 5.0
-    """Factor by which the excess of chi2 must be smaller in one that is a hint: it is 3 or less for rods with an effect
-    that are interpreted correctly."""
+    """Factor by which the excess of chi2 must be smaller in an interpretation that is reported as a hint. Correctly
+    interpreted rods with an effect reach 3."""
     explained: float = 20.0
     """Reduced chi-square below which another interpretation must be far better, because a wrong one may fit better
     by chance.

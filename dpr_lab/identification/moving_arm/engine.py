@@ -1,4 +1,4 @@
-"""A model with a moving arm as the unknowns of the common fitting engine, which knows every effect, and back.
+"""Conversion between a model with a moving arm and the unknowns of the common fitting engine with every effect.
 
 The engine has ratios to b of a whole rig, b and p/b; of an inner rod alone only a - p, e1 - p g/L1 and c1 act
 (`dpr_lab.dynamics.base`), so that the rest is taken from the rig file.
@@ -22,7 +22,7 @@ from dpr_lab.rig import PARAMETERS, Rig
 Array = NDArray[np.float64]
 
 OF_ARM = (FREE_ARM.name, DRIVE_GAIN.name)
-"""Effects of the engine that are part of every model with a moving arm, and no faults."""
+"""Effects of the engine that are part of every model with a moving arm and are not faults."""
 
 
 def engine_values(model: MovingArmModel, rig: Rig) -> tuple[Array, Array]:

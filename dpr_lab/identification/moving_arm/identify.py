@@ -32,8 +32,8 @@ class ArmWarnings:
     hardly_seen: float = 0.5
     """Relative standard deviation above which an unknown is not determined."""
     unseen: float = 1e3
-    """Standard deviation, relative to the value or in units of the ratio, above which an interval says nothing: it is
-    that of a fit that failed."""
+    """Standard deviation, relative to the value or in units of the ratio, above which an interval contains no
+    information, as after a failed fit."""
     gap: float = 3.0
     """Reduced chi-square above which the model is clearly incomplete."""
 

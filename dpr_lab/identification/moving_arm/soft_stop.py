@@ -5,8 +5,8 @@ the arm and th_i of the rods, s = sin, c = cos,
 
     q'' = sum_j k_j x_j - K+ max(q - Q+, 0) + K- max(Q- - q, 0)
 
-x are 1, q, q', sgn(q'), the input, s_i^2 q'' + 2 q' s_i c_i th_i' and c_i th_i'' - s_i th_i'^2 of each rod, and the
-term of their coupling. The angles Q are scanned; all coefficients follow by linear least squares from local
+the x_j are 1, q, q', sgn(q'), the input, s_i^2 q'' + 2 q' s_i c_i th_i' and c_i th_i'' - s_i th_i'^2 of each rod, and
+the term of their coupling. The angles Q are scanned; all coefficients follow by linear least squares from local
 polynomials, without the rig file's values.
 
 The residual of a cable that stiffens gradually, or of cogging, is also reduced by a stop, but less than by the smooth

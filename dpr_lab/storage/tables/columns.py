@@ -65,7 +65,7 @@ def is_time(name: str) -> bool:
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
     """Columns by common names; quantities without exactly one match are omitted.
 
-    Names that say measured, and names of joints such as shoulder, count only where no column has a plain name.
+    Names with the word `measured` and names of joints, such as `shoulder`, count only if no column has a plain name.
     """
     common, angle, ending = (
         (_COUNT_NAME, _COUNT_NAME, "(counts?|ticks?)?")

@@ -293,7 +293,7 @@ def _few(table: InterpretedTable, t: Array, settings: QuestionSettings) -> list[
         doubts.append(
             TableQuestion(
                 f"{len(t)} rows in {lasts:.3g} s: a recording of less than {settings.few_rows} rows or of less"
-                f" than half a period of the slower oscillation contains little information ({slow:.2g} s)"
+                f" than half a period of the slower oscillation ({slow:.2g} s) contains little information"
             )
         )
     return doubts

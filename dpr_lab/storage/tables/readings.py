@@ -324,7 +324,7 @@ def other_readings(
 
 
 def _scaled(values: Values, options: ImportOptions, rig: Rig) -> Iterator[OtherReading]:
-    """Half or twice the readings of both rods or of one."""
+    """Interpretations with half or twice the readings of both rods or of one rod."""
     counted = options.unit == "counts"
     zeros = rig.encoders.zero_counts[1:] if counted else (0.0, 0.0)
     relative = rig.encoders.joint2 == "relative" if counted else options.angles == "relative"

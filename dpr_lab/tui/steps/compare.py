@@ -243,11 +243,7 @@ workspace, as by `dpr-lab compare`.
         if not isinstance(run, int):
             return
         if self.job is None:
-            self.say(
-                self.worded(
-                    "This is a stored result: {compare.start} simulates the runs again; then free runs can start here"
-                )
-            )
+            self.say(self.worded("This is a stored result without free runs: {compare.start} simulates the runs again"))
             return
         start = FreeRunStart(run, event.slider.value)
         if start in self._free_runs:
