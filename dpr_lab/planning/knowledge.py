@@ -193,16 +193,17 @@ def _model(rig: Rig, ratios: Array, params: Array, noise: Array, acting: Acting)
 
 
 def _of_one_rod(model: PresentModel, acting: Acting) -> PresentModel:
-    """The model without effects that need two rods: no reading of a rod alone depends on their amplitudes."""
+    """The model without effects that need two rods: no reading of a rod alone depends on any of their amplitudes."""
     swings = [CandidateRelease(2.0, 2.0, LENGTHS.working, mounting) for mounting in acting.rods]
     powers = np.diag(np.sum([swing.information for swing in informed(swings, model)], axis=0))
 
-    def acts(column: FreeParameter, power: float) -> bool:
-        effect = EFFECTS.get(column.effect)
-        return effect is None or power > 0 or effect.of_arm or effect.driven
+    visible = {column.effect for column, power in zip(model.columns, powers.tolist(), strict=True) if power > 0}
 
-    columns = tuple(column for column, value in zip(model.columns, powers.tolist(), strict=True) if acts(column, value))
-    return replace(model, columns=columns)
+    def acts(column: FreeParameter) -> bool:
+        effect = EFFECTS.get(column.effect)
+        return effect is None or effect.name in visible or effect.of_arm or effect.driven
+
+    return replace(model, columns=tuple(filter(acts, model.columns)))
 
 
 def _can_act(effect: Effect, rig: Rig, acting: Acting) -> bool:

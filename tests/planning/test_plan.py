@@ -104,6 +104,7 @@ def test_effects_that_need_two_rods_are_not_planned_for_one(paper: Rig, rods: st
     with_elbow = {name for name in both if EFFECTS[name].joints == (1,)}
     assert set(both) - set(one) - with_elbow == {"air_drag_outer", "wrong_length_L1"}
     assert set(one) <= set(both)
+    assert {name: len(one[name]) for name in one} == {name: len(both[name]) for name in one}
 
 
 def test_a_signal_keeps_speed_and_torque_and_a_device_replays_it(paper: Rig, tmp_path: Path) -> None:

@@ -26,7 +26,8 @@ from dpr_lab.workflows.plan import PlanRequest, PlanResult
 if TYPE_CHECKING:
     from dpr_lab.planning.result import Plan, PlannedRelease
 
-COLUMNS = ("release", "start pose", "duration", "minutes", "distinguished", "P(decided)")
+COLUMNS = ("release", "start pose", "duration", "minutes", "distinguished")
+FORECAST = "P(decided)"
 PLANNING = "planning the next releases"
 ONE = "take a release from the list: {plan.start} makes the list"
 OTHER_SETUP = (
@@ -197,7 +198,7 @@ are diagnosed first.
         releases = self.query_one(DataTable)
         row = releases.cursor_row
         releases.clear(columns=True)
-        releases.add_columns(*COLUMNS)
+        releases.add_columns(*COLUMNS, *[FORECAST] * bool(made.forecast))
         for release in made.releases:
             releases.add_row(*(Text(cell) for cell in _row(release, unit)))
         releases.move_cursor(row=row)
@@ -210,10 +211,11 @@ are diagnosed first.
 
 
 def _row(release: "PlannedRelease", unit: AngleUnit) -> tuple[str, ...]:
-    pose = f"{unit.text(release.theta1_rad)}  {unit.text(release.theta2_rad)}"
-    decided = "" if release.decided is None else f"{release.decided:.2f}"
+    angles = [release.theta1_rad, release.theta2_rad][: 2 if release.mounted == "both" else 1]
+    pose = "  ".join(map(unit.text, angles))
+    decided = [] if release.decided is None else [f"{release.decided:.2f}"]
     name = release.pose or str(release.number)
-    return (name, pose, f"{release.duration_s:g} s", f"{release.minutes:.1f}", percent(release.library_bits), decided)
+    return (name, pose, f"{release.duration_s:g} s", f"{release.minutes:.1f}", percent(release.library_bits), *decided)
 
 
 def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:

@@ -62,6 +62,7 @@ async def test_a_first_plan_is_a_list_with_reasons_and_a_release_of_it_becomes_t
         assert " ".join(text(app, "#state").split()) == made["sentence"]
         releases = app.query_one(DataTable)
         assert releases.row_count == len(made["releases"]) == 3
+        assert "P(decided)" not in [str(column.label) for column in releases.columns.values()]
         await pilot.press("down")
         second = made["releases"][1]
         assert f"reason: {second['reason']}" in text(app, "#details")
@@ -75,6 +76,16 @@ async def test_a_first_plan_is_a_list_with_reasons_and_a_release_of_it_becomes_t
         assert load_rig(app.workspace.rig).poses["P2"].theta1 == pytest.approx(second["theta1_rad"], abs=1e-4)
         await pilot.press("1")
         assert app.query_one("#rig_file", Input).value == app.workspace.rig
+
+
+async def test_a_release_of_one_rod_has_one_start_angle(lab, until, tmp_path: Path) -> None:
+    one_rod = tmp_path / "one_rod.toml"
+    one_rod.write_text(paper_text() + '\n[rods]\nmounted = "inner"\n')
+    async with lab(PlanStep) as pilot:
+        pilot.app.workspace.rig = str(one_rod)
+        await planned(pilot, until, tmp_path)
+        row = [str(cell) for cell in pilot.app.query_one(DataTable).get_row_at(0)]
+        assert row[1].count("°") == 1
 
 
 @pytest.mark.slow
