@@ -6,11 +6,12 @@ The prior is that of the rig file, `dpr_lab.fitting.prior`. An amplitude that th
 base parameters, the zeros, the initial states or the amplitudes before it is not a free parameter of a step.
 
 An iteration (`iterate`) solves the projected normal equations of `dpr_lab.fitting.linearise` for the parameters; the
-initial states follow from them. A step that does not reduce the cost is shortened. If only one segment gets worse, the
-step of its initial state is reduced, because a swing that passes near the upright would otherwise slow down all others.
-If no step length reduces the cost, the damping is increased. If the predicted reduction is below the tolerance, only
-the full step is tried. If a step reduces the cost as predicted, the Jacobian is frozen: the next iteration uses it
-again.
+initial states follow from them. A step that does not reduce the cost is shortened. If only some segments get worse, the
+steps of their initial states are reduced first, because a swing that passes near the upright would otherwise slow down
+all others. A shorter step starts again from full steps of the initial states, which compensate for the change of the
+parameters. If no step length reduces the cost, the damping is increased. If the predicted reduction is below the
+tolerance, only the full step is tried. If a step reduces the cost as predicted, the Jacobian is frozen: the next
+iteration uses it again.
 
 A fit without free parameters moves the initial states only, as for a held-out run.
 """
@@ -340,6 +341,7 @@ def _line_search(
         worse = ~(after <= before)
         if attempt % 2 or worse.mean() > 0.5:
             length *= settings.shorten
+            segment_length[:] = 1.0
         else:
             segment_length[worse] *= settings.shorten_segment
     return None

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from dpr_lab.dynamics.base import base_parameters, ratios
-from dpr_lab.effects import EFFECTS, param_index
+from dpr_lab.effects import EFFECTS, effect_params, param_index
 from dpr_lab.fitting.estimate import effect_parameters
 from dpr_lab.fitting.gauss_newton import GaussNewton, StopReason, fit
 from dpr_lab.fitting.linearise import linearise
@@ -14,6 +14,7 @@ from dpr_lab.gap.hypothesis.cross_validation import folds, left_out_chi2, predic
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters
 from dpr_lab.gap.hypothesis.residuals import residual_statistics
 from sim_device.plant.config import load_plant
+from tests.background_rigs import Law, law, recordings
 
 
 @pytest.fixture(scope="module")
@@ -125,6 +126,22 @@ def test_a_step_that_failed_is_not_tried_again_because_of_a_little_damping(clean
     assert found.stop is StopReason.NO_DESCENT
     assert found.estimate is start
     assert model.predicted <= 1 + 2 * GaussNewton().tries  # a damping of 1e-3 is another step
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_a_swing_from_near_the_upright_does_not_end_a_fit_above_its_minimum(bare, seed):
+    """Where the initial state compensates for the friction, both have to change in proportion."""
+    drag = Law("air_drag", 0, 4e-4, lambda t, angle, speed: -4e-4 * speed * abs(speed))
+    rig, runs, _ = recordings(seed, [law("coulomb", 0, 6.0), drag], rods=1)
+    problem, base = bare(runs[:1], rig)
+    with_drag = effect_params({"air_drag_both": {"coefficient_kg_per_m2": 1e-3}})
+    start = base.fit.estimate.changed(params=with_drag)
+    alone = fit(problem, start, free_parameters(start, ("air_drag_both",), problem), iterations=30)
+    both = free_parameters(alone.estimate, ("air_drag_both", "coulomb_joint1"), problem)
+    found = fit(problem, alone.estimate, both, iterations=30)
+    assert alone.chi2 > 2.0 * problem.evidence
+    assert found.stop is StopReason.CONVERGED
+    assert found.chi2 < 1.1 * problem.evidence
 
 
 def test_far_from_the_noise_a_preliminary_fit_ends_at_the_first_small_reduction(clean):

@@ -28,6 +28,7 @@ from sim_device.trials.draw import draw_plant
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import weighed
 from sim_device.trials.request import parse_request
+from tests.background_rigs import Law, law, recordings
 from tests.thinned import thinned
 
 Truth = Mapping[str, Mapping[str, float]]
@@ -118,6 +119,16 @@ def test_a_move_leaves_the_state_as_it_was_and_repeats_itself(sets: FittedSets) 
         assert one.fits.keys() == other.fits.keys(), move.name
         fitted_more = fitted_more or len(one.fits) > len(fits)
     assert fitted_more
+
+
+@pytest.mark.slow
+def test_friction_and_drag_that_hide_each_other_are_found_together() -> None:
+    """Next to viscous friction, each changes the decay in the opposite direction."""
+    drag = Law("air_drag", 0, 2.5e-4, lambda t, angle, speed: -2.5e-4 * speed * abs(speed))
+    rig, runs, _ = recordings(1, [law("coulomb", 0, 5.0), drag], rods=1, seconds=4.0)
+    found = diagnose(runs, rig)
+    assert found.model_effects.keys() == {"coulomb_joint1", "air_drag_both"}
+    assert min(effect.probability for effect in found.effects) > 0.9
 
 
 @pytest.mark.slow

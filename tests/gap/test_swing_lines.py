@@ -49,7 +49,7 @@ def test_two_rods_have_no_frequency_of_the_swing(paper: Rig, recorded) -> None:
 
 
 @pytest.mark.slow
-def test_pieces_of_one_release_are_one_decay(tmp_path: Path, bare) -> None:
+def test_pieces_of_one_release_and_equal_releases_are_one_decay(tmp_path: Path, bare) -> None:
     rig, (run, other) = one_rod.recorded(STEADY, 1, tmp_path)
     pieces = [run.between(-np.inf, 3.0), run.between(3.0, np.inf)]
 
@@ -59,6 +59,7 @@ def test_pieces_of_one_release_are_one_decay(tmp_path: Path, bare) -> None:
 
     assert drifts(pieces)
     assert not drifts([run, other])
+    assert drifts([run, replace(run, name="again")])
 
 
 @pytest.mark.slow

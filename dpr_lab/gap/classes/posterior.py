@@ -73,7 +73,7 @@ class Calibration:
     outside_when_closed: float = 0.02
     """Probability of a cause outside the library if only noise remains."""
     drifting: float = 0.1
-    """Prior odds of a friction drift against a loss that depends on speed, where a single release cannot separate them:
+    """Prior odds of a friction drift against a loss that depends on speed, where a single decay cannot separate them:
     every rod has air drag.
     """
     unseen: float = 0.5
@@ -190,7 +190,7 @@ def _alternatives(
 
 
 def _prior_odds(selection: Selection, without: Hypothesis, alternative: Alternative, calibration: Calibration) -> float:
-    """Prior odds of an alternative against the named effect: a drift that one release cannot separate is rare."""
+    """Prior odds of an alternative against the named effect: a drift that one decay cannot separate is rare."""
     instead = selection.fitted.get(without.key | {alternative.name})
     drifts = instead is not None and follows_decay(selection.base, instead, selection.chosen)
     return calibration.drifting if drifts else 1.0

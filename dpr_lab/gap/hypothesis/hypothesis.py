@@ -80,7 +80,7 @@ class Hypothesis:
     on_line: frozenset[str] = frozenset()
     """Vibrations at a multiple of the frequency of the swing."""
     of_decay: frozenset[str] = frozenset()
-    """Drifts of friction in a single free release, in which amplitude and time cannot be separated."""
+    """Drifts of friction along one decay, in which amplitude and time cannot be separated."""
 
     @property
     def cost(self) -> float:
@@ -123,12 +123,27 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
 
 
 def _one_decay(problem: Problem) -> bool:
-    """Whether the recordings are a single free swing: one release, or pieces of one, whose times do not overlap."""
+    """Whether the amplitude is one function of the time: of a single free swing, or of equal releases of one rod.
+
+    A single free swing is one release, or pieces of one, whose times do not overlap.
+    """
     segments = problem.segments
+    if not all(setup.free for setup in segments.setups):
+        return False
     first, last = segments.t[segments.offsets[:-1]], segments.t[segments.offsets[1:] - 1]
     order = np.argsort(first)
-    in_series = (last[order][:-1] <= first[order][1:]).all()
-    return bool(in_series) and all(setup.free for setup in segments.setups)
+    return bool((last[order][:-1] <= first[order][1:]).all()) or _equal_releases(problem)
+
+
+def _equal_releases(problem: Problem, tolerance: float = 0.1) -> bool:
+    """Whether one rod swings from the same angle in all runs, to a relative tolerance."""
+    segments = problem.segments
+    if not all(setup.alone for setup in segments.setups):
+        return False
+    from_hanging = np.abs(problem.measured[:, 0] - np.pi)
+    of_segment = np.maximum.reduceat(from_hanging, segments.offsets[:-1])
+    widest = [of_segment[segments.run == run].max() for run in np.unique(segments.run)]
+    return min(widest) > (1 - tolerance) * max(widest)
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:

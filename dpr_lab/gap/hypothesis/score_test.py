@@ -125,10 +125,25 @@ def _score(problem: Problem, test: ScoreTest, effect: Effect, shape: Shape, colu
     rows = [*test.fitted_columns, *(len(test.fitted_columns) + np.flatnonzero(~hidden)).tolist()]
     new_columns, free = tuple(all_columns[i] for i in rows[len(test.fitted_columns) :]), tuple(free[i] for i in rows)
     chosen = space.chosen(rows)
-    room = bounds(test.fit.estimate, free)
-    room[:, [i for i in range(len(test.fitted_columns)) if i in test.fit.absorbed]] = 0.0
-    step = chosen.with_prior(prior.A[:, rows], prior.e).solution(room)
+    step = _bounded_step(test, free, chosen, prior.A[:, rows], prior.e)
     return Score(effect, shape, chosen.reduction(step), new_columns, free, step[len(test.fitted_columns) :], absorbed)
+
+
+def joint_gain(problem: Problem, test: ScoreTest, scores: Iterable[Score]) -> float:
+    """Predicted reduction of chi2 by several effects together, each in the shape of its score."""
+    rows = [*test.fitted_columns, *(column for score in scores for column in score.columns)]
+    free, chosen = tuple(test.free[i] for i in rows), test.space.chosen(rows)
+    prior = RigPrior.at(problem, test.fit.estimate, free, test.linear)
+    return chosen.reduction(_bounded_step(test, free, chosen, prior.A, prior.e))
+
+
+def _bounded_step(
+    test: ScoreTest, free: Sequence[FreeParameter], chosen: ColumnSpace, prior: Array, mean: Array
+) -> Array:
+    """(columns,) step within the bounds, with the rows of the prior; zero for what the fit absorbs."""
+    room = bounds(test.fit.estimate, free)
+    room[:, list(test.fit.absorbed)] = 0.0
+    return chosen.with_prior(prior, mean).solution(room)
 
 
 def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:

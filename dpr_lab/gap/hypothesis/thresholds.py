@@ -244,9 +244,9 @@ def need(base: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
 
 
 def follows_decay(base: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> bool:
-    """Whether a set has a drift of friction in a single release, and another of the same size explains nearly as much.
+    """Whether a set has a drift of friction along one decay, and another of the same size explains nearly as much.
 
-    Amplitude falls with time along a release: a loss that depends on speed, as every rod has, looks like a drift.
+    Amplitude falls with time along a decay: a loss that depends on speed, as every rod has, looks like a drift.
     """
     if not drifting.of_decay - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
         return False

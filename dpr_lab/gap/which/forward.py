@@ -3,11 +3,12 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
+from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, joint_gain
 from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
     accepted,
@@ -80,6 +81,8 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
         for model in front:
             for larger in _with_one_more(sets, model, level):
                 level[larger.key] = larger
+            if len(sets.unexpected(model)) + 2 <= max_effects and (pair := _with_two_losses(sets, model)):
+                level[pair.key] = pair
         if not level:
             return
         ranked = _ranked(sets, best, level.values())
@@ -113,8 +116,8 @@ def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) ->
     """Sets by the criterion. Sets with an effect of impossible size, or with one that adds too little, come last.
 
     Three kinds of effects add too little: a curve that follows the remainder, a vibration at a multiple of the swing's
-    frequency if another effect explains most of the same reduction, and a drift of friction in a single release if
-    another effect explains nearly all of it.
+    frequency if another effect explains most of the same reduction, and a drift of friction along one decay if another
+    effect explains nearly all of it.
     """
     models = list(models)
 
@@ -158,6 +161,35 @@ def _with_one_more(
             if at_noise_floor(larger):
                 least = max(least, BEAM.as_promising * (model.fit.chi2 - larger.fit.chi2))
             yield larger
+
+
+def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
+    """The set with the two losses of one joint that explain most together, if they hide each other; else None.
+
+    Next to viscous friction, Coulomb friction and air drag change a decay in opposite ways: the loss per swing grows
+    with powers 1 and 3 of the amplitude, that of viscous friction with power 2. Each alone then explains little, or has
+    the wrong sign. Both are fitted if together they are predicted to explain more than any single effect.
+    """
+    test = sets.test(model)
+    losses = [test.shaped[name][0] for name in sorted(test.shaped) if _is_loss_of_one_size(test.shaped[name][0])]
+    pairs = [
+        (gain, *sorted(pair, key=lambda score: -score.gain))
+        for pair in combinations(losses, 2)
+        if not set(pair[0].effect.joints).isdisjoint(pair[1].effect.joints)
+        and (gain := joint_gain(sets.problem, test, pair)) > pair[0].gain + pair[1].gain
+    ]
+    if not pairs:
+        return None
+    gain, larger, smaller = max(pairs, key=lambda pair: pair[0])
+    if gain < test.ranking[0].gain + THRESHOLDS.chance:
+        return None
+    with_larger = sets.with_one(model, larger)
+    score = sets.test(with_larger).of(smaller.effect.name)
+    return None if score is None else sets.with_one(with_larger, score)
+
+
+def _is_loss_of_one_size(score: Score) -> bool:
+    return score.effect.dissipative and len(score.columns) == 1 and not score.effect.shapes
 
 
 def _are_forms(sets: FittedSets, model: Hypothesis, other: Hypothesis) -> bool:
