@@ -74,6 +74,20 @@ def test_the_scatter_of_the_lengths_is_the_noise_of_the_run(tmp_path: Path, alik
         assert rest_correlation(run, rods, 2) == pytest.approx(alike**2, abs=0.15)
 
 
+def test_a_tilted_camera_is_no_noise(tmp_path: Path) -> None:
+    _, elbow, tip = pixels(noise=0.5)
+    seen = [PIVOT + (points - PIVOT) * (1, np.cos(0.15)) for points in (elbow, tip)]
+    seen = [PIVOT + (p - PIVOT) / (1 + 1e-4 * (p - PIVOT)[:, 1:]) for p in seen]
+    head = "t,x0,y0,x1,y1,x2,y2\n"
+    run = read(text(tmp_path / "a.csv", np.column_stack([T, PIVOT + 0 * elbow, *seen]), head=head))
+    assert run.film_noise is not None
+    assert run.film_noise.std == pytest.approx([0.5 / L1, 0.5 * np.sqrt(2) / L2], rel=0.25)
+    assert run.film_noise.correlation < 0.3
+    assert any("the camera does not look along the joint axes" in note for note in run.notes)
+    facing = read(text(tmp_path / "b.csv", np.column_stack([T, *pixels(noise=0.5)]), head=head))
+    assert not any("camera" in note for note in facing.notes)
+
+
 def test_frames_that_repeat_the_one_before_are_removed(tmp_path: Path) -> None:
     noise = np.random.default_rng(4).normal(0, 0.05, (2, N, 2))
     shown = np.arange(N) - (np.arange(N) % 3 == 2)  # every third frame repeats the second

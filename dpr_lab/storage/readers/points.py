@@ -5,9 +5,6 @@ The inner rod is the line from pivot to elbow, the outer rod the line from elbow
     theta1 = pi + atan2(x1, -y1),  (x1, y1) = elbow - pivot, y upwards;  theta2 likewise from tip - elbow
 
 A table with one moving point contains a single rod, from the pivot to this point.
-
-The length of a rod is constant, so the scatter of the distance of its ends is the noise of a point in the picture.
-Divided by the length it is the noise of the angle.
 """
 
 import re
@@ -23,6 +20,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.run import FilmNoise
 from dpr_lab.shown import percent
+from dpr_lab.storage.readers.rod_lengths import LENGTHS, WANTED, rod_length
 from dpr_lab.storage.tables.columns import bare, is_time, own_name, runs
 from dpr_lab.storage.tables.table import Table, read_table
 
@@ -33,8 +31,6 @@ class PointSettings:
 
     likelihood: float = 0.6
     """Minimum likelihood of a point; DeepLabCut draws no others (its pcutoff)."""
-    length_scatter: float = 0.1
-    """Maximum relative scatter of a rod's length; above it the points are not its ends."""
     at_rest: float = 0.05
     """Motion of a point relative to that of another one, below which it is a pivot at rest."""
     at_origin: float = 1.5
@@ -53,18 +49,11 @@ class PointSettings:
     """
     frames_of_speed: int = 8
     """Ratio of an interval of motion to half the interval over which its speeds are measured."""
-    wild: float = 4.0
-    """Deviation of a length, in standard deviations, beyond which it is limited."""
-    correlated: float = 4.0
-    """Standard errors above which the autocorrelation of the lengths is significant."""
-    most_alike: float = 0.98
-    """Maximum autocorrelation of the lengths of neighbouring frames."""
 
 
 SETTINGS = PointSettings()
 PLAIN = "table of points"
 PARTS = {1: ("pivot", "tip"), 2: ("pivot", "elbow", "tip")}
-WANTED = "pivot, elbow and tip (the pivot may be omitted if it does not move); for a single rod its tip"
 _COORDINATE = r"(?:(?P<c1>[xy])[\W_]*(?P<n1>\w+)|(?P<n2>\w+?)[\W_]*(?P<c2>[xy]))"
 _UNIT = r"([\W_]*(px|pixels?|mm|cm|m)\W*)?"
 _BY_NAME = re.compile(rf"{_COORDINATE}{_UNIT}", re.I)
@@ -124,7 +113,7 @@ def _with_names(table: Table) -> Table:
         rods = [np.hypot(*(end.at - start.at).T) for start, end in pairwise(_chosen(table, points, ()))]
     except RunError:  # not on a circle
         return table
-    if max(float(np.nanstd(rod) / np.nanmean(rod)) for rod in rods) > SETTINGS.length_scatter:
+    if max(float(np.nanstd(rod) / np.nanmean(rod)) for rod in rods) > LENGTHS.scatter:
         return table
     names = (f"{axis}{number}" for number in range(1, len(xy) + 1) for axis in "xy")
     return replace(table, names=("t",) * timed + tuple(names))
@@ -212,15 +201,22 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
         rods = [rod * (1, -1) for rod in rods]
     used = ", ".join(f"{part} {point.name}" for part, point in zip(PARTS[len(ends)], [pivot, *ends], strict=True))
     axes = ("theta1", "theta2")[: len(rods)]
-    noise = [_noise(table, axis, rod) for axis, rod in zip(axes, rods, strict=True)]
+    angles = [_direction(rod) for rod in rods]
+    lengths = [rod_length(table.path, axis, rods[: k + 1]) for k, axis in enumerate(axes)]
     notes = [f"points used: {used}; --take names others"]
     notes += [
-        f"{axis}: noise {std:.2g} rad, from the scatter of the rod's length in the picture"
-        for axis, (std, _) in zip(axes, noise, strict=True)
+        f"{axis}: noise {length.std:.2g} rad, from the scatter of the rod's length in the picture"
+        for axis, length in zip(axes, lengths, strict=True)
     ]
-    std, alike = zip(*noise, strict=True)
+    notes += [
+        f"the rod of {axis} changes its length in the picture by {percent(length.varies)} with the pose: the camera"
+        f" does not look along the joint axes"
+        for axis, length in zip(axes, lengths, strict=True)
+        if length.varies
+    ]
+    std = tuple(length.std for length in lengths)
     time = [k for k, name in enumerate(table.names) if is_time(name)]
-    columns = [table.values[k] for k in time[:1]] + [_direction(rod) for rod in rods]
+    columns = [table.values[k] for k in time[:1]] + angles
     return replace(
         table,
         names=(("t",) if time else ()) + axes,
@@ -228,7 +224,7 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
         strange=("",) * len(columns),
         notes=(*table.notes, *notes),
         settled=True,
-        film_noise=FilmNoise(std, float(np.mean(alike))) if min(std) > 0 else None,
+        film_noise=FilmNoise(std, float(np.mean([length.correlation for length in lengths]))) if min(std) > 0 else None,
     )
 
 
@@ -351,29 +347,3 @@ def _direction(rod: NDArray[np.float64]) -> NDArray[np.float64]:
     valid = np.isfinite(swung)
     swung[valid] = np.unwrap(swung[valid])
     return np.pi + swung
-
-
-def _noise(table: Table, axis: str, rod: NDArray[np.float64]) -> tuple[float, float]:
-    """Standard deviation of the angle of a rod, rad, and autocorrelation of its errors in neighbouring frames.
-
-    Both are estimated from the measured length of the rod, because errors along and across the rod are alike.
-    """
-    from scipy.special import ndtri
-    from scipy.stats import median_abs_deviation
-
-    lengths = np.hypot(*rod.T)
-    valid = lengths[np.isfinite(lengths)]
-    if not len(valid) or not np.median(valid) > 0:
-        raise RunError(f"{table.path}: the ends of the rod of {axis} were never detected together")
-    length = float(np.median(valid))
-    scatter = float(median_abs_deviation(valid, scale=ndtri(0.75)))
-    if scatter > SETTINGS.length_scatter * length:
-        raise RunError(
-            f"{table.path}: the rod of {axis} changes its length by {percent(scatter / length)}: these points"
-            f" are not its ends; select them with --take {WANTED}"
-        )
-    away = np.clip(lengths - length, -SETTINGS.wild * scatter, SETTINGS.wild * scatter)
-    products, power = away[1:] * away[:-1], float(np.nanmean(away**2))
-    alike = float(np.nanmean(products)) / power if power > 0 and np.isfinite(products).any() else 0.0
-    significant = alike > SETTINGS.correlated / np.sqrt(len(valid))
-    return scatter / length, min(alike, SETTINGS.most_alike) if significant else 0.0
