@@ -18,6 +18,7 @@ from dpr_lab.gap.hypothesis.residuals import lone_readings
 from dpr_lab.gap.known_torques import with_likeliest_noise
 from dpr_lab.gap.screen.disturbances import without_disturbances
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.gap.screen.tracking_noise import tracking_noise
 from dpr_lab.identification.prior_update import assumed_b
 from dpr_lab.rig import Rig
 
@@ -57,6 +58,9 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
     problem, bare = lengthened(recordings, short, estimate, recordings.working_length)
     if quieter := with_likeliest_noise(recordings, problem, bare):
         recordings = quieter
+        problem, bare = lengthened(recordings, short, estimate, recordings.working_length)
+    if noise := tracking_noise(recordings, problem, bare.fit):
+        recordings = recordings.with_tracking(noise)
         problem, bare = lengthened(recordings, short, estimate, recordings.working_length)
     return recordings, problem, bare
 

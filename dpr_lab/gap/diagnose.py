@@ -21,6 +21,7 @@ from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.evidence.evidence import evidence
 from dpr_lab.gap.known_torques import earlier_share, no_worse, with_other_noise
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
 from dpr_lab.gap.screen.disturbances import without_disturbances
 from dpr_lab.gap.screen.input import refuse_wrong_input
 from dpr_lab.gap.screen.pieces import in_pieces
@@ -137,6 +138,7 @@ def _fitted(screened: ScreenedRuns) -> Fitted:
     recordings = with_time_scale(recordings, bare.fit.estimate.ratios)
     held_out = without_disturbances(screened.held_out, bare.fit.estimate.ratios)
     held_out = replace(held_out, ratios=recordings.ratios, torque_noise_Nm=recordings.torque_noise_Nm)
+    held_out = held_out.with_tracking(recordings.tracking).with_shutter(recordings.shutter)
     return Fitted.after(
         screened,
         recordings=recordings,
@@ -160,6 +162,7 @@ def _selected(located: Located) -> Selected:
     which takes most of the time, and once more for the refined set.
     """
     located, draft = _with_torque_model(located, _drafted(located))
+    located, draft = _with_shutter(located, draft)
     selected = Selected.after(located, selection=refined(draft))
     if changed := with_other_noise(selected.recordings, selected.problem, selected.selection.chosen):
         located, draft = _searched_again(replace(located, recordings=changed))
@@ -180,6 +183,25 @@ def _with_torque_model(located: Located, draft: Draft, most_changes: int = 2) ->
         located_earlier, draft_earlier = _searched_again(replace(located, recordings=recordings, held_out=held_out))
         if no_worse(draft.model, draft_earlier.model):
             return located_earlier, draft_earlier
+    return located, draft
+
+
+def _with_shutter(located: Located, draft: Draft) -> tuple[Located, Draft]:
+    """Forward selection with readings that are corrected for a rolling shutter, if they are explained better.
+
+    First the bare model proposes the delay, because an effect may imitate a part of it. Then the selected set does,
+    which contains other causes.
+    """
+    for selected in (False, True):
+        model = draft.model if selected else located.bare
+        shutter = likeliest_shutter(located.recordings, located.problem, model)
+        if shutter is None:
+            continue
+        known = located.recordings.shutter is not None
+        recordings = located.recordings.with_shutter(shutter)
+        corrected, corrected_draft = _searched_again(replace(located, recordings=recordings))
+        if known or explains_more(draft.model, corrected_draft.model):
+            located, draft = corrected, corrected_draft
     return located, draft
 
 

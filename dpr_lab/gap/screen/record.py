@@ -15,10 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.segments import STEP
+from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.errors import RunError
+from dpr_lab.estimation.noise import SETTINGS as NOISE
 from dpr_lab.estimation.noise import rest_correlation
 from dpr_lab.fitting.cut import MIN_SAMPLES, cut
-from dpr_lab.gap.screen.sensor_faults import ALL_AXES, Finding, Screened, screen, with_arm
+from dpr_lab.gap.screen.sensor_faults import ALL_AXES, SCREEN, Finding, Screened, screen, with_arm
+from dpr_lab.gap.screen.shutter import Shutter
 from dpr_lab.identification.moving_arm.setup import setup_of
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -54,6 +57,8 @@ class ThinningSettings:
     """Maximum rotation of a rod in one step of the integrator, rad."""
     least_kept: float = 0.5
     """Minimum fraction of the usual number of trusted readings in a block."""
+    distinct: float = 0.6
+    """Minimum fraction of different changes of neighbouring readings, if the readings have no fixed step."""
     arm_moves: float = 5.0
     """Standard errors of the autocorrelation of neighbours, above which the arm moved according to encoder 0."""
 
@@ -85,6 +90,42 @@ class Record:
     """Mounted rods, known torques, and motion of the arm."""
     kicks: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     """Breaks at which the rods were kicked, so that no free run continues across them, s."""
+    shown: Array | None = None
+    """(n, 2) readings before the correction of a rolling shutter, rad; None without one."""
+
+    @property
+    def may_be_film(self) -> bool:
+        """Whether the readings may be angles from a video: a table of a free swing, without the steps of an encoder."""
+        run = self.run
+        encoder = run.counts is not None or run.rate_hz >= SCREEN.colour_hz or self._rounded
+        return self.setup.free and not self.setup.arm_moves and (run.film_noise is not None or not encoder)
+
+    @property
+    def noise_measured(self) -> bool:
+        """Whether the noise is known from a rest, or from the lengths of the rods in a video."""
+        return self.run.film_noise is not None or len(self.run.rest) >= NOISE.rest_samples
+
+    @property
+    def _rounded(self) -> bool:
+        """Whether the changes of neighbouring readings repeat, as those of an encoder with a fixed step do."""
+        changes = np.round(np.diff(self.screened.joints[:, np.isfinite(self.screened.noise)], axis=0), 7)
+        return any(len(np.unique(joint)) < THINNING.distinct * len(joint) for joint in changes.T)
+
+    def with_noise(self, factor: Array, correlation: float) -> "Record":
+        """The record with the noise of joints 1 and 2 multiplied by a factor (2,), and its autocorrelation."""
+        return replace(self, sigma=self.sigma * factor, noise_correlation=correlation)
+
+    def with_shutter(self, shutter: Shutter, constants: RigConstants) -> "Record":
+        """The record with its readings corrected for a rolling shutter, in place of an earlier correction."""
+        shown = self.joints if self.shown is None else self.shown
+        joints = shutter.corrected(self.t, shown, constants, alone=self.run.setup.alone)
+        return replace(self, joints=joints, shown=shown)
+
+    def with_finding(self, name: str, evidence: str) -> "Record":
+        """The record with a fault of the whole run, in place of an earlier one of this name."""
+        others = [finding for finding in self.screened.findings if finding.name != name]
+        finding = Finding(name, self.run.name, None, None, evidence)
+        return replace(self, screened=replace(self.screened, findings=(*others, finding)))
 
     def without(self, t: Array, off: NDArray[np.bool_]) -> "Record":
         """The record without the readings of some axes at some instants t (n,), each with a finding."""
@@ -98,7 +139,8 @@ class Record:
 
     def only(self, samples: slice | NDArray[np.bool_]) -> "Record":
         """Some of its readings."""
-        return replace(self, t=self.t[samples], joints=self.joints[samples], sigma=self.sigma[samples])
+        shown = None if self.shown is None else self.shown[samples]
+        return replace(self, t=self.t[samples], joints=self.joints[samples], sigma=self.sigma[samples], shown=shown)
 
 
 def record(run: Run, rig: Rig) -> Record:

@@ -20,6 +20,7 @@ from dpr_lab.fitting.prior import Prior, prior_of
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.gap.screen.record import Record
+from dpr_lab.gap.screen.shutter import Shutter
 from dpr_lab.identification.moving_arm.setup import arm_start, drive_gain
 from dpr_lab.rig import MASSES, Rig
 
@@ -64,6 +65,16 @@ GUESS = InitialGuess()
 
 
 @dataclass(frozen=True, slots=True)
+class TrackingNoise:
+    """Correlated errors of angles that were tracked in a video."""
+
+    correlation: float
+    """Autocorrelation of the errors of neighbouring readings."""
+    factor: Array
+    """(2,) standard deviation of the errors of joints 1 and 2 relative to that of their rough part."""
+
+
+@dataclass(frozen=True, slots=True)
 class Recordings:
     """Preprocessed runs of a diagnosis, and their rig."""
 
@@ -75,6 +86,10 @@ class Recordings:
     """Whether known torques are assumed to be exact."""
     torque_noise_Nm: tuple[float, float] = (np.inf, np.inf)
     """Upper limit of the standard deviation of the measured torques of joints 1 and 2, from a fit."""
+    tracking: TrackingNoise | None = None
+    """Correlated errors that a fit has shown; None if they are white, or known from the recordings alone."""
+    shutter: Shutter | None = None
+    """Rolling shutter for which the readings are corrected."""
     torques_earlier: float = 0.0
     """Share of the interval between rows by which known torques act before their rows: 0 if they are held from row to
     row, one half for samples of a continuous signal.
@@ -115,6 +130,11 @@ class Recordings:
         return any(record.setup.arm_moves for record in self.records)
 
     @property
+    def rods_length(self) -> float:
+        """Length of the mounted rods, m."""
+        return self.rig.L1 + (0.0 if all(record.run.setup.alone for record in self.records) else self.constants.L2)
+
+    @property
     def driven_arm(self) -> bool:
         """Whether a known input drove the arm of any run."""
         return any(record.setup.torques and record.setup.torques.on_arm is not None for record in self.records)
@@ -133,6 +153,39 @@ class Recordings:
         inertia, viscous = arm_start(self.rig)
         arm = {FREE_ARM.name: {"inertia_kgm2": inertia, "viscous_Nms": viscous}}
         return effect_params(arm if self.arm_moves else {})
+
+    def with_tracking(self, noise: TrackingNoise | None) -> "Recordings":
+        """The recordings with these correlated errors, where the noise is not known by other means."""
+        if noise is None or self.tracking is not None:
+            return self
+        evidence = (
+            f"the residual of the bare model contains correlated errors of neighbouring readings (correlation"
+            f" {noise.correlation:.2f}): a tracker"
+        )
+        records = [
+            record
+            if record.noise_measured or not record.may_be_film
+            else record.with_noise(noise.factor, noise.correlation).with_finding("non_white_noise", evidence)
+            for record in self.records
+        ]
+        return replace(self, records=tuple(records), tracking=noise)
+
+    def with_shutter(self, shutter: Shutter | None) -> "Recordings":
+        """The recordings with the readings at the instants of their frames, for a camera with this rolling shutter."""
+        if shutter is None:
+            return self
+        delay_ms = 1e3 * abs(shutter.delay) * self.rods_length
+        evidence = (
+            f"the instants of the readings depend on the place in the picture, as of a camera that reads it line by"
+            f" line ({shutter.lines} lines), {delay_ms:.2g} ms over the length of the rods; the readings are corrected"
+        )
+        records = [
+            record.with_shutter(shutter, self.constants).with_finding("rolling_shutter", evidence)
+            if record.may_be_film
+            else record
+            for record in self.records
+        ]
+        return replace(self, records=tuple(records), shutter=shutter)
 
     def with_earlier_torques(self, share: float) -> "Recordings":
         """Shift known torques to earlier times, by a share of the interval between rows."""

@@ -1,0 +1,86 @@
+"""Delay of a rolling shutter according to a fitted model (`dpr_lab.gap.screen.shutter`).
+
+The derivative of the corrected readings with respect to the delay is a column of the linear problem, next to those of
+the model and of the causes that every rig has: friction, air drag and a tilted camera. Without these their part of the
+residual would bias the delay. Reading a picture lasts at most as long as a frame, which limits the delay.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dpr_lab.effects.air_drag import AIR_DRAG_BOTH
+from dpr_lab.effects.base_tilt import BASE_TILT
+from dpr_lab.effects.coulomb import COULOMB
+from dpr_lab.fitting.estimate import effect_parameters
+from dpr_lab.fitting.linearise import linearise
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import ColumnSpace
+from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, excess, scatter
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.screen.shutter import NORMALS, Shutter
+
+
+@dataclass(frozen=True, slots=True)
+class ShutterRules:
+    """Limits of a rolling shutter."""
+
+    part: float = 0.1
+    """Step of the numerical derivative, as a part of the largest delay."""
+    share: float = 0.04
+    """Minimum fraction of the excess chi-square that it must explain to be tried."""
+
+
+RULES = ShutterRules()
+ORDINARY = (*COULOMB, AIR_DRAG_BOTH, BASE_TILT)
+"""Causes that every filmed rig has."""
+
+
+def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesis) -> Shutter | None:
+    """The rolling shutter that explains most of a model's residual; None for readings of encoders, or if it is little.
+
+    A delay for which the readings are already corrected changes if the residual contradicts it.
+
+    Args:
+        recordings: the runs
+        problem: their segments
+        model: fitted to them
+    """
+    if not all(record.may_be_film for record in recordings.records):
+        return None
+    now = recordings.shutter
+    start = [Shutter(lines, 0.0) for lines in NORMALS] if now is None else [now]
+    gain, shutter = max((_improved(recordings, problem, model, guess) for guess in start), key=lambda tried: tried[0])
+    noise = model.residuals.independent_noise
+    if now is not None:
+        return shutter if gain > PENALTY.parameter * noise else None
+    return shutter if gain > max(THRESHOLDS.chance * noise, RULES.share * excess(model)) else None
+
+
+def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
+    """Whether recordings that were corrected for a rolling shutter are explained better than without it."""
+    inflation = corrected.residuals.inflation
+    chance = min(THRESHOLDS.chance * inflation, scatter(without, corrected))
+    return without.cost - corrected.cost > chance + PENALTY.parameter * inflation
+
+
+def _improved(recordings: Recordings, problem: Problem, model: Hypothesis, start: Shutter) -> tuple[float, Shutter]:
+    """Predicted reduction of chi2 by another delay, and the shutter with it."""
+    limit = _longest_delay(recordings)
+    delays = [start.delay + RULES.part * limit, start.delay - RULES.part * limit]
+    corrected = [recordings.with_shutter(Shutter(start.lines, delay)) for delay in delays]
+    after, before = (runs.cut(recordings.working_length)[0].measured for runs in corrected)
+    columns = problem.whitened((before - after)[:, :, None] / (2 * RULES.part * limit))
+    others = [parameter for effect in ORDINARY for parameter in effect_parameters(effect, limits=problem.limits)]
+    free = (*model.fit.free, *(parameter for parameter in others if parameter not in model.fit.free))
+    linear, fitted = linearise(problem, model.fit.estimate, free), len(free)
+    space = ColumnSpace.of(np.concatenate([linear.A, linear.projected(columns)], axis=2), linear.e)
+    given = space.given(range(fitted), [fitted])
+    step = given.solution(np.array([[-limit - start.delay], [limit - start.delay]]))
+    return given.reduction(step), Shutter(start.lines, start.delay + float(step[0]))
+
+
+def _longest_delay(recordings: Recordings) -> float:
+    """Largest delay, s/m: a frame for the length of the rods."""
+    return 1 / (recordings.rods_length * max(record.run.rate_hz for record in recordings.records))

@@ -1,0 +1,67 @@
+"""Rolling shutter: a camera reads its picture line by line, so that the instant of a reading depends on its place.
+
+A point at the position p (m, from the pivot) is shown where it is at
+
+    t + k n . p,
+
+with the instant t of the line of the pivot, the normal n of the lines in the picture, and the delay k (s/m). Lines are
+horizontal, or vertical if the camera was turned by 90 degrees.
+
+Source: Meingast, Geyer & Sastry (2005), Geometric models of rolling-shutter cameras, OMNIVIS, arXiv cs/0503076.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.joint_angles import JointAngles
+
+Array = NDArray[np.float64]
+
+NORMALS = {"horizontal": (0.0, -1.0), "vertical": (1.0, 0.0)}
+"""Direction of the lines of a picture -> their normal, downwards or to the right."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shutter:
+    """Rolling shutter of a camera."""
+
+    lines: str
+    """Direction of the lines, a key of `NORMALS`."""
+    delay: float
+    """Delay k of lines 1 m farther along their normal, s/m."""
+
+    def corrected(self, t: Array, shown: Array, constants: RigConstants, *, alone: bool) -> Array:
+        """Readings at the instants of the line of the pivot.
+
+        The positions p_i of the ends of the rods, at t_i + k n . p_i, are interpolated to t_i by cubic splines.
+
+        Args:
+            t: (n,) instants of the line of the pivot, s
+            shown: (n, 2) angles of the joints in the picture, rad
+            constants: lengths of the rods
+            alone: whether only the inner rod is mounted
+
+        Returns:
+            (n, 2) rad
+        """
+        from scipy.interpolate import CubicSpline  # slow to import, and few recordings need it
+
+        normal, joints = np.array(NORMALS[self.lines]), JointAngles(constants.relative2 == 1.0)
+        theta = shown @ joints.to_rods_matrix.T
+        elbow = _end(theta[:, 0], constants.L1)
+        theta1 = CubicSpline(t + self.delay * elbow @ normal, theta[:, 0])(t)
+        if alone:
+            return np.column_stack([theta1, shown[:, 1]])
+        tip = elbow + _end(theta[:, 1], constants.L2)
+        rod2 = CubicSpline(t + self.delay * tip @ normal, tip)(t) - _end(theta1, constants.L1)
+        turned = np.arctan2(-rod2[:, 0], rod2[:, 1]) - theta[:, 1]
+        theta2 = theta[:, 1] + np.remainder(turned + np.pi, 2 * np.pi) - np.pi
+        return joints.of_rods(np.column_stack([theta1, theta2]))
+
+
+def _end(theta: Array, length: float) -> Array:
+    """(n, 2) end of a rod relative to its joint, x to the right and y upwards, m."""
+    return length * np.column_stack([-np.sin(theta), np.cos(theta)])

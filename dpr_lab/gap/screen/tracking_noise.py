@@ -1,0 +1,131 @@
+"""Correlated errors of angles that were tracked in a video, if the recording does not show them at rest.
+
+A tracker errs in the same direction for several frames. High-order differences contain only the rough part of such
+errors, so that the noise is underestimated, and the rest looks like physics. The residual of the bare model contains
+both. Within a segment its covariance is
+
+    K(i, j) = s^2 rho^|i - j| + v^2 exp(-(t_i - t_j)^2 / (2 l^2)),
+
+errors of first order, and a smooth remainder of the motion, with free sizes and a free time l. The spectrum of the
+errors falls with the square of the frequency, that of a smooth motion much faster. This separates them. The most
+likely rho has the largest normal likelihood.
+
+Source: Rasmussen & Williams (2006), Gaussian Processes for Machine Learning, sections 4.2.1 and 5.4.1.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.estimation.noise import ORDER
+from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.screen.differences import sixth
+from dpr_lab.gap.screen.recordings import Recordings, TrackingNoise
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class TrackingNoiseSettings:
+    """Settings of the likelihood."""
+
+    shorter: float = 0.2
+    """Fraction of the segments that may be shorter than a window."""
+    fewest: int = 10
+    """Minimum number of readings in a window: half a second at 20 frames per second."""
+    most: int = 64
+    """Maximum number of readings in a window."""
+    windows: int = 8
+    """Minimum number of windows."""
+    correlations: tuple[float, ...] = tuple((1 - np.geomspace(1.0, 0.04, 24)).tolist())
+    """Tested correlations of neighbouring errors, 0 first."""
+    remainders: tuple[float, ...] = (0.0, *np.geomspace(0.1, 1e5, 13).tolist())
+    """Tested variances of the smooth remainder relative to those of the errors."""
+    smooth: tuple[float, ...] = (0.5, 1.0)
+    """Tested times l of the smooth remainder, in units of sqrt(L1 / g)."""
+    significant: float = 10.8
+    """Minimum of twice the logarithm of the likelihood ratio to white noise: by chance in 0.1 % of cases."""
+    rougher: float = 1.5
+    """Maximum ratio of the errors to those that their differences in neighbouring readings indicate: the kinks of a rod
+    that sticks are no errors of a tracker.
+    """
+
+
+SETTINGS = TrackingNoiseSettings()
+
+
+def tracking_noise(recordings: Recordings, problem: Problem, bare: Fit) -> TrackingNoise | None:
+    """The most likely correlated errors; None if white noise is as likely, or if the noise is known by other means.
+
+    Args:
+        recordings: the runs
+        problem: their segments
+        bare: the bare model, fitted to them
+    """
+    records = recordings.records
+    if recordings.tracking or not all(record.may_be_film and not record.noise_measured for record in records):
+        return None
+    windows = _windows(problem, bare)
+    if windows is None:
+        return None
+    t, residuals = windows
+    times = np.asarray(SETTINGS.smooth) * np.sqrt(recordings.rig.L1 / recordings.rig.g)
+    axes = [axis for axis in range(2) if np.isfinite(residuals[axis]).all() and residuals[axis].any()]
+    minus2logs = np.zeros(len(SETTINGS.correlations))
+    variances = np.ones((2, len(SETTINGS.correlations)))
+    for axis in axes:
+        values, variances[axis] = _profile(t, residuals[axis], times)
+        minus2logs += values
+    best = int(np.argmin(minus2logs))
+    if minus2logs[0] - minus2logs[best] < SETTINGS.significant:
+        return None
+    correlation, factor = SETTINGS.correlations[best], np.sqrt(variances[:, best])
+    if (factor > SETTINGS.rougher / _rough_part(correlation)).any():
+        return None
+    return TrackingNoise(correlation, factor)
+
+
+def _rough_part(correlation: float) -> float:
+    """Standard deviation of sixth differences of unit gain, for errors of first order of unit variance."""
+    unit = sixth(np.eye(ORDER + 1))[0]
+    lags = np.arange(len(unit))
+    return float(np.sqrt(unit @ np.power(correlation, np.abs(lags[:, None] - lags)) @ unit))
+
+
+def _windows(problem: Problem, bare: Fit) -> tuple[Array, Array] | None:
+    """(n,) instants of a window, s, and (2, n, windows) residuals relative to their noise; None if they are too few."""
+    residual = problem.by_sample(bare.linear.residual)
+    interval = float(np.median(np.diff(problem.t)))
+    n = min(int(np.quantile(np.diff(problem.segments.offsets), SETTINGS.shorter)), SETTINGS.most)
+    if n < SETTINGS.fewest:
+        return None
+    chosen = [
+        slice(first, first + n)
+        for begin, end in zip(problem.segments.offsets[:-1], problem.segments.offsets[1:], strict=True)
+        for first in range(begin, end - n + 1, n)
+        if np.ptp(problem.t[first : first + n]) < (n - 0.5) * interval and problem.read[first : first + n, 0].all()
+    ]
+    if len(chosen) < SETTINGS.windows:
+        return None
+    residuals = np.array([residual[window].T for window in chosen], dtype=np.float64)  # (windows, 2, n)
+    return interval * np.arange(n, dtype=np.float64), residuals.transpose(1, 2, 0)
+
+
+def _profile(t: Array, residual: Array, times: Array) -> tuple[Array, Array]:
+    """(correlations,) minus twice the log-likelihood at the best remainder, and the variance of the errors there."""
+    apart = np.abs(t[:, None] - t)
+    lags = np.abs(np.subtract.outer(np.arange(len(t)), np.arange(len(t))))
+    smooth = [v * np.exp(-0.5 * (apart / s) ** 2) for s in times for v in SETTINGS.remainders]
+    values, variances = [], []
+    for correlation in SETTINGS.correlations:
+        covariance = np.power(correlation, lags) + np.stack(smooth)
+        L = np.linalg.cholesky(covariance + 1e-9 * np.eye(len(t)))
+        variance = (np.linalg.solve(L, residual) ** 2).mean(axis=(1, 2))
+        log_det = 2 * np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
+        minus2log = residual.size * np.log(variance) + residual.shape[1] * log_det
+        best = int(np.argmin(minus2log))
+        values.append(minus2log[best])
+        variances.append(variance[best])
+    return np.array(values), np.array(variances)

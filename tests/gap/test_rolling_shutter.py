@@ -1,0 +1,98 @@
+"""A rolling shutter reads each point at another instant: it is named, corrected, and the cause behind it is found."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.rolling_shutter import likeliest_shutter
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.screen.shutter import Shutter
+from dpr_lab.rig import Rig, parse_rig
+from dpr_lab.run import Run
+from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
+from dpr_lab.workflows.rig_toml import Measure
+from tests.bench_rigs import Rod, one_rod, rod_swing, table
+
+Array = np.ndarray
+T = np.arange(0, 4, 1 / 60)
+FINE = np.arange(-0.1, 4.1, 1 / 960)
+DELAY = 0.016
+"""s/m: 8 ms over half a metre."""
+
+
+def points(theta: Array, lengths: tuple[float, ...]) -> list[Array]:
+    """(n, 2) ends of the rods from the pivot, y upwards, m; theta (n, rods) from hanging."""
+    rods = [L * np.column_stack([np.sin(q), -np.cos(q)]) for L, q in zip(lengths, theta.T, strict=True)]
+    return list(np.cumsum(rods, axis=0))
+
+
+def filmed(theta: Callable[[Array], Array], lengths: tuple[float, ...], line: Callable[[Array], Array]) -> Array:
+    """(n, rods) angles from hanging in a picture whose line of a point p is read later by line(p) s."""
+    seen = []
+    for k in range(len(lengths)):
+        t = T
+        for _ in range(5):
+            t = T + line(points(theta(t), lengths)[k])
+        seen.append(points(theta(t), lengths)[k])
+    rods = np.diff(np.stack([np.zeros_like(seen[0]), *seen]), axis=0)
+    return np.unwrap(np.arctan2(rods[:, :, 0], -rods[:, :, 1]), axis=1).T
+
+
+def double_rig() -> Rig:
+    return parse_rig(draft_rig(RigMeasures("film", 0.3, 0.2, Measure(0.1), Measure(0.1))))
+
+
+@pytest.mark.parametrize(
+    ("lines", "line"),
+    [("horizontal", lambda p: -DELAY * p[:, 1]), ("vertical", lambda p: DELAY * p[:, 0])],
+)
+def test_the_correction_inverts_a_rolling_shutter(tmp_path: Path, lines: str, line: Callable[[Array], Array]) -> None:
+    def theta(t: Array) -> Array:
+        return np.column_stack([1.2 * np.cos(5 * t), 0.9 * np.sin(7 * t) + 0.3])
+
+    rig, read = double_rig(), filmed(theta, (0.3, 0.2), line)
+    run = table(tmp_path, "film", rig, {"t_s": T, "theta1_rad": read[:, 0], "theta2_rad": read[:, 1]})
+    recordings = Recordings((record(run, rig),), rig)
+    corrected = recordings.with_shutter(Shutter(lines, DELAY)).records[0]
+    expected = rig.encoders.joint_angles.of_rods(np.pi + theta(corrected.t))
+    before, after = (np.abs(one.joints - expected)[5:-5].max() for one in (recordings.records[0], corrected))
+    assert before > 0.02
+    assert after < 1e-3
+    assert [finding.name for finding in corrected.screened.findings] == ["rolling_shutter"]
+
+
+def rods_on_film(folder: Path, delay: float) -> tuple[Rig, list[Run]]:
+    """A rod with air drag, filmed twice."""
+    rng, rod, runs = np.random.default_rng(41), Rod(40.0, 0.04, 0.0, 0.02), []
+    rig = one_rod(0.35, 0.1, 65536, rng)
+    for k, start in enumerate((1.5, 1.2)):
+        swing = CubicSpline(FINE, rod_swing(rod, start, FINE))
+        read = filmed(lambda t, swing=swing: swing(t)[:, None], (0.35,), lambda p: -delay * p[:, 1])[:, 0]
+        noisy = read + rng.normal(0, 2e-3, len(T))
+        runs.append(table(folder, f"film{k}", rig, {"t_s": T, "theta1_rad": noisy}))
+    return rig, runs
+
+
+@pytest.mark.slow
+def test_drag_is_named_behind_a_rolling_shutter(tmp_path: Path) -> None:
+    rig, runs = rods_on_film(tmp_path, DELAY)
+    diagnosis = diagnose(runs[:1], rig, held_out=runs[1:], max_effects=1)
+    assert [effect.name for effect in diagnosis.effects] == ["air_drag_both"]
+    found = [finding for finding in diagnosis.sensor_findings if finding.name == "rolling_shutter"]
+    assert [finding.run for finding in found] == [run.name for run in runs]
+    delay_ms = float(found[0].evidence.split("lines), ")[1].split(" ms")[0])
+    assert delay_ms == pytest.approx(1e3 * DELAY * rig.L1, rel=0.15)
+
+
+@pytest.mark.slow
+def test_a_picture_that_is_read_at_once_has_no_rolling_shutter(tmp_path: Path) -> None:
+    rig, runs = rods_on_film(tmp_path, 0.0)
+    records = tuple(record(run, rig) for run in runs)
+    recordings, problem, bare = fit_bare_model(Recordings(records, rig), nominal_ratios(rig))
+    assert likeliest_shutter(recordings, problem, bare) is None
