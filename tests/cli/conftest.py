@@ -4,6 +4,7 @@ import json
 import os
 import pty
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -11,11 +12,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.pages import ROOT, blocks
 from tests.schemas import validator
 
 
@@ -179,23 +182,30 @@ def _catches(pid: int, number: int) -> bool:
 
 
 @pytest.fixture(scope="session")
-def runs(cli: Cli, made_once: MadeOnce) -> list[Path]:
-    """Three releases of one seeded plant over the serial protocol, 5 s each."""
+def quickstart(cli: Cli, made_once: MadeOnce) -> Path:
+    """The folder in which the first commands of the README were run, with a seeded plant and releases of 5 s."""
+    steps = next(block.text for block in blocks(ROOT / "README.md") if block.text.startswith("dpr-lab doctor"))
+    steps = steps.replace("clock=fast'", "clock=fast&seed=3'").replace(
+        "--pose X3 --out", "--pose X3 --duration 5 --out"
+    )
 
-    def capture(out: Path) -> None:
-        words = ["--duration", "5", *(word for pose in ("X1", "X2", "X3") for word in ("--pose", pose))]
-        done = cli("capture", "--rig", "paper", "--link", "sim://?clock=fast&seed=3", *words, "--out", out, "--json")
-        assert done.code == 0, done.err
-        (out / "told.json").write_text(done.out)
+    def run(folder: Path) -> None:
+        for line in steps.splitlines():
+            _, *words = shlex.split(line.replace(" runs/", f" {folder}/runs/"))
+            files = [sorted(map(str, Path("/").glob(word[1:]))) if "*" in word else [word] for word in words]
+            done = cli(*chain.from_iterable(files), cwd=folder)
+            assert done.code == 0, done.err
 
-    told = json.loads((made_once("runs", capture) / "told.json").read_text())
-    return [Path(run["file"]) for run in told["runs"]]
+    return made_once("quickstart", run)
 
 
 @pytest.fixture(scope="session")
-def model(cli: Cli, runs: list[Path], made_once: MadeOnce) -> Path:
-    def identify(folder: Path) -> None:
-        done = cli("identify", *runs, "--rig", "paper", "--out", folder / "model.json", "--json")
-        assert done.code == 0, done.err
+def runs(quickstart: Path) -> list[Path]:
+    """Three releases of one seeded plant over the serial protocol, 5 s each."""
+    return [next((quickstart / "runs").glob(f"*_{pose}_*.mcap")) for pose in ("X1", "X2", "X3")]
 
-    return made_once("model", identify) / "model.json"
+
+@pytest.fixture(scope="session")
+def model(quickstart: Path) -> Path:
+    """The model identified from these releases."""
+    return quickstart / "model.json"

@@ -40,7 +40,7 @@ class PointSettings:
     repeats: float = 0.2
     """Motion in a frame relative to that in the frames before and after it, below which it repeats the frame before."""
     share_of_repeats: float = 0.1
-    """Share of such frames from which they are repeated frames: the noise of a slow motion imitates a few."""
+    """Minimum share of such frames for them to count as repeated: the noise of a slow motion causes a few."""
     straight: float = 1e-3
     """Second difference of a point, relative to their median, below which the point counts as interpolated."""
     fine: float = 20.0

@@ -298,7 +298,7 @@ async def test_what_was_compared_before_is_shown_without_simulating(lab, fixed_m
         assert (one.run, one.pose, one.held_out, one.horizon_s, two.pose) == ("first", None, False, 3.2, "X1")
         await pilot.press("right_square_bracket")
         await pilot.pause()
-        assert "This is a stored result: s simulates the runs again" in figures(pilot.app)
+        assert "This is a stored result without free runs: s simulates the runs again" in figures(pilot.app)
         assert not KeptComparison(folder / "compared.npz", "another model").load()
         (folder / "compared.npz").write_bytes(b"PK something else")
         assert not step(pilot.app)._kept.load()
