@@ -73,7 +73,8 @@ def decided(diagnosis: Diagnosis, runs: int, inseparable: Collection[str] = ()) 
         runs: their number
         inseparable: causes that no release separates; they count as one, which a bench check divides
     """
-    if diagnosis.hints or diagnosis.verdict not in ("no_gap", "named"):
+    uncertain = bool(inseparable) and diagnosis.only_uncertain  # the gap is explained, but not by which of them
+    if diagnosis.hints or not (uncertain or diagnosis.verdict in ("no_gap", "named")):
         return False
     if not all(_most_probable(causes, inseparable) >= SURE for causes in causes_of(diagnosis)):
         return False

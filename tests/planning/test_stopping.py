@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dpr_lab.gap.result.diagnosis import Diagnosis, load_diagnosis
+from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis, load_diagnosis
 from dpr_lab.planning.forecast import decided
 from dpr_lab.planning.knowledge import Causes, known_before
 from dpr_lab.planning.limits import PlanLimits
@@ -74,6 +74,11 @@ def test_inseparable_causes_count_as_one() -> None:
     assert not decided(divided, 2)
     assert decided(divided, 2, {"coulomb_joint1", "stribeck_joint1"})
     assert not decided(divided, 2, {"coulomb_joint1", "spring_joint1"})
+    uncertain = divided.model_copy(update={"verdict": "partly_explained", "sentence": UNCERTAIN})
+    assert not decided(uncertain, 2)
+    assert decided(uncertain, 2, {"coulomb_joint1", "stribeck_joint1"})
+    remainder = uncertain.model_copy(update={"sentence": "A remainder has another cause."})
+    assert not decided(remainder, 2, {"coulomb_joint1", "stribeck_joint1"})
 
 
 @pytest.mark.parametrize(("probability", "listed"), [(0.947, True), (0.96, False)])
