@@ -95,6 +95,22 @@ def test_evenly_spaced_rows_with_rounded_times_are_counted(one: Rig, tmp_path: P
         import_csv(table(tmp_path, "t,theta1", np.round(t, 1)[lost], swing[lost]), one, ImportOptions(zero="hanging"))
 
 
+def test_the_torque_of_the_only_joint_needs_no_number(one: Rig, paper: Rig, tmp_path: Path) -> None:
+    torque = 0.01 * np.sin(9 * T)
+    run = import_csv(table(tmp_path, "t,theta1,torque_mNm", T, SWING, 1e3 * torque), one, ImportOptions(zero="hanging"))
+    assert run.torques is not None
+    np.testing.assert_allclose(run.torques, np.column_stack([torque, 0 * T]), atol=1e-12)
+    assert not any("joint 2" in note for note in run.notes)
+    both = import_csv(table(tmp_path, "t,theta1,theta2,torque", T, SWING, np.cos(9 * T), torque), paper)
+    assert both.torques is None
+    assert "torque: not used; name the joint of a torque, for example --columns tau1=torque" in both.notes
+
+
+def test_a_question_about_one_rod_says_one_rod(one: Rig, tmp_path: Path) -> None:
+    notes = import_csv(table(tmp_path, "t,theta1", T[:20], 0.1 + T[:20]), one).notes
+    assert any(note.startswith("the rod points upwards most of the time") for note in notes)
+
+
 @pytest.mark.parametrize("said", [{"mounted": "inner"}, {"elbow": "clamped"}], ids=str)
 def test_a_table_in_which_both_rods_swing_contradicts_one(paper: Rig, tmp_path: Path, said: dict[str, str]) -> None:
     file = table(tmp_path, "t,theta1,theta2", T, SWING, np.cos(9 * T))

@@ -57,6 +57,10 @@ class EnergySettings:
     """
     exchanged: float = 0.9
     """Correlation of kinetic and potential energy, apart from trend and friction, from which times are judged."""
+    paces: tuple[float, ...] = (1.0, 2.0, 4.0, 8.0, 0.5, 0.25, 0.125)
+    """Speeds at which a video may be stored, relative to its stated frame rate."""
+    much_better: float = 0.6
+    """Residual at another speed relative to that at the stated one, below which the other one is probably right."""
 
 
 ENERGY = EnergySettings()
@@ -142,6 +146,22 @@ def residual_near(t: Array, rods: Array, torques: Array | None, rig: Rig) -> flo
     covariance, most = np.cov(terms, bias=True), ENERGY.zero_error_rad
     added = best_zeros(lambda zeros: _residual(covariance, zeros), rig, nearest=True)
     return _residual(covariance, np.clip(added, -most, most))
+
+
+def other_pace(t: Array, rods: Array, rig: Rig) -> float:
+    """Factor by which a free swing is faster than its times say, if its energy then balances much better; otherwise 1.
+
+    A camera in slow motion takes more frames per second than its video shows.
+
+    Args:
+        t: (n,) s
+        rods: (n, 2) absolute angles, rad
+        rig: the recorded rig
+    """
+    fits = {pace: energy_fit(t / pace, rods, None, rig) for pace in ENERGY.paces}
+    residuals = {pace: math.inf if fit is None else fit.residual for pace, fit in fits.items()}
+    best = min(residuals, key=lambda pace: residuals[pace])
+    return best if residuals[best] < ENERGY.much_better * residuals[1.0] else 1.0
 
 
 def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = False) -> tuple[float, float]:

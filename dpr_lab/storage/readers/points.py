@@ -21,7 +21,7 @@ from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.run import FilmNoise
 from dpr_lab.shown import percent
 from dpr_lab.storage.readers.rod_lengths import LENGTHS, WANTED, rod_length
-from dpr_lab.storage.tables.columns import bare, is_time, own_name, runs
+from dpr_lab.storage.tables.columns import bare, counter, is_time, numbers, own_name, runs
 from dpr_lab.storage.tables.table import Table, read_table
 
 
@@ -194,8 +194,8 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     ]
     if removed:
         real = ~(again | filled)
-        values = tuple(column[real] for column in table.values)
-        table = replace(table, values=values, lines=table.lines[real], notes=(*table.notes, *removed))
+        values, frames = tuple(column[real] for column in table.values), numbers(table)[real]
+        table = replace(table, values=values, lines=table.lines[real], notes=(*table.notes, *removed), frames=frames)
         rods = [rod[real] for rod in rods]
     if upside_down:
         rods = [rod * (1, -1) for rod in rods]
@@ -215,11 +215,12 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
         if length.varies
     ]
     std = tuple(length.std for length in lengths)
-    time = [k for k, name in enumerate(table.names) if is_time(name)]
-    columns = [table.values[k] for k in time[:1]] + angles
+    time = next((name for name in table.names if is_time(name)), "")
+    clocks = {"t": time} if time else {name: name for name in [counter(table)] if name}
+    columns = [table.values[table.names.index(name)] for name in clocks.values()] + angles
     return replace(
         table,
-        names=(("t",) if time else ()) + axes,
+        names=(*clocks, *axes),
         values=tuple(columns),
         strange=("",) * len(columns),
         notes=(*table.notes, *notes),

@@ -40,6 +40,8 @@ class KnownInputs:
     """Factors of both columns from the unit in the name of the column to SI."""
     motor: MotorTable | None = None
     """Motor of a driven arm; None if the columns are torques of the joints."""
+    rods: int = 2
+    """Number of mounted rods."""
 
     def torques(
         self, columns: Mapping[str, NDArray[np.float64]], t: NDArray[np.float64], rows: NDArray[np.intp]
@@ -78,7 +80,12 @@ class KnownInputs:
             name = self.pairs[""][0]
             driven = f"the arm is driven by the {self.motor.input} in column {name}, each value held until the next row"
             return [driven, *_gain_note(self.motor)]
-        passive = {f"joint {j}" for pair in self.pairs.values() for j, name in enumerate(pair, 1) if name == PASSIVE}
+        passive = {
+            f"joint {j}"
+            for pair in self.pairs.values()
+            for j, name in enumerate(pair[: self.rods], 1)
+            if name == PASSIVE
+        }
         return [
             f"driven by {' and '.join(self.pairs) or 'known'} torques, each held until the next row",
             *(f"{joint} has no torque column: treated as passive, with a torque of zero" for joint in passive),
@@ -100,11 +107,13 @@ def known_inputs(
     Raises:
         RunError: a column that does not exist, is ambiguous, or does not fit the mode of the arm.
     """
-    pairs = find_torques([*recorded, *others], options.torque, options.columns, path)
+    alone = rig.rods.number == 1 and options.arm == "clamped"
+    pairs = find_torques([*recorded, *others], options.torque, options.columns, path, alone=alone)
     if pairs and options.arm in ("free", "driven"):
         raise RunError(f"{path}: torques of joints 1 and 2 are not supported with a moving arm: use --torque none")
     if options.arm != "driven":
-        return KnownInputs(pairs, (options.scale.get(JOINTS[0], 1.0), options.scale.get(JOINTS[1], 1.0)))
+        factors = (options.scale.get(JOINTS[0], 1.0), options.scale.get(JOINTS[1], 1.0))
+        return KnownInputs(pairs, factors, rods=rig.rods.number)
     assert rig.motor is not None
     name, factor = find_input(recorded, rig.motor, options.columns.get("input"), path)
     return KnownInputs({"": (name, PASSIVE)}, (factor * options.scale.get("input", 1.0), 1.0), rig.motor)

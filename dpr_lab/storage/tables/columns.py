@@ -40,6 +40,7 @@ _SAID_UNIT = re.compile(r"(?<![a-z])(rad|deg|counts)(ians|rees)?(?![a-z])|(°)")
 _ONLY_UNIT = re.compile(
     r"\W*(rad|radians?|deg|degrees?|°|counts?|ticks?|m?s|us|sec|seconds|px|pixels?|[mc]?m)\W*", re.I
 )
+_COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
 _NO_NAME = re.compile(r"\d+|.+\[\d+\]|[xy]", re.I)
 """Names without a meaning: numbers, elements of an array, and the axes of a plot."""
 _JOINT_STATES = (re.compile(r"(?:.*[/.])?positions?\[\d+\]", re.I), re.compile(r".+/position", re.I))
@@ -60,6 +61,28 @@ class Columns:
 def is_time(name: str) -> bool:
     """Whether a column has a common name of the time."""
     return any(re.fullmatch(_TIME_NAME.format(unit=unit), bare(name)) for unit in _TIME_SUFFIX.values())
+
+
+def counter(table: Table) -> str:
+    """Name of the column that counts the rows, such as the frames of a video; empty without one."""
+    for name, column in zip(table.names, table.values, strict=True):
+        steps = np.diff(column)
+        if _COUNTER.fullmatch(bare(name)) and len(steps) and (steps == np.rint(steps)).all() and steps.min() > 0:
+            return name
+    return ""
+
+
+def numbers(table: Table) -> NDArray[np.float64]:
+    """(n,) number of each row in the recording, from 0; where frames were lost, numbers are missing.
+
+    A column that counts every k-th frame counts the rows in steps of k.
+    """
+    if table.frames is not None:
+        return table.frames
+    if not (name := counter(table)):
+        return np.arange(len(table.lines), dtype=np.float64)
+    counted = table.values[table.names.index(name)]
+    return (counted - counted[0]) / np.gcd.reduce(np.diff(counted).astype(np.int64))
 
 
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
@@ -192,6 +215,8 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
     missing = [q for q in (("t",) if timed else ()) + ("theta1", "theta2") if q not in named]
     if missing:
         rate = "; for a table without time give --rate-hz" if "t" in missing else ""
+        if rate and (counted := counter(table)):
+            rate += f" (frames per second of the camera): {counted!r} counts the rows"
         needed = "; both rods are needed" if NO_ROD not in names and missing != ["t"] else ""
         unnamed = all(_NO_NAME.fullmatch(name) for name in names if name != NO_ROD)
         clocks = [name for name in names if "t" in missing and is_time(re.sub(r"\d+\W*$", "", name))]

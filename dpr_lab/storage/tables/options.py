@@ -67,8 +67,12 @@ class ImportOptions:
         tuple[str, ...], Typed("Part of the file: topic of a bag, arrays or groups, or the points PIVOT,ELBOW,TIP.")
     ] = ()
     """Part of the file: topic of a bag, arrays or groups of a .mat, .npz or .h5, or the points pivot, elbow, tip."""
-    rate_hz: Annotated[float | None, Typed("Sample rate, Hz, for a table without times.", positive=True)] = None
-    """Sample rate of a table without times, Hz; a column of times is then ignored."""
+    rate_hz: Annotated[
+        float | None, Typed("Rows or frames per second, Hz, for a table without times.", positive=True)
+    ] = None
+    """Sample rate of a table without times, Hz; a column of times is then ignored. A column of frame or row numbers
+    shows which rows are missing.
+    """
     wrap: Annotated[
         float | None, Typed("Period at which the angles wrap, in their unit, e.g. 360 or 4096.", positive=True)
     ] = None

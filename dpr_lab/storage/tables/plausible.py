@@ -20,7 +20,11 @@ class Plausible:
     """Limits of a plausible table; outside them a unit is wrong or the file is not a recording."""
 
     nan_share: float = 0.1
-    """Maximum share of rows without a value."""
+    """Maximum share of rows without a value, unless they are scattered, as where a tracker loses a point."""
+    lost_share: float = 0.5
+    """Maximum share of scattered rows without a value."""
+    lost_rows: int = 10
+    """Maximum number of consecutive rows without a value that count as scattered."""
     doubled_share: float = 0.1
     """Maximum share of rows with the same time as the previous row but other readings."""
     step_s: float = 10.0
@@ -74,6 +78,35 @@ def check_spacing(path: Path, t: NDArray[np.float64]) -> None:
             f"{path}: the table lasts {t[-1]:g} s, too long for a swing: is the unit of time right (--time-unit ms or"
             " us)?"
         )
+
+
+def refuse_missing(path: Path, t: NDArray[np.float64], whole: NDArray[np.bool_]) -> None:
+    """Refuse a table with too many rows without a value; `--start-s` and `--duration-s` of its longest good part help.
+
+    Args:
+        path: the table
+        t: (n,) times since the first row of the table, s, ascending
+        whole: (n,) mask of the rows with all values
+
+    Raises:
+        RunError: more than a tenth of the rows have no value, and these are not scattered.
+    """
+    edges = np.flatnonzero(np.diff(whole, prepend=True, append=True))  # of stretches without a value, begin and end
+    stretches = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a > PLAUSIBLE.lost_rows]
+    missing = float(np.mean(~whole)) if len(whole) else 0.0
+    if missing <= (PLAUSIBLE.nan_share if stretches else PLAUSIBLE.lost_share):
+        return
+    begins, ends = [0, *(b for _, b in stretches)], [*(a for a, _ in stretches), len(t)]
+    first, last = max(zip(begins, ends, strict=True), key=lambda part: part[1] - part[0])
+    part = whole[first:last]
+    option = "a complete part (--start-s, --duration-s)"
+    if stretches and part.sum() > PLAUSIBLE.lost_rows and np.mean(~part) <= PLAUSIBLE.lost_share:
+        lasts = f" --duration-s {t[last] - t[first]:.6g}" if last < len(t) else ""
+        option = f"its longest part with values (--start-s {t[first]:.6g}{lasts})"
+    raise RunError(
+        f"{path}: {(~whole).sum()} of {len(whole)} rows have no value (NaN): too many for a recording. Export it again,"
+        f" or use {option}"
+    )
 
 
 def unwrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -149,18 +182,15 @@ def gap_notes(t: NDArray[np.float64]) -> list[str]:
     return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []
 
 
-def odd_notes(t: NDArray[np.float64], theta: NDArray[np.float64], upright: bool) -> list[str]:
-    """Notes on (n, 3) angles, rad, that are impossible, or that point upwards most of the time."""
+def odd_notes(t: NDArray[np.float64], theta: NDArray[np.float64], upright: bool, rods: int) -> list[str]:
+    """Notes on (n, 3) angles of 1 or 2 rods, rad, that are impossible, or that point upwards most of the time."""
     rows = np.linspace(0, len(t) - 2, min(len(t) - 1, PLAUSIBLE.typical_rows)).astype(np.intp)
     steps, moved = t[rows + 1] - t[rows], np.abs(theta[rows + 1, 1:] - theta[rows, 1:])
     above = upright & (np.median(np.cos(theta[rows, 1:]), axis=0) > 0)
     speed = float(np.quantile(moved.max(axis=1) / steps, 0.1))
-    fast = [
-        f"the rods turn at more than {speed:.3g} rad/s most of the time: are the units right (--unit, --time-unit)?"
-    ]
-    inverted = [
-        "both rods point upwards most of the time: if the table's zero is hanging, import it with --zero hanging"
-    ]
+    turns, points = ("the rod turns", "the rod points") if rods == 1 else ("the rods turn", "both rods point")
+    fast = [f"{turns} at more than {speed:.3g} rad/s most of the time: are the units right (--unit, --time-unit)?"]
+    inverted = [f"{points} upwards most of the time: if the table's zero is hanging, import it with --zero hanging"]
     return (fast if speed > PLAUSIBLE.speed else []) + (inverted if above.all() else [])
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, periods, residual_near
+from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, other_pace, periods, residual_near
 from dpr_lab.identification.misread.moving_arm_balance import arm_balance, is_unit, wrong_unit
 from dpr_lab.identification.misread.torque_balance import inertia_bounds, torque_balance
 from dpr_lab.shown import percent
@@ -142,12 +142,14 @@ def _energy_questions(
     if residual > unexplained:
         residual = residual_near(read.t, table.theta[looked_at, 1:], read.torques, table.rig)
     if residual > unexplained:
-        share = f"{percent(residual)} of" if residual < 1 else f"{residual:.2g} times"
+        share, rate = f"{percent(residual)} of" if residual < 1 else "more than", table.options.rate_hz
+        pace = other_pace(read.t, table.theta[looked_at, 1:], table.rig) if rate and table.free else 1.0
+        filmed = f"; much less with --rate-hz {rate * pace:g}: was it filmed so fast?" if rate and pace != 1.0 else ""
         doubts.append(
             TableQuestion(
                 f"the energy of the swing changes by {share} the energy exchanged by gravity, which friction and known"
                 " torques do not explain: check --unit, --zero, --offset, --angles, --columns, --time-unit, --torque"
-                " (in N m) and --arm, and lengths and masses of the rig"
+                f" (in N m) and --arm, and lengths and masses of the rig{filmed}"
             )
         )
     elif fit is not None and table.free and abs(math.log(fit.time_scale)) >= math.log(settings.time_scale):
@@ -160,7 +162,7 @@ def _energy_questions(
     upright = table.options.zero == "upright" and table.options.unit != "counts" and not residual <= READ.right
     upright = upright and table.torques is None and table.ignored is None  # drives can hold rods up
     upright = upright and (table.options.pose is None or not table.arm_moves)  # the pose shows a wrong zero
-    odd = odd_notes(table.t[table.swing], table.theta[table.swing], upright)
+    odd = odd_notes(table.t[table.swing], table.theta[table.swing], upright, table.rig.rods.number)
     return doubts + [TableQuestion(note) for note in odd], []
 
 

@@ -47,6 +47,8 @@ class Table:
     """Whether the angles are absolute, 0 = upright, rad, independent of the options."""
     film_noise: FilmNoise | None = None
     """Noise of angles from points in a video."""
+    frames: NDArray[np.float64] | None = None
+    """(n,) number of each row in a video of which frames were removed, from 0; None for consecutive rows."""
 
     def column(self, name: str) -> NDArray[np.float64]:
         """(n,) values of one column; NaN for missing values.

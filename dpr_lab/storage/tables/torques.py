@@ -11,6 +11,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit
 from dpr_lab.rig import Rig
 from dpr_lab.storage.tables.columns import bare
+from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.readings import SETTINGS as READ
 from dpr_lab.storage.tables.table import Table
 
@@ -25,7 +26,7 @@ _KINDS = {"meas": "measured"} | dict.fromkeys(("command", "cmd", "desired", "des
 _KINDS |= dict(zip(KINDS, KINDS, strict=True))
 _UNITS = {"nm": 1.0, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2}
 _NAME = re.compile(
-    "(?:tau|torque|trq|effort){kind}([12]){kind}({unit})?".format(kind=f"({'|'.join(_KINDS)})?", unit="|".join(_UNITS))
+    "(?:tau|torque|trq|effort){kind}([12])?{kind}({unit})?".format(kind=f"({'|'.join(_KINDS)})?", unit="|".join(_UNITS))
 )
 _FACTORS = (1e-3, 1e-2, 1e3)
 """Factors of other units of a torque: mN m, N cm, kN m."""
@@ -34,7 +35,9 @@ Pairs = Mapping[str, tuple[str, str]]
 """Kind -> columns of joint 1 and 2, `measured` first; the kind is empty if no column states it."""
 
 
-def find_torques(names: Sequence[str], source: str | None, given: Mapping[str, str], path: object) -> Pairs:
+def find_torques(
+    names: Sequence[str], source: str | None, given: Mapping[str, str], path: object, *, alone: bool = False
+) -> Pairs:
     """Columns of the torques; empty for a free swing.
 
     If columns of one kind exist, columns without a kind are of the other kind. A joint without a torque column is
@@ -45,6 +48,7 @@ def find_torques(names: Sequence[str], source: str | None, given: Mapping[str, s
         source: `measured` or `commanded`, if only this kind is requested; `none` for none; None for all
         given: names of the columns of `tau1` and `tau2`, if stated
         path: path of the table
+        alone: whether there is only joint 1, so that its torque needs no number
 
     Raises:
         RunError: two columns of one torque, none of the requested kind, a joint with a torque of another kind only,
@@ -55,26 +59,29 @@ def find_torques(names: Sequence[str], source: str | None, given: Mapping[str, s
     if stated := {joint: given[joint] for joint in JOINTS if joint in given}:
         return _stated(names, source, stated, path)
     matches = {name: match for name in names if (match := _NAME.fullmatch(bare(name)))}
+    numbered = {name: match for name, match in matches.items() if match[2]}
+    matches = matches if alone and not numbered else numbered
     kinds = {name: _KINDS.get(match[1] or match[3] or "", "") for name, match in matches.items()}
     others = [kind for kind in KINDS if kind not in kinds.values()]
     unsaid = (source if len(others) == 2 else others[0] if others else None) or ""
     by_kind: dict[str, dict[str, str]] = {kind: {} for kind in ("", *KINDS)}
-    for name, match in matches.items():
+    driven = {name: match[2] or "1" for name, match in matches.items()}
+    for name, joint in driven.items():
         of_kind = by_kind[kinds[name] or unsaid]
-        if match[2] in of_kind:
-            raise RunError(f"{path}: {of_kind[match[2]]} and {name} are the same torque: leave one out of the table")
-        of_kind[match[2]] = name
+        if joint in of_kind:
+            raise RunError(f"{path}: {of_kind[joint]} and {name} are the same torque: leave one out of the table")
+        of_kind[joint] = name
     wanted = (source,) if source in KINDS else KINDS if by_kind["measured"] or by_kind["commanded"] else ("",)
     chosen = {kind: by_kind[kind] for kind in wanted if by_kind[kind]}
     if source in KINDS and not chosen:
         raise RunError(f"{path}: has no column of {source} torques; its columns: {', '.join(names)}")
-    driven = {match[2]: name for name, match in matches.items()}
+    by_joint = {joint: name for name, joint in driven.items()}
     for kind, pair in chosen.items():
-        for joint in driven.keys() - pair.keys():
-            available = ", ".join(pair.values())
+        for joint in by_joint.keys() - pair.keys():
+            available, name = ", ".join(pair.values()), by_joint[joint]
             raise RunError(
-                f"{path}: joint {joint} has a torque ({driven[joint]}), but no {kind} torque like {available}: choose"
-                f" one kind for both joints with --torque, or remove {driven[joint]} from the table"
+                f"{path}: joint {joint} has a torque ({name}), but no {kind} torque like {available}: choose"
+                f" one kind for both joints with --torque, or remove {name} from the table"
             )
     return {kind: (pair.get("1", PASSIVE), pair.get("2", PASSIVE)) for kind, pair in chosen.items()}
 
@@ -88,6 +95,14 @@ def _stated(names: Sequence[str], source: str | None, stated: Mapping[str, str],
     kinds = {_KINDS[kind] for match in matches if (kind := match[1] or match[3])}
     kind = source or (kinds.pop() if len(kinds) == 1 else "")
     return {kind: (stated.get("tau1", PASSIVE), stated.get("tau2", PASSIVE))}
+
+
+def unnumbered(names: Sequence[str], driving: Pairs, options: ImportOptions) -> list[str]:
+    """Note on torques of unknown joints, which are not used; on a moving arm they belong to its drive."""
+    found = [name for name in names if (match := _NAME.fullmatch(bare(name))) and not match[2]]
+    if driving or options.arm != "clamped" or options.torque == "none" or not found:
+        return []
+    return [f"{', '.join(found)}: not used; name the joint of a torque, for example --columns tau1={found[0]}"]
 
 
 def torque_column(table: Table, name: str) -> Array:

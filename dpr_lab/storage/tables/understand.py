@@ -22,7 +22,7 @@ from dpr_lab.run import FilmNoise, as_mounted
 from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.tables.arm_input import known_inputs, stated_arm, unused_input
 from dpr_lab.storage.tables.clock_wrap import continues_across, unwrapped_times, wrap_behind
-from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, with_still_joint2
+from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, numbers, with_still_joint2
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
 from dpr_lab.storage.tables.plausible import (
@@ -31,13 +31,14 @@ from dpr_lab.storage.tables.plausible import (
     drop_outliers,
     gap_notes,
     recorded_by_stamps,
+    refuse_missing,
     wrap_notes,
 )
 from dpr_lab.storage.tables.questions import questions, refuse_push
 from dpr_lab.storage.tables.readings import angles, in_radians
 from dpr_lab.storage.tables.table import Table
 from dpr_lab.storage.tables.time_stamps import even_times, stamps_at_gaps
-from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, torque_column
+from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, torque_column, unnumbered
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +112,7 @@ def understand(
     known = {name: torque_column(table, name) for pair in inputs.pairs.values() for name in pair}
     rows, removed = _rows_to_keep(path, t, {**readings, **known}, options)
     inputs.refuse_silent(known, rows, path)
-    notes += unused_input(recorded, options.arm)
+    notes += [*unused_input(recorded, options.arm), *unnumbered(recorded, inputs.pairs, options)]
     if inputs.pairs and not any(column[rows].any() for column in known.values()):
         inputs = replace(inputs, pairs={})
         notes.append("its torques are zero throughout: a free swing")
@@ -266,7 +267,7 @@ def _refuse_conventions(table: Table, options: ImportOptions) -> None:
 
 def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> NDArray[np.float64]:
     if options.rate_hz is not None:
-        return np.arange(len(table.lines)) / options.rate_hz
+        return numbers(table) / options.rate_hz
     assert options.time_unit is not None
     times = table.column(columns["t"])
     if options.time_wrap is not None:
@@ -342,11 +343,7 @@ def _rows_to_keep(
     inside = np.flatnonzero((instants >= start) & (instants < stop))
     whole = np.logical_and.reduce([np.isfinite(column[inside]) for column in (t, *readings.values())])
     empty = int(np.count_nonzero(~whole))
-    if empty > PLAUSIBLE.nan_share * len(inside):
-        raise RunError(
-            f"{path}: {empty} of {len(inside)} rows have no value (NaN): too many for a recording."
-            " Export it again, or use a complete part (--start-s, --duration-s)"
-        )
+    refuse_missing(path, instants[inside] - known[0], whole)
     rows = inside[whole]
     if len(rows) == 0:
         raise RunError(f"{path}: no rows between {start:g} s and {stop:g} s; the table ends at {known[-1]:g} s")

@@ -1,0 +1,83 @@
+"""Rows that a camera or a logger lost: the others keep their times, and a table with too many names its good part."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.dynamics.simulate import simulate
+from dpr_lab.errors import RunError
+from dpr_lab.rig import load_rig
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
+
+RIG = load_rig("paper")
+FPS, N = 100.0, 240
+T = np.arange(N) / FPS
+THETA = simulate(base_parameters(RIG.nominal, RIG.L1, RIG.g), RIG.L1, RIG.g, [np.pi / 2, 0.4, 0, 0], T)[:, :2]
+PIXELS = 400.0
+
+
+def write(folder: Path, header: str, *columns: np.ndarray) -> Path:
+    rows = (",".join("" if np.isnan(x) else f"{x:.10g}" for x in row) for row in zip(*columns, strict=True))
+    (folder / "film.csv").write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    return folder / "film.csv"
+
+
+def tracked(theta: np.ndarray) -> list[np.ndarray]:
+    """Pixels of elbow and tip, y downwards."""
+    inner, outer = PIXELS * np.stack([-np.sin(theta), -np.cos(theta)], axis=2).swapaxes(0, 1)
+    return [*(700 + inner).T, *(700 + inner + outer).T]
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_frames_that_are_missing_in_their_column_are_gaps(tmp_path: Path, every: int) -> None:
+    kept = np.delete(np.arange(N), [30, 31, 32, 90])
+    file = write(tmp_path, "frame,theta1,theta2", 7 + every * kept.astype(float), *THETA[kept].T)
+    with pytest.raises(RunError, match=r"give --rate-hz \(frames per second of the camera\): 'frame' counts the rows"):
+        import_csv(file, RIG)
+    run = import_csv(file, RIG, ImportOptions(rate_hz=FPS))
+    np.testing.assert_allclose(run.t, T[kept], atol=1e-9)
+    assert any(note == "gaps kept: 2, the longest 0.04 s" for note in run.notes)
+
+
+@pytest.mark.parametrize("header", ["x1,y1,x2,y2", "frame_index,x1,y1,x2,y2"])
+def test_frames_that_repeat_others_leave_the_times_of_the_rest(tmp_path: Path, header: str) -> None:
+    """A video of 100 frames per second from a camera of 67."""
+    shown = np.arange(N) - (np.arange(N) % 3 == 2)
+    pixels = tracked(THETA[shown] + np.random.default_rng(8).normal(0, 1e-5, THETA.shape))
+    numbered = [np.arange(N, dtype=float)] if header.startswith("frame") else []
+    run = import_csv(write(tmp_path, header, *numbered, *pixels), RIG, ImportOptions(rate_hz=FPS))
+    assert 0.6 * N < len(run.t) < 0.75 * N
+    assert np.ptp(run.t) == pytest.approx(np.ptp(T), abs=3 / FPS)
+    fresh = np.round((run.t - run.t[0]) * FPS).astype(int) + round((N - 1) - (run.t[-1] - run.t[0]) * FPS)
+    np.testing.assert_allclose(run.theta[:, 1] % (2 * np.pi), THETA[shown[fresh], 0] % (2 * np.pi), atol=0.05)
+
+
+def test_points_that_are_lost_here_and_there_are_gaps(tmp_path: Path) -> None:
+    theta = THETA.copy()
+    lost = np.random.default_rng(9).random(N) < 0.3
+    lost[0] = False
+    theta[lost] = np.nan
+    run = import_csv(write(tmp_path, "t,theta1,theta2", T, *theta.T), RIG)
+    np.testing.assert_allclose(run.t, T[~lost], atol=1e-9)
+
+
+@pytest.mark.parametrize(("gone", "option"), [((0, 60), "--start-s 0.6"), ((160, N), "--start-s 0 --duration-s 1.6")])
+def test_a_table_that_is_empty_for_long_names_its_good_part(tmp_path: Path, gone: tuple[int, int], option: str) -> None:
+    theta = THETA.copy()
+    theta[slice(*gone)] = np.nan
+    file = write(tmp_path, "t,theta1,theta2", 12 + T, *theta.T)
+    with pytest.raises(RunError, match=rf"use its longest part with values \({option}\)"):
+        import_csv(file, RIG)
+    words = option.split()
+    part = {name[2:].replace("-", "_"): float(value) for name, value in zip(words[::2], words[1::2], strict=True)}
+    assert np.isfinite(import_csv(file, RIG, ImportOptions(**part)).theta).all()
+
+
+def test_a_film_in_slow_motion_is_asked_about_its_frame_rate(tmp_path: Path) -> None:
+    noisy = THETA + np.random.default_rng(10).normal(0, 0.01, THETA.shape)
+    file = write(tmp_path, "frame,theta1,theta2", np.arange(float(N)), *noisy.T)
+    asked = f"; much less with --rate-hz {FPS:g}: was it filmed so fast?"
+    assert any(note.endswith(asked) for note in import_csv(file, RIG, ImportOptions(rate_hz=FPS / 4)).notes)
+    assert not import_csv(file, RIG, ImportOptions(rate_hz=FPS)).notes
