@@ -247,7 +247,7 @@ HEAD = "t,theta1,theta2\n"
         (f"{HEAD}0,1,2\n1,1,2\n0.5,1,2\n2,1,2\n".encode(), "line 4: time decreases from 1 s to 0.5 s"),
         (f"{HEAD}0,1,2\n1,1\n2,1,2\n".encode(), "line 3 has 2 fields, but there are 3 columns"),
         (f"{HEAD}0,1,2\n1,one,2\n2,1,2\n".encode(), "line 3: 'one' in column 'theta1' is not a number"),
-        (f"{HEAD}0,1,2\n1,nan,2\n2,1,2\n".encode(), "1 of 3 rows have no value"),
+        (f"{HEAD}0,nan,2\n1,nan,2\n2,1,2\n".encode(), "2 of 3 rows have no value"),
         (f"{HEAD}0,1,2\n{'5' * 70},1,2\n".encode(), "rows are 5.55556e+69 s apart"),
         (f"{HEAD}0,1,2\n1,1,2\n2,1,2\n1{'0' * 12},1,2\n".encode(), "the table lasts 1e+12 s"),
         (f"{HEAD}nan,1,2\nnan,1,2\n".encode(), "the time column contains no number"),
