@@ -99,10 +99,10 @@ def _stated(names: Sequence[str], source: str | None, stated: Mapping[str, str],
 
 def unnumbered(names: Sequence[str], driving: Pairs, options: ImportOptions) -> list[str]:
     """Note on torques of unknown joints, which are not used; on a moving arm they belong to its drive."""
-    found = [name for name in names if (match := _NAME.fullmatch(bare(name))) and not match[2]]
-    if driving or options.arm != "clamped" or options.torque == "none" or not found:
+    torques = [name for name in names if (match := _NAME.fullmatch(bare(name))) and not match[2]]
+    if driving or options.arm != "clamped" or options.torque == "none" or not torques:
         return []
-    return [f"{', '.join(found)}: not used; name the joint of a torque, for example --columns tau1={found[0]}"]
+    return [f"{', '.join(torques)}: not used; name the joint of a torque, for example --columns tau1={torques[0]}"]
 
 
 def torque_column(table: Table, name: str) -> Array:
