@@ -50,7 +50,7 @@ def negative_words(effect: str, name: str, value: float) -> str:
 
 
 def size_words(effect: str, name: str, angles: AngleUnit = RADIANS, *values: float) -> str:
-    """`0.80 mN m`, or `0.80 mN m (0.70 to 0.90)` of a value and its interval.
+    """`0.80 mN m`, or `0.80 mN m (0.70 to 0.90)` of a value and its interval; `2` of a chosen whole number.
 
     Args:
         effect: name of the effect
@@ -58,7 +58,12 @@ def size_words(effect: str, name: str, angles: AngleUnit = RADIANS, *values: flo
         angles: the unit of angles
         values: SI: the value alone, or the value and both ends of its interval
     """
-    unit, factor = _displayed_unit(_parameter(effect, name), angles)
+    parameter = _parameter(effect, name)
+    unit, factor = _displayed_unit(parameter, angles)
+    if len(set(values)) == 1:  # chosen, not estimated: it has no interval
+        values = values[:1]
+        if parameter is not None and parameter.whole:
+            return with_unit(f"{values[0]:.0f}", unit)
     scaled = [factor * value for value in values]
     value, *ends = map(three, scaled)
     if value in ends and len(set(scaled)) > 1:  # three digits do not show the interval

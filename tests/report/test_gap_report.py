@@ -109,6 +109,7 @@ def test_next_steps_end_with_the_remainder(diagnosis):
     assert steps[:2] == [in_words(RELEASE), in_words(BENCH)]
     assert "another cause" in steps[2]
     assert gap_tables.next_steps(diagnosis(verdict="named", advice=[])) == ["No further recording or check is needed."]
+    assert "Record further releases" in gap_tables.next_steps(diagnosis(verdict="inconclusive", advice=[]))[0]
 
 
 def test_without_a_remainder_the_last_step_asks_for_more_releases(diagnosis):

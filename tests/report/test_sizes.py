@@ -95,3 +95,22 @@ def test_a_negative_drift_of_friction_has_words(diagnosis) -> None:
         cells.append(sizes_cell(diagnosis(effects=[effect]), effect))
     assert cells[0].endswith("viscous friction decreases during the swing, for example because grease warms up")
     assert "grease" not in cells[1]
+
+
+def test_an_event_has_a_size_and_no_interval_of_its_joint_or_instant(diagnosis) -> None:
+    def chosen(value: float) -> EffectSize:
+        return EffectSize(value=value, interval90=(value, value), interval90_with_scale=(value, value))
+
+    counts = EffectSize(value=-3.1, interval90=(-3.3, -2.9), interval90_with_scale=(-3.3, -2.9))
+    parameters = {"counts": counts, "joint": chosen(1.0), "run": chosen(0.0), "time_s": chosen(2.43306)}
+    event = NamedEffect.model_validate(
+        {
+            "name": "missed_counts",
+            "class": ["missed_counts"],
+            "probability": 0.9,
+            "share": 0.5,
+            "parameters": parameters,
+        }
+    )
+    result = diagnosis(effects=[event])
+    assert sizes_cell(result, event) == "counts -3.10 counts (-3.30 to -2.90); joint 1; time 2.43 s"

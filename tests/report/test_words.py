@@ -41,7 +41,7 @@ def test_a_sentence_gets_words_once():
         ("coulomb_joint2", "torque_Nm", (0.0008, 0.0007, 0.0009), "0.800 mN m (0.700 to 0.900)"),
         ("clock_rate", "excess", (0.001,), "0.100 %"),
         ("base_tilt", "tilt_rad", (0.005,), "5.00 mrad"),
-        ("detent_joint1", "order", (12.0,), "12.0"),
+        ("detent_joint1", "order", (12.0,), "12"),
         ("rotor_inertia_joint1", "inertia_kgm2", (1e-4,), "1.00 kg cm²"),
         ("stribeck_joint1", "speed_rad_per_s", (0.3,), "0.300 rad/s"),
         ("spring_joint1", "rest_angle_rad", (0.3, 0.2, 0.4), "300 mrad (200 to 400)"),

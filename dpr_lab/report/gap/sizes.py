@@ -10,6 +10,9 @@ from dpr_lab.report.digits import NONE, scaled_unit, three, with_interval, with_
 from dpr_lab.report.words import negative_words, size_words
 from dpr_lab.shown import parameter_words
 
+RUN = "run"
+"""Index of the recording of an event, which is not a size; the remedy names the release."""
+
 
 def only_ratios(diagnosis: Diagnosis) -> bool:
     """Whether only prior bounds determine the scale, so that only ratios to b are identified."""
@@ -31,8 +34,9 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
 
     With `brief`, amplitudes whose interval contains zero are only named, unless all of them are such.
     """
-    sizes = {name: size for name, size in effect.parameters.items() if any((size.value, *size.interval90))}
-    zeros = ", ".join(parameter_words(name) for name in effect.parameters if name not in sizes)
+    parameters = {name: size for name, size in effect.parameters.items() if name != RUN}
+    sizes = {name: size for name, size in parameters.items() if any((size.value, *size.interval90))}
+    zeros = ", ".join(parameter_words(name) for name in parameters if name not in sizes)
     amplitudes = {p.name for p in EFFECTS[effect.name].amplitudes} & set(sizes)
     unclear = {name for name in amplitudes if sizes[name].interval90[0] <= 0 <= sizes[name].interval90[1]}
     if not brief or unclear == amplitudes:

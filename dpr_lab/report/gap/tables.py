@@ -51,7 +51,7 @@ STANDING_NOTE = (
 CLOSED_NOTE = (
     "Gap reduction: relative decrease of the rms above the noise; each run is predicted from the others (a single run:"
     " each quarter from the other quarters). Free run: rms error over 2.6 s; the initial state is fitted to the first"
-    " 0.3 s. Bare model: the fitted double pendulum with viscous friction and no other effect."
+    " 0.3 s. Bare model: the fitted rods with viscous friction and no other effect."
 )
 
 ALONE = "none"
@@ -274,6 +274,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         "partly_explained": partly,
         "unexplained": "No effect of the library is the cause: inspect the rig where the gap is largest, joint by"
         " joint.",
+        "inconclusive": "Record further releases as the verdict says (dpr-lab plan proposes them).",
     }
     last = [unexplained[diagnosis.verdict]] if diagnosis.verdict in unexplained else []
     advised = [f"{in_words(text)}{_check_words(diagnosis, text)}" for text in diagnosis.advice]
