@@ -109,7 +109,7 @@ class XmlEdit:
         self.changes += [ChangedAttribute(label, name, "", value) for name, value in attributes.items()]
 
     def insert_texts(self, parent: int, label: str, within: str = "", **texts: str) -> None:
-        """Put elements with texts at the beginning of another, or of a new element `within` it."""
+        """Insert elements with texts at the beginning of an element, or in a new element `within` at its beginning."""
         elements = [f"<{tag}>{escape(value)}</{tag}>" for tag, value in texts.items()]
         elements = [f"<{within}>{''.join(elements)}</{within}>"] if within else elements
         self._inserted.setdefault(parent, []).extend(elements)

@@ -53,7 +53,7 @@ class PlanRequest:
     any_clock: bool = False
     """Whether to take runs of a device whose clock is further off than a crystal's."""
     torque: str | None = None
-    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
+    """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ LINES = {"bare model": style.SIMULATED, "corrected model": style.RESIDUAL | {"li
 CURVE_NAMES = ("measured", *LINES)
 
 Angles = dict[str, NDArray[np.float64]]
-"""Part -> (n, 3) its angle measured, before and after, rad."""
+"""Part -> (n, 3) its angle: measured, by the bare model, and by the corrected model, rad."""
 
 
 def angles_of(curves: Curves) -> Angles:
