@@ -235,3 +235,14 @@ def test_frames_of_a_complete_film_are_not_called_interpolated(tmp_path: Path, p
         text(tmp_path / "film.csv", np.column_stack([t, np.round(point / pixel) * pixel]), head="t,x,y\n"), ()
     )
     assert len(table.lines) == len(t)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_pixels_that_were_scaled_and_rounded_are_not_called_interpolated(tmp_path: Path, seed: int) -> None:
+    t = np.arange(0.0, 4.0, 1 / 60)
+    angle = 0.7 * np.cos(4.1 * t)
+    point = 440.0 * np.column_stack([np.sin(angle), -np.cos(angle)])
+    point = 0.56 * np.round((point + np.random.default_rng(seed).normal(0, 1.6, point.shape)) / 0.56)
+    point[len(t) // 2 :] += 0.13  # the axes were moved meanwhile
+    file = text(tmp_path / "film.csv", np.column_stack([t, np.round(point, 1)]), head="t,x,y\n")
+    assert len(read_text(file, ()).values[0]) == len(t)

@@ -47,6 +47,8 @@ class PointSettings:
     """Minimum median of the second differences, in units of the resolution of the table, for a test of interpolated
     points; coarser coordinates, such as whole pixels, lie on straight lines by chance.
     """
+    chance: float = 3.0
+    """Standard deviations by which the number of frames on straight lines must exceed that by chance."""
     frames_of_speed: int = 8
     """Ratio of an interval of motion to half the interval over which its speeds are measured."""
 
@@ -247,7 +249,9 @@ def _repeats(ends: list[_Point]) -> NDArray[np.bool_]:
 def _interpolated(ends: list[_Point]) -> NDArray[np.bool_]:
     """(n,) frames in which a moving point is interpolated linearly between other frames.
 
-    Both coordinates of the point have equal steps before and after such a frame, to the last digits.
+    Both coordinates of the point have equal steps before and after such a frame, to the last digits. Points that are
+    tracked to a whole pixel and then scaled have some such frames by chance: as many as if the coordinates were
+    independent.
     """
     unreal = np.zeros(len(ends[0].at), dtype=np.bool_)
     for end in ends:
@@ -260,7 +264,10 @@ def _interpolated(ends: list[_Point]) -> NDArray[np.bool_]:
         values = [np.unique(column[np.isfinite(column)]) for column in end.at.T]
         resolution = np.array([np.diff(column).min(initial=np.inf) for column in values])
         if (usual > SETTINGS.fine * resolution).all():
-            straight = (bends <= SETTINGS.straight * usual + 2 * resolution).all(axis=1)
+            equal = bends <= SETTINGS.straight * usual + 2 * resolution
+            straight, by_chance = equal.all(axis=1), len(equal) * float(equal.mean(axis=0).prod())
+            if straight.sum() <= by_chance + SETTINGS.chance * np.sqrt(by_chance + 1):
+                continue
             unreal[1:-1] |= straight & (np.abs(steps[1:]) > SETTINGS.straight * usual + 2 * resolution).any(axis=1)
     return unreal
 
