@@ -9,6 +9,7 @@ import typer
 from dpr_lab.cli.checks import complete_rig
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 from dpr_lab.cli.listing import Listing
+from dpr_lab.shown import counted
 from dpr_lab.trials.sealing import DRAWN, ON_ARM, Kind, Level, TrialArm
 
 if TYPE_CHECKING:
@@ -275,5 +276,5 @@ def campaign(
         line(sentence(done.summary))
         line(f"page: {done.files['page']}")
     if done.failures:
-        say(f"{len(done.failures)} trials ended with an error; run the command again to repeat them")
+        say(f"{counted(len(done.failures), 'trial')} ended with an error; run the command again to repeat them")
         raise typer.Exit(1)

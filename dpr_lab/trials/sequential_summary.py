@@ -17,7 +17,8 @@ Outcome = Mapping[str, Any]
 
 def read_strategies(folder: Path) -> list[dict[str, Outcome]]:
     """Results of the trials in the folder of a campaign, each as strategy -> result."""
-    lines = (folder / TRIALS).read_text(encoding="utf-8").splitlines()
+    file = folder / TRIALS
+    lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []  # none if every trial failed
     return [json.loads(line)["strategies"] for line in lines if line]
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dpr_lab.errors import ConfigError
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import OnEvent, TrialDone, ignore
 
@@ -41,12 +42,14 @@ def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> Campai
     Events: `TrialDone`, at the start and after each trial.
 
     Raises:
+        ConfigError: a kind of plant that has no moving arm, although the arm moves.
         RunError: the folder contains another campaign, or one that is running.
         DprError: a file cannot be written, or the workers are lost; finished trials are kept.
     """
     from dpr_lab.trials.campaign import run_campaign as run_trials
 
     refuse_file(request.out)
+    _refuse_other_kinds(request.campaign)
     tried = run_trials(
         request.campaign,
         request.n,
@@ -57,6 +60,15 @@ def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> Campai
     )
     summary, files = _saved(tried, request.campaign, request.out)
     return CampaignResult(summary, tried.failures, files)
+
+
+def _refuse_other_kinds(campaign: "Campaign") -> None:
+    """Refuse kinds of plants that have no moving arm; each of their trials would end with an error."""
+    from dpr_lab.trials.sealing import ON_ARM
+
+    others = [] if campaign.arm is None else [kind for kind in campaign.kinds if kind not in ON_ARM]
+    if others:
+        raise ConfigError(f"kind {others[0]}: a plant whose arm moves is {', '.join(ON_ARM[:-1])} or {ON_ARM[-1]}")
 
 
 def _saved(tried: "Tried", campaign: "Campaign", out: Path) -> tuple[dict[str, Any], dict[str, str]]:

@@ -122,6 +122,11 @@ def test_wrong_words_are_refused(tmp_path: Path, cli) -> None:
         (("run", "nowhere"), 3, "contains no finished trial"),
         (("open", "nowhere"), 3, "contains no finished trial"),
         (("campaign", "--rig", "nonesuch", "--out", "t"), 3, "no built-in name of rigs"),
+        (
+            ("campaign", "--arm", "free", "--kind", "form", "--n", "1", "--out", "t"),
+            3,
+            "kind form: a plant whose arm moves is",
+        ),
         (("campaign", "--n", "1", "--scheduler", "localhost", "--out", "t"), 4, "tcp://127.0.0.1:8786"),
     ],
 )

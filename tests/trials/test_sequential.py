@@ -107,6 +107,10 @@ def test_a_forecast_of_several_releases_is_judged_by_all_of_them(
     assert one["forecast_calibration_error"] == pytest.approx(error)
 
 
+def test_a_campaign_whose_trials_all_failed_has_no_strategies(tmp_path: Path) -> None:
+    assert sequential_summary(read_strategies(tmp_path)) == {}
+
+
 @pytest.mark.slow
 def test_only_the_plan_that_may_choose_them_records_for_other_durations(paper: Rig) -> None:
     durations = {}
