@@ -77,9 +77,9 @@ def parse_config(text: str, source: str, model: type[Model]) -> Model:
 
 
 def _sentence(path: str, fault: "ErrorDetails", model: type[BaseModel]) -> str:
-    key = key_words(fault["loc"]) or "the file"
     shown = "" if isinstance(fault["input"], dict) else f" = {fault['input']!r}"
-    sentence = f"{path}: {key}{shown}: {fault_words(fault)}"
+    place = f"{key_words(fault['loc'])}{shown}: " if fault["loc"] else ""  # empty for keys that do not fit together
+    sentence = f"{path}: {place}{fault_words(fault)}"
     keys = _keys_of(model, fault["loc"][:-1])
     return unknown_name(sentence, str(fault["loc"][-1]), keys) if fault["type"] == "extra_forbidden" else sentence
 

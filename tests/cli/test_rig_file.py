@@ -12,12 +12,20 @@ from pathlib import Path
 
 import pytest
 
+from dpr_lab.errors import ConfigError
 from dpr_lab.rig import load_rig, parse_rig
 from dpr_lab.workflows.rig_file import RigMeasures, check_rig, draft_rig
 from dpr_lab.workflows.rig_toml import Measure
 
 ROOT = Path(__file__).parents[2]
 FLAGS = ("--name", "bench", "--l1", "0.3", "--l2", "0.25", "--m1", "0.21+-0.001", "--m2", "0.12")
+
+
+def test_keys_that_do_not_fit_together_have_one_sentence() -> None:
+    text = (ROOT / "configs" / "rigs" / "furuta.toml").read_text(encoding="utf-8")
+    without_motor = re.sub(r"\[motor\]\n(.+\n)+", "", text)
+    with pytest.raises(ConfigError, match=r"^[^:]+: a driven arm needs \[motor\] with its input in the rig file$"):
+        parse_rig(without_motor)
 
 
 def test_a_rig_file_from_flags_can_be_used(cli, tmp_path: Path) -> None:
