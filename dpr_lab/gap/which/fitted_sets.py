@@ -363,7 +363,7 @@ class FittedSets:
         Rods that hardly move stick at the smallest Coulomb friction, so its derivative at zero is no search direction.
         """
         params = model.fit.estimate.params.copy()
-        values = named_params(params)[effect]
+        values = named_params(params).get(effect, {})  # empty if the fit has no use for it
         for parameter in self.library[other].amplitudes:
             params[param_index(other, parameter.name)] = values.get(parameter.name, 0.0)
         start = model.fit.estimate.changed(params=without_effect(params, effect))
