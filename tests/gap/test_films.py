@@ -57,7 +57,7 @@ def test_what_a_tracker_adds_is_no_gap(tmp_path: Path, seed: int) -> None:
 
 @pytest.mark.slow
 def test_friction_is_found_behind_the_errors_of_a_tracker(tmp_path: Path) -> None:
-    rig, run = filmed(12, tmp_path, dry2=20.0)
+    rig, run = filmed(12, tmp_path, dry2=10.0)
     diagnosis = diagnose(run, rig)
     assert diagnosis.verdict == "named"
     assert [effect.name for effect in diagnosis.effects] == ["coulomb_joint2"]
