@@ -47,6 +47,11 @@ class KnownMotion(NamedTuple):
     drive: Array
     """(n, axes) known torques on these angles, N m."""
 
+    def part(self, mask: NDArray[np.bool_] | slice, axes: int) -> "KnownMotion":
+        """The first axes, at some instants."""
+        by_axis = (values[mask][:, :axes] for values in (self.theta, self.omega, self.alpha, self.drive))
+        return KnownMotion(self.t[mask], self.run[mask], *by_axis)
+
 
 def effect_torques_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
     """Torques of effects on the rods, with the internal states of the release.

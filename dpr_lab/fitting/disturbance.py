@@ -69,16 +69,16 @@ def disturbance(
     if not (spread.any() or arm.any() or inner.any()):
         return None
     reference = trajectory(problem, estimate, begins)
-    into = reference.into @ spread[reference.run]
+    into = reference.into @ spread[reference.motion.run]
     rate, shared = into @ into.transpose(0, 2, 1), np.zeros((len(problem.t), 2))
     for noise, push in ((arm, _push_of_arm), (inner, _push_of_inner)):
         if noise.any():
             slope, bend = _derivatives(push(reference, problem), reference)
-            rate += (noise[reference.run] ** 2)[:, None, None] * bend[:, :, None] * bend[:, None, :]
+            rate += (noise[reference.motion.run] ** 2)[:, None, None] * bend[:, :, None] * bend[:, None, :]
             shared_std = noise[problem.segments.run[problem.owner]] / float(np.median(np.diff(problem.t))) ** 0.5
             shared += np.einsum("nja,na->nj", reference.out, _at(slope, reference.at)) * shared_std[:, None]
     shared[inner[problem.segments.run[problem.owner]] > 0.0, 0] = 0.0
-    between = np.diff(reference.t)[:, None, None] * 0.5 * (rate[1:] + rate[:-1])
+    between = np.diff(reference.motion.t)[:, None, None] * 0.5 * (rate[1:] + rate[:-1])
     between[reference.edges[1:-1] - 1] = 0.0
     walk = np.diff(
         _at(np.concatenate([np.zeros((1, 4, 4)), np.cumsum(between, axis=0)]), reference.at), axis=0, prepend=0.0
@@ -146,8 +146,8 @@ def _at(values: Array, place: Array) -> Array:
 def _push_of_arm(reference: Trajectory, problem: Problem) -> Array:
     """(n, 4) change of the initial state equivalent to a unit acceleration of the arm."""
     rig = problem.model.constants
-    d, e1 = reference.bases[reference.run][:, 2], reference.bases[reference.run][:, 3]
-    levers = -rig.L0 / rig.g * np.stack([e1, d * rig.g / rig.L1], axis=1) * np.cos(reference.theta)
+    d, e1 = reference.bases[reference.motion.run][:, 2], reference.bases[reference.motion.run][:, 3]
+    levers = -rig.L0 / rig.g * np.stack([e1, d * rig.g / rig.L1], axis=1) * np.cos(reference.motion.theta)
     return (reference.into @ levers[:, :, None])[:, :, 0]
 
 
@@ -164,8 +164,8 @@ def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
     """
     slope, bend = np.empty_like(push), np.empty_like(push)
     for first, last in pairwise(reference.edges):
-        slope[first:last] = np.gradient(push[first:last], reference.t[first:last], axis=0)
-        bend[first:last] = np.gradient(slope[first:last], reference.t[first:last], axis=0)
+        slope[first:last] = np.gradient(push[first:last], reference.motion.t[first:last], axis=0)
+        bend[first:last] = np.gradient(slope[first:last], reference.motion.t[first:last], axis=0)
     return slope, bend
 
 

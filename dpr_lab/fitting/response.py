@@ -52,18 +52,8 @@ TRAJECTORY = TrajectorySettings()
 class Trajectory:
     """The swings of all segments on a fine grid, with their response to a torque."""
 
-    t: Array
-    """(n,) time since the release, s."""
-    run: NDArray[np.int64]
-    """(n,) index of the segment."""
-    theta: Array
-    """(n, axes) theta1, theta2 and theta0 of an arm that moves, rad"""
-    omega: Array
-    """(n, axes) rad/s"""
-    alpha: Array
-    """(n, axes) rad/s^2"""
-    drive: Array
-    """(n, axes) known torques on them, N m"""
+    motion: KnownMotion
+    """The swings, on n grid points."""
     bases: Array
     """(runs, 6) base parameters of the mounted parts, SI."""
     setups: tuple[Setup, ...]
@@ -83,7 +73,7 @@ class Trajectory:
         """(segments, m, k) whitened change of the encoder readings due to generalised torques, (n, 2, k), N m."""
         torque, count = np.ascontiguousarray(torque), torque.shape[2]
         changes = np.empty((len(self.first) - 1, int(np.diff(self.first).max()), problem.axes, count))
-        grid = self.t, self.into, self.out, self.at, self.edges, self.first
+        grid = self.motion.t, self.into, self.out, self.at, self.edges, self.first
         sums, rows = np.empty((2, self.into.shape[1], count)), changes.reshape(len(changes), -1, count)
         integrate = _response_with_arm if problem.segments.arm_moves else _response
         integrate(*grid, problem.weight, torque, sums, rows)
@@ -94,38 +84,39 @@ class Trajectory:
         kinds = {setup: self.of_setup(setup) for setup in self.setups}
         if len(kinds) == 1:
             return self._torques(stage, constants, params, self.setups[0], slice(None))
-        torques = np.empty((len(self.t), self.theta.shape[1], len(params)))
+        torques = np.empty((*self.motion.theta.shape, len(params)))
         for setup, mask in kinds.items():
             torques[mask] = self._torques(stage, constants, params, setup, mask)
         return torques
 
     def of_setup(self, setup: Setup) -> NDArray[np.bool_]:
         """(n,) mask of the grid points of a setup."""
-        return np.array([other == setup for other in self.setups])[self.run]
+        return np.array([other == setup for other in self.setups])[self.motion.run]
 
     def _torques(
         self, stage: StageName, constants: RigConstants, params: Array, setup: Setup, mask: NDArray[np.bool_] | slice
     ) -> Array:
-        if stage in OF_ARM and self.theta.shape[1] == 2:
-            return np.zeros((*self.theta[mask].shape, len(params)))  # a clamped arm
-        axes = self.theta.shape[1] if stage in OF_ARM else 2
-        by_axis = (values[mask][:, :axes] for values in (self.theta, self.omega, self.alpha, self.drive))
-        motion = KnownMotion(self.t[mask], self.run[mask], *by_axis)
+        axes = self.motion.theta.shape[1]
+        if stage in OF_ARM and axes == 2:
+            return np.zeros((*self.motion.theta[mask].shape, len(params)))  # a clamped arm
+        motion = self.motion.part(mask, axes if stage in OF_ARM else 2)
         base, hanging = self.bases[self.setups.index(setup)], constants_of_run(constants, setup)
         torques = TRAJECTORY_TORQUES[stage](motion, base, hanging, effects_of_run(params, setup))
-        missing = self.theta.shape[1] - torques.shape[1]
+        missing = axes - torques.shape[1]
         return np.pad(torques, ((0, 0), (0, missing), (0, 0))) if missing else torques
 
     @property
     def joint_angle(self) -> Array:
         """(n, 2) angle of joint 1 and of joint 2, 0 = hanging straight, rad."""
-        joints = [self.theta[:, 0] - np.pi, self.theta[:, 1] - self.theta[:, 0], *self.theta[:, 2:].T]
+        theta = self.motion.theta
+        joints = [theta[:, 0] - np.pi, theta[:, 1] - theta[:, 0], *theta[:, 2:].T]
         return np.stack(joints, axis=1)
 
     @property
     def joint_speed(self) -> Array:
         """(n, 2) speed of joint 1 and of joint 2, rad/s."""
-        return np.stack([self.omega[:, 0], self.omega[:, 1] - self.omega[:, 0], *self.omega[:, 2:].T], axis=1)
+        omega = self.motion.omega
+        return np.stack([omega[:, 0], omega[:, 1] - omega[:, 0], *omega[:, 2:].T], axis=1)
 
 
 def trajectory(
@@ -167,12 +158,14 @@ def trajectory(
     torque_only = np.zeros((len(phi), len(phi[0]), len(speeds)))
     torque_only[:, speeds] = swing.inverse
     return Trajectory(
-        t=grid.t,
-        run=np.repeat(grid.run, np.diff(edges)),
-        theta=swing.states[:, angles],
-        omega=swing.states[:, speeds],
-        alpha=swing.alpha,
-        drive=swing.drive,
+        motion=KnownMotion(
+            t=grid.t,
+            run=np.repeat(grid.run, np.diff(edges)),
+            theta=swing.states[:, angles],
+            omega=swing.states[:, speeds],
+            alpha=swing.alpha,
+            drive=swing.drive,
+        ),
         bases=bases,
         setups=setups,
         into=np.asarray(np.linalg.solve(phi, torque_only), dtype=np.float64),

@@ -104,7 +104,7 @@ def test_the_ratios_are_found_with_the_arm_s_encoder_alone(model, rng):
             assert found.estimate.ratios[:5] == pytest.approx(truth[:5], rel=0.02)
             assert (np.abs(found.estimate.ratios - truth)[:5] < 7 * np.linalg.inv(A.T @ A).diagonal() ** 0.5).all()
             if model is RodsWithEffects:  # a trajectory starts where its segments do
-                along = trajectory(problem, found.estimate)
+                along = trajectory(problem, found.estimate).motion
                 assert np.abs(np.interp(T, along.t, along.theta[:, 0]) - swung()[:, 0]).max() < 0.08
     assert left[arm] < 1.5
     assert left[None] > 1e3

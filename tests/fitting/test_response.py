@@ -46,7 +46,7 @@ def test_a_driven_arm_turns_as_far_as_the_fitted_gain_says(screened):
     model = {"free_arm": {"inertia_kgm2": 4e-4, "viscous_Nms": 4e-4}, "drive_gain": {"excess": 0.3}}
     estimate = Estimate.of(nominal_ratios(rig), effect_params(model), initial)
     along = trajectory(problem, estimate)
-    turned = np.interp(along.at, np.arange(len(along.t)), along.theta[:, 2])
+    turned = np.interp(along.at, np.arange(len(along.motion.t)), along.motion.theta[:, 2])
     assert np.ptp(turned) > 0.5
     assert turned == pytest.approx(problem.predict(estimate)[:, 2], abs=1e-3)
 

@@ -56,11 +56,12 @@ def load_hats(force: Array) -> tuple[Array, Array]:
 
 def joint_force(problem: Problem, reference: Trajectory, joint: int) -> Array:
     """(n,) force that a joint carries, N, from masses times accelerations of equation (1)."""
-    theta, omega, alpha = reference.theta[:, :2], reference.omega[:, :2], reference.alpha[:, :2]
+    motion = reference.motion.part(slice(None), axes=2)
+    theta, omega, alpha = motion.theta, motion.omega, motion.alpha
     sin, cos = np.sin(theta), np.cos(theta)
     across = cos * alpha - sin * omega**2
     up = -sin * alpha - cos * omega**2
-    force = np.empty(len(reference.t))
+    force = np.empty(len(motion.t))
     for setup, base in zip(reference.setups, reference.bases, strict=True):
         samples, rig = reference.of_setup(setup), constants_of_run(problem.model.constants, setup)
         inner, outer = base[3] / rig.g, base[2] / problem.model.constants.L1
@@ -82,7 +83,7 @@ def encoder_angle(problem: Problem, joint: int) -> Array:
 
 def encoder_speed(reference: Trajectory, joint: int) -> Array:
     """(samples,) speed of a joint at the samples, rad/s."""
-    return np.interp(reference.at, np.arange(len(reference.t)), reference.joint_speed[:, joint])
+    return np.interp(reference.at, np.arange(len(reference.motion.t)), reference.joint_speed[:, joint])
 
 
 def under_torque(problem: Problem, reference: Trajectory, joint: int, torque: Array) -> Array:

@@ -93,7 +93,7 @@ def _hats(problem: Problem, fit: Fit, reference: Trajectory) -> Iterator[_Hats]:
         torques = (
             angle_hats(reference.joint_angle[:, joint])[0],
             speed_hats(speed)[0],
-            -time_hats(reference.t)[0] * speed[:, None],
+            -time_hats(reference.motion.t)[0] * speed[:, None],
         )
         for torque in () if joint == 0 and prescribed else torques:
             yield _Hats(joint, True, torque, under_torque(problem, reference, joint, torque))

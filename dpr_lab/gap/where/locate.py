@@ -116,7 +116,7 @@ def _torque_by_speed(problem: Problem, reference: Trajectory, joint: int) -> _Co
 
 
 def _friction_by_time(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
-    hats, knots = time_hats(reference.t)
+    hats, knots = time_hats(reference.motion.t)
     return _Columns(
         under_torque(problem, reference, joint, -hats * reference.joint_speed[:, joint, None]), knots, "N m s/rad"
     )

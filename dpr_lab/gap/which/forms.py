@@ -92,7 +92,7 @@ def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, nam
     alone[SLICES[name]] = estimate.params[SLICES[name]]
     torque = reference.torques(effect.stage, problem.model.constants, alone[None])
     free = [
-        _free(effect, tested, reference.joint_angle[:, j], reference.joint_speed[:, j], reference.t)
+        _free(effect, tested, reference.joint_angle[:, j], reference.joint_speed[:, j], reference.motion.t)
         for j in effect.joints
     ]
     columns = [reference.response(problem, torque * np.concatenate(free, axis=1)[:, None, :])]

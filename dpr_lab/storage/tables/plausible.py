@@ -91,16 +91,16 @@ def refuse_missing(path: Path, t: NDArray[np.float64], whole: NDArray[np.bool_])
     Raises:
         RunError: more than a tenth of the rows have no value, and these are not scattered.
     """
-    edges = np.flatnonzero(np.diff(whole, prepend=True, append=True))  # of stretches without a value, begin and end
-    stretches = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a > PLAUSIBLE.lost_rows]
+    edges = np.flatnonzero(np.diff(whole, prepend=True, append=True))  # of intervals without a value, begin and end
+    intervals = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a > PLAUSIBLE.lost_rows]
     missing = float(np.mean(~whole)) if len(whole) else 0.0
-    if missing <= (PLAUSIBLE.nan_share if stretches else PLAUSIBLE.lost_share):
+    if missing <= (PLAUSIBLE.nan_share if intervals else PLAUSIBLE.lost_share):
         return
-    begins, ends = [0, *(b for _, b in stretches)], [*(a for a, _ in stretches), len(t)]
+    begins, ends = [0, *(b for _, b in intervals)], [*(a for a, _ in intervals), len(t)]
     first, last = max(zip(begins, ends, strict=True), key=lambda part: part[1] - part[0])
     part = whole[first:last]
     option = "a complete part (--start-s, --duration-s)"
-    if stretches and part.sum() > PLAUSIBLE.lost_rows and np.mean(~part) <= PLAUSIBLE.lost_share:
+    if intervals and part.sum() > PLAUSIBLE.lost_rows and np.mean(~part) <= PLAUSIBLE.lost_share:
         lasts = f" --duration-s {t[last] - t[first]:.6g}" if last < len(t) else ""
         option = f"its longest part with values (--start-s {t[first]:.6g}{lasts})"
     raise RunError(
