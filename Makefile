@@ -41,7 +41,7 @@ docs: $(DEV)  ## the documentation as a site in out/site; a warning is an error
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs out/site
 	@echo "out/site/index.html"
 
-bench: $(DEV)  ## speed and reliability figures, printed beside their targets
+bench: $(DEV)  ## speed and reliability figures, with their targets
 	for name in evaluator wall_time uncertainty identify mujoco_sysid tui_redraw large_table; do $(BIN)/python benchmarks/$$name.py || exit 1; done
 	$(BIN)/python benchmarks/diagnosis.py --quick
 	$(BIN)/python benchmarks/clean_rigs.py --quick

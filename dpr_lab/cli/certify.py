@@ -124,7 +124,7 @@ def _show_verified(done: "VerifiedCertificate") -> None:
         for checked in done.lines
         if _is_file(checked)
     ]
-    table("Files and signature", ["what", "certified", "now", "result"], files)
+    table("Files and signature", ["item", "certified", "now", "result"], files)
     claims = [
         [checked.claim, _cell(checked.certified), _cell(checked.now), _tolerance(checked.within), _held(checked)]
         for checked in done.lines
@@ -152,7 +152,7 @@ def _show_verified(done: "VerifiedCertificate") -> None:
 
 
 def _show_declared(title: str, declared: "Sequence[Declared]") -> None:
-    table(title, ["what", "value", "note"], [[entry.name, entry.value, entry.note] for entry in declared])
+    table(title, ["item", "value", "note"], [[entry.name, entry.value, entry.note] for entry in declared])
 
 
 def _is_file(checked: "Verified") -> bool:

@@ -62,7 +62,11 @@ def show(updated: "Diagnosis", out: Path | None) -> None:
     title = f"Check {done.check.id}: {done.result}"
     table(title, check_tables.MOVED_COLUMNS, check_tables.moved_rows(done), note=check_tables.MOVED_NOTE)
     file = "DIAGNOSIS.json" if out is None else str(out / RECORD)
-    if updated.checks:
+    if updated.checks and not check_tables.informative(updated.checks):
+        line(
+            f"Remaining checks ({', '.join(check.id for check in updated.checks)}): no further information is expected."
+        )
+    elif updated.checks:
         table(
             "Remaining checks",
             check_tables.CHECK_COLUMNS,

@@ -36,10 +36,13 @@ def sentence(drift: Drift) -> str:
     counts = f"{sum(drift.runs_of)} runs in {len(drift.groups)} groups"
     if not drift.moved:
         return f"No significant change between {listed(drift.groups)} ({counts})."
-    changes = [f"{change.name} by {relative(change, change.change)} {between(change)}" for change in drift.moved]
-    return (
-        f"Significant change of {len(changes)} of {len(drift.parameters)} parameters: {'; '.join(changes)} ({counts})."
-    )
+    start = f"Significant change of {len(drift.moved)} of {len(drift.parameters)} parameters"
+    changes = [f"{change.name} by {relative(change, change.change)}" for change in drift.moved]
+    pairs = [between(change) for change in drift.moved]
+    if len(set(pairs)) == 1:
+        return f"{start} {pairs[0]}: {', '.join(changes)} ({counts})."
+    stated = [f"{change} {pair}" for change, pair in zip(changes, pairs, strict=True)]
+    return f"{start}: {'; '.join(stated)} ({counts})."
 
 
 def between(parameter: ParameterChange) -> str:

@@ -202,6 +202,7 @@ def _tail(m: RigMeasures) -> str:
     geared = f"geared = {list(m.geared)}" if m.geared else "# geared = [1, 2]        "
     joints = f"{'[joints]' if m.geared or prescribed else '# [joints]'}{prescribed}\n{geared}"
     counts = [m.arm_counts_per_rev or m.counts_per_rev, m.counts_per_rev, m.counts_per_rev]
+    simulated = "  # a simulated device; replace it by the link of yours" if m.url.startswith("sim:") else ""
     return f"""[encoders]
 counts_per_rev = {counts}  # arm, inner rod, outer rod
 joint2 = {toml_text(m.joint2)}  # encoder of the outer rod: relative to the inner rod, or absolute
@@ -215,7 +216,7 @@ joint2 = {toml_text(m.joint2)}  # encoder of the outer rod: relative to the inne
 {rods}# Angles before a release, rad: high poses give large swings and contain most information.
 {_poses(m)}
 [link]
-url = {toml_text(m.url)}
+url = {toml_text(m.url)}{simulated}
 rate_hz = 1000
 """
 

@@ -193,7 +193,8 @@ def _text(
             'joint2 = "relative"',
             f"zero_counts = {[*zeros, *missing * [0]]}",
             f"direction = {directions}\n",
-            f'{rods}{joints}{arm}{poses}\n[link]\nurl = "sim://"\nrate_hz = 1000\n',
+            f"{rods}{joints}{arm}{poses}",
+            '[link]\nurl = "sim://"  # a simulated device; replace it by the link of yours\nrate_hz = 1000\n',
         ]
     )
 

@@ -51,8 +51,8 @@ def test_a_step_names_its_check_and_the_command_its_file(capsys: pytest.CaptureF
 def test_sensor_faults_are_counted_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     fault = {"name": "outlier", "run": "run0", "axis": "joint1", "evidence": "one reading deviates"}
     faults = [{**fault, "at_s": 0.1 * k, "count": 2} for k in range(3)]
-    show(made(sensor_findings=[*faults, {**fault, "name": "repeated_sample", "at_s": 1.0, "count": 1}]))
-    assert "Sensor faults: outlier (6), repeated sample (1)." in capsys.readouterr().out
+    show(made(sensor_findings=[*faults, {**fault, "name": "missed_counts", "at_s": 1.0, "count": 1}]))
+    assert "Sensor faults: outlier (6), missed encoder counts [missed_counts] (1)." in capsys.readouterr().out
 
 
 def test_amplitudes_that_may_be_zero_are_only_named(capsys: pytest.CaptureFixture[str]) -> None:

@@ -33,6 +33,14 @@ def test_what_two_measurements_have_in_common_is_stated_once() -> None:
     ] * 4
 
 
+def test_either_of_two_measurements_is_enough() -> None:
+    tilts = ("base_tilt", "encoder_offset_joint1")
+    question = OpenQuestion(tilts[0], tilts, (0.5, 0.5), one_class=True, chosen=cast("Hypothesis", None), expected=())
+    [step] = bench_measurement.propose(question, [])
+    assert "(tilt), in rad. Or: Read encoder 1" in step.text
+    assert all(check.is_part_of(step.text) for check in step.checks)
+
+
 def test_a_value_that_agrees_with_the_fit_confirms_its_effect() -> None:
     found = update(made(), made().checks[0], CheckAnswer(value=0.0051, std=1e-4))
     assert after(found)[CLOCK] > 0.97

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 from dpr_lab.drift.changes import Difference, Drift, ParameterChange
 from dpr_lab.report.drift import basis_sentence, group_rows, relative, rows, sentence
 
@@ -26,13 +28,19 @@ def drift(*parameters: ParameterChange) -> Drift:
 
 
 def test_the_verdict_names_the_groups_between_which_a_parameter_changed() -> None:
-    assert "c2/b by +15 % between 2026-11-16 and 2026-11-18" in sentence(drift(moved()))
+    other = replace(moved("a/b"), between=("2026-11-16", "2026-11-17"))
+    assert "c2/b by +15 % between 2026-11-16 and 2026-11-18" in sentence(drift(moved(), other))
     (row,) = rows(drift(moved()))
     assert "2026-11-16 and 2026-11-18" in row
     assert [row[1] for row in group_rows(drift(moved()))] == [
         "2026-11-17 minus 2026-11-16",
         "2026-11-18 minus 2026-11-16",
     ]
+
+
+def test_groups_that_differ_in_all_parameters_are_named_once() -> None:
+    text = sentence(drift(moved("a/b"), moved("c2/b")))
+    assert "2 of 2 parameters between 2026-11-16 and 2026-11-18: a/b by +15 %, c2/b by +15 % (9 runs" in text
 
 
 def test_a_change_from_about_zero_is_absolute() -> None:

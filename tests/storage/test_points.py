@@ -31,7 +31,7 @@ def test_points_of_tracker(tmp_path: Path) -> None:
     file = text(tmp_path / "a.txt", rows, "\t", head)
     run = read(file)
     assert is_the_swing(run, atol=1e-6)
-    assert any("pivot (centre of the circle of mass A), elbow mass A, tip mass B" in note for note in run.notes)
+    assert any("pivot = (centre of the circle of mass A), elbow = mass A, tip = mass B" in note for note in run.notes)
     with pytest.raises(RunError, match="angles from points are absolute"):
         read(file, zero="hanging")
 
@@ -117,7 +117,7 @@ def test_columns_of_x_and_y_are_points_too(tmp_path: Path) -> None:
 def test_points_with_numbers_are_taken_in_their_order(tmp_path: Path) -> None:
     _, elbow, tip = pixels()
     run = read(text(tmp_path / "a.csv", np.column_stack([T, tip, elbow]), head="t,x_m2,y_m2,x_m1,y_m1\n"))
-    assert "elbow m1, tip m2" in " ".join(run.notes)
+    assert "elbow = m1, tip = m2" in " ".join(run.notes)
 
 
 @pytest.mark.parametrize(("timed", "pivoted"), [(True, False), (True, True), (False, False)])
@@ -145,7 +145,7 @@ def test_columns_that_name_coordinates_in_words_are_points_too(tmp_path: Path, o
     head = f"Time,{others}{','.join(named)},The hamiltonian (total energy) of the entire system\n"
     run = read(text(tmp_path / "a.csv", rows, head=head))
     assert is_the_swing(run, atol=1e-6)
-    assert any("elbow point mass 1, tip point mass 2" in note for note in run.notes)
+    assert any("elbow = point mass 1, tip = point mass 2" in note for note in run.notes)
 
 
 @pytest.mark.parametrize("up", [-1.0, 1.0])
@@ -175,7 +175,7 @@ BOB = np.column_stack([-np.sin(SWING), np.cos(SWING)])
         (
             np.column_stack([np.broadcast_to(PIVOT, BOB.shape), PIVOT + 180.0 * BOB * (1, -1)]),
             "t,x0,y0,x1,y1\n",
-            "pivot 0, tip 1",
+            "pivot = 0, tip = 1",
         ),
         (
             np.column_stack([0.3 * BOB + (0.1, 0.25), 0.3 * np.gradient(BOB, T, axis=0)]),

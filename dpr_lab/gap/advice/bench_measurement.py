@@ -1,6 +1,6 @@
 """A bench measurement as a check: its proposal, its value with a unit, and the refusal of impossible values."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -24,14 +24,24 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
     if question.one_class:
         checks = [_check(question, name) for name in question.causes]
         decisive = [check for check in checks if check.expected_bits > 0] or checks
-        sentences = (s for check in decisive[:2] for s in SENTENCE_END.split(check.text))
-        texts = " ".join(dict.fromkeys(sentences))
+        texts = _alternatives(check.text for check in decisive[:2])
         start = f"{'A' if proposed else 'Only a'} bench measurement distinguishes"
         return [NextStep(f"{start} {_listed(question.causes)}: {texts}", tuple(checks))]
     if proposed:
         return []
     check = _check(question, question.about)
     return [NextStep(f"No available recording distinguishes {' from '.join(question.causes)}. {check.text}", (check,))]
+
+
+def _alternatives(texts: Iterable[str]) -> str:
+    """Instructions of which any one is enough, joined by `Or:`; a sentence that several contain is written once."""
+    written: set[str] = set()
+    parts = []
+    for text in texts:
+        sentences = [sentence for sentence in SENTENCE_END.split(text) if sentence not in written]
+        written.update(sentences)
+        parts.append(" ".join(sentences))
+    return " Or: ".join(part for part in parts if part)
 
 
 def _listed(causes: Sequence[str]) -> str:

@@ -1,5 +1,7 @@
 """Rows of tables on recommended checks and their results."""
 
+from collections.abc import Sequence
+
 from dpr_lab.checks.wording import bayes_factor
 from dpr_lab.gap.advice.advise import CHECK_KINDS
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
@@ -41,6 +43,11 @@ def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:
         )
         for name in ranked
     ]
+
+
+def informative(checks: Sequence[AdvisedCheck]) -> bool:
+    """Whether a check is expected to give 0.05 bits or more, as an open question of probabilities below 0.994 does."""
+    return any(check.expected_bits >= 0.05 for check in checks)
 
 
 def check_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:

@@ -365,7 +365,7 @@ def findings_sentence(diagnosis: Diagnosis) -> str:
     """Numbers of sensor faults by kind: `Sensor faults: outlier (236), jitter (2).`; empty without faults."""
     counts: dict[str, int] = {}
     for finding in diagnosis.sensor_findings:
-        fault = named(finding.name).replace("_", " ")
+        fault = named(finding.name) if finding.name in EFFECTS else finding.name.replace("_", " ")
         counts[fault] = counts.get(fault, 0) + finding.count
     return f"Sensor faults: {', '.join(f'{fault} ({count})' for fault, count in counts.items())}." if counts else ""
 

@@ -201,11 +201,11 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
         rods = [rod[real] for rod in rods]
     if upside_down:
         rods = [rod * (1, -1) for rod in rods]
-    used = ", ".join(f"{part} {point.name}" for part, point in zip(PARTS[len(ends)], [pivot, *ends], strict=True))
+    used = ", ".join(f"{part} = {point.name}" for part, point in zip(PARTS[len(ends)], [pivot, *ends], strict=True))
     axes = ("theta1", "theta2")[: len(rods)]
     angles = [_direction(rod) for rod in rods]
     lengths = [rod_length(table.path, axis, rods[: k + 1]) for k, axis in enumerate(axes)]
-    notes = [f"points used: {used}; --take names others"]
+    notes = [f"points used: {used} (for others: --take)"]
     notes += [
         f"{axis}: noise {length.std:.2g} rad, from the scatter of the rod's length in the picture"
         for axis, length in zip(axes, lengths, strict=True)
