@@ -18,7 +18,7 @@ JCGM 100:2008 (GUM), 4.3.7 for limits without a distribution.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,55 +70,80 @@ class _Source:
 
 def sources(problem: Problem, model: Hypothesis, rig: Rig) -> list[_Source]:
     """All contributions to the uncertainty of a prediction."""
-    before = problem.predict(model.fit.estimate)
+    return [_integrator(problem, model), *_constants(problem, model, rig), *_noise(model)]
 
-    def fitted_anew(other: Problem) -> tuple[Array, float]:
-        change = problem.whitened(np.nan_to_num(other.predict(model.fit.estimate) - before))
-        step = shifted(model.fit, change)
-        predicted_change = model.fit.linear.projected(change[:, :, None])[:, :, 0] + model.fit.linear.A @ step
-        return step, float((1 + np.sum(predicted_change**2) / model.residuals.inflation) ** -0.5)
 
-    def moved(
-        step: Array, factor: float, changes: Callable[["FreeSwings"], list[Array]]
-    ) -> Callable[["FreeSwings"], list[Array]]:
-        return lambda swings: [
-            (factor * swing.settled((change + swing.by_values @ step)[:, :, None])[:, :, 0]) ** 2
-            for swing, change in zip(swings.each, changes(swings), strict=True)
+@dataclass(frozen=True, slots=True)
+class _Refit:
+    """The model, fitted again to first order after the predicted readings have changed."""
+
+    step: Array
+    """(free,) change of the fitted values."""
+    reduction: float
+    """Factor (1 + |c'|^2 / f)^-1/2 by which the recordings reduce the standard uncertainty of the change."""
+
+    @classmethod
+    def of(cls, problem: Problem, model: Hypothesis, other: Problem) -> Self:
+        """Replace the problem by another one, with the same readings."""
+        fit = model.fit
+        change = problem.whitened(np.nan_to_num(other.predict(fit.estimate) - problem.predict(fit.estimate)))
+        step = shifted(fit, change)
+        remaining = fit.linear.projected(change[:, :, None])[:, :, 0] + fit.linear.A @ step
+        return cls(step, float((1 + np.sum(remaining**2) / model.residuals.inflation) ** -0.5))
+
+    def variance(self, swings: "FreeSwings", changes: Sequence[Array], factor: float) -> list[Array]:
+        """(n, 2) squared change of each free run, rad^2; `changes` are those with the former values."""
+        return [
+            (factor * swing.settled((change + swing.by_values @ self.step)[:, :, None])[:, :, 0]) ** 2
+            for swing, change in zip(swings.each, changes, strict=True)
         ]
 
+
+def _integrator(problem: Problem, model: Hypothesis) -> _Source:
+    """Numerical error, by the change of a prediction with half the step."""
     halved = replace(problem, segments=replace(problem.segments, step=problem.segments.step / 2))
-    finer = moved(fitted_anew(halved)[0], ASSUMED.richardson, lambda swings: swings.otherwise(finer=2.0))
-    description = "halving the step of the Runge-Kutta method, the values refitted"
-    listed = [_Source("integrator", "numerical", description, finer)]
+    refit = _Refit.of(problem, model, halved)
+    return _Source(
+        "integrator",
+        "numerical",
+        "halving the step of the Runge-Kutta method, the values refitted",
+        lambda swings: refit.variance(swings, swings.otherwise(finer=2.0), ASSUMED.richardson),
+    )
+
+
+def _constants(problem: Problem, model: Hypothesis, rig: Rig) -> Iterator[_Source]:
+    """Lengths, gravity and weighed masses, each changed by one standard uncertainty."""
     for name, description, constants in _inputs(problem.model.constants, rig, problem.always):
-        step, reduction = fitted_anew(replace(problem, model=problem.model.with_constants(constants)))
-        moves = moved(step, reduction, lambda swings, c=constants: swings.otherwise(c))
-        listed.append(_Source(name, "input", description, moves, reduction))
+        refit = _Refit.of(problem, model, replace(problem, model=problem.model.with_constants(constants)))
+
+        def variance(swings: "FreeSwings", refit: _Refit = refit, constants: RigConstants = constants) -> list[Array]:
+            return refit.variance(swings, swings.otherwise(constants), refit.reduction)
+
+        yield _Source(name, "input", description, variance, refit.reduction)
+
+
+def _noise(model: Hypothesis) -> Iterator[_Source]:
+    """Noise of the readings, in the fitted values, in the initial state and in the comparison itself."""
     level, noise = model.residuals.level, model.residuals.independent_noise
     spread = considered(model.fit, noise)
 
-    def along(swings: "FreeSwings") -> list[Array]:
+    def of_values(swings: "FreeSwings") -> list[Array]:
         moves = [swing.settled(swing.by_values) for swing in swings.each]
         return [np.einsum("nij,jk,nik->ni", D, spread, D) for D in moves]
 
-    return [
-        *listed,
-        _Source("fitted values", "input", "noise of the readings to which ratios and effects are fitted", along),
-        _Source(
-            "initial state",
-            "input",
-            "noise of the readings to which it is fitted",
-            lambda swings: [noise * swing.start_variance() for swing in swings.each],
-        ),
-        _Source(
-            "readings",
-            "data",
-            "noise of the compared readings",
-            lambda swings: [
-                np.where(swing.weight > 0, level / np.maximum(swing.weight, 1e-140) ** 2, 0.0) for swing in swings.each
-            ],
-        ),
-    ]
+    def of_readings(swings: "FreeSwings") -> list[Array]:
+        weights = [swing.weight for swing in swings.each]
+        return [np.where(weight > 0, level / np.maximum(weight, 1e-140) ** 2, 0.0) for weight in weights]
+
+    fitted = "noise of the readings to which ratios and effects are fitted"
+    yield _Source("fitted values", "input", fitted, of_values)
+    yield _Source(
+        "initial state",
+        "input",
+        "noise of the readings to which it is fitted",
+        lambda swings: [noise * swing.start_variance() for swing in swings.each],
+    )
+    yield _Source("readings", "data", "noise of the compared readings", of_readings)
 
 
 def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tuple[str, str, RigConstants]]:

@@ -58,7 +58,7 @@ def gap(
             if all(run in of_model for of_model in errors.values())
         },
         waterfall=[
-            {"effect": name, "gap_rad": size / 2**0.5, "rms_rad": size}
+            {"effect": name, "gap_rad": size / 2**0.5, "rms_rad": size}  # of a reading, of both readings
             for name, model in selection.path
             for size in (float(np.linalg.norm(list(gap_rad(problem, model).values()))),)
         ],
