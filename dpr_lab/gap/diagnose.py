@@ -15,6 +15,7 @@ from dpr_lab.estimation.motion import refuse_without_motion
 from dpr_lab.gap.advice.advise import advise
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.classes.posterior import effect_posterior
+from dpr_lab.gap.conclusion.at_bounds import second_moments
 from dpr_lab.gap.conclusion.conclusion import conclude
 from dpr_lab.gap.conclusion.description import description
 from dpr_lab.gap.conclusion.uncertainty import covariance
@@ -262,7 +263,8 @@ def _advised(before: Transferred) -> Advised:
     return Advised.after(
         before,
         advice=tuple(advise(before.recordings, chosen, before.posteriors)),
-        covariance=covariance(before.problem, chosen, before.request.rig, before.remainder),
+        covariance=covariance(before.problem, chosen, before.request.rig, before.remainder)
+        + second_moments(before.problem, chosen.fit, chosen.residuals.inflation),
     )
 
 

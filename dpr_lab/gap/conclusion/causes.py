@@ -54,8 +54,9 @@ def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
 
 def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> EffectSize:
     """A fitted parameter with its ratio to b, and its absolute interval."""
-    parameter, interval = next(p for p in EFFECTS[effect].parameters if p.name == name), (value - reach, value + reach)
-    power = parameter.scale_power
+    parameter = next(p for p in EFFECTS[effect].parameters if p.name == name)
+    floor = 0.0 if parameter.sign == "positive" else -np.inf
+    interval, power = (max(value - reach, floor), value + reach), parameter.scale_power
     size = EffectSize(value=value, interval90=interval, interval90_with_scale=scale.absolute90(value, interval, power))
     if power == 0 or scale.fixed_by == "data":
         return size

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.estimate import FRICTION
 from dpr_lab.gap.conclusion.uncertainty import by_unseen_ratios
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.saved import Interval
@@ -15,12 +16,13 @@ Array = NDArray[np.float64]
 
 
 def ratios(state: Advised) -> dict[str, Interval]:
-    """Ratios to b with 90 % intervals; an interval widened by the bounds of the rig file does not extend below zero."""
+    """Ratios to b with 90 % intervals; of friction, or if widened by the bounds of the rig file, from zero on."""
     values = state.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
     reaches = np.array([state.intervals.get(("", name), 0.0) for name in RATIOS])
     prior_variance = by_unseen_ratios(state.problem, state.selection.chosen, state.recordings.rig)
     reaches = np.hypot(reaches, NORMAL_Q90 * np.sqrt(prior_variance)).tolist()
-    floors = np.where(prior_variance > 0.0, 0.0, -np.inf).tolist()
+    positive = (prior_variance > 0.0) | np.isin(np.arange(len(RATIOS)), FRICTION)
+    floors = np.where(positive, 0.0, -np.inf).tolist()
     return {
         name: Interval(value=value, interval90=(max(value - reach, floor), value + reach))
         for name, value, reach, floor in zip(RATIOS, values, reaches, floors, strict=True)
@@ -42,7 +44,8 @@ def determined(state: Advised) -> tuple[dict[str, Interval], Array]:
         if (ratio := ratio_of(parameter, fit.estimate, rig, alone=alone)) is not None:
             name, value, per = ratio
             error = state.intervals[parameter.effect, parameter.name] / per
-            parameter_of[name] = Interval(value=value, interval90=(value - error, value + error))
+            floor = 0.0 if parameter.lower == 0.0 else -np.inf
+            parameter_of[name] = Interval(value=value, interval90=(max(value - error, floor), value + error))
             places.append(place)
             divisors.append(per)
     return parameter_of, state.covariance[np.ix_(places, places)] / np.outer(divisors, divisors)

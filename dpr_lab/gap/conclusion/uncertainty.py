@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 def covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrepancy | None = None) -> Array:
-    """(free, free) covariance of the values of a fit; zero for values at a bound.
+    """(free, free) covariance of the values of a fit; zero for those at a bound, see `conclusion.at_bounds`.
 
     Args:
         problem: segments and noise

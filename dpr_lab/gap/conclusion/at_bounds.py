@@ -1,0 +1,91 @@
+"""Uncertainty of fitted values that are at a bound, such as a viscous friction of zero.
+
+The noise may have moved such a value there. Its true distance u from the bound has the truncated normal density
+
+    exp((g u - K u^2 / 2) / f),    0 <= u <= U,    K = |c|^2,    g = c^T e,
+
+where e is the whitened residual, f the variance inflation, and c the change of the readings per unit of u. The initial
+states and the other values follow u, so c is projected on what they can change. U is the u at which another value
+reaches its bound. As the estimate is u = 0, the second moment of u counts as its variance, and the other values share
+it: a slope of the friction curve and the viscous friction of a slow joint, for example, are hardly separable.
+
+c is the difference of two simulations along this direction, because the columns of nearly collinear parameters, each
+with its own error, do not cancel. Every value is treated with the others at their bounds.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.gauss_newton import Fit, bounds
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import ColumnSpace
+
+Array = NDArray[np.float64]
+
+
+def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:
+    """(free, free) second moment of the errors of a fit's values that the values at bounds cause.
+
+    Args:
+        problem: segments and noise
+        fit: the fit
+        inflation: f
+    """
+    moments = np.zeros((len(fit.free), len(fit.free)))
+    for shift in _shifts(problem, fit, inflation):
+        moments += np.outer(shift, shift)
+    return moments
+
+
+def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
+    """(free,) root mean square error of one value at its bound, and of the others due to it."""
+    at_bound = [k for k in range(len(fit.free)) if k not in fit.inside and k not in fit.absorbed]
+    if not at_bound:
+        return
+    before, room, inside = problem.predict(fit.estimate), bounds(fit.estimate, fit.free), fit.inside
+    prior = inflation**0.5 * fit.prior
+    space = ColumnSpace.of(*fit.linear.flat).with_prior(prior, np.zeros(len(prior)))
+    for k in at_bound:
+        direction = _direction(space, inside, k, inward=1.0 if room[0, k] == 0.0 else -1.0)
+        farthest = _farthest(room, direction)
+        alone = space.given(inside, [k])
+        step = min(farthest, inflation**0.5 * float(alone.scale[0]) / float(alone.H[0, 0]) ** 0.5)
+        states = fit.linear.initial_steps(step * direction) - fit.linear.initial_steps(np.zeros(len(direction)))
+        moved = Estimate(fit.estimate.vector.copy(), fit.estimate.initial + states)
+        for parameter, change in zip(fit.free, direction.tolist(), strict=True):
+            moved.vector[parameter.place] += step * change
+        column = problem.whitened(np.nan_to_num((problem.predict(moved) - before) / step))
+        A = np.append(fit.linear.A[:, :, inside], fit.linear.projected(column[:, :, None]), axis=2)
+        rows = np.column_stack([prior[:, inside], prior @ direction])
+        columns = ColumnSpace.of(A, fit.linear.e).with_prior(rows, np.zeros(len(rows)))
+        rest = columns.given(range(len(inside)), [len(inside)])
+        K, g = float(rest.H[0, 0]) / rest.scale[0] ** 2, float(rest.gradient[0]) / rest.scale[0]
+        yield direction * _mean_square(g / inflation, K / inflation, farthest) ** 0.5
+
+
+def _direction(space: ColumnSpace, inside: list[int], k: int, inward: float) -> Array:
+    """(free,) change of the values per unit of value k that reproduces the readings best."""
+    direction = np.zeros(len(space))
+    direction[k] = inward
+    across = space.H[inside][:, [k]] / space.scale[k] * inward
+    direction[inside] = (space.chosen(inside).covariance() @ (across[:, 0] / space.scale[inside])) * -1.0
+    return direction
+
+
+def _farthest(room: Array, direction: Array) -> float:
+    """Largest step in a direction with all values in their bounds; values at a bound that do not move do not count."""
+    ahead = np.where(direction > 0.0, room[1], room[0])[direction != 0.0] / direction[direction != 0.0]
+    return float(ahead.min(initial=np.inf))
+
+
+def _mean_square(slope: float, curvature: float, farthest: float, *, reach: float = 8.0) -> float:
+    """E[u^2] of the density exp(slope u - curvature u^2 / 2) on 0 <= u <= farthest, zero beyond `reach` deviations."""
+    std, falling = max(curvature, 1e-300) ** -0.5, max(-slope, 1e-300)
+    beyond = max(slope, 0.0) / max(curvature, 1e-300) + reach * std
+    u = np.linspace(0.0, min(farthest, beyond, reach**2 / 2 / falling), 1000)
+    log = slope * u - curvature * u**2 / 2
+    weight = np.exp(log - log.max())
+    return float(np.sum(weight * u**2) / np.sum(weight))
