@@ -29,7 +29,7 @@ def test_every_public_name_is_there_with_a_docstring() -> None:
         _ = dpr.nothing
 
 
-def test_what_is_not_asked_for_is_not_imported() -> None:
+def test_only_requested_modules_are_imported() -> None:
     heavy = "import sys, dpr_lab; print([m for m in ('numpy', 'numba', 'matplotlib', 'scipy') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", heavy], capture_output=True, text=True).stdout.strip() == "[]"
 

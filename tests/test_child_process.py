@@ -45,7 +45,7 @@ def gone(pid: int, within_s: float = 60.0) -> bool:
     return False
 
 
-def test_a_function_is_talked_to_and_ends_with_its_pipe() -> None:
+def test_a_function_communicates_by_its_pipe_and_ends_with_it() -> None:
     child = ChildFunction(echo, "!")
     child.pipe.send("hello")
     assert child.pipe.recv() == "hello!"
@@ -55,7 +55,7 @@ def test_a_function_is_talked_to_and_ends_with_its_pipe() -> None:
     child.end(patience_s=30)
 
 
-def test_a_function_that_hears_nothing_is_killed() -> None:
+def test_a_function_that_does_not_respond_is_killed() -> None:
     child = ChildFunction(deaf)
     assert child.pipe.recv() == "deaf"
     child.end(patience_s=0.2)
@@ -72,14 +72,14 @@ def test_a_program_is_read_and_ends_with_its_stdin() -> None:
     child.end(patience_s=30)
 
 
-def test_a_program_without_a_word_does_not_stop_its_reader() -> None:
+def test_a_silent_program_does_not_block_its_reader() -> None:
     child = ChildProgram([sys.executable, "-c", "import sys; sys.stdin.read()"])
     assert child.line(timeout=0.1) == ""
     child.end(patience_s=30)
     assert (child.exit_code, child.last_words) == (0, "")
 
 
-def test_a_program_that_hears_nothing_is_killed() -> None:
+def test_a_program_that_does_not_respond_is_killed() -> None:
     child = ChildProgram([sys.executable, "-c", f"{DEAF} {LISTENER} import time; time.sleep(600)"])
     assert child.line(timeout=400) == "ready\n"
     child.end(patience_s=0.2)
@@ -100,7 +100,7 @@ def test_a_killed_process_leaves_no_program_behind() -> None:
     assert gone(pid)
 
 
-def test_workers_share_out_calls_and_end_when_nobody_waits() -> None:
+def test_workers_share_calls_and_end_when_no_caller_waits() -> None:
     with worker_pool(2) as pool:
         assert sorted(pool.map(slow, range(4))) == [0, 1, 2, 3]
     began = time.monotonic()

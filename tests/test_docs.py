@@ -41,7 +41,7 @@ def test_the_worked_example_says_what_its_certificate_certifies() -> None:
         assert told[1] == value if isinstance(value, str) else float(told[1]) == pytest.approx(value, rel=1e-3)
 
 
-def test_every_promise_of_the_readme_has_its_test() -> None:
+def test_every_guarantee_of_the_readme_has_its_test() -> None:
     promised = re.findall(r"\| \[`(test_\w+)`\]\(([^)]+)\) \|", README)
     assert len(promised) >= 20
     for name, file in promised:
@@ -103,7 +103,7 @@ def test_links_to_other_sites_are_whole() -> None:
                 )
 
 
-def test_the_account_of_the_search_is_cited_alike() -> None:
+def test_the_published_search_is_cited_in_the_same_way_everywhere() -> None:
     (doi,) = re.findall(r"doi:(\S+[^.\s])", THEORY)
     assert f"doi: {doi}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f'"https://doi.org/{doi}"' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
@@ -116,7 +116,7 @@ def test_every_file_a_page_links_to_exists(page: str) -> None:
         assert ((ROOT / page).parent / target).exists(), target
 
 
-def test_every_file_that_contributors_are_told_of_exists() -> None:
+def test_every_file_named_in_contributing_exists() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     for target in re.findall(r"`(?:python )?((?:dpr_lab|sim_device|tests|docs|benchmarks|configs)/[\w./]+)", text):
         assert "NAME" in target or (ROOT / target).exists(), target

@@ -15,6 +15,9 @@ WORDS = re.compile(
 )
 """Words for which the field has a term, or English a plainer word."""
 
+SPOKEN = re.compile(r"\b(said|tells?|nobody|obeys?|feels?|the lab|is none)\b")
+"""Words of speech and riddles in the name of a test, for which `reported`, `determines`, `invalid` are plainer."""
+
 VAGUE = {"found", "item", "told", "said", "it", "begun", "beside"}
 """Names of values that do not say what they hold."""
 
@@ -45,6 +48,17 @@ def test_texts_and_docstrings_are_in_plain_words() -> None:
         for match in WORDS.finditer(text)
     ]
     assert used == [], "use the terms of docs/glossary.md"
+
+
+def test_names_of_tests_are_in_plain_words() -> None:
+    names = [
+        f"{path.relative_to(ROOT)}: {node.name}"
+        for path in sorted((ROOT / "tests").rglob("test_*.py"))
+        for node in _nodes(path)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name.startswith("test_")
+    ]
+    archaic = [name for name in names if WORDS.search(words := name.replace("_", " ")) or SPOKEN.search(words)]
+    assert archaic == [], "state what is tested in the terms of docs/glossary.md"
 
 
 def test_values_have_names_that_say_what_they_hold() -> None:

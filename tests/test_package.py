@@ -63,7 +63,7 @@ def installed(built: Path, tmp_path: Path) -> tuple[Path, Callable[..., str]]:
     return place, run
 
 
-def test_the_wheel_works_in_an_empty_place(installed: tuple[Path, Callable[..., str]]) -> None:
+def test_the_wheel_works_in_an_empty_environment(installed: tuple[Path, Callable[..., str]]) -> None:
     place, run = installed
     assert run("-c", EVERYTHING).count(str(place)) == 3
     assert "[rig]" in run("-m", "dpr_lab", "rig", "show", "paper")
@@ -74,7 +74,7 @@ def test_the_wheel_works_in_an_empty_place(installed: tuple[Path, Callable[..., 
 
 
 @pytest.mark.long
-def test_the_wheel_captures_in_an_empty_place(installed: tuple[Path, Callable[..., str]], tmp_path: Path) -> None:
+def test_the_wheel_captures_in_an_empty_environment(installed: tuple[Path, Callable[..., str]], tmp_path: Path) -> None:
     """Numba compiles the kernels again in each folder."""
     _, run = installed
     (tmp_path / "mine.toml").write_text(run("-m", "dpr_lab", "rig", "show", "paper"), encoding="utf-8")
@@ -102,7 +102,7 @@ def test_one_version_everywhere() -> None:
     assert re.search(r"^version: (.+)$", cited, flags=re.MULTILINE)[1] == __version__  # type: ignore[index]
 
 
-def test_what_an_index_shows_of_the_package_links_to_nothing_it_has_not(built: Path) -> None:
+def test_the_description_of_the_package_has_no_broken_links(built: Path) -> None:
     (wheel,) = built.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         (name,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))

@@ -24,7 +24,7 @@ def swing(start_s: float, duration_s: float):
 
 @needs_record
 @pytest.mark.slow
-def test_first_ten_seconds_agree_with_the_published_fit_and_predict_the_next_ten() -> None:
+def test_a_fit_of_the_first_ten_seconds_agrees_with_the_published_one_and_predicts_the_next_ten() -> None:
     rig = load_rig("multiarm")
     model = identify([swing(0, 10)], rig)
     for name, published in PUBLISHED.items():
@@ -37,7 +37,7 @@ def test_first_ten_seconds_agree_with_the_published_fit_and_predict_the_next_ten
 
 @needs_record
 @pytest.mark.slow
-def test_the_interval_is_not_smaller_than_what_two_halves_disagree_by() -> None:
+def test_the_interval_is_at_least_as_wide_as_the_difference_between_two_halves() -> None:
     rig = load_rig("multiarm")
     whole, *halves = [identify([swing(start, length)], rig) for start, length in ((0, 80), (0, 40), (40, 40))]
     for name, published in PUBLISHED.items():

@@ -26,7 +26,7 @@ def changed(old: str, new: str) -> str:
         ("theta1 = 0.1", "theta1 = 1e300", "theta1 = 1e+300"),
     ],
 )
-def test_what_no_bench_has_is_refused(old: str, new: str, said: str) -> None:
+def test_values_that_no_bench_has_are_refused(old: str, new: str, said: str) -> None:
     with pytest.raises(ConfigError) as error:
         parse_rig(changed(old, new))
     assert said in str(error.value)

@@ -31,7 +31,7 @@ def test_the_true_rate_lies_within_the_margin(rate: float, duration: float, rng:
 
 
 @pytest.mark.parametrize("stall", [0.2, 0.35])
-def test_stalls_widen_nothing_that_other_reads_show(stall: float, rng: np.random.Generator) -> None:
+def test_stalls_do_not_widen_the_margin_if_other_reads_determine_it(stall: float, rng: np.random.Generator) -> None:
     fit = _fit(rng, 1.05, 5.0, stall=stall)
     assert fit is not None
     assert abs(fit.arrival_ppm - 50_000) < fit.arrival_margin_ppm < 10_000
@@ -54,11 +54,11 @@ def test_a_delay_that_grows_by_10_ms_during_the_recording_is_within_the_margin()
 
 
 @pytest.mark.parametrize("duration", [0.0, 0.1, 0.4])
-def test_too_little_shows_no_rate(duration: float, rng: np.random.Generator) -> None:
+def test_too_few_reads_determine_no_rate(duration: float, rng: np.random.Generator) -> None:
     assert _fit(rng, duration=duration) is None
 
 
-def test_ticks_that_stand_still_show_no_rate() -> None:
+def test_constant_ticks_determine_no_rate() -> None:
     arrivals = Arrivals(RATE_HZ)
     for t in range(100):
         arrivals.add(7, t / 10)

@@ -83,7 +83,7 @@ def test_ctrl_c_finishes_the_file_stops_the_device_and_passes_on(
     assert any("stopped by the operator" in note for note in run.notes)
 
 
-def test_unbroken_block_ends_before_the_interrupt() -> None:
+def test_an_uninterruptible_block_ends_before_the_interrupt() -> None:
     done: list[str] = []
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):

@@ -44,7 +44,7 @@ class Otherwise:
 
 
 @pytest.mark.timeout(900)
-def test_what_a_device_does_otherwise_is_named(simulated) -> None:
+def test_each_deviation_of_a_device_from_the_protocol_is_named(simulated) -> None:
     def change(message):
         if isinstance(message, Nak):
             return replace(message, code=type(message.code).BAD_VALUE)

@@ -105,7 +105,7 @@ def test_whole_dialogue_over_every_link_loses_nothing(link: str, simulated) -> N
         assert all(batch.raw for batch in batches)
 
 
-def test_device_can_be_left_and_met_again(simulated) -> None:
+def test_a_device_can_be_disconnected_and_connected_again(simulated) -> None:
     url = simulated().url
     for _ in range(2):
         with Device(open_transport(url)) as device:
@@ -138,14 +138,14 @@ def silent_port() -> Iterator[str]:
     os.close(slave)
 
 
-def test_nobody_there_says_what_to_check(silent_port: str) -> None:
+def test_the_message_without_a_device_says_what_to_check(silent_port: str) -> None:
     with Device(open_transport(silent_port)) as device, pytest.raises(LinkTimeout) as caught:
         device.connect(timeout=0.3)
     assert "opened, but no DPR device answered within 0.3 s" in str(caught.value)
     assert "is set to 115200 baud" in str(caught.value)
 
 
-def test_wrong_baud_rate_is_told_from_silence(simulated) -> None:
+def test_a_wrong_baud_rate_is_distinguished_from_silence(simulated) -> None:
     with Device(open_transport(simulated(baud=115_200).url.replace("115200", "921600"))) as device:
         for timeout in (0.5, 5.0, 50.0):  # on a loaded machine the first bytes take longer
             with pytest.raises(LinkTimeout) as caught:
@@ -195,7 +195,7 @@ def test_refused_command_carries_text_and_remedy() -> None:
         device.hold()
 
 
-def test_info_before_connect_is_the_callers_mistake() -> None:
+def test_reading_the_device_information_before_connecting_is_an_error_of_the_caller() -> None:
     with Device(Loop()) as device, pytest.raises(ValueError, match="connect first"):
         _ = device.info
 
@@ -210,7 +210,7 @@ def test_commands_survive_a_lossy_link(simulated) -> None:
         assert device.status is not None
 
 
-def test_damage_is_counted_and_costs_no_more_than_the_frames_it_hit(simulated) -> None:
+def test_damage_is_counted_and_loses_only_the_damaged_frames(simulated) -> None:
     with Device(open_transport(simulated(fault=("flip=0.0005",)).url)) as device:
         device.connect()
         device.hold()
@@ -225,7 +225,7 @@ def test_damage_is_counted_and_costs_no_more_than_the_frames_it_hit(simulated) -
         assert ticks == sorted(set(ticks))
 
 
-def test_busy_caller_loses_neither_lease_nor_samples(simulated) -> None:
+def test_a_busy_caller_loses_neither_the_lease_nor_samples(simulated) -> None:
     with Device(open_transport(simulated(clock="realtime").url)) as device:
         device.connect()
         device.hold()
@@ -237,7 +237,7 @@ def test_busy_caller_loses_neither_lease_nor_samples(simulated) -> None:
         device.stop()
 
 
-def test_what_arrived_before_the_cable_was_pulled_is_given_first(simulated) -> None:
+def test_samples_received_before_the_cable_was_pulled_are_delivered_first(simulated) -> None:
     with Device(open_transport(simulated(fault=("cut_after_s=10",)).url)) as device:  # half a second of real time
         device.connect()
         device.hold()
@@ -287,7 +287,7 @@ def test_a_bug_in_the_reader_thread_reaches_the_caller() -> None:
             poll_on(device)
 
 
-def test_meaningless_frames_are_counted_and_passed_over() -> None:
+def test_invalid_frames_are_counted_and_skipped() -> None:
     loop = Loop()
     with Device(loop) as device:
         device.connect()

@@ -69,7 +69,9 @@ def test_a_captured_run_identifies_rod_arm_and_motor(furuta: Rig, tmp_path: Path
 
 
 @pytest.mark.slow
-def test_what_the_driver_cuts_off_is_commanded_and_not_measured(furuta: Rig, tmp_path: Path, bench, agree) -> None:
+def test_inputs_clipped_by_the_driver_are_stored_as_commanded_not_measured(
+    furuta: Rig, tmp_path: Path, bench, agree
+) -> None:
     plant = changed(tmp_path, "limit = 10.0", "limit = 2.5")
     with bench(rig="furuta", plant=plant) as (device, _):
         captured = capture(device, furuta, "X1", OPTIONS, tmp_path, confirm=agree)
@@ -87,7 +89,7 @@ def test_what_the_driver_cuts_off_is_commanded_and_not_measured(furuta: Rig, tmp
 
 
 @pytest.mark.slow
-def test_inputs_that_never_came_are_counted_and_not_made_up(furuta: Rig, tmp_path: Path, bench, agree) -> None:
+def test_lost_inputs_are_counted_and_not_interpolated(furuta: Rig, tmp_path: Path, bench, agree) -> None:
     with bench(**FURUTA, fault=("lose_torques=0.02",)) as (device, _):
         captured = capture(device, furuta, "X1", OPTIONS, tmp_path, confirm=agree)
     run = load_run(captured.run_file, furuta)

@@ -33,7 +33,7 @@ def table(tmp_path: Path) -> Path:
     return file
 
 
-def test_torques_that_never_came_are_counted_said_and_not_made_up(
+def test_lost_torques_are_counted_reported_and_not_interpolated(
     paper: Rig, tmp_path: Path, table: Path, bench, agree
 ) -> None:
     with bench(torques=table, fault=("lose_torques=0.02",)) as (device, spy):

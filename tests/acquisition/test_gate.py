@@ -56,7 +56,9 @@ def test_whole_turns_do_not_count_as_pose_error(good: Run, rig: Rig) -> None:
     ("rate", "std", "ok"),
     [(50_000, 100, False), (1_000_485, 100, False), (-700, 10, False), (500, 20, True), (5_000, 3_000, True)],
 )
-def test_a_clock_no_crystal_could_have_degrades(good: Run, rig: Rig, rate: float, std: float, ok: bool) -> None:
+def test_a_clock_error_beyond_any_crystal_degrades_the_run(
+    good: Run, rig: Rig, rate: float, std: float, ok: bool
+) -> None:
     verdict = judge(replace(good, clock={"rate_ppm": rate, "rate_ppm_std": std}), rig, duration=5.0)
     assert verdict.ok == ok
     assert ok or "the device's clock runs" in verdict.sentence
@@ -216,7 +218,7 @@ def test_rods_that_hung_askew_before_they_were_raised_degrade_the_run(good: Run,
     assert "the outer rod deviated by 0.030 rad from the vertical" in verdict.sentence
 
 
-def test_a_table_without_rest_is_judged_on_what_it_has(good: Run, rig: Rig) -> None:
+def test_a_table_without_rest_is_checked_without_the_rest(good: Run, rig: Rig) -> None:
     verdict = judge(replace(good.swing, counts=None, pose=None, clock={}), rig)
     assert [check.name for check in verdict.checks] == [
         "lost",
@@ -231,7 +233,7 @@ def test_a_table_without_rest_is_judged_on_what_it_has(good: Run, rig: Rig) -> N
 
 
 @pytest.mark.parametrize("samples", [0, 1, 2])
-def test_a_run_of_next_to_nothing_is_judged_without_an_exception(samples: int, good: Run, rig: Rig) -> None:
+def test_a_nearly_empty_run_is_checked_without_an_exception(samples: int, good: Run, rig: Rig) -> None:
     run = _run(rig, good.t[1000 : 1000 + samples], good.counts[1000 : 1000 + samples])
     assert _failed(judge(run, rig, duration=5.0)) == ["duration"]
 

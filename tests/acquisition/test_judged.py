@@ -38,7 +38,7 @@ def test_stuck_encoder_degrades_the_run(joint: int, paper: Rig, tmp_path: Path, 
 
 
 @pytest.mark.slow
-def test_how_the_rods_hang_is_seen_before_they_are_raised(paper: Rig, tmp_path: Path, bench, agree) -> None:
+def test_the_hanging_rest_is_checked_before_the_rods_are_raised(paper: Rig, tmp_path: Path, bench, agree) -> None:
     seen: list[Progress] = []
     askew = tmp_path / "askew.toml"
     zero = round(0.1 / abs(paper.radians_per_count[1]))
@@ -65,7 +65,7 @@ def test_how_the_rods_hang_is_seen_before_they_are_raised(paper: Rig, tmp_path: 
     assert hanging.error == pytest.approx((-0.1, -0.1), abs=1e-3)
 
 
-def test_samples_the_board_was_too_late_for_are_counted_as_its_own(paper: Rig, tmp_path: Path, bench, agree) -> None:
+def test_samples_that_the_board_missed_are_counted_as_its_own_losses(paper: Rig, tmp_path: Path, bench, agree) -> None:
     with bench(fault=("overrun=0.02",)) as (device, _):
         captured = capture(device, paper, "X1", SHORT, tmp_path, confirm=agree)
     run = load_run(captured.run_file)

@@ -94,14 +94,16 @@ def while_streaming(**said: object) -> Lie:
         (while_streaming(state=State.HOLDING), SafetyStop, "reported HOLDING instead of streaming"),
     ],
 )
-def test_no_release_is_sent_against_the_devices_word(lying, paper, tmp_path, agree, lie, error, said) -> None:
+def test_no_release_is_sent_if_the_device_reports_a_reason_against_it(
+    lying, paper, tmp_path, agree, lie, error, said
+) -> None:
     with lying(lie) as (device, liar):
         with pytest.raises(error, match=said):
             capture(device, paper, "X1", replace(SHORT, rest_timeout=1.5), tmp_path, confirm=agree)
         assert not liar.released
 
 
-def test_a_fault_nobody_knows_is_a_sentence(lying, paper: Rig, tmp_path: Path, agree) -> None:
+def test_an_unknown_fault_is_reported_in_a_sentence(lying, paper: Rig, tmp_path: Path, agree) -> None:
     lie = as_event(lambda event: replace(event, kind=EventKind.FAULT, detail=200))
     with lying(lie) as (device, _):
         with pytest.raises(DeviceFault, match="fault 200, which is not in"):
@@ -158,7 +160,7 @@ def test_ticks_that_go_back_a_little_degrade_it(lying, paper: Rig, tmp_path: Pat
 
 
 @pytest.mark.slow
-def test_a_device_that_samples_far_too_slowly_does_not_keep_the_operator(simulated, paper, tmp_path, agree) -> None:
+def test_a_device_that_samples_far_too_slowly_does_not_block_the_operator(simulated, paper, tmp_path, agree) -> None:
     """One sample a second: ten seconds of recording would have taken hours."""
     quick = replace(CAPTURE_SETTINGS, pace_window_s=2.0)
     base: list[int] = []

@@ -39,7 +39,7 @@ def clamped_at(angle: float, tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("kind", ["relative", "absolute"])
 @pytest.mark.parametrize("mounted", ["inner", "outer"])
-def test_a_single_rod_is_released_whatever_encoder_2_reads(
+def test_a_single_rod_is_released_for_any_reading_of_encoder_2(
     paper: Rig, tmp_path: Path, bench, agree, mounted: str, kind: str
 ) -> None:
     rig, file = written(with_encoder2(paper.with_rods(mounted), kind), tmp_path)
@@ -69,7 +69,7 @@ def test_both_rods_swinging_although_one_is_given_are_reported(paper: Rig, tmp_p
     assert "joint 2 turned by" in captured.quality.sentence
 
 
-def test_a_clamp_may_be_beside_the_angle_of_a_pose(paper: Rig, tmp_path: Path, bench, agree) -> None:
+def test_a_clamp_may_deviate_a_little_from_the_angle_of_a_pose(paper: Rig, tmp_path: Path, bench, agree) -> None:
     rig, file = written(paper.with_rods(elbow="clamped"), tmp_path)
     with bench(rig=file, plant=clamped_at(0.12, tmp_path)) as (device, _):
         captured = capture(device, rig, "X2", OPTIONS, tmp_path, confirm=agree)

@@ -75,7 +75,7 @@ def test_only_the_newest_second_of_the_wait_is_kept(paper: Rig) -> None:
     assert motion[0][-1] == 19.999
 
 
-def test_losses_of_batches_that_arrive_together_are_counted_where_they_happened() -> None:
+def test_losses_in_batches_that_arrive_together_are_counted_at_their_place() -> None:
     """A busy host reads several batches at once; only those that stay in the window count in the recording."""
     window = RestWindow(1000, window_s=1.0)
     rows = [tuple(Row(tick, (0, 0, 0)) for tick in range(first, first + 1000)) for first in (0, 1000, 2000, 3000)]

@@ -91,7 +91,7 @@ def test_raw_bytes_in_the_file_decode_to_the_same_swing(paper: Rig, tmp_path: Pa
     assert np.array_equal(low[: len(counts)], counts & 0xFFFF)
 
 
-def test_an_answer_may_take_its_time(paper: Rig, tmp_path: Path, bench) -> None:
+def test_a_late_answer_of_the_operator_is_accepted(paper: Rig, tmp_path: Path, bench) -> None:
     answers = iter([None, None, None, True])
     with bench() as (device, _):
         captured = capture(device, paper, "X1", SHORT, tmp_path, confirm=lambda: next(answers))
@@ -100,7 +100,7 @@ def test_an_answer_may_take_its_time(paper: Rig, tmp_path: Path, bench) -> None:
 
 
 @pytest.mark.parametrize("lost", [1, 3])
-def test_the_release_is_told_until_it_is_heard(lost: int, paper: Rig, tmp_path: Path, bench, agree) -> None:
+def test_the_release_is_reported_until_it_is_acknowledged(lost: int, paper: Rig, tmp_path: Path, bench, agree) -> None:
     with bench(fault=(f"lose_events={lost}",)) as (device, _):
         captured = capture(device, paper, "X1", SHORT, tmp_path, confirm=agree)
     assert captured.quality.ok, captured.quality.sentence
@@ -146,7 +146,7 @@ def test_unknown_pose_and_foreign_encoders_are_configuration_errors(paper: Rig, 
     ],
     ids=str,
 )
-def test_what_cannot_be_recorded_is_the_callers_mistake(wrong: dict[str, Any]) -> None:
+def test_invalid_recording_requests_are_errors_of_the_caller(wrong: dict[str, Any]) -> None:
     (name,) = wrong
     with pytest.raises(ValueError, match=f"{name} = .*: must be a "):
         CaptureOptions(**wrong)

@@ -82,7 +82,7 @@ def test_a_run_without_a_clock_fit_is_degraded_and_read_with_a_warning(record: R
 
 @pytest.mark.slow
 @pytest.mark.parametrize("firmware", ["python", "c"])
-def test_a_right_clock_is_good_whatever_the_firmware(firmware: str, record: Record) -> None:
+def test_a_right_clock_is_good_with_any_firmware(firmware: str, record: Record) -> None:
     captured = record(firmware=firmware)
     assert captured.quality.ok, captured.quality.sentence
     clock = info(captured.run_file).clock

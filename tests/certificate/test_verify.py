@@ -62,7 +62,7 @@ def test_choices_and_origin_are_declared_with_their_departures_from_the_default(
     assert origin["signature"] == "the author is unknown"
 
 
-def test_one_byte_of_a_run_is_seen(copied: Path) -> None:
+def test_one_changed_byte_of_a_run_is_detected(copied: Path) -> None:
     run = copied.parent / "X2.mcap"
     data = bytearray(run.read_bytes())
     data[len(data) // 2] ^= 1
@@ -160,14 +160,16 @@ def test_a_diagnosis_that_starts_from_a_model_is_not_certified(folder: Path, tmp
         ('{"policy": 9}', "policy 9, but this version verifies 2. Update dpr-lab"),
     ],
 )
-def test_what_is_no_certificate_of_this_policy_is_a_sentence(text: str, message: str, tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_certificate_of_this_policy_is_refused_with_a_sentence(
+    text: str, message: str, tmp_path: Path
+) -> None:
     (tmp_path / "c.json").write_text(text, encoding="utf-8")
     with pytest.raises(RunError, match=rf"c\.json: .*{message}"):
         verify(tmp_path / "c.json")
 
 
 @pytest.mark.parametrize("name", ["", "a\0b", "a" * 300, "runs", "/dev/null"])
-def test_a_recording_that_is_no_file_is_no_traceback(copied: Path, name: str) -> None:
+def test_a_recording_that_is_not_a_file_is_refused_with_a_sentence(copied: Path, name: str) -> None:
     (copied.parent / "runs").mkdir()
     edit(copied, lambda whole: whole["recordings"][0].update(file=name), sealed=False)
     try:
@@ -177,7 +179,7 @@ def test_a_recording_that_is_no_file_is_no_traceback(copied: Path, name: str) ->
     assert not done.holds
 
 
-def test_a_folder_is_no_certificate(tmp_path: Path) -> None:
+def test_a_folder_is_refused_as_a_certificate(tmp_path: Path) -> None:
     for place in (tmp_path, tmp_path / "missing.json"):
         with pytest.raises(RunError, match="cannot be read"):
             verify(place)

@@ -125,7 +125,7 @@ def test_no_such_pose(tmp_path: Path, cli) -> None:
     "words",
     [("--duration", "-1"), ("--duration", "0"), ("--duration", "nan"), ("--rate-hz", "0"), ("--rate-hz", "-5")],
 )
-def test_a_length_or_rate_that_is_none_is_refused(tmp_path: Path, cli, words: tuple[str, str]) -> None:
+def test_an_invalid_length_or_rate_is_refused(tmp_path: Path, cli, words: tuple[str, str]) -> None:
     done = cli("capture", "--rig", "paper", "--link", "sim://?clock=fast", *words, "--out", tmp_path)
     assert done.code == 2
     assert words[0] in done.err

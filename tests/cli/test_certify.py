@@ -37,7 +37,7 @@ def test_certify_and_verify_show_the_choices_first(cli: Callable, certified: tup
     assert "Choices that are not the default: library, maximum number of effects, seed." in done.out
 
 
-def test_verify_says_the_same_for_programs(cli: Callable, certified: tuple[Path, str]) -> None:
+def test_verify_has_the_same_content_in_json(cli: Callable, certified: tuple[Path, str]) -> None:
     done = cli("verify", certified[0], "--json", "--same-libraries")
     assert done.code == 0, done.err
     assert done.json["holds"] is True

@@ -56,7 +56,7 @@ def test_the_damping_of_the_file_is_changed_and_nothing_else(cli, bench: tuple[P
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_it_speaks_the_names_of_the_file(cli, bench: tuple[Path, Rig]) -> None:
+def test_the_output_uses_the_names_of_the_file(cli, bench: tuple[Path, Rig]) -> None:
     folder, _ = bench
     done = cli("diagnose", *RUNS, *FEW, "--rig", "rig.toml", "--simulator", "robot.xml", cwd=folder)
     assert done.code == 0, done.err

@@ -41,7 +41,7 @@ def days(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.mark.slow
-def test_the_command_says_what_changed_since_yesterday(days: list[Path], tmp_path: Path, cli) -> None:
+def test_the_command_reports_what_changed_between_two_days(days: list[Path], tmp_path: Path, cli) -> None:
     done = cli("drift", *days, "--rig", "paper", "--out", tmp_path / "out", "--fail-on-drift", "--json")
     assert done.code == 1, done.err
     assert done.json["drifted"]
@@ -65,7 +65,7 @@ def test_a_rig_that_stays_as_it_is_ends_with_0(days: list[Path], cli) -> None:
     assert "No significant change between before and after" in done.out
 
 
-def test_a_diagnosis_that_is_none_is_a_sentence(days: list[Path], tmp_path: Path, cli) -> None:
+def test_an_invalid_diagnosis_is_refused_with_a_sentence(days: list[Path], tmp_path: Path, cli) -> None:
     (tmp_path / "d.json").write_text(json.dumps({"verdict": "fine"}))
     done = cli("drift", *days[6:], "--rig", "paper", "--diagnosis", tmp_path / "d.json")
     assert done.code == 3

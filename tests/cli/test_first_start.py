@@ -14,7 +14,7 @@ CLI = Path(__file__).parents[2] / "dpr_lab" / "cli"
 CAPTURE = ("capture", "--rig", "paper", "--pose", "X1", "--duration", "1", "--link", "sim://?clock=fast&seed=3")
 
 
-def test_it_is_said_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_compilation_is_announced_once(capsys: pytest.CaptureFixture[str]) -> None:
     with Listener():
         compiling()
         compiling()
@@ -33,7 +33,7 @@ def test_every_command_that_may_compile_listens() -> None:
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_the_first_start_is_told_and_the_second_is_not(tmp_path: Path, on_terminal) -> None:
+def test_the_compilation_is_announced_at_the_first_start_only(tmp_path: Path, on_terminal) -> None:
     def shown(*words: str) -> str:
         program = [sys.executable, "-m", "dpr_lab", *words]
         code, text = on_terminal(program, {"NUMBA_CACHE_DIR": str(tmp_path / "cache")})

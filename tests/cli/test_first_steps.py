@@ -19,7 +19,7 @@ from dpr_lab.search import ALGORITHMS, search_words
 ROOT = Path(__file__).parents[2]
 
 
-def test_a_rig_without_poses_is_said(cli, tmp_path: Path) -> None:
+def test_a_rig_without_poses_is_reported(cli, tmp_path: Path) -> None:
     text = (BUILTIN / "rigs" / "paper.toml").read_text()
     (tmp_path / "rig.toml").write_text(re.sub(r"\[poses\.[^[]*", "", text))
     done = cli("capture", "--rig", tmp_path / "rig.toml", "--link", "sim://?clock=fast", "--out", tmp_path / "runs")

@@ -19,7 +19,7 @@ def test_without_runs_it_simulates_the_poses_of_the_rig_file(cli) -> None:
 
 
 @pytest.mark.slow
-def test_with_runs_it_speaks_of_what_they_hold(cli, runs: list[Path]) -> None:
+def test_with_runs_it_reports_what_they_determine(cli, runs: list[Path]) -> None:
     done = cli("identifiability", *runs, "--rig", "paper", "--json")
     assert done.code == 0, done.err
     assert done.json["rank"] == 5
@@ -41,7 +41,7 @@ def test_a_rig_file_without_poses_and_no_runs_is_refused(cli, tmp_path: Path) ->
     assert str(rig) in done.err
 
 
-def test_releases_with_one_and_the_same_mass_on_are_said_not_to_see_the_bare_rig(cli, tmp_path: Path) -> None:
+def test_releases_that_all_carry_the_same_mass_are_reported_not_to_determine_the_scale(cli, tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     added = '\n[added_mass]\nrod = "outer"\nmass = 0.05\nposition = 0.4\n'
     rig.write_text((Path(__file__).parents[2] / "configs/rigs/paper.toml").read_text() + added)

@@ -72,7 +72,7 @@ def test_the_quickstart_and_the_python_example_run(quickstart: Path) -> None:
 
 
 @pytest.mark.slow
-def test_same_seed_same_answer_whatever_the_number_of_threads(
+def test_same_seed_same_answer_for_any_number_of_threads(
     runs: list[Path], model: Path, tmp_path: Path, cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("NUMBA_NUM_THREADS", "1")

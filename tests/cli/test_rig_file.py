@@ -122,7 +122,7 @@ def test_what_no_rig_file_may_hold(cli, tmp_path: Path, words: tuple[str, ...], 
     assert "Traceback" not in done.err
 
 
-def test_a_terminal_is_asked(tmp_path: Path) -> None:
+def test_missing_values_are_prompted_for_on_a_terminal(tmp_path: Path) -> None:
     answers = {
         "Name of the rig": "asked",
         "Distance between the two joints": "0.3",
@@ -189,7 +189,9 @@ def changed(tmp_path: Path, old: str, new: str) -> Path:
         ("[poses.X1]", "[pose.X1]", "wrong", ""),
     ],
 )
-def test_what_is_wrong_missing_or_odd_is_said(tmp_path: Path, old: str, new: str, state: str, key: str) -> None:
+def test_wrong_missing_and_implausible_entries_are_reported(
+    tmp_path: Path, old: str, new: str, state: str, key: str
+) -> None:
     found = check_rig(changed(tmp_path, old, new))
     assert (state, key) in [(finding.state, finding.key) for finding in found], found
 

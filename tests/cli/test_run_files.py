@@ -45,7 +45,7 @@ def test_the_json_of_one_file_is_an_object_and_of_many_a_list(runs: list[Path], 
     assert [found["ok"] for found in (one.json, *many.json)] == [False, True, False]
 
 
-def test_what_is_no_run_stands_between_those_that_are(runs: list[Path], tmp_path: Path, cli) -> None:
+def test_files_that_are_not_runs_are_listed_between_the_runs(runs: list[Path], tmp_path: Path, cli) -> None:
     gone = tmp_path / "gone.mcap"
     done = cli("run", "info", runs[0], gone, runs[1], "--json")
     assert done.code == 3

@@ -98,7 +98,7 @@ MALFORMED = [
 ]
 
 
-def test_malformed_requests_get_errors_and_the_service_goes_on(client: Client) -> None:
+def test_malformed_requests_get_errors_and_the_service_continues(client: Client) -> None:
     for line, code, words in MALFORMED:
         client.write(line)
         error = client.next()["error"]

@@ -70,7 +70,7 @@ def test_a_diagnosis_on_the_terminal_loads_no_figures() -> None:
 
 
 @pytest.mark.slow
-def test_the_lab_never_loads_the_simulated_device() -> None:
+def test_dpr_lab_never_loads_the_simulated_device() -> None:
     program = (
         "import sys\nimport dpr_lab.identification.identify, dpr_lab.acquisition.capture\n"
         "import dpr_lab.identification.compare, dpr_lab.transports.simulated\n"

@@ -72,7 +72,7 @@ def test_a_campaign_ends_with_scores_and_a_page(tmp_path: Path, cli) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_a_trial_that_fails_is_told_and_the_others_stand(tmp_path: Path, cli) -> None:
+def test_a_failed_trial_is_reported_and_the_others_count(tmp_path: Path, cli) -> None:
     done = cli("trials", "campaign", "--n", 1, "--kind", "clean", "--plant", "none", "--jobs", 1, "--out", tmp_path)
     assert done.code == 1
     assert "trial 0: the simulated device reports: none: no such file" in done.err

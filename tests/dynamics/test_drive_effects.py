@@ -92,7 +92,7 @@ def test_every_effect_of_a_drive_has_a_second_implementation():
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_it_acts_as_the_lagrangian_says(name):
+def test_it_satisfies_lagrange_s_equations(name):
     values, laws = LAWS[name]
     theta = lagrangian(T, TAU, laws, values.get("delay_s", 0.0))
     truth = np.column_stack([theta[:, 0], theta[:, 1] - theta[:, 0]])
@@ -127,7 +127,7 @@ def problem():
     return truth, Problem(laid_out, seen, np.full(seen.shape, 1 / 3e-4), RodsWithEffects(CONSTANTS)), initial
 
 
-def test_a_drive_is_told_from_friction_and_inertia(problem):
+def test_a_drive_is_distinguished_from_friction_and_inertia(problem):
     truth, problem, initial = problem
     params = effect_params({"torque_ripple_joint2": {"order": 9.0}})
     at = Estimate.of(with_scale(unknown_ratios(WHOLE), 0.9 * WHOLE[1]), params, initial)

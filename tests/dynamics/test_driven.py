@@ -65,7 +65,7 @@ def test_torques_drive_both_output_models(model, torques: np.ndarray, swing: np.
     assert found == pytest.approx(truth, abs=2e-6)
 
 
-def test_slopes_by_the_scale_are_those_of_the_readings(torques: np.ndarray):
+def test_derivatives_with_respect_to_the_scale_agree_with_those_of_the_readings(torques: np.ndarray):
     laid_out = segments([T], setups=[Setup(torques=Torques(T, torques))], step=2.5e-3)
     model, at = RodsAlone(rig_constants(RIG)), estimate(START)
     free = ratio_parameters(at, range(6))

@@ -75,7 +75,7 @@ def test_is_of_fourth_order_across_stops_and_starts(first, second, start):
 
 
 @each_case
-def test_lanes_read_what_the_scalar_steps_do(first, second, start):
+def test_readings_of_lanes_and_scalar_steps_agree(first, second, start):
     t = np.linspace(0.1, 1.4, 131)
     states = simulate(BASE, L1, G, start, np.concatenate([[0.1 - PAD], t]), 2e-4, coulomb(first, second))
     read = predict(BASE, coulomb(first, second), CONSTANTS, segments([t]), np.atleast_2d(start))
@@ -96,7 +96,7 @@ def test_the_peaks_of_one_joint_fall_along_a_straight_line():
     assert peaks[6] == pytest.approx(peaks[5])
 
 
-def test_what_rests_stays_where_it_is_for_minutes():
+def test_a_sticking_joint_does_not_creep_for_minutes():
     params = coulomb(0.15, 0.05)
     t = np.concatenate([[0.0], np.linspace(20, 200, 10)])
     states = simulate(BASE, L1, G, hanging(0.7, -0.9), t, 2.5e-3, params)
@@ -115,7 +115,7 @@ def test_an_elbow_at_rest_does_not_creep_while_the_shoulder_swings():
     assert np.ptp(states[:, 0]) > 0.5
 
 
-def test_energy_lost_is_what_friction_took():
+def test_the_loss_of_energy_is_the_work_of_friction():
     a, b, d, e1, *_ = BASE
     base, t = BASE * [1, 1, 1, 1, 0, 0], np.linspace(0, 3, 30001)
     states = simulate(base, L1, G, hanging(0.5, 1.9), t, 1e-4, coulomb(0.05, 0.03))
@@ -168,7 +168,7 @@ def test_directions_are_those_of_the_least_energy_of_acceleration():
 
 
 @pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.dry])
-def test_slopes_are_smooth_across_stops_and_starts(name):
+def test_derivatives_are_smooth_across_stops_and_starts(name):
     """Forward differences of readings, as fits take them, against central ones of a finer integration."""
     size = 300.0 if EFFECTS[name].stage == "load" else 20.0
     params = effect_params({name: {p.name: size * p.typical for p in EFFECTS[name].amplitudes}})

@@ -90,7 +90,7 @@ def test_mass_matrix_is_that_of_the_kinetic_energy(lagrangian, states):
 
 
 @pytest.mark.slow
-def test_free_arm_obeys_lagrange(lagrangian, states):
+def test_a_free_arm_satisfies_lagrange_s_equations(lagrangian, states):
     for tau0, state in enumerate(states):
         q, w = state[:3], state[3:]
         outside = np.array([0.01 * tau0, 0.02, -0.03])
@@ -100,7 +100,7 @@ def test_free_arm_obeys_lagrange(lagrangian, states):
         np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
 
 
-def test_driven_arm_obeys_lagrange_of_the_rods(lagrangian, states):
+def test_rods_on_a_driven_arm_satisfy_lagrange_s_equations(lagrangian, states):
     for u, state in enumerate(states):
         q, w = state[:3], state[3:]
         M, forces, _ = lagrangian(q, w)
@@ -111,7 +111,7 @@ def test_driven_arm_obeys_lagrange_of_the_rods(lagrangian, states):
         np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
 
 
-def test_clamped_arm_obeys_lagrange_and_is_equation_1(lagrangian, states):
+def test_rods_on_a_clamped_arm_satisfy_lagrange_s_equations_and_equation_1(lagrangian, states):
     for state in states:
         q, w = state[:3], np.array([0.0, *state[4:]])
         M, forces, _ = lagrangian(q, w)
@@ -121,7 +121,7 @@ def test_clamped_arm_obeys_lagrange_and_is_equation_1(lagrangian, states):
         assert moved(q, w, CLAMPED, 5.0) == (0.0, *equation1)
 
 
-def test_driving_by_nothing_is_clamping(states):
+def test_a_drive_without_motion_is_a_clamp(states):
     for state in states:
         q, w = state[:3], np.array([0.0, *state[4:]])
         driven = moved(q, w, DRIVEN, 0.0, 0.1, 0.2)

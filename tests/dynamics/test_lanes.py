@@ -141,7 +141,7 @@ def test_tracks_hold_every_candidate_on_every_segment_once():
 
 
 @pytest.mark.parametrize("name", ["latency_joint2", "clock_rate"])
-def test_instants_that_make_no_sense_give_no_number(name):
+def test_invalid_instants_give_nan(name):
     params = np.array([typical(name, factor=np.nan), typical(name)])
     found = predict_batch([BASE] * 2, params, CONSTANTS, SEGMENTS, [INITIAL] * 2)
     assert np.isnan(found[0]).all()

@@ -61,7 +61,7 @@ def readings(model, setup: Setup, initial, whole=WHOLE, t=T, params=None):
 
 @pytest.mark.parametrize("model", [RodsAlone, RodsWithEffects], ids=["ratios", "lanes"])
 @pytest.mark.parametrize(("mounting", "elbow"), ONE_ROD.items())
-def test_what_hangs_there_moves_as_its_lagrangian_says(mounting, elbow, model):
+def test_each_mounting_satisfies_lagrange_s_equations(mounting, elbow, model):
     alpha = acceleration(mounting, elbow)
     # The lanes start a segment before its first sample, at the release where that is near.
     start = 0.0 if model is RodsWithEffects else T[0]
@@ -86,7 +86,7 @@ def test_a_rod_alone_keeps_its_energy_without_friction():
 
 
 @pytest.mark.parametrize("setup", [Setup("inner"), Setup("outer"), Setup("clamped", elbow=0.7), INNER_LOADED], ids=str)
-def test_slopes_are_those_of_the_readings(setup: Setup):
+def test_derivatives_agree_with_those_of_the_readings(setup: Setup):
     laid_out = segments([T, T + 2.0], setups=[setup], step=2.5e-3)
     model, initial = RodsAlone(rig_constants(RIG)), np.array([[1.1, 1.8, 2.0, 2.0], [2.0, 2.7, -1.0, -1.0]])
     at = Estimate.of(unknown_ratios(WHOLE), effect_params({}), initial)
@@ -102,7 +102,7 @@ def test_slopes_are_those_of_the_readings(setup: Setup):
         assert slopes[:, :, column] * at.ratios[parameter.place] == pytest.approx(expected, rel=1e-4, abs=1e-5)
 
 
-def test_no_swing_of_one_rod_shows_more_than_its_own():
+def test_a_swing_of_one_rod_determines_its_own_parameters_only():
     def names(*setups: Setup) -> set[int]:
         return set(visible_ratios(setups))
 

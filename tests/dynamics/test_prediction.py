@@ -67,7 +67,7 @@ def test_is_of_fourth_order_at_least(truth):
     assert np.polyfit(np.log(steps), np.log(errors), 1)[0] > 3.8
 
 
-def test_segments_do_not_feel_each_other(truth):
+def test_segments_are_independent(truth):
     times = [T, T + 0.5]
     starts = np.array([RELEASE, at(truth, 0.5)])
     both = predict(BASE, OFF, CONSTANTS, segments(times, [0, 0]), starts)
@@ -75,7 +75,7 @@ def test_segments_do_not_feel_each_other(truth):
     np.testing.assert_allclose(both, relative(at(truth, np.concatenate(times))), atol=1e-6)
 
 
-def test_candidates_do_not_feel_each_other():
+def test_candidates_are_independent():
     rng = np.random.default_rng(1)
     n, swing = 7, segments([T, T + 1.0, T], [0, 0, 1])
     bases = BASE * rng.uniform(0.9, 1.1, (n, 6))
@@ -102,7 +102,7 @@ def test_a_run_with_an_added_mass_swings_as_a_heavier_rig():
     np.testing.assert_array_equal(found[:100], read({}))
 
 
-def test_latency_reads_joint_2_of_a_moment_ago(truth):
+def test_latency_delays_the_reading_of_joint_2(truth):
     found = read({"latency_joint2": {"delay_s": 3e-3}})
     np.testing.assert_allclose(found[:, 0], at(truth, T)[:, 0], atol=1e-6)
     np.testing.assert_allclose(found[:, 1], relative(at(truth, T - 3e-3))[:, 1], atol=1e-6)
@@ -266,5 +266,5 @@ def test_shapes_are_checked():
 
 
 @pytest.mark.parametrize("values", [{"clock_rate": {"excess": -1.0}}, {"latency_joint2": {"delay_s": np.nan}}])
-def test_a_clock_out_of_its_mind_is_not_finite(values):
+def test_an_absurd_clock_error_gives_nan(values):
     assert not np.isfinite(read(values)).any()

@@ -78,7 +78,7 @@ def read(setup: Setup) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_the_rods_follow_a_prescribed_arm_as_lagrange_says():
+def test_the_rods_on_a_prescribed_arm_satisfy_lagrange_s_equations():
     t = np.arange(0.0, 1.7, 1e-3)
     known = ArmMotion(t, moved(t, np.cos), 3.6 * np.sin(4 * t) + 1.8 * np.sin(9 * t))
     assert np.abs(swung() - read(Setup())).max() > 0.3
@@ -111,7 +111,7 @@ def test_the_ratios_are_found_with_the_arm_s_encoder_alone(model, rng):
 
 
 @pytest.mark.parametrize("mounting", ["both", "clamped", "inner", "outer"])
-def test_slopes_are_differences_whatever_hangs_on_a_moving_arm(mounting: Mounting):
+def test_derivatives_agree_with_differences_for_all_mountings_on_a_moving_arm(mounting: Mounting):
     t = np.arange(0.0, 1.7, 5e-3)
     known = ArmMotion(t, moved(t, np.cos), 3.6 * np.sin(4 * t) + 1.8 * np.sin(9 * t))
     laid_out = segments([T[:100]], setups=[Setup(mounting, arm=known)], step=1e-3)

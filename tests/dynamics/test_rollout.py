@@ -28,7 +28,7 @@ def reference():
     return swings(base_parameters(Z, L1, G))
 
 
-def test_own_trajectory_costs_nothing(reference):
+def test_the_cost_of_the_own_trajectory_is_zero(reference):
     own = rows(base_parameters(Z, L1, G), L1, G)[None]
     # 1e-12 rad at each of 401 samples
     assert trajectory_errors(own, POSES, reference, STEP).max() < 401 * 1e-24

@@ -95,7 +95,7 @@ def test_segments_are_independent_of_each_other():
         np.testing.assert_array_equal(slopes[offsets[s] : offsets[s + 1]], alone[1])
 
 
-def test_five_ratios_are_told_apart_by_one_swing():
+def test_one_swing_distinguishes_five_ratios():
     _, slopes = swing_sensitivity(RATIOS, L1, G, [0.1, np.pi, 0.0, 0.0], np.linspace(0, 2, 201))
     scaled = slopes[:, :2, :5].reshape(-1, 5) * RATIOS
     assert np.linalg.cond(scaled) < 1e5

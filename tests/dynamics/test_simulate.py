@@ -80,7 +80,7 @@ def test_growth_of_a_small_error_over_ten_seconds(pose, low, high):
     assert low < np.linalg.norm(apart, axis=1).max() / small < high
 
 
-def test_what_blows_up_is_nan_from_there_on():
+def test_a_diverging_simulation_is_nan_from_there_on():
     states = simulate(BASE * [1, 1, 20, 1, 1, 1], L1, G, X2, np.linspace(0, 50, 501))
     finite = np.isfinite(states).all(axis=1)
     assert finite[0]

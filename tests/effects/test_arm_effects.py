@@ -58,7 +58,7 @@ def held_torque():
 each_effect = pytest.mark.parametrize("effect", OF_ARM.values(), ids=OF_ARM)
 
 
-def test_the_lanes_move_an_arm_as_the_equation_of_the_whole_rig_does():
+def test_lanes_with_a_moving_arm_agree_with_the_equation_of_the_whole_rig():
     p = [*BASE[:6], INERTIA, VISCOUS, 0.0, 0.0, 1.0, CONSTANTS.L0]
     before, mean = held_torque()
     whole = swing_segments(
@@ -90,7 +90,7 @@ def test_the_lanes_and_the_scalar_steps_agree(name):
     np.testing.assert_allclose(read(effects)[:, [2, 0]], alone[:, :2], atol=1e-7)
 
 
-def test_a_tilted_axis_is_gravity_that_mujoco_tilts():
+def test_a_tilted_axis_agrees_with_tilted_gravity_in_mujoco():
     Z, frame, arm = RIG.nominal, (0.3, CONSTANTS.L1, CONSTANTS.g), ArmParameters(0.05, 0.02, mode="free")
     t, torque = 0.005 * np.arange(200), 0.3 * np.sin(0.02 * np.arange(200))
     start, tilt = np.array([0.7, 2.0, 1.5, 0.4, 0.3, -0.2]), {"along_rad": 0.004, "across_rad": -0.007}
@@ -106,13 +106,13 @@ def test_a_tilted_axis_is_gravity_that_mujoco_tilts():
 
 
 @each_effect
-def test_off_exactly_whatever_the_shape(effect):
+def test_an_amplitude_of_zero_has_exactly_no_effect_for_any_shape(effect):
     shapes = {effect.name: {p.name: 3.0 * p.default for p in effect.shapes}}
     np.testing.assert_array_equal(read(shapes), read({}))
 
 
 @each_effect
-def test_a_clamped_arm_has_none_and_a_free_one_no_drive(effect):
+def test_a_clamped_arm_has_no_arm_effects_and_a_free_arm_no_drive_effects(effect):
     params = effect_params(typical(effect))
     on = [param_index(effect.name, parameter.name) for parameter in effect.amplitudes]
     assert params[on].all()
@@ -154,7 +154,7 @@ def base_of_one_rod():
 
 
 @pytest.mark.slow
-def test_dry_friction_holds_the_arm_and_lets_it_go_as_an_independent_engine_does():
+def test_stick_and_slip_of_the_arm_agree_with_an_independent_engine():
     friction = 2.4
     torques = Torques(LOGGED, np.zeros((len(LOGGED), 2)), on_arm=PUSH)
     setup = Setup("inner", torques=torques, arm_moves=True)
@@ -192,7 +192,7 @@ def motor_state(effects, t, torque, viscous=VISCOUS):
     "more", [{}, {"torque_scale_joint0": {"excess": 0.2}}, {"coulomb_joint0": {"torque_Nm": 0.05}}]
 )
 @pytest.mark.parametrize("share", [0.003, 0.1])
-def test_the_motor_behind_backlash_moves_alike_in_lanes_and_scalar_steps(share, more):
+def test_the_motor_behind_backlash_agrees_in_lanes_and_scalar_steps(share, more):
     effects = {"backlash_joint0": {"play_rad": 0.04, "motor_share": share}} | more
     t, torque = held_torque()
     motor, states = motor_state(effects, t, torque)
@@ -228,7 +228,7 @@ def test_a_motor_behind_backlash_conserves_momentum_and_loses_energy_at_impacts(
 @pytest.mark.slow
 @pytest.mark.parametrize("both", [True, False])
 @pytest.mark.parametrize("mode", ["free", "driven"])
-def test_backlash_of_the_arm_s_gear_is_that_of_a_motor_in_mujoco(both, mode):
+def test_backlash_of_the_arm_s_gear_agrees_with_a_motor_in_mujoco(both, mode):
     plant = replace(drawn_plant(np.random.default_rng(3), both, "backlash_joint0", 1.0, 0.2), rotor=0.3)
     rig, t = rig_of(plant, mode), 2e-3 * np.arange(1000)
     u = 0.2 * np.sin(7.0 * t + 0.3) + 0.06 * np.sign(np.sin(11.0 * t)) if mode == "driven" else np.zeros(len(t))
@@ -247,7 +247,7 @@ def test_backlash_of_the_arm_s_gear_is_that_of_a_motor_in_mujoco(both, mode):
     assert np.std(found - expected) < 8e-5  # 0.3 mrad is the noise of its encoder
 
 
-def test_a_saturated_drive_is_no_larger_than_any_rig_and_a_huge_friction_is():
+def test_a_saturated_drive_is_within_the_limits_of_a_rig_and_a_huge_friction_exceeds_them():
     a, b, d, e1, c1, c2 = BASE[:6]
     limits = amplitude_limits(BaseParameters(a, b, d, e1, d * CONSTANTS.g / CONSTANTS.L1, c1, c2), CONSTANTS)
     saturated = effect_params({"saturation_joint0": {"share": 1.0, "limit_Nm": 0.01}})
@@ -258,6 +258,6 @@ def test_a_saturated_drive_is_no_larger_than_any_rig_and_a_huge_friction_is():
 
 
 @pytest.mark.parametrize(("turns", "stops"), [(1.0, ()), (12.0, ("hard_stop_joint0",))])
-def test_a_stop_beyond_many_turns_is_none(turns, stops):
+def test_a_stop_beyond_many_turns_has_no_effect(turns, stops):
     params = effect_params({"hard_stop_joint0": {"stiffness_Nm_per_rad": 0.01, "range_rad": turns * 2 * np.pi}})
     assert oversized(params, None) == stops

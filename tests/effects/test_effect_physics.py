@@ -76,7 +76,7 @@ def lagrange():
         (5, 0.3, {"base_vibration": {"cos_m_per_s2": 0.3}}),
     ],
 )
-def test_geometry_inertia_and_base_obey_lagrange(lagrange, states, place, size, values):
+def test_effects_of_geometry_inertia_and_base_satisfy_lagrange_s_equations(lagrange, states, place, size, values):
     extra = np.zeros(6)
     extra[place] = size
     for state in states:
@@ -86,7 +86,7 @@ def test_geometry_inertia_and_base_obey_lagrange(lagrange, states, place, size, 
         )
 
 
-def test_all_of_them_at_once_obey_lagrange(lagrange, states):
+def test_all_of_them_at_once_satisfy_lagrange_s_equations(lagrange, states):
     values = {
         "com_offset_link1": {"offset_m": 0.004},
         "com_offset_link2": {"offset_m": -0.003},
@@ -220,7 +220,7 @@ def test_friction_drift_grows_with_the_time_since_the_release():
     assert np.array([BASE_NAMED.a, coupling]) @ late == pytest.approx(-1e-4 * 7.0 * 3.0)
 
 
-def test_small_swing_loses_four_frictions_over_stiffness_each_period():
+def test_a_small_swing_loses_four_times_friction_over_stiffness_per_period():
     # Closed form for one rod under dry friction alone; the outer rod is made too light to matter.
     base, friction = np.array([0.02, 1e-9, 0.0, 0.4, 0.0, 0.0]), 5e-4
     params = effect_params({"coulomb_joint1": {"torque_Nm": friction}})
@@ -287,7 +287,7 @@ def test_an_arm_is_not_mounted_twice():
         simulate_arm(Z, FRAME, ArmParameters(J0=0.05, k0=400.0, mode="free"), np.zeros(6), [0.0, 1.0], effects=params)
 
 
-def test_what_was_not_measured_gives_nan():
+def test_constants_that_were_not_measured_are_nan():
     params = effect_params({"air_drag_outer": {"coefficient_kg_per_m2": 5e-3}})
     assert np.isnan(simulate(BASE, L1, G, [0.1, 3.0, 0.0, 0.0], [0.0, 0.1], effects=params)[1]).all()
 

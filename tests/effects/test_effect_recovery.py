@@ -144,12 +144,12 @@ def cosine(x, y):
         (("com_offset_link1", "offset_m"), ("detent_joint1", "cos1_Nm")),
     ],
 )
-def test_exact_twins_cannot_be_told_apart(one, other):
+def test_exact_twins_are_indistinguishable(one, other):
     assert abs(cosine(signature(*one), signature(*other))) > 0.999
     assert other[0] in EFFECTS[one[0]].twins
 
 
-def test_what_are_no_twins_can_be_told_apart():
+def test_effects_that_are_not_twins_are_distinguishable():
     for one, other in [
         (("coulomb_joint1", "torque_Nm"), ("coulomb_joint2", "torque_Nm")),
         (("spring_joint1", "stiffness_Nm_per_rad"), ("spring_joint2", "stiffness_Nm_per_rad")),
@@ -159,7 +159,7 @@ def test_what_are_no_twins_can_be_told_apart():
         assert abs(cosine(signature(*one), signature(*other))) < 0.95
 
 
-def test_what_the_base_parameters_absorb_leaves_no_trace():
+def test_an_effect_that_base_parameters_absorb_is_not_visible():
     raw, bare, places = signatures()
     for effect in OF_FREE_SWINGS.values():
         own = [places.index(k) for k in unit(effect)]
@@ -167,7 +167,7 @@ def test_what_the_base_parameters_absorb_leaves_no_trace():
         assert (share < 1e-3) == bool(effect.absorbed_by), effect.name
 
 
-def test_one_detent_a_turn_hides_its_sine_in_gravity():
+def test_the_sine_of_cogging_of_order_one_is_absorbed_by_gravity():
     raw, bare, places = signatures()
     k = places.index(param_index("detent_joint1", "sin1_Nm"))
     assert np.linalg.norm(bare[:, k]) < 1e-3 * np.linalg.norm(raw[:, k])

@@ -77,7 +77,7 @@ def test_the_table_holds_the_canonical_names():
 
 
 @each_effect
-def test_off_exactly_whatever_the_shape(effect, record):
+def test_an_amplitude_of_zero_has_exactly_no_effect_for_any_shape(effect, record):
     params = effect_params({})
     for scale in (0.0, 0.3, 3.0):
         for parameter in effect.shapes:
@@ -102,14 +102,14 @@ def test_each_amplitude_acts_alone(effect, record):
 
 
 @each_effect
-def test_feels_only_its_own_parameters(effect, record):
+def test_depends_only_on_its_own_parameters(effect, record):
     params, own = typical(effect), np.zeros(SIZE)
     own[SLICES[effect.name]] = params[SLICES[effect.name]]
     assert np.array_equal(read(params, record), read(own, record))
 
 
 @some(either_sign)
-def test_the_opposite_amplitude_does_the_opposite(effect, record):
+def test_an_amplitude_of_opposite_sign_has_the_opposite_effect(effect, record):
     off = read(np.zeros(SIZE), record)
     plus, minus = (read(typical(effect, factor), record) - off for factor in (1e-3, -1e-3))
     assert np.abs(plus + minus).max() < 0.02 * np.abs(plus).max()
@@ -157,7 +157,7 @@ def test_describes_itself(effect):
 
 
 @each_effect
-def test_knows_its_relations(effect):
+def test_lists_its_twins_and_nested_effects(effect):
     for name in (*effect.twins, *effect.nested):
         assert name in EFFECTS
         assert name != effect.name
@@ -169,7 +169,7 @@ def test_knows_its_relations(effect):
 
 
 @each_effect
-def test_a_kernel_asks_for_nothing_but_its_stage_s_quantities_its_internal_states_and_its_parameters(effect):
+def test_arguments_of_a_kernel_are_quantities_of_its_stage_internal_states_or_parameters(effect):
     offered = set(STAGES[effect.stage].quantities)
     own = {p.name for p in effect.parameters}
     stepped = {state.name for state in effect.internal if state.after}
@@ -184,7 +184,7 @@ def test_a_kernel_asks_for_nothing_but_its_stage_s_quantities_its_internal_state
             assert set(arguments(state.after)) <= {state.name, "displacement"} | own
 
 
-def test_one_effect_at_most_holds_the_arm_and_one_the_encoder_s_angle():
+def test_stages_that_replace_a_quantity_have_at_most_one_effect():
     stages = [effect.stage for effect in EFFECTS.values()]
     assert stages.count("arm") <= 1
     assert stages.count("input") <= 1
@@ -197,7 +197,7 @@ def test_internal_states_are_in_the_order_of_the_table():
     assert [INTERNAL[ARM].split(".")[1], INTERNAL[ARM + 1].split(".")[1]] == ["angle", "speed"]
 
 
-def test_shapes_are_proposed_from_what_was_recorded():
+def test_shapes_are_proposed_from_the_recording():
     still, moving = (Recorded((moves, False), lambda: [(1, 0, 2.5), (0, 1, 0.7)]) for moves in (False, None))
     counts, arm = EFFECTS["missed_counts"], EFFECTS["arm_compliance"]
     first = proposed_shapes(counts, still)[0]
@@ -207,7 +207,7 @@ def test_shapes_are_proposed_from_what_was_recorded():
     assert proposed_shapes(EFFECTS["detent_joint1"], still) is None
 
 
-def test_an_arm_wants_forty_steps_to_its_period_but_none_below_a_quarter_of_the_fits():
+def test_a_compliant_arm_needs_forty_steps_per_period_but_no_step_below_a_quarter_of_the_usual():
     longest = EFFECTS["arm_compliance"].longest_step
     assert longest({"frequency_hz": 14.0}) == pytest.approx(1 / (40 * 14.0))
     assert longest({"frequency_hz": 100.0}) == 2.5e-3 / 4
@@ -246,7 +246,7 @@ def test_unknown_names_are_refused(values, said):
 
 
 @pytest.mark.parametrize(("rest", "cubic"), [(0.4, 0.0), (-0.9, 0.0), (0.4, 2e-3), (0.0, 1e-3)])
-def test_a_spring_says_where_it_rests(rest, cubic):
+def test_a_spring_states_its_rest_angle(rest, cubic):
     spring, stiffness = EFFECTS["spring_joint1"], 1e-2
     assert spring.implied is not None
     constant = stiffness * rest + cubic * rest**3

@@ -49,14 +49,14 @@ def test_sine_and_cosine_err_by_less_than_the_last_place_of_one():
         assert abs(np.subtract(sincos(x), (float(sine), float(cosine)))).max() < 1.5 * 2**-53 * max(1, abs(x) * 2**-20)
 
 
-def test_far_out_they_saturate():
+def test_large_arguments_saturate():
     assert tanh(1e9) == 1.0
     assert tanh(-1e9) == -1.0
     assert exp(-1e9) == pytest.approx(0.0, abs=1e-300)
     assert exp(1e9) == pytest.approx(np.exp(700.0))
 
 
-def test_what_is_no_number_stays_none():
+def test_nan_stays_nan():
     assert np.isnan([exp(np.nan), tanh(np.nan), *sincos(np.nan), *sincos(np.inf)]).all()
 
 

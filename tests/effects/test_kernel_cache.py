@@ -117,7 +117,7 @@ def test_without_a_writable_folder_there_is_no_cache(tmp_path):
     assert open_cache(tmp_path / "file", "hash") is None
 
 
-def test_old_folders_go_and_fresh_ones_stay(tmp_path):
+def test_old_cache_folders_are_deleted_and_recent_ones_kept(tmp_path):
     now = 1e9
     ages = [0.0, 1.0, 2.0, PRUNE_AFTER_S / 2, PRUNE_AFTER_S + 1, 2 * PRUNE_AFTER_S]
     for age in ages:
@@ -128,14 +128,14 @@ def test_old_folders_go_and_fresh_ones_stay(tmp_path):
     assert {folder.name for folder in tmp_path.iterdir()} == {f"{age}" for age in ages[:KEPT]}
 
 
-def test_fresh_folders_stay_however_many(tmp_path):
+def test_recent_cache_folders_are_kept_however_many(tmp_path):
     for i in range(KEPT + 3):
         (tmp_path / str(i)).mkdir()
     prune(tmp_path, os.stat(tmp_path).st_mtime)
     assert len(list(tmp_path.iterdir())) == KEPT + 3
 
 
-def test_numba_of_others_keeps_its_folder():
+def test_the_cache_of_other_numba_programs_keeps_its_folder():
     assert "dpr-lab" not in str(numba.core.config.CACHE_DIR)
 
 
@@ -157,7 +157,7 @@ print(twice(21))
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="limits the size of files")
-def test_a_disk_that_fills_up_costs_the_cache_and_not_the_answer(tmp_path):
+def test_a_full_disk_loses_the_cache_but_not_the_result(tmp_path):
     (tmp_path / "program.py").write_text(FULL_DISK)
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     run = subprocess.run([sys.executable, tmp_path / "program.py"], env=environment, capture_output=True, text=True)
@@ -215,7 +215,7 @@ def test_a_cache_that_others_could_write_is_emptied_and_closed(tmp_path):
 
 @pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root can give a folder away")
 @pytest.mark.parametrize("given", ["root", "root/hash"])
-def test_a_cache_of_another_user_is_passed_over_for_a_private_one(tmp_path, given):
+def test_a_cache_of_another_user_is_replaced_by_a_private_one(tmp_path, given):
     (tmp_path / "root" / "hash").mkdir(parents=True)
     os.chown(tmp_path / given, 12345, 12345)
     cache, why = choose_cache([tmp_path / "root", tmp_path / "own"], "hash")

@@ -66,7 +66,7 @@ def test_silent_encoder_still_has_the_noise_of_its_counts():
 
 
 @pytest.mark.parametrize("rate", [200, 1000])
-def test_without_rest_the_swing_tells(rate):
+def test_without_a_rest_the_noise_is_estimated_from_the_swing(rate):
     noise = noise_floor(release(np.arange(10 * rate) / rate, 2.0), RIG)
     assert noise.source == "differences"
     np.testing.assert_allclose(noise.std_joint, COUNT * math.sqrt(4 + 1 / 12), rtol=0.08)
@@ -156,7 +156,7 @@ def test_whitening_makes_unit_variance():
     np.testing.assert_allclose(noise.whitening @ noise.covariance @ noise.whitening.T, np.eye(2), atol=1e-12)
 
 
-def test_too_few_samples_is_said():
+def test_too_few_samples_are_reported():
     with pytest.raises(RunError, match="5 samples are too few"):
         noise_floor(release(np.arange(5) / 1000, 1.0), RIG)
 

@@ -71,7 +71,7 @@ def test_innovations_are_as_large_as_they_claim(pose):
 
 @pytest.mark.parametrize("rate_hz", [200, 1000])
 @pytest.mark.parametrize("pose", POSES)
-def test_normalised_estimation_error_is_that_of_an_honest_or_a_cautious_smoother(pose, rate_hz):
+def test_the_normalised_estimation_error_shows_no_overconfidence(pose, rate_hz):
     """NEES e' P^-1 e has the mean 4, the number of states; above it the covariance would promise too much.
 
     Source: Bar-Shalom, Li & Kirubarajan (2001), Estimation with Applications to Tracking and Navigation, 5.4.
@@ -215,7 +215,7 @@ def test_live_filter_bridges_a_gap_and_refuses_to_go_back():
         live.update(t[1199], angles[1199])
 
 
-def test_nothing_after_the_release_is_said():
+def test_a_run_without_samples_after_the_release_is_reported():
     run, _ = recording("X1", 200)
     with pytest.raises(RunError, match="0 samples after the release"):
         smooth(run.between(-1.0, 0.0), noise_floor(run, RIG))

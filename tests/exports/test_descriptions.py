@@ -33,7 +33,7 @@ def test_urdf_is_read_by_its_parser(paper: Rig, bent: dict):
     assert robot.joint_map["stand"].origin.rpy == pytest.approx([0.0, 5e-3, 0.0])
 
 
-def test_urdf_swings_as_the_lab_does(paper: Rig, tmp_path: Path):
+def test_urdf_agrees_with_dpr_lab(paper: Rig, tmp_path: Path):
     """MuJoCo reads URDF too; gravity, dry friction and viscous friction are the simulator's to apply."""
     t = np.linspace(0, 2.0, 41)
     engine = mujoco.MjModel.from_xml_string(urdf(model_of(paper, typical("base_tilt")), paper, {}))
@@ -72,7 +72,7 @@ def test_sdf_has_the_elements_of_its_specification(paper: Rig, bent: dict):
 
 
 @pytest.mark.parametrize("told", ["tilted", "bent and wound"])
-def test_sdf_swings_as_the_lab_does_in_drake(paper: Rig, told: str):
+def test_sdf_in_drake_agrees_with_dpr_lab(paper: Rig, told: str):
     """Drake reads SDFormat with the format's own library; gravity of the world and dry friction it leaves to others."""
     # Imported by name, or the type checker would read all of Drake's stubs.
     parsing, plants, analysis = (
@@ -100,7 +100,7 @@ def test_sdf_swings_as_the_lab_does_in_drake(paper: Rig, told: str):
 
 
 @pytest.mark.parametrize("name", ["urdf", "sdf"])
-def test_what_is_lost_is_said_with_its_reason(paper: Rig, bent: dict, name: str):
+def test_each_loss_is_listed_with_its_reason(paper: Rig, bent: dict, name: str):
     bent = bent | {"unheard_of --> <x/>": {"size": 1.0}}
     files = FORMATS[name].written(model_of(paper, bent), paper)
     lost = json.loads(files[f"{FORMATS[name].main}.lost.json"])["lost"]

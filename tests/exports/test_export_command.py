@@ -99,7 +99,7 @@ def saved(runs: list[Run], corrected: Model, paper: Rig, tmp_path_factory) -> tu
     return folder, files
 
 
-def test_what_cannot_be_said_is_fitted_again_in_simpler_words(corrected: Model, runs, paper: Rig):
+def test_an_effect_that_the_format_lacks_is_replaced_by_a_simpler_one_and_refitted(corrected: Model, runs, paper: Rig):
     models = fitted_for(["python", "urdf"], corrected, runs, paper)
     assert models["python"] is corrected
     assert moving(models["urdf"]) == ["coulomb_joint1", "coulomb_joint2"]
@@ -140,7 +140,7 @@ def test_an_export_is_replayed_where_it_runs(saved, formats, tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_what_a_diagnosis_writes_says_what_it_costs(corrected: Model, runs, paper: Rig, tmp_path: Path):
+def test_files_of_a_diagnosis_state_their_loss_of_accuracy(corrected: Model, runs, paper: Rig, tmp_path: Path):
     said: list[str] = []
     files = save_exports(corrected, runs, paper, tmp_path, said.append)
     assert [sentence.split(":")[0] for sentence in said] == ["urdf", "sdf"]

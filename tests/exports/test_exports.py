@@ -20,7 +20,7 @@ from tests.exports.models import model_of, run_source
 from tests.thinned import thinned
 
 
-def test_mjcf_says_what_it_can_and_lists_the_rest(paper: Rig):
+def test_mjcf_contains_the_effects_that_it_can_and_lists_the_others(paper: Rig):
     effects = {
         "coulomb_joint1": {"torque_Nm": 1e-3},
         "spring_joint1": {"stiffness_Nm_per_rad": 2e-3, "cubic_Nm_per_rad3": 0.0, "constant_Nm": -1e-3},
@@ -64,7 +64,7 @@ def plain(paper: Rig) -> dict[Any, list[Any]]:
 
 
 @pytest.mark.parametrize("tampered", thinned(product(HOSTILE, ("rig", "effect", "parameter")), 4))
-def test_what_a_file_said_stays_data(tampered: tuple[str, str], plain, paper: Rig, tmp_path: Path, monkeypatch):
+def test_text_from_a_file_stays_data(tampered: tuple[str, str], plain, paper: Rig, tmp_path: Path, monkeypatch):
     said, where = tampered
     monkeypatch.chdir(tmp_path)
     effects = {"coulomb_joint1": {"torque_Nm": 1e-3}}

@@ -37,7 +37,7 @@ def unit(paper: Rig, standard: str, tmp_path_factory) -> tuple[Path, dict]:
 
 
 @pytest.mark.slow
-def test_the_unit_says_what_goes_in_and_out(unit, standard: str):
+def test_the_fmu_declares_its_inputs_and_outputs(unit, standard: str):
     described = fmpy.read_model_description(str(unit[0]), validate=True)
     assert described.fmiVersion == standard
     assert described.coSimulation is not None
@@ -51,7 +51,7 @@ def start_values(x0):
 
 
 @pytest.mark.slow
-def test_the_unit_swings_and_reads_as_the_lab_does(unit, paper: Rig):
+def test_motion_and_readings_of_the_fmu_agree_with_dpr_lab(unit, paper: Rig):
     path, chosen = unit
     found = simulate(
         path, stop_time=1.0, step_size=0.01, output_interval=0.01, output=OUTPUTS, start_values=start_values(X0)
@@ -65,7 +65,7 @@ def test_the_unit_swings_and_reads_as_the_lab_does(unit, paper: Rig):
 
 
 @pytest.mark.slow
-def test_torques_go_in(unit, paper: Rig):
+def test_the_fmu_takes_torques(unit, paper: Rig):
     path, chosen = unit
     signals = np.array([(0.0, 0.2, -0.1), (0.5, 0.2, -0.1)], dtype=[(n, float) for n in ("time", "torque1", "torque2")])
     found = simulate(

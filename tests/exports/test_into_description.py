@@ -216,7 +216,7 @@ def test_a_default_inertia_of_sdformat_becomes_an_element(tmp_path: Path) -> Non
 
 
 @each_format
-def test_a_text_that_holds_more_is_refused(file: Path, name: str) -> None:
+def test_an_element_with_mixed_content_is_refused(file: Path, name: str) -> None:
     if name != "sdf":
         pytest.skip("URDF has attributes only")
     rig = rig_of(file)

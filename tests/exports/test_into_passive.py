@@ -57,7 +57,7 @@ def replay_of(lab: np.ndarray) -> Replay:
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_smooth_effects_swing_as_in_the_lab(tmp_path: Path, name: str) -> None:
+def test_smooth_effects_agree_with_dpr_lab(tmp_path: Path, name: str) -> None:
     path, rig = start(tmp_path, name)
     effects = chosen_of("air_drag_both", "friction_drift_joint2")
     patched = into_file(model_of(rig, effects, rig.name), rig, path)
@@ -68,7 +68,7 @@ def test_smooth_effects_swing_as_in_the_lab(tmp_path: Path, name: str) -> None:
     assert np.abs(swing - bare).max() > 1e-3
 
 
-def test_friction_at_rest_is_the_engines_and_the_rest_of_the_curve_is_the_modules(tmp_path: Path) -> None:
+def test_friction_at_rest_is_simulated_by_the_engine_and_the_rest_of_the_curve_by_the_module(tmp_path: Path) -> None:
     path, rig = start(tmp_path, "robot.xml")
     effects = chosen_of("stribeck_joint2")
     patched = into_file(model_of(rig, effects, rig.name), rig, path)

@@ -45,7 +45,7 @@ def error(names: dict, want: np.ndarray, step: float | None = None) -> float:
 
 
 @pytest.mark.parametrize("effects", thinned(SMOOTH, 7), ids="+".join)
-def test_smooth_effects_swing_in_mujoco_as_in_the_lab(paper: Rig, tmp_path: Path, effects):
+def test_smooth_effects_in_mujoco_agree_with_dpr_lab(paper: Rig, tmp_path: Path, effects):
     chosen = chosen_of(effects)
     assert error(engine(paper, chosen, tmp_path), lab_states(paper, chosen, T, 2.5e-4)) < 1e-6
 
@@ -58,7 +58,7 @@ def test_friction_at_rest_is_mujoco_s_own_and_softer(paper: Rig, tmp_path: Path,
 
 @pytest.mark.slow
 @pytest.mark.parametrize("effects", thinned([("coulomb_joint1",), ("hysteresis_joint1",)], 2), ids="+".join)
-def test_friction_at_rest_becomes_the_lab_s_in_small_steps(paper: Rig, tmp_path: Path, effects):
+def test_friction_at_rest_converges_to_that_of_dpr_lab_with_small_steps(paper: Rig, tmp_path: Path, effects):
     chosen = chosen_of(effects)
     first_half = T[: len(T) // 2]
     assert error(engine(paper, chosen, tmp_path), lab_states(paper, chosen, first_half, 2.5e-4), 2e-5) < 1e-6
@@ -78,7 +78,7 @@ def test_encoders_are_read_in_mujoco_too(paper: Rig, tmp_path: Path):
     assert read == pytest.approx(lab_readings(paper, chosen, t, 0), abs=1e-6)
 
 
-def test_what_is_said_in_words_needs_no_callback(paper: Rig, tmp_path: Path):
+def test_effects_with_an_attribute_need_no_callback(paper: Rig, tmp_path: Path):
     chosen = chosen_of(("rotor_inertia_joint2", "base_tilt", "detent_joint1", "spring_joint2", "spring_joint1"))
     chosen["spring_joint2"]["cubic_Nm_per_rad3"] = chosen["spring_joint1"]["cubic_Nm_per_rad3"] = 0.0
     model = model_of(paper, chosen)

@@ -71,20 +71,20 @@ def rods_of(rig, joints):
 
 @pytest.mark.parametrize("rods", ["both", "inner"])
 @pytest.mark.parametrize(("name", "near"), [("python", 1e-9), ("mjcf", 1e-8), ("sdf", 1e-8)])
-def test_a_program_moves_as_the_lab_does(name, near, rods, tmp_path):
+def test_an_exported_model_with_a_moving_arm_agrees_with_dpr_lab(name, near, rods, tmp_path):
     rig, model = model_of(rods)
     start = START if rods == "both" else START * [1, 1, 0, 1, 1, 0]
     assert np.abs(replayed(name, rig, model, tmp_path, start) - lab(rig, model, start)).max() < near
 
 
-def test_urdf_moves_as_the_lab_does_without_a_spring(tmp_path):
+def test_urdf_without_a_spring_agrees_with_dpr_lab(tmp_path):
     rig, model = model_of(k0=0.0)
     assert np.abs(replayed("urdf", rig, model, tmp_path, START) - lab(rig, model, START)).max() < 1e-8
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["fmu", "fmu2"])
-def test_a_unit_moves_as_the_lab_does_under_its_input(name, tmp_path):
+def test_an_fmu_agrees_with_dpr_lab_under_its_input(name, tmp_path):
     rig, model = model_of()
     assert np.abs(replayed(name, rig, model, tmp_path, START) - lab(rig, model, START)).max() < 1e-9
 
@@ -104,7 +104,7 @@ def test_the_motor_takes_the_input_in_its_own_unit(tmp_path):
     assert [engine.joint(j).name for j in range(3)] == ["joint0", "joint1", "joint2"]
 
 
-def test_an_arm_whose_inertia_is_unknown_is_no_body():
+def test_an_arm_of_unknown_inertia_is_not_exported_as_a_body():
     rig, model = model_of()
     model = model.model_copy(update={"ratios": {}})
     with pytest.raises(ConfigError, match="do not determine the inertia of the arm"):
@@ -213,7 +213,7 @@ def test_effects_of_arm_and_drive_are_in_the_program(name, near, effects, rods, 
 
 
 @pytest.mark.slow
-def test_a_unit_with_backlash_of_the_gear_is_its_module(tmp_path):
+def test_an_fmu_with_backlash_of_the_gear_agrees_with_the_python_module(tmp_path):
     rig, model = model_of("inner", k0=0.0)
     model = model.model_copy(update={"effects": {**SETS["gear"], "input_delay": {"delay_s": 0.02}}})
     start, t = START * [1, 1, 0, 1, 1, 0], 5e-3 * np.arange(60)

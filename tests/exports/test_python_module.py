@@ -24,7 +24,7 @@ def names(effects) -> str:
 
 
 @pytest.mark.parametrize("effects", thinned(IN_THE_RODS, 6), ids=names)
-def test_the_module_swings_as_the_lab_does(paper: Rig, tmp_path: Path, effects):
+def test_the_module_agrees_with_dpr_lab(paper: Rig, tmp_path: Path, effects):
     chosen = {name: values for effect in effects for name, values in typical(effect).items()}
     module = run_source(python_module(model_of(paper, chosen), paper), tmp_path)
     t = np.linspace(0, 2.0, 81)
@@ -32,7 +32,7 @@ def test_the_module_swings_as_the_lab_does(paper: Rig, tmp_path: Path, effects):
 
 
 @pytest.mark.parametrize("effects", thinned(IN_ENCODERS, 3), ids=names)
-def test_the_module_s_encoders_read_what_the_lab_s_do(paper: Rig, tmp_path: Path, effects):
+def test_readings_of_the_module_agree_with_dpr_lab(paper: Rig, tmp_path: Path, effects):
     chosen = {name: values for effect in effects for name, values in typical(effect).items()}
     module = run_source(python_module(model_of(paper, chosen), paper), tmp_path)
     t = np.arange(0.03, 2.0, 2.51e-3)  # a segment that starts with the release
@@ -54,7 +54,7 @@ def test_the_module_s_encoders_read_what_the_lab_s_do(paper: Rig, tmp_path: Path
         ({"stribeck_joint1": {"torque_Nm": 0.2, "extra_at_rest_Nm": 0.2, "speed_rad_per_s": 0.5}}, (0,)),
     ],
 )
-def test_the_module_s_joints_stick_as_the_lab_s_do(paper: Rig, tmp_path: Path, effects, resting):
+def test_sticking_joints_of_the_module_agree_with_dpr_lab(paper: Rig, tmp_path: Path, effects, resting):
     from tests.exports import models
 
     module = run_source(python_module(model_of(paper, effects), paper), tmp_path)
@@ -95,7 +95,7 @@ def test_the_module_needs_numpy_alone(paper: Rig, tmp_path: Path):
     assert done.stdout.strip() == "[]"
 
 
-def test_a_swing_that_ends_nowhere_is_nan(paper: Rig, tmp_path: Path):
+def test_a_diverging_swing_is_nan(paper: Rig, tmp_path: Path):
     module = run_source(python_module(model_of(paper, {}), paper), tmp_path)
     states = module["simulate"]([1.0, 1.0, 1e200, 0.0], [0.0, 0.01, 0.02])
     assert np.isfinite(states[0]).all()

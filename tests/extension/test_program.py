@@ -107,7 +107,7 @@ def test_a_search_algorithm_is_a_file_and_a_row(copy: Copy) -> None:
     assert said == "21 True\n"
 
 
-def test_a_verb_is_a_file_and_a_row(copy: Copy) -> None:
+def test_a_command_is_a_file_and_a_row(copy: Copy) -> None:
     copy.add(
         "dpr_lab/cli/weigh.py",
         '''
@@ -132,7 +132,7 @@ def test_a_verb_is_a_file_and_a_row(copy: Copy) -> None:
 
 
 @pytest.mark.slow
-def test_the_screen_of_a_verb_is_a_file_and_a_row(copy: Copy) -> None:
+def test_the_screen_of_a_command_is_a_file_and_a_row(copy: Copy) -> None:
     copy.add(
         "dpr_lab/tui/steps/weigh.py",
         '''

@@ -69,14 +69,14 @@ def test_a_clock_before_1970_records_and_reads_as_any_other(
     assert (tmp_path / "swing.csv").is_file()
 
 
-def test_a_simulated_time_has_no_drift_to_tell(serve, operate) -> None:
+def test_simulated_time_has_no_clock_drift(serve, operate) -> None:
     done = operate(serve(), "--duration", "0.5")
     assert info(done.runs[0]).clock == {}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("link", [pytest.param("serial", marks=pytest.mark.long), "CAN"])
-def test_dropped_host_time_never_bends_device_time(link: str, serve, operate, wrong_samples) -> None:
+def test_lost_host_times_do_not_change_device_time(link: str, serve, operate, wrong_samples) -> None:
     stalled = serve(link=LINKS[link], clock="realtime", drift_ppm=200.0, fault=("stall_ms=350", "drop=0.02"))
     done = operate(stalled, "--duration", "3")
     run = load_run(done.runs[0])

@@ -49,7 +49,7 @@ def test_a_device_is_found_on_another_channel_of_a_backend(serve, operate, wrong
     assert "searched uid-here (device 0000beef00000041)" in lost.said
 
 
-def test_a_uid_that_is_nowhere_is_told_with_what_is_there(serve, operate, tmp_path, matrix) -> None:
+def test_an_unknown_uid_is_reported_with_the_devices_found(serve, operate, tmp_path, matrix) -> None:
     plug(tmp_path, "ttyA", serve(uid=0xBEEF_0000_0041))
     done = operate(f"serial://{tmp_path}/tty*?uid=dead")
     assert done.code == 4
@@ -58,7 +58,7 @@ def test_a_uid_that_is_nowhere_is_told_with_what_is_there(serve, operate, tmp_pa
 
 
 @pytest.mark.parametrize("uid", ["", "xyz", "12", "0" * 17])
-def test_what_is_no_uid_is_refused(operate, uid: str) -> None:
+def test_an_invalid_uid_is_refused(operate, uid: str) -> None:
     done = operate(f"serial://?uid={uid}")
     assert done.code == 2
     assert "is not the UID of a device" in done.said

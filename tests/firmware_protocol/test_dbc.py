@@ -70,13 +70,13 @@ def test_everything_is_commented_and_has_a_range():
             assert signal.byte_order == "little_endian"
 
 
-def test_messages_fit_one_frame_and_numbers_tell_the_direction():
+def test_messages_fit_one_frame_and_their_numbers_determine_the_direction():
     for message in DBC.messages:
         assert message.length <= 8
         assert message.senders == (["HOST"] if message.frame_id >= 32 else ["DEVICE"])
 
 
-def test_schema_hash_is_the_sha256_of_the_file_whatever_its_line_ends():
+def test_schema_hash_is_the_sha256_of_the_file_with_any_line_ends():
     data = DBC_FILE.read_bytes()
     assert b"\r" not in data
     assert SCHEMA_HASH.to_bytes(4, "big") == hashlib.sha256(data).digest()[:4]

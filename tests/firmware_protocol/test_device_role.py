@@ -147,7 +147,7 @@ def test_a_fault_stops_in_any_state_and_leaves_the_latch(state: State, fault: Fa
     assert decode(driver.session.status(0, 0, 0)) == Status(cleared, Fault.NONE, latched, 0, 0, 0)
 
 
-def test_no_fault_is_no_fault():
+def test_a_report_without_a_fault_is_not_a_fault():
     with pytest.raises(ValueError, match="no fault"):
         Driver().session.fault(Fault.NONE, 0)
 
@@ -233,13 +233,13 @@ def test_a_new_conversation_may_use_the_old_tokens():
     assert driver.send(Hold(40)).task == Hold(40)
 
 
-def test_tokens_come_round():
+def test_tokens_wrap_around():
     driver = Driver()
     for _ in range(600):
         assert driver.command("hold").task == Hold(driver.token, 2)
 
 
-def test_nothing_but_a_greeting_before_the_greeting():
+def test_before_the_handshake_only_the_handshake_is_answered():
     driver = Driver(greet=False)
     for name in COMMANDS:
         answer = driver.command(name)
@@ -273,7 +273,7 @@ def test_rates_are_refused_by_the_device_s_own_limit():
         (63, b"", NakCode.UNKNOWN_COMMAND),
     ],
 )
-def test_what_makes_no_command_is_refused_and_does_not_renew_the_lease(number: int, data: bytes, code: NakCode):
+def test_an_invalid_command_is_refused_and_does_not_renew_the_lease(number: int, data: bytes, code: NakCode):
     driver = reach(State.STREAMING)
     answer = driver.session.receive(Frame(frame_id(1, number), data), now=0.4)
     assert list(map(decode, answer.frames)) == [Nak(number, data[0] if data else 0, code)]
@@ -301,7 +301,7 @@ def test_any_good_frame_renews_the_lease(message: Message):
     assert driver.session.check_lease(now=0.9, tick=0).task == Stop()
 
 
-def test_the_release_is_told_again_with_every_report_while_the_rods_swing():
+def test_the_release_is_repeated_in_every_report_while_the_rods_swing():
     driver = reach(State.STREAMING)
     session = driver.session
     assert [type(m) for m in map(decode, session.report(3, (1, 2, 3), 0, 0, 9))] == [*[Position] * 3, Status]

@@ -159,7 +159,7 @@ def test_keepalives_come_at_their_period_and_only_once_greeted():
     assert beats[0] - start <= round(KEEPALIVE_S / STEP_S) + 1
 
 
-def test_a_device_that_is_not_there_is_given_up():
+def test_the_dialogue_with_an_absent_device_ends():
     line = pair(loss=1.0)
     outcome = line.ask(Hello())
     assert isinstance(outcome.error, CommandUnanswered)
@@ -199,7 +199,7 @@ def test_a_command_out_of_range_changes_nothing():
     assert host.pending is None
 
 
-def test_tokens_come_round_to_zero():
+def test_tokens_wrap_around_to_zero():
     host = HostSession()
     sent = [decode(host.command(Stop(), now=0.0)) for _ in range(300)]
     assert sent == [Stop(n % 256) for n in range(1, 301)]
@@ -227,6 +227,6 @@ def test_what_is_not_for_this_host_is_left_alone(frame: Frame):
     assert host.outcome is None
 
 
-def test_a_frame_that_means_nothing_is_the_other_end_s_fault():
+def test_an_invalid_frame_is_counted_as_an_error_of_the_other_end():
     with pytest.raises(RemoteProtocolError):
         HostSession().receive(Frame(frame_id(1, NUMBERS[Nak]), b"\0\0\0"))

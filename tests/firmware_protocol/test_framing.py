@@ -134,7 +134,7 @@ def test_a_line_without_zeros_takes_no_memory_and_counts_once():
     assert decoder.framing_errors == 1
 
 
-def test_zeros_between_frames_are_nothing():
+def test_zeros_between_frames_are_ignored():
     decoder = FrameDecoder()
     good = Frame(0x41, b"")
     assert decoder.feed(b"\0\0\0" + encode_frame(good) + b"\0\0") == [good]

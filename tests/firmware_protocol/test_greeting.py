@@ -36,16 +36,16 @@ def test_identity_survives_its_pages_in_any_order():
 
 
 @pytest.mark.parametrize("missing", range(8))
-def test_an_identity_with_a_page_missing_is_none(missing: int):
+def test_an_identity_with_a_missing_page_is_incomplete(missing: int):
     assert assemble([page for page in info_pages(DEVICE) if page.page != missing]) is None
 
 
-def test_a_page_of_a_newer_minor_version_is_no_matter():
+def test_a_page_of_a_newer_minor_version_is_ignored():
     assert assemble([*info_pages(DEVICE), Info(9, {})]) == DEVICE
 
 
 @pytest.mark.parametrize("late", [0, 9], ids=["at once", "after the greeting"])
-def test_a_second_device_under_the_same_node_is_told(late: int):
+def test_a_second_device_under_the_same_node_is_reported(late: int):
     host = HostSession()
     hello = host.hello(now=0.0)
     first, second = (DeviceSession(replace(DEVICE, uid=uid)).receive(hello, 0.0).frames for uid in ("1", "2"))
@@ -54,7 +54,7 @@ def test_a_second_device_under_the_same_node_is_told(late: int):
         list(map(host.receive, frames))
 
 
-def test_greeting_tells_who_is_there():
+def test_the_handshake_identifies_the_device():
     host, session, _ = greet(DEVICE)
     assert host.outcome == Outcome(Hello(1))
     assert host.info == DEVICE
@@ -104,7 +104,7 @@ def test_the_device_refuses_by_itself(device: DeviceInfo, code: NakCode):
     assert not session.greeted
 
 
-def test_page_0_alone_settles_a_mismatch_whatever_else_another_major_sends():
+def test_page_0_alone_decides_on_a_mismatch_of_the_major_version():
     host = HostSession()
     host.hello(now=0.0)
     host.receive(encode(Info(0, {"major": MAJOR + 1, "minor": 0, "schema_hash": 0})))
@@ -127,7 +127,7 @@ def test_a_greeting_with_a_frame_lost_is_asked_for_again(lost: int):
     assert host.info == DEVICE
 
 
-def test_an_answer_to_another_token_is_not_this_one_s():
+def test_an_answer_to_another_token_is_ignored():
     host = HostSession()
     host.hello(now=0.0)
     for page in info_pages(DEVICE):

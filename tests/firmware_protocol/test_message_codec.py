@@ -124,7 +124,7 @@ def test_a_value_out_of_range_is_our_fault(message: Message):
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_a_frame_that_means_nothing_is_refused_with_a_reason(frame: Frame, said: str):
+def test_an_invalid_frame_is_refused_with_a_reason(frame: Frame, said: str):
     with pytest.raises(RemoteProtocolError, match=said):
         decode(frame)
 

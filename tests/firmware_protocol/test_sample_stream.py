@@ -87,7 +87,7 @@ def test_samples_wait_for_every_joint_s_counter():
     assert (stream.unanchored, stream.lost_tick_gap) == (2, 0)
 
 
-def test_a_turn_missed_in_a_gap_is_put_right_and_told():
+def test_a_turn_missed_in_a_gap_is_corrected_and_reported():
     stream = anchored()
     stream.feed(Sample(0, 0, 0, 0))
     moved = 50_000
@@ -119,7 +119,7 @@ def test_after_a_gap_in_which_a_joint_may_have_gone_round_samples_wait_for_the_w
     assert (stream.lost_tick_gap, stream.unanchored, stream.position_slips) == (1000, 2, 0)
 
 
-def test_whole_counters_told_at_the_end_of_a_gap_are_kept():
+def test_complete_counters_received_at_the_end_of_a_gap_are_kept():
     stream = anchored()
     stream.restart(blind_ticks=99)
     stream.feed(Sample(0, 0, 0, 0))

@@ -58,7 +58,7 @@ def test_a_sample_without_its_torque_is_left_out_and_counted():
     assert missing == 2
 
 
-def test_the_identity_tells_of_drives_and_one_without_is_as_before():
+def test_the_identity_contains_the_drives_and_is_unchanged_without_drives():
     assert assemble(info_pages(DRIVEN)) == DRIVEN
     assert [page.page for page in info_pages(DRIVEN)] == [8, *range(8)]
     assert [page.page for page in info_pages(PLAIN)] == [*range(8)]
@@ -69,7 +69,7 @@ def test_the_identity_tells_of_drives_and_one_without_is_as_before():
     assert late.info == DRIVEN
 
 
-def test_the_identity_tells_of_a_drive_of_the_arm_and_devices_of_older_versions_are_greeted():
+def test_the_identity_contains_the_drive_of_the_arm_and_older_devices_are_accepted():
     assert assemble(info_pages(WITH_ARM)) == WITH_ARM
     assert [page.page for page in info_pages(WITH_ARM)] == [9, *range(8)]
     for info in (replace(PLAIN, minor=0, schema_hash=1), replace(DRIVEN, minor=1, schema_hash=2)):
@@ -84,7 +84,7 @@ def test_every_sample_gets_the_input_of_the_arm_of_its_own_tick():
     assert paired([MEASURED], usual) == ([DrivenRow(t, (t, 0, 0), ((65530 - t, 0),)) for t in TICKS], 0)
 
 
-def test_the_device_cuts_what_its_unit_cannot_tell_and_obeys_no_torque():
+def test_the_device_clips_torques_beyond_its_range_and_accepts_no_torque_command():
     session = DeviceSession(DRIVEN)
     session.receive(encode(Hello(1)), 0.0)
     assert decode(session.torque(COMMANDED, 65537, (40000, -40000))) == Torque(COMMANDED, 1, 32767, -32768)
@@ -93,6 +93,6 @@ def test_the_device_cuts_what_its_unit_cannot_tell_and_obeys_no_torque():
     assert isinstance(decode(session.sample(1, (0, 0, 0))), Sample)
 
 
-def test_the_numbers_of_kinds_and_quantities_on_the_wire_stay() -> None:
+def test_codes_of_kinds_and_quantities_in_the_protocol_do_not_change() -> None:
     assert {kind.name: kind.value for kind in TorqueKind} == {"MEASURED": 1, "COMMANDED": 2}
     assert {quantity.name: quantity.value for quantity in ArmQuantity} == {"TORQUE": 1, "CURRENT": 2, "VOLTAGE": 3}

@@ -35,7 +35,7 @@ def test_innovations_are_the_readings_over_the_root_of_their_covariance() -> Non
         assert np.allclose(found[s, : j - i].reshape(-1, 3), whitened)
 
 
-def test_noise_is_told_from_steps_and_from_a_smooth_course_and_commands_have_none() -> None:
+def test_torque_noise_is_distinguished_from_steps_and_smooth_curves_and_commands_have_none() -> None:
     t, rng = np.arange(-0.5, 3.0, 1e-3), np.random.default_rng(2)
     course = 0.2 * np.sin(2 * np.pi * 3 * np.stack([t, np.floor(t / 0.01) * 0.01], axis=1))
     noise = np.where(t[:, None] < 0, 0.0, rng.normal(0.0, 2e-3, course.shape))
@@ -62,7 +62,7 @@ def test_the_noise_of_measured_torques_is_no_gap(bare, paper: Rig) -> None:
 
 
 @pytest.mark.slow
-def test_torques_count_as_exact_where_what_is_left_is_far_from_noise(screened, bare, paper: Rig) -> None:
+def test_torques_count_as_exact_if_the_residual_is_far_above_the_noise(screened, bare, paper: Rig) -> None:
     runs = driven_runs(paper, 100, fault=DriveFault("torque_offset_joint1", {"offset_Nm": (0.03, 0.0)}))[1][:2]
     other = {"coulomb_joint2": EFFECTS["coulomb_joint2"]}
     with_noise = forward(screened(runs), *bare(runs), other)

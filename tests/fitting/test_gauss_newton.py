@@ -30,7 +30,7 @@ def test_ratios_of_the_plant_come_back(clean, paper):
     assert base.fit.estimate.ratios[3:5] == pytest.approx(truth[3:], rel=2e-2)
 
 
-def test_nothing_but_noise_is_left_of_a_clean_rig(clean):
+def test_the_residual_of_a_clean_rig_is_noise(clean):
     problem, base = clean
     left = residual_statistics(problem, base.fit)
     assert abs(left.z) < 4
@@ -49,7 +49,7 @@ def test_bounded_solution_agrees_with_an_independent_solver(rng):
         assert found == pytest.approx(reference, abs=1e-9)
 
 
-def test_columns_explain_given_others_what_a_joint_solution_gives(rng):
+def test_the_conditional_reduction_of_columns_agrees_with_a_joint_solution(rng):
     A, e = rng.normal(size=(40, 7)) * 10.0 ** rng.integers(-4, 5, 7), rng.normal(size=40)
     space, held, own = ColumnSpace.of(A, e), [0, 1, 2], [3, 4, 5, 6]
     whole = np.linalg.lstsq(A, e, rcond=None)[0]
@@ -96,7 +96,7 @@ class Counting:
         return self.model.slopes(segments, at, free)
 
 
-def test_slopes_are_kept_while_steps_fall_as_promised_and_the_fit_ends_where_it_would(clean):
+def test_a_fit_with_frozen_jacobians_reaches_the_same_minimum(clean):
     problem, base = clean
     model = Counting(problem.model)
     start = base.fit.estimate.changed(ratios=base.fit.estimate.ratios * 1.002)
@@ -247,7 +247,7 @@ def test_a_parameter_that_one_run_alone_determines_keeps_its_prior_without_this_
     assert np.isfinite(left_out_chi2(known, fold)).all()
 
 
-def test_a_score_promises_what_the_fit_then_gains(recorded, bare, tested):
+def test_the_score_test_predicts_the_reduction_of_the_fit(recorded, bare, tested):
     problem, base = bare(recorded({"base_tilt": {"tilt_rad": 5e-4}}))
     (item,) = tested(problem, base.fit, [EFFECTS["base_tilt"]]).ranking
     at = base.fit.estimate
@@ -257,7 +257,7 @@ def test_a_score_promises_what_the_fit_then_gains(recorded, bare, tested):
     assert len(effect_parameters(EFFECTS["base_tilt"])) == 1
 
 
-def test_a_fit_that_cannot_be_followed_leaves_a_number(clean):
+def test_a_fit_that_diverges_has_a_finite_cost(clean):
     problem, base = clean
     lost = base.fit.linear.residual.copy()
     lost[0] = np.inf

@@ -83,7 +83,7 @@ def test_no_fitted_size_exceeds_its_limit(wrong_rig: tuple, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_no_score_promises_a_size_beyond_the_limit(wrong_rig: tuple, name: str) -> None:
+def test_the_score_test_predicts_no_size_beyond_the_limit(wrong_rig: tuple, name: str) -> None:
     problem, at = wrong_rig
     bare = fit(problem, at, ratio_parameters(at), iterations=2)
     test = score_test(problem, bare, [EFFECTS[name]], NOTHING)
@@ -120,7 +120,7 @@ def test_cogging_of_order_one_is_gravity_on_one_rod(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("twins", [0, 1, 3])
-def test_what_columns_leave_of_one_another_is_what_elimination_leaves(twins: int) -> None:
+def test_projected_columns_agree_with_elimination(twins: int) -> None:
     rng = np.random.default_rng(twins)
     A = rng.normal(size=(40, 6))
     A[:, 3 : 3 + twins] = A[:, :twins] + 1e-9 * A[:, :twins] ** 2  # exact to rounding: not to be divided by

@@ -23,7 +23,7 @@ COUPLING = 1e-4  # small enough to be linear
 
 
 @pytest.mark.parametrize("frequency", [4.0, 12.0])
-def test_a_compliant_arm_answers_as_the_whole_rig_does(recorded, screened, paper: Rig, frequency: float):
+def test_the_response_of_a_compliant_arm_agrees_with_the_whole_rig(recorded, screened, paper: Rig, frequency: float):
     problem, initial = screened(recorded({}, duration=WHOLE_S)).cut(2 * WHOLE_S)
     arm = {"coupling_per_kg": COUPLING, "frequency_hz": frequency, "damping_ratio": 0.05}
     held, loose = (

@@ -15,7 +15,7 @@ REMEMBERING = {
 
 
 @pytest.mark.parametrize("effect", REMEMBERING)
-def test_slopes_by_initial_states_are_those_of_wider_differences_with_the_internal_states_held(recorded, bare, effect):
+def test_derivatives_with_respect_to_initial_states_agree_with_wider_differences(recorded, bare, effect):
     truth = {effect: REMEMBERING[effect]}
     problem, base = bare(recorded(truth, duration=3.0))
     at = base.fit.estimate.changed(params=effect_params(truth))

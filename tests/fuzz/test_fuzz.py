@@ -14,14 +14,14 @@ LARGEST_CORPUS_BYTES = 100_000
 
 
 @pytest.mark.parametrize("path", [path for paths in CORPUS.values() for path in paths], ids=lambda path: path.name)
-def test_what_was_found_once_stays_mended(path: Path) -> None:
+def test_inputs_that_once_failed_are_handled(path: Path) -> None:
     TARGETS[path.parent.name](path.read_bytes())
 
 
 @pytest.mark.parametrize("name", TARGETS)
 @settings(max_examples=40)
 @given(data=st.binary(max_size=600))
-def test_noise_is_refused_in_good_order(name: str, data: bytes) -> None:
+def test_random_bytes_are_refused_with_the_expected_error(name: str, data: bytes) -> None:
     TARGETS[name](data)
 
 
@@ -33,7 +33,7 @@ edits = st.lists(st.tuples(st.floats(0, 1), st.integers(0, 40), instead), min_si
 @pytest.mark.parametrize("name", TARGETS)
 @settings(max_examples=60)
 @given(data=st.data())
-def test_damaged_files_are_refused_in_good_order(name: str, data: st.DataObject) -> None:
+def test_damaged_files_are_refused_with_the_expected_error(name: str, data: st.DataObject) -> None:
     content = data.draw(st.sampled_from(CORPUS[name])).read_bytes()
     for share, length, inserted in data.draw(edits):
         at = int(share * len(content))

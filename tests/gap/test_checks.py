@@ -38,7 +38,7 @@ def diagnosis() -> Diagnosis:
 
 
 @pytest.mark.timeout(900)  # kernels may have to be compiled
-def test_twins_are_split_by_measurements_with_ids(diagnosis: Diagnosis) -> None:
+def test_indistinguishable_effects_get_bench_measurements_with_ids(diagnosis: Diagnosis) -> None:
     assert {TILT, OFFSET} <= set(diagnosis.effects[0].members)
     measured = {check.measures: check for check in diagnosis.checks if check.measures}
     assert set(measured) >= {TILT, OFFSET}
@@ -94,7 +94,7 @@ def test_a_recording_decides(diagnosis: Diagnosis) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_forms_of_one_are_told_apart_by_what_the_wider_adds() -> None:
+def test_two_forms_of_one_law_are_distinguished_by_the_amplitude_that_the_wider_one_adds() -> None:
     """Dry friction with a rise towards rest or without: short releases leave both, and checks that split are told."""
     names = ("coulomb_joint2", "stribeck_joint2")
     plant = load_plant("paper", 5).model_copy(update={"effects": {names[0]: {"torque_Nm": 3e-4}}})
@@ -160,7 +160,7 @@ def test_a_diagnosis_is_read_from_its_folder_too() -> None:
     assert load_diagnosis(folder) == load_diagnosis(folder / "diagnosis.json")
 
 
-def test_expected_bits_follow_what_is_known_and_what_would_be_seen() -> None:
+def test_expected_bits_depend_on_the_probabilities_and_the_predictions() -> None:
     assert expected_bits([0.5, 0.5], np.inf) == pytest.approx(1.0)
     assert expected_bits([0.5, 0.5], 10.0) == pytest.approx(1.0, abs=1e-3)
     assert expected_bits([0.45, 0.05], np.inf) == pytest.approx(0.5 * 0.469, abs=1e-3)

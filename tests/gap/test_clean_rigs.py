@@ -49,7 +49,7 @@ def test_a_camera_whose_scale_is_unsure_has_no_gap(seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_a_wrong_length_that_its_uncertainty_does_not_allow_is_said() -> None:
+def test_a_length_error_beyond_its_stated_uncertainty_is_reported() -> None:
     rig, runs, _ = drawn("camera", 2)
     sure = rig.model_copy(update={"rig": rig.rig.model_copy(update={"L1_std": 0.001})})
     assert diagnose(runs, sure).assumptions[0].endswith("This contradicts the uncertainty in the file.")

@@ -41,7 +41,7 @@ def test_both_of_two_effects_are_named_with_their_sizes(two_found: Diagnosis):
 
 
 @pytest.mark.slow
-def test_the_gap_closes_on_releases_left_out(two_found: Diagnosis):
+def test_the_gap_closes_in_cross_validation_across_releases(two_found: Diagnosis):
     closed = two_found.gap.closed_held_out
     assert closed.estimate > 0.9
     assert closed.interval90[0] <= closed.estimate <= closed.interval90[1]
@@ -92,7 +92,7 @@ def test_dirty_sensors_are_no_effect(recorded, paper: Rig, dirt: dict[str, float
 
 
 @pytest.mark.slow
-def test_twins_are_one_class_and_the_bench_is_asked(recorded, paper: Rig):
+def test_indistinguishable_effects_form_one_class_with_a_bench_check(recorded, paper: Rig):
     found = diagnose(recorded({"encoder_offset_joint1": {"offset_rad": 2e-3}}), paper)
     (item,) = found.effects
     assert set(item.members) == {"encoder_offset_joint1", "base_tilt"}
@@ -117,7 +117,7 @@ def test_a_run_held_out_is_scored_and_not_fitted(recorded, paper: Rig):
 
 
 @pytest.mark.slow
-def test_where_points_at_the_joint_and_its_speed(recorded, paper: Rig):
+def test_the_residual_map_shows_the_joint_and_its_speed(recorded, paper: Rig):
     found = diagnose(recorded({"coulomb_joint2": {"torque_Nm": 1e-3}}), paper)
     assert (found.where[0].site, found.where[0].coordinate) == ("joint2", "speed")
     assert found.where[0].share > 0.6
@@ -146,7 +146,7 @@ def test_detectable_size_is_five_standard_deviations_of_repeated_fits(recorded, 
     assert found == pytest.approx(5 * np.sqrt(np.mean(np.square(sizes))), rel=0.7)
 
 
-def test_what_would_show_at_no_size_has_none(recorded, bare, tested):
+def test_an_effect_that_is_visible_at_no_size_has_no_detectable_size(recorded, bare, tested):
     problem, base = bare(recorded({}, duration=3.0))
     after = {"counts": 3.0, "joint": 1.0, "run": 0.0, "time_s": 60.0}  # past the end of the recording
     at = base.fit.estimate.changed(params=effect_params({"missed_counts": after}))

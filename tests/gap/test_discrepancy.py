@@ -31,7 +31,7 @@ def test_the_remainder_is_the_torque_that_no_effect_of_the_library_makes() -> No
 
 
 @pytest.mark.slow
-def test_where_only_noise_is_left_there_is_no_remainder() -> None:
+def test_a_residual_of_noise_has_no_remainder() -> None:
     rig, runs, _ = recordings(2, [law("coulomb", 0, 4)])
     found = diagnose(runs, rig, library=LIBRARY)
     assert (found.gap.remainder_Nm, found.gap.remainder_rad) == ({}, {})

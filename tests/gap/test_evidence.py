@@ -59,7 +59,7 @@ def test_residuals_of_a_clean_rig_are_white_and_effects_excluded(looked_at: Any)
     assert dry.confidence > 0.95
 
 
-def test_every_second_is_somewhere_on_the_map(looked_at: Any):
+def test_the_map_of_coverage_contains_every_second(looked_at: Any):
     recordings, _, _ = looked_at({})
     maps = coverage(recordings, recordings.only(recordings.records[:1]))
 
@@ -70,7 +70,7 @@ def test_every_second_is_somewhere_on_the_map(looked_at: Any):
 
 
 @pytest.mark.slow
-def test_the_page_tells_the_whole_story_and_fetches_nothing(two_found: Diagnosis, tmp_path: Any):
+def test_the_report_is_complete_and_loads_nothing_from_the_network(two_found: Diagnosis, tmp_path: Any):
     evidence = two_found.evidence
     assert evidence is not None
     assert evidence.closing[-1].closed == pytest.approx(two_found.gap.closed_held_out.estimate)

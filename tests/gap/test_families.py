@@ -19,7 +19,7 @@ from sim_device.trials.offline_recorder import record
 ROTOR, FRICTION = "rotor_inertia_joint2", "coulomb_joint2"
 
 
-def test_every_part_is_an_effect_and_every_mark_a_part():
+def test_every_part_of_a_family_is_an_effect_and_every_mark_is_a_part():
     for family in FAMILIES:
         assert set(family.marks) <= set(family.parts) <= set(EFFECTS)
         assert set(family.expected) <= set(family.parts)
@@ -57,7 +57,7 @@ def test_a_drive_that_the_rig_file_does_not_state_is_only_possible(geared, words
 
 
 @pytest.mark.slow
-def test_a_drive_that_the_rig_file_tells_of_is_in_the_model_whatever_speaks_for_it(recorded, paper: Rig):
+def test_a_drive_that_the_rig_file_states_is_always_in_the_model(recorded, paper: Rig):
     runs = recorded({FRICTION: {"torque_Nm": 2e-3}, ROTOR: {"inertia_kgm2": 2e-7}})
     geared = paper.model_copy(update={"joints": Joints(geared=(2,))})
     library = {name: EFFECTS[name] for name in expected_of(geared.joints.geared)}

@@ -48,7 +48,7 @@ def filmed(seed: int, folder: Path, dry2: float = 0.0) -> tuple[Rig, Run]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 5])
-def test_what_a_tracker_adds_is_no_gap(tmp_path: Path, seed: int) -> None:
+def test_errors_of_a_tracker_are_not_a_gap(tmp_path: Path, seed: int) -> None:
     rig, run = filmed(seed, tmp_path)
     diagnosis = diagnose(run, rig)
     assert diagnosis.verdict == "inconclusive"

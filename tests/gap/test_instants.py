@@ -55,7 +55,7 @@ def test_even_readings_have_no_fault(period, seed):
 
 
 @pytest.mark.parametrize(("period", "jitter", "noise"), [(2e-3, 1e-4, 2e-4), (1e-2, 2e-3, 1e-3)])
-def test_stamps_that_jitter_about_an_even_clock_are_evened(period, jitter, noise):
+def test_stamps_that_jitter_about_a_uniform_clock_are_corrected(period, jitter, noise):
     taken = np.arange(2000) * period
     stamps = taken + jitter * np.abs(np.random.default_rng(1).standard_normal(len(taken)))
     instants = even_instants(stamps, readings(taken, noise))
@@ -66,7 +66,7 @@ def test_stamps_that_jitter_about_an_even_clock_are_evened(period, jitter, noise
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("period", [1e-3, 1e-2])
-def test_stamps_of_a_busy_host_that_come_in_bursts_are_evened(period, seed):
+def test_stamps_of_a_busy_host_that_come_in_bursts_are_corrected(period, seed):
     taken = np.arange(1200) * period
     logged = log("host_stamps", taken, period, np.random.default_rng(seed))
     instants = even_instants(logged.stamps, readings(taken, 2e-4))
@@ -131,7 +131,7 @@ def slow_swing(instants: Array, noise: float, seed: int) -> Array:
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize(("n", "noise"), [(300, 2e-3), (100, 1e-3)])
-def test_few_late_stamps_of_a_short_slow_record_are_evened(n, noise, seed):
+def test_few_late_stamps_of_a_short_slow_record_are_corrected(n, noise, seed):
     stamps, taken = few_late(n, 0.1, np.random.default_rng(seed)), np.arange(n) * 0.1
     instants = even_instants(stamps, slow_swing(taken, noise, seed))
     assert instants is not None

@@ -93,7 +93,7 @@ def test_zeros_of_each_recording_do_not_worsen_the_prediction(seed: int, zero_st
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("case", thinned(product(range(12), KNOWN), 36), ids=str)
-def test_what_is_known_of_a_rig_never_makes_its_prediction_worse(case: tuple[int, str]) -> None:
+def test_prior_knowledge_of_a_rig_never_worsens_its_prediction(case: tuple[int, str]) -> None:
     seed, left_out = case
     weighed_rig, runs = plant_runs(seed, DRIVE, ZERO_STD)
     runs, fitted = runs[seed % 3 :] + runs[: seed % 3], 1 + seed % 4 // 2

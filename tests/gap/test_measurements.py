@@ -48,7 +48,7 @@ def test_a_value_that_agrees_with_the_fit_confirms_its_effect() -> None:
     assert found.checks_done[0].log10_bayes_factor[CLOCK] > 1.5
 
 
-def test_a_value_that_fits_nobody_is_questioned_and_once_confirmed_speaks_for_another_cause() -> None:
+def test_a_value_that_fits_no_candidate_is_questioned_and_if_confirmed_supports_another_cause() -> None:
     diagnosis = made()
     with pytest.raises(RunError, match=r"predicts 50 % for .*It is 99 times the estimate .*, 0.505 %") as refused:
         update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.5, std=1e-9))
@@ -77,7 +77,7 @@ def test_zero_within_a_large_uncertainty_says_nothing() -> None:
     assert after(found)[CLOCK] == pytest.approx(0.49, abs=0.02)
 
 
-def test_an_uncertainty_far_below_the_possible_changes_nothing() -> None:
+def test_an_uncertainty_far_below_the_possible_has_no_further_effect() -> None:
     diagnosis = made()
     first, second = (
         after(update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0052, std=std))) for std in (1e-6, 1e-15)
@@ -221,7 +221,7 @@ def test_probabilities_are_calibrated_where_truth_is_drawn_from_the_model() -> N
         assert abs(hit[inside].sum() - p[inside].sum()) < 4 * spread, (low, inside.sum())
 
 
-def test_every_effect_says_what_is_measured_of_it() -> None:
+def test_every_effect_states_the_quantity_to_measure() -> None:
     for effect in EFFECTS.values():
         measured = {effect.amplitudes[0].name, *([effect.adds] if effect.adds else [])}
         for name in measured:

@@ -29,7 +29,7 @@ def scores(paper: Rig, seed: int, *released: tuple[str, str]) -> ScoreTest:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_the_inner_rod_alone_splits_twins(paper: Rig, seed: int) -> None:
+def test_recordings_of_the_inner_rod_alone_distinguish_twins(paper: Rig, seed: int) -> None:
     calm = scores(paper, seed, ("both", "X1"))
     more = scores(paper, seed, ("both", "X1"), ("inner", "X2"))
     for first, second in PAIRS:

@@ -15,7 +15,7 @@ def named():
     return made
 
 
-def test_a_wrong_setting_is_told_by_its_right_value(named, paper: Rig):
+def test_a_wrong_setting_is_reported_with_its_right_value(named, paper: Rig):
     effects = [named("encoder_scale_joint2", "spring_joint2"), named("coulomb_joint1"), named("base_tilt")]
     sizes = {"encoder_scale_joint2": {"excess": 1.7e-3}, "base_tilt": {"tilt_rad": 1e-3}}
 

@@ -37,7 +37,7 @@ def of(found: Diagnosis) -> GapBudget:
     return budget
 
 
-def test_shares_sum_to_one_whatever_is_left() -> None:
+def test_shares_sum_to_one_for_any_remainder() -> None:
     for levels in ([5.0, 9.0, 1.0, -3.0], [np.inf, 2.0, np.nan, 1.0], [0.0, 0.0, 0.0, 0.0]):
         budget = split(levels, 2.0, ["a", "b"], (), "")
         shares = [budget.explained, budget.varying, budget.unmodelled, budget.not_reproducible, budget.noise]
@@ -79,7 +79,7 @@ def test_pieces_of_a_single_recording_serve_and_say_so() -> None:
 
 
 @pytest.mark.slow
-def test_a_parameter_drawn_anew_for_each_recording_varies() -> None:
+def test_a_parameter_drawn_for_each_recording_varies() -> None:
     found = each_its_own([law("coulomb", 0, size) for size in (4, 5, 6)], 3, coulomb_joint1="")
     budget = of(found)
     assert budget.varying > 0.1

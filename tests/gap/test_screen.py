@@ -37,7 +37,7 @@ def test_a_healthy_run_has_no_findings(clean: Run, paper: Rig):
     assert names(clean, paper) == set()
 
 
-def test_a_block_without_a_reading_to_trust_is_left_out(clean: Run, paper: Rig):
+def test_a_block_without_a_valid_reading_is_left_out(clean: Run, paper: Rig):
     seen = screen(clean, paper)
     keep = np.zeros_like(seen.keep)
     keep[:200] = True
@@ -48,7 +48,7 @@ def test_a_block_without_a_reading_to_trust_is_left_out(clean: Run, paper: Rig):
 
 
 @pytest.mark.parametrize("joint", [0, 1])
-def test_a_step_is_found_where_it_is_and_as_large_as_it_is(clean: Run, paper: Rig, joint: int):
+def test_a_step_is_detected_with_its_place_and_size(clean: Run, paper: Rig, joint: int):
     theta, at = clean.theta.copy(), len(clean.t) // 2
     size = 20 * abs(paper.radians_per_count[1 + joint])
     theta[at:, 1 + joint :] += size
@@ -191,13 +191,13 @@ def test_counts_that_stand_still_at_rest_are_no_noise_free_measurement(clean: Ru
     assert screened.noise == pytest.approx(2 * np.pi / 4096 / np.sqrt(12) * np.ones(2))
 
 
-def test_noise_unlike_the_rig_file_is_said(recorded, paper: Rig):
+def test_noise_that_differs_from_the_rig_file_is_reported(recorded, paper: Rig):
     run = recorded({}, duration=2.0, noise_counts=2.0)[0]
     found = {(finding.name, finding.axis) for finding in screen(run, paper).findings}
     assert found == {("noise_level", "joint1"), ("noise_level", "joint2")}
 
 
-def test_filtered_noise_is_no_white_noise(clean: Run, paper: Rig, rng: np.random.Generator):
+def test_filtered_noise_is_reported_as_not_white(clean: Run, paper: Rig, rng: np.random.Generator):
     noise = np.convolve(rng.normal(0, 5e-3, len(clean.t) + 10), np.hanning(11) / 5, mode="valid")
     theta = clean.theta + noise[:, None]
     assert "non_white_noise" in names(replace(clean, theta=theta, counts=None), paper)
@@ -226,7 +226,7 @@ def test_a_rod_that_is_balanced_within_a_count_is_not_filtered(paper: Rig, rng: 
     ],
     ids=["uneven", "coarse", "noisy"],
 )
-def test_a_dirty_encoder_that_misses_no_count_is_not_said_to(recorded, paper: Rig, faults: dict):
+def test_a_dirty_encoder_without_missed_counts_is_not_reported_to_miss_them(recorded, paper: Rig, faults: dict):
     found = {name for run in recorded({}, **faults) for name in names(run, paper)}
     assert found
     assert "missed_counts" not in found

@@ -85,13 +85,15 @@ def test_the_order_of_runs_and_of_the_library_does_not_change_the_answer(
 
 @pytest.mark.long
 @pytest.mark.parametrize("truth", TRUTHS)
-def test_nor_does_it_in_longer_recordings(paper: Rig, recorded: Callable[..., list[Run]], truth: str) -> None:
+def test_the_order_does_not_change_the_answer_in_longer_recordings(
+    paper: Rig, recorded: Callable[..., list[Run]], truth: str
+) -> None:
     assert_order_does_not_matter(recorded(TRUTHS[truth], duration=4.0), paper, seed=2)
 
 
 @pytest.mark.long
 @pytest.mark.timeout(600)
-def test_nor_does_it_on_a_drawn_rig_with_two_effects() -> None:
+def test_the_order_does_not_change_the_answer_on_a_drawn_rig_with_two_effects() -> None:
     seed = 910_027
     plant, rig = weighed(load_plant("paper", seed), load_rig("paper"))
     assert_order_does_not_matter(record(draw_plant(parse_request("pair:clear"), plant, rig), rig), rig, seed)
@@ -107,7 +109,7 @@ def sets(bare: Callable[..., Any], screened: Callable[..., Any], recorded: Calla
 
 
 @pytest.mark.slow
-def test_a_move_leaves_the_state_as_it_was_and_repeats_itself(sets: FittedSets) -> None:
+def test_a_move_does_not_change_the_state_and_is_repeatable(sets: FittedSets) -> None:
     start = SearchState.bare(sets, 2)
     grown = run((forward_selection(2),), sets, start)
     assert dict(start.fits) == {frozenset(): sets.bare}

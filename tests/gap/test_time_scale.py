@@ -66,7 +66,7 @@ def test_a_diagnosis_of_one_rod_lists_it_among_the_findings(one_rod):
         pytest.param(0.125, "an eighth as fast", marks=pytest.mark.long),
     ],
 )
-def test_two_rods_tell_the_factor_because_their_coupling_holds_gravity(factor, cause):
+def test_two_rods_determine_the_time_factor(factor, cause):
     rig, runs, _ = recordings(3, [law("coulomb", 0, 5.0)], seconds=5.0, rate_hz=240.0)
     look = second_look(filmed(runs, factor), rig)
     assert look.tried

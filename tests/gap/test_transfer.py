@@ -53,7 +53,7 @@ def test_each_effect_says_what_it_closes_on_each_run_left_out(dry: list[Run], pa
 
 
 @pytest.mark.slow
-def test_a_name_that_does_not_carry_over_to_a_held_out_run_is_withdrawn(dry: list[Run], recorded, paper: Rig):
+def test_an_effect_that_does_not_transfer_to_a_held_out_run_is_withdrawn(dry: list[Run], recorded, paper: Rig):
     found = diagnose(dry[:2], paper, held_out=recorded({})[2:], library=LIBRARY)
     assert (found.verdict, found.basis, found.withdrawn) == ("unexplained", "held-out runs", ["coulomb_joint2"])
     assert found.probabilities["coulomb_joint2"] <= 0.5
@@ -61,7 +61,7 @@ def test_a_name_that_does_not_carry_over_to_a_held_out_run_is_withdrawn(dry: lis
 
 
 @pytest.mark.slow
-def test_an_effect_that_misleads_on_held_out_runs_is_left_out_of_the_model(dry: list[Run], recorded, paper: Rig):
+def test_an_effect_that_worsens_held_out_runs_is_left_out_of_the_model(dry: list[Run], recorded, paper: Rig):
     library = {name: EFFECTS[name] for name in ("coulomb_joint2", "spring_joint1")}
     sprung = recorded({**DRY, "spring_joint1": {"stiffness_Nm_per_rad": 4e-4}}, duration=5.0)
     found = diagnose(sprung[:2], paper, held_out=dry[2:], library=library)
@@ -69,7 +69,7 @@ def test_an_effect_that_misleads_on_held_out_runs_is_left_out_of_the_model(dry: 
     assert found.assumptions[-1].startswith("spring_joint1 was excluded from the model")
 
 
-def test_a_gap_that_grows_is_not_said_to_close() -> None:
+def test_a_gap_that_grows_is_not_reported_to_close() -> None:
     grown = Transfer("held-out runs", True, GapReduction(-0.51, (-0.74, -0.22)), 1.0, (), {}, {}, {}, (), (), (), None)
     assert how_far(grown) == "On held-out runs the gap does not close (-51 %, 90 % interval -74 % to -22 %)."
 
@@ -189,7 +189,7 @@ def free_run_error(rad: float, grows_from_s: float = 3.0, lost_from_s: float = 3
         "better till chaos",
     ],
 )
-def test_effects_that_spoil_the_free_run_of_a_held_out_run_are_seen(before, after, worse):
+def test_effects_that_worsen_the_free_run_of_a_held_out_run_are_detected(before, after, worse):
     little, much = free_run_error(0.001), free_run_error(2.0)
     judged = worse_free_run({"a": before}, {"a": after}, {"a": little}, ["a"])
     assert (judged and astuple(judged)) == (pytest.approx(worse, rel=5e-3) if worse else None)

@@ -64,7 +64,7 @@ def same_diagnosis(now: dict[str, Any], then: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     "seed", [pytest.param(seed, marks=[pytest.mark.long] * (seed not in DIAGNOSED)) for seed in DIAGNOSES]
 )
-def test_a_diagnosis_is_what_it_was(seed: str) -> None:
+def test_a_diagnosis_reproduces_its_golden_result(seed: str) -> None:
     then = DIAGNOSES[seed]
     runs, rig = cases.recorded(then["plant"])
     same_diagnosis(cases.diagnosed(runs, rig, []), then)
@@ -72,7 +72,7 @@ def test_a_diagnosis_is_what_it_was(seed: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", thinned(IDENTIFICATIONS, EACH))
-def test_an_identification_is_what_it_was(seed: str) -> None:
+def test_an_identification_reproduces_its_golden_result(seed: str) -> None:
     then = IDENTIFICATIONS[seed]
     runs, rig = cases.recorded(then["plant"])
     now = cases.identified(runs, rig)

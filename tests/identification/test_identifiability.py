@@ -161,7 +161,9 @@ def test_weighing_three_parts_leaves_one_direction_which_a_centroid_or_a_known_m
     assert len(weighed.sequence) == 1
 
 
-def test_four_measured_values_leave_nothing_free_and_say_whom_they_help(rig: Rig, information: NDArray) -> None:
+def test_four_measured_values_leave_no_free_direction_and_state_which_parameters_they_determine(
+    rig: Rig, information: NDArray
+) -> None:
     closed = identifiability(information, measured(rig, "m1", "m2", "mb", "l2"))
     assert closed.null_space == ()
     assert closed.sequence == ()
@@ -255,7 +257,7 @@ def test_a_length_error_moves_the_ratios_and_shows_as_residual(found: Identifiab
     assert 1e-4 < abs(found.length_error.ratio_shift["d/b"]) < 0.02
 
 
-def test_no_information_at_all_is_said_not_raised(rig: Rig) -> None:
+def test_recordings_without_information_are_reported_without_an_exception(rig: Rig) -> None:
     blind = identifiability(np.zeros((5, 5)), rig.model_copy(update={"poses": {}}))
     assert blind.rank == 0
     assert len(blind.null_space) == 9

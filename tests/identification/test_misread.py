@@ -47,12 +47,12 @@ def read_as(runs: list[Run], angles: Callable) -> list[Run]:
     return made
 
 
-def test_what_is_read_rightly_passes(swings, paper: Rig) -> None:
+def test_correctly_interpreted_recordings_pass(swings, paper: Rig) -> None:
     refuse_misread(swings, paper)
     refuse_misread(read_as(swings, lambda a, b: (-a, -b)), paper)  # the same rig seen from behind
 
 
-def test_friction_that_the_rods_alone_do_not_know_passes(recorded, paper: Rig) -> None:
+def test_friction_that_the_bare_model_lacks_passes(recorded, paper: Rig) -> None:
     refuse_misread(
         recorded({"coulomb_joint1": {"torque_Nm": 0.03}, "coulomb_joint2": {"torque_Nm": 0.01}}, duration=2.0), paper
     )
@@ -83,14 +83,14 @@ def test_friction_that_the_rods_alone_do_not_know_passes(recorded, paper: Rig) -
     ],
 )
 @pytest.mark.filterwarnings("error")
-def test_a_wrong_reading_is_refused_with_its_cause(swings, paper: Rig, angles: Callable, said: str) -> None:
+def test_a_wrong_interpretation_is_refused_with_its_cause(swings, paper: Rig, angles: Callable, said: str) -> None:
     with pytest.raises(IdentificationError, match=said):
         refuse_misread(read_as(swings, angles), paper)
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
-def test_identify_says_it_before_it_searches(swings, paper: Rig) -> None:
+def test_identify_reports_a_wrong_interpretation_before_the_search(swings, paper: Rig) -> None:
     with pytest.raises(IdentificationError, match=r"zero of the angles.*wrong --zero"):
         identify(read_as(swings, lambda a, b: (a - PI, b - PI)), paper)
 
@@ -182,7 +182,7 @@ def test_torques_in_another_unit_are_named(driven, paper: Rig, unit: str, to_Nm:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", thinned([(25.0, 65.0), (0.0, 90.0), (0.0, -37.0)], each=3))
-def test_zeros_that_are_anywhere_are_named_with_their_offset(swings, paper: Rig, case: tuple[float, float]) -> None:
+def test_wrong_zeros_are_named_with_their_offset(swings, paper: Rig, case: tuple[float, float]) -> None:
     inner, outer = case
     moved = read_as(swings, lambda a, b: (a + np.radians(inner), b + np.radians(outer)))
     with pytest.raises(IdentificationError, match="the angles have other zeros") as refused:
@@ -223,7 +223,7 @@ def test_times_in_another_unit_are_named(swings, paper: Rig, factor: float, unit
 
 
 @pytest.mark.slow
-def test_energy_from_a_source_that_nobody_described_is_named(swings, driven, on_a_moving_arm, paper: Rig) -> None:
+def test_energy_from_an_undescribed_source_is_named(swings, driven, on_a_moving_arm, paper: Rig) -> None:
     without_torques = [replace(run, torques=None, commanded=None, torque_kind="") for run in driven]
     hidden = [replace(run, theta=run.theta * [0.0, 1.0, 1.0], counts=None) for run in on_a_moving_arm]
     for runs in (without_torques, hidden):
@@ -233,7 +233,7 @@ def test_energy_from_a_source_that_nobody_described_is_named(swings, driven, on_
     assert second_look(swings, paper).sentence == ""
 
 
-def test_a_fit_that_is_given_up_would_not_have_become_better(swings, paper: Rig) -> None:
+def test_an_abandoned_fit_would_not_have_improved(swings, paper: Rig) -> None:
     read = [replace(run, theta=run.theta * [1.0, 1.0, -1.0], counts=None) for run in swings]
     whole = fitted(read, paper, quick=True)
     assert whole is not None
@@ -295,7 +295,7 @@ def test_a_noisy_film_in_slow_motion_is_named(paper: Rig, tmp_path: Path) -> Non
     assert "the swing is four times as fast" in second_look([film], rig).sentence
 
 
-def test_angles_of_points_in_a_film_have_no_factor(swings, paper: Rig) -> None:
+def test_angles_from_points_in_a_film_need_no_scale_factor(swings, paper: Rig) -> None:
     film = replace(swings[0], film_noise=FilmNoise((1e-3, 1e-3), 0.0))
     scaled = [reading for reading in readings(paper) if "times the reading" in reading.cause]
     assert scaled

@@ -51,19 +51,19 @@ def test_a_missing_or_unknown_name_is_refused(table, tmp_path: Path, part: str, 
     [b"\xff\xfe", b"[" * 100_000, b'{"a": ' + b"9" * 5000 + b"}", b"[]", b"3", b"null", b""],
     ids=["coding", "deep", "digits", "list", "number", "null", "empty"],
 )
-def test_what_is_no_model_is_a_sentence(tmp_path: Path, content: bytes) -> None:
+def test_an_invalid_model_file_is_refused_with_a_sentence(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "m.json").write_bytes(content)
     with pytest.raises(RunError, match=r"m\.json: is not a model"):
         load_model(tmp_path / "m.json")
 
 
 @pytest.mark.parametrize("effects", [{"gremlins": {}}, {"coulomb_joint1": {"torque": 1.0}}])
-def test_an_effect_nobody_knows_is_refused(table, tmp_path: Path, effects) -> None:
+def test_an_unknown_effect_is_refused(table, tmp_path: Path, effects) -> None:
     with pytest.raises(RunError, match=f"effects.{next(iter(effects))}"):
         load_model(written(tmp_path / "m.json", table | {"effects": effects}))
 
 
-def test_a_covariance_that_is_none_is_refused(table, tmp_path: Path) -> None:
+def test_an_invalid_covariance_is_refused(table, tmp_path: Path) -> None:
     table["covariance"]["matrix"][0].append(1.0)
     with pytest.raises(RunError, match="square matrix"):
         load_model(written(tmp_path / "m.json", table))

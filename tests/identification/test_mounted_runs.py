@@ -54,7 +54,7 @@ def test_runs_of_different_mountings_share_their_parameters(fitted, paper: Rig, 
     assert ("p/b" in sure.names) == ("inner" in names)
 
 
-def test_the_inner_rod_alone_tells_its_own_two_ratios(fitted, paper: Rig) -> None:
+def test_the_inner_rod_alone_determines_its_own_two_ratios(fitted, paper: Rig) -> None:
     found, sure = fitted("inner")
     a, _, _, e1, c1, _ = base_parameters(TRUE, paper.L1, paper.g)
     p = TRUE[3] * paper.L1**2
@@ -82,7 +82,7 @@ def test_a_weighed_outer_rod_and_the_inner_one_alone_fix_the_scale(paper: Rig, r
     assert without.base["b"].fixed_by == "bound"
 
 
-def test_a_rig_with_one_rod_goes_the_whole_way(paper: Rig, runs: dict[str, list[Run]]) -> None:
+def test_a_rig_with_one_rod_is_captured_identified_and_compared(paper: Rig, runs: dict[str, list[Run]]) -> None:
     quick = load_search("segments").model_copy(update={"generations": 3})
     model = identify(runs["inner"][:2], paper, settings=quick)
     assert model.covariance.order == ["e1/b", "c1/b"]

@@ -199,5 +199,5 @@ def test_a_global_search_over_rods_arm_and_drive_finds_the_start_of_a_fit():
         (4.0, 2.3, "poorly determined: 0.217 to 7.78 (90 %)"),
     ],
 )
-def test_the_interval_of_a_failed_fit_is_no_number(value, std, words):
+def test_the_interval_of_a_failed_fit_is_nan(value, std, words):
     assert undetermined("c0/a", estimated(value, std)) == words

@@ -195,7 +195,7 @@ def test_a_window_is_a_share_of_the_period_within_its_bounds(period_s: float, wi
     assert len(motion.t) == 300 - window + 1
 
 
-def test_the_beginning_alone_is_looked_at() -> None:
+def test_only_the_beginning_is_tested() -> None:
     t = 0.1 * np.arange(300)
     motion = local_motion(t, np.column_stack([t, t]), 0.01, replace(SETTINGS, instants=300))
     assert motion is not None

@@ -27,7 +27,7 @@ def parameter(value: float) -> Parameter:
 
 
 @pytest.mark.parametrize("both", [True, False])
-def test_a_planned_swing_of_rods_and_arm_is_that_of_another_engine(both: bool) -> None:
+def test_a_planned_swing_of_rods_and_arm_agrees_with_another_engine(both: bool) -> None:
     plant = drawn_plant(np.random.default_rng(5), both, "", 1.0, 0.05)
     arm = ArmTable(mode="driven", A=parameter(plant.A), c0=parameter(plant.c0))
     rig = rig_of(plant, "driven").model_copy(update={"arm": arm})
@@ -69,7 +69,7 @@ def test_a_plan_states_the_expected_error_of_the_gain_of_a_drive() -> None:
     assert set(shown_ratio_std(known, known.prior)) == {"e1/a", "c1/a", "A/a", "c0/a", "kt/(R a)"}
 
 
-def test_the_rig_file_and_the_limits_say_what_the_arm_may_do() -> None:
+def test_the_rig_file_and_the_limits_determine_the_modes_of_the_arm() -> None:
     driven, paper = load_rig("driven_double"), load_rig("paper")
     limits = PlanLimits.model_validate(MOVING)
     assert arm_states(driven, PlanLimits()) == ("held",)

@@ -25,7 +25,7 @@ def known(paper: Rig) -> Knowledge:
     return known_before(paper)
 
 
-def test_it_is_that_of_exact_sensitivities(paper: Rig, known: Knowledge) -> None:
+def test_information_agrees_with_exact_sensitivities(paper: Rig, known: Knowledge) -> None:
     base = base_parameters(paper.nominal, paper.L1, paper.g)
     exact = ratio_information(base, paper, [Pose(theta1=2.2, theta2=2.6)], Releases(4.0, 0.5))
     (one,) = informed([CALM], known.model)
@@ -33,7 +33,7 @@ def test_it_is_that_of_exact_sensitivities(paper: Rig, known: Knowledge) -> None
     assert ours == pytest.approx(theirs, rel=0.1)
 
 
-def test_shorter_durations_hold_less(known: Knowledge) -> None:
+def test_shorter_durations_contain_less_information(known: Knowledge) -> None:
     long, short = informed([CALM], known.model, (2.0,))
     assert (long.release.duration_s, short.release.duration_s) == (4.0, 2.0)
     assert np.linalg.eigvalsh(long.information - short.information).min() > -1e-6 * np.trace(long.information)
@@ -67,7 +67,7 @@ def test_only_a_known_mass_shows_the_scale(known: Knowledge) -> None:
     assert given(weighed.information, range(5), [5])[0, 0] > 1e3
 
 
-def test_a_rod_alone_shows_nothing_of_joint_2(known: Knowledge) -> None:
+def test_a_single_rod_has_no_information_about_joint_2(known: Knowledge) -> None:
     (alone,) = informed([CandidateRelease(2.2, 2.2, 4.0, "inner")], known.model)
     (column,) = known.places["coulomb_joint2"]
     assert alone.information[column, column] == pytest.approx(0.0, abs=1e-12)

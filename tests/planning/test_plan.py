@@ -69,7 +69,7 @@ def test_it_keeps_the_budget_and_the_reachable_poses(paper: Rig) -> None:
     assert reach.poses.reachable(theta).all()
 
 
-def test_what_may_be_mounted_follows_the_limits(paper: Rig) -> None:
+def test_planned_mountings_follow_the_limits_file(paper: Rig) -> None:
     mass = {"rod": "outer", "mass": 0.1, "position": 0.2}
     allowed = limits(rods={"mounted": ["both", "inner"], "elbow": ["free", "clamped"]}, masses=[mass])
     (added,) = allowed.masses
@@ -178,7 +178,7 @@ def test_once_the_causes_are_decided_nothing_is_planned_without_a_budget(
 
 
 @pytest.mark.slow
-def test_a_plan_after_runs_speaks_of_the_open_causes(two_runs: list[Run], two_found: Diagnosis, paper: Rig) -> None:
+def test_a_plan_after_runs_lists_the_undecided_causes(two_runs: list[Run], two_found: Diagnosis, paper: Rig) -> None:
     made = plan(paper, two_runs, two_found, limits=limits(), count=1)
     known = known_after(two_runs, paper, two_found)
     named = {effect.name for effect in two_found.effects}

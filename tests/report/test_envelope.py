@@ -12,7 +12,7 @@ def test_a_short_record_is_drawn_as_it_is(rng):
     np.testing.assert_array_equal(drawn_y, y)
 
 
-def test_a_long_record_keeps_every_peak_and_invents_nothing(rng):
+def test_the_envelope_of_a_long_record_keeps_every_peak_and_adds_none(rng):
     n = 60_007
     t, y = np.sort(rng.uniform(0, 60, n)), rng.normal(size=n)
     y[31_234], y[50_001] = 40.0, -50.0
@@ -56,7 +56,7 @@ def test_a_single_lost_sample_is_no_gap():
     assert not np.isnan(trace(t, np.ones_like(t))[1]).any()
 
 
-def test_a_simulation_that_ran_away_is_drawn_as_far_as_it_goes():
+def test_a_diverging_simulation_is_drawn_up_to_its_last_finite_value():
     t = np.arange(10_000) / 1000
     y = np.where(t < 3, np.sin(t), np.nan)
 

@@ -62,7 +62,7 @@ def test_a_run_that_is_predictable_to_its_end_has_no_horizon_line(comparison):
     assert "predictable to the end" in figure.axes[0].get_title(loc="left")
 
 
-def test_a_free_run_that_tumbles_away_does_not_flatten_the_measurement(comparison):
+def test_a_diverging_free_run_does_not_change_the_axis_of_the_measurement(comparison):
     made = comparison()
     away = np.where((made.t > 1.2)[:, None], made.free_run + 300, made.free_run)
 
@@ -71,7 +71,7 @@ def test_a_free_run_that_tumbles_away_does_not_flatten_the_measurement(compariso
     assert low < made.measured[:, 1].min() < made.measured[:, 1].max() < high < 10
 
 
-def test_the_error_figure_has_free_run_and_segments_beside_the_noise_floor(comparison):
+def test_the_error_figure_has_free_run_segments_and_noise_floor(comparison):
     shown = comparison()
     near = shown.t <= shown.horizon_s
 
@@ -164,7 +164,7 @@ def test_nothing_to_compare_gives_pictures_that_say_so(model, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("samples", thinned([0, 1], 2))
-def test_a_run_of_almost_nothing_is_drawn(samples, model, comparison, tmp_path):
+def test_a_nearly_empty_run_is_drawn(samples, model, comparison, tmp_path):
     made = comparison()
     cut = {name: getattr(made, name)[:samples] for name in ("t", "measured", "free_run", "tracked")}
 
@@ -172,7 +172,7 @@ def test_a_run_of_almost_nothing_is_drawn(samples, model, comparison, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_simulation_that_is_no_number_is_drawn(model, comparison, tmp_path):
+def test_a_simulation_of_nan_is_drawn(model, comparison, tmp_path):
     made = comparison()
 
     save_figures(model(), [replace(made, free_run=np.full_like(made.free_run, np.nan))], tmp_path)

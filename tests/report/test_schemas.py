@@ -21,7 +21,7 @@ WRITTEN = {
 }
 
 
-def test_the_files_of_the_docs_are_what_the_types_say() -> None:
+def test_schemas_in_the_docs_agree_with_the_types() -> None:
     generated = runpy.run_path(str(ROOT / "docs/schemas.py"))["files"]()
     stored = {file.name: file.read_text(encoding="utf-8") for file in FOLDER.iterdir()}
     assert stored == generated, "run python docs/schemas.py; raise the version where a reader would fail"
@@ -58,7 +58,7 @@ def _with_text(document: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("name", ["diagnosis", "check", "drift"])
-def test_every_key_of_a_result_says_what_it_is(name: str) -> None:
+def test_every_key_of_a_result_is_documented(name: str) -> None:
     made = schema(name)
     assert [key for key, value in made["properties"].items() if not value.get("description")] == []
     assert made["$id"] == f"urn:dpr-lab:schema:{name}:{SCHEMAS[name].version}"

@@ -147,7 +147,7 @@ def test_compared_runs_stand_side_by_side_in_80_columns_by_pose_and_local_time(c
     assert sum(words) + 3 * len(words) + 1 <= 80
 
 
-def test_standard_deviations_that_misfit_inflates_say_so(model):
+def test_a_note_states_standard_deviations_that_misfit_inflates(model):
     assert tables.ratio_note(model()) == tables.RATIO_NOTE
     least = {name: ratio.std / 20 for name, ratio in model().ratios.items()}
     note = tables.ratio_note(model(cramer_rao_std=least))

@@ -49,7 +49,7 @@ def test_experiment_keeps_the_best_trial_when_the_prediction_is_worse():
     assert cost[0] == 0
 
 
-def test_experiment_asks_twice_whatever_the_number_of_pairs():
+def test_the_experiment_evaluates_twice_for_any_number_of_pairs():
     asked = []
 
     def costs(genes):

@@ -162,7 +162,7 @@ def test_reaches_an_optimum_off_its_grid_among_local_ones(algorithm, seed):
 
 
 @every_algorithm
-def test_population_of_identical_costs_is_no_trouble(algorithm):
+def test_a_population_of_identical_costs_causes_no_error(algorithm):
     last = run(algorithm, lambda z: np.ones((len(z), 3)), 5)[-1]
     assert last.best_cost == 3
     assert last.population_fitness == 1
@@ -214,6 +214,6 @@ def test_refuses_bounds_it_cannot_search(algorithm, box, said):
 @pytest.mark.parametrize(
     ("answer", "said"), [(np.zeros(7), "poses"), (np.zeros((3, 2)), "poses"), (-1.0, "sum of squares")]
 )
-def test_refuses_an_objective_that_is_none(algorithm, answer, said):
+def test_refuses_an_invalid_objective(algorithm, answer, said):
     with pytest.raises(ValueError, match=said):
         run(algorithm, lambda z: np.full((len(z), 3), answer) if np.isscalar(answer) else answer, 1)

@@ -82,7 +82,7 @@ def test_counts_do_not_depend_on_how_often_the_board_is_served(bench):
     assert np.array_equal(*swings)
 
 
-def test_the_next_release_is_placed_anew(bench, paper):
+def test_the_rods_are_placed_again_for_the_next_release(bench, paper):
     host = bench.direct()
     for release in (1, 2):
         tick = host.release(pose=2, swing=1500)
@@ -124,7 +124,7 @@ def test_reports_come_ten_times_a_second_in_every_state_once_greeted(bench):
         assert len({m.state for m in host.of(Status)}) == 1
 
 
-def test_nothing_is_said_before_hello(bench):
+def test_nothing_is_sent_before_hello(bench):
     host = bench.direct()
     host.end.device.reset()
     host.messages.clear()
@@ -144,7 +144,7 @@ def test_pose_0_keeps_the_rods_where_they_hang(bench):
     assert away(host.counts()[:, 1:], np.zeros(3)) < FAR
 
 
-def test_the_hand_takes_its_time_and_can_be_told_to_miss(bench, paper):
+def test_the_simulated_operator_needs_time_and_can_be_set_to_miss_the_pose(bench, paper):
     host = bench.direct(hand_error=0.2)
     host.do(Hold(pose=3))
     host.do(Stream(rate_hz=1000))
@@ -171,7 +171,7 @@ def test_a_silent_host_stops_the_stream_and_never_opens_the_latch(bench):
     assert np.ptp(still) <= 2 * FAR
 
 
-def test_pong_tells_the_tick_of_now(bench):
+def test_pong_contains_the_present_tick(bench):
     host = bench.direct(step_s=0.00037)
     host.do(Hold())
     host.do(Stream(rate_hz=1000))

@@ -57,19 +57,19 @@ def test_the_smaller_of_two_effects_is_a_fifth_as_visible(paper):
 
 
 @pytest.mark.long
-def test_three_effects_are_none_of_them_the_same(paper):
+def test_three_drawn_effects_are_different(paper):
     names = list(drawn(EffectRequest("triple"), 2, paper).effects)
     assert len(names) == 3
     assert not any(alike(one, other) for one in names for other in names if one != other)
 
 
-def test_what_a_swing_cannot_show_is_never_drawn():
+def test_effects_that_a_swing_cannot_show_are_never_drawn():
     assert "rotor_inertia_joint1" not in visible_effects()
     assert len(visible_effects()) >= len(OF_FREE_SWINGS) - 1
 
 
 @pytest.mark.long
-def test_the_seed_alone_decides(paper):
+def test_the_plant_depends_on_the_seed_only(paper):
     one, same, other = (drawn(EffectRequest("single"), seed, paper) for seed in (11, 11, 12))
     assert one == same
     assert one.parameters != other.parameters
@@ -97,7 +97,7 @@ def test_both_lists_of_foreign_effects_have_eight_and_are_halved():
 
 
 @pytest.mark.parametrize("text", ["two", "single:big", "single:clear:gremlins"])
-def test_what_cannot_be_drawn_is_said(text):
+def test_impossible_draws_are_refused_with_the_reason(text):
     with pytest.raises(ConfigError, match="draw"):
         parse_request(text)
 
@@ -156,7 +156,7 @@ def test_missing_samples_are_absent_and_the_others_stay_as_they_were(paper):
     assert np.array_equal(whole.counts[np.isin(whole.t, holed.t)], holed.counts)
 
 
-def test_repeated_samples_say_what_the_one_before_said(paper):
+def test_repeated_samples_have_the_value_of_the_one_before(paper):
     whole, doubled = encoders(paper).swing, encoders(paper, repeated_share=0.01).swing
     changed = np.flatnonzero((whole.counts != doubled.counts).any(axis=1))
     assert 8 < len(changed) < 40
@@ -164,7 +164,7 @@ def test_repeated_samples_say_what_the_one_before_said(paper):
 
 
 @pytest.mark.parametrize("ticks", [1, 3])
-def test_late_samples_say_what_a_later_one_says(paper, ticks):
+def test_late_samples_have_the_value_of_a_later_one(paper, ticks):
     whole, late = (
         encoders(paper, noise_counts=0.0, **fault).swing for fault in ({}, {"late_every": 7, "late_ms": float(ticks)})
     )

@@ -25,7 +25,7 @@ from sim_device.trials.seal import opened
 from sim_device.trials.trial import sealed_trial
 
 
-def test_a_faulty_drive_acts_otherwise_than_it_tells() -> None:
+def test_the_torque_of_a_faulty_drive_differs_from_the_reported_one() -> None:
     table = np.array([0.0, 1.0]), np.array([[0.1, 0.2], [0.1, 0.2]])
     config = DriveConfig(tells=("measured",), gain=(1.1, 1.0), offset_Nm=(0.0, -0.02))
     drives = JointDrives(*table, config, 1)
@@ -51,7 +51,7 @@ def test_a_fault_may_be_asked_for_and_no_other_effect(paper: Rig) -> None:
     assert all(with_kind("any:clear", seed) != "driven:clear" for seed in range(40))
 
 
-def test_a_sealed_driven_plant_keeps_its_torques_and_tells_them_with_its_recordings(tmp_path: Path) -> None:
+def test_a_sealed_driven_plant_keeps_its_torques_and_reports_them_with_its_recordings(tmp_path: Path) -> None:
     asked = Options(draw_effects="driven:clear:torque_ripple_joint1", seed=7)
     told = sealed_trial(asked, tmp_path / "device")
     truth = opened(tmp_path / "device")["truth"]

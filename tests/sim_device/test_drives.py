@@ -27,7 +27,7 @@ def table(tmp_path: Path) -> Path:
     return file
 
 
-def test_a_torque_holds_from_its_tick_on_and_what_is_told_is_what_acts(table: Path) -> None:
+def test_a_torque_holds_from_its_tick_on_and_equals_the_reported_one(table: Path) -> None:
     drives = load_drives(table, DriveConfig(delay_s=0.002), 1)
     asked = drives.reported(1, 9, 4, 1000.0)[:, 1]
     assert asked.tolist() == [[1000, 200], [1000, 200], [-2000, 200], [-2000, 200]]

@@ -56,7 +56,7 @@ def test_joint_2_is_read_against_the_inner_rod_over_many_turns(paper):
     assert counts.tolist() == [0, 3 * 16384, -2 * 16384]
 
 
-def test_the_hand_misses_a_little_and_by_what_it_is_told():
+def test_the_simulated_operator_misses_the_pose_by_the_given_amount():
     hand, pose = OperatorConfig(placement_std=0.01, release_speed_std=0.002), Pose(theta1=0.1, theta2=3.0)
     off = np.array([placement(hand, pose, 1, release) for release in range(1, 4000)]) - pose.theta
     speeds = np.array([release_speed(hand, 1, release) for release in range(1, 4000)])

@@ -97,7 +97,7 @@ def test_no_size_no_error_of_the_encoders(name):
 
 @pytest.mark.parametrize("joint", [1, 2])
 @pytest.mark.parametrize("torque", [0.05, 0.3])
-def test_a_joint_sticks_as_in_the_lab_which_shares_no_code_with_it(body, joint, torque):
+def test_a_sticking_joint_agrees_with_the_independent_code_of_dpr_lab(body, joint, torque):
     start, t = np.array([np.pi + 0.4, np.pi + 1.1, 0.0, 0.0]), np.linspace(0, 2, 41)
     found = integrate(sticking(body, joint, lambda x: torque), start, t)
     base = [body.a, body.b, body.d, body.e1, body.c1, body.c2]

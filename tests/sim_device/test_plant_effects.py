@@ -45,7 +45,7 @@ def encoder_angles(theta):
 
 
 @pytest.mark.parametrize("name", OF_FREE_SWINGS)
-def test_a_plant_shows_what_the_lab_would_read(name):
+def test_readings_of_a_plant_agree_with_the_prediction_of_dpr_lab(name):
     effects = typical(name)
     if name == "missed_counts":
         effects[name]["time_s"] = 0.7
@@ -111,7 +111,7 @@ def test_encoder_0_records_an_arm_that_gives():
     assert np.abs(counts[:, 0]).max() > 20
 
 
-def test_counts_are_missed_in_the_run_and_from_the_instant_said():
+def test_counts_are_missed_in_the_stated_run_from_the_stated_instant():
     step = {"counts": 40.0, "joint": 1.0, "run": 1.0, "time_s": 0.2}
     counts = {}
     for name, effects in (("clean", {}), ("missed", {"missed_counts": step})):
@@ -139,7 +139,7 @@ READINGS = {
 
 
 @pytest.mark.parametrize("effects", READINGS.values(), ids=READINGS)
-def test_the_hand_goes_by_what_the_encoders_say(effects):
+def test_the_simulated_operator_follows_the_encoder_readings(effects):
     for number, pose in enumerate(RIG.poses.values(), 1):
         rods = SimulatedRods(plant_with(effects), RIG)
         rods.place(number, 0.0)

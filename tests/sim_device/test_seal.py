@@ -47,7 +47,7 @@ def test_the_seal_is_a_hash_that_anybody_can_check(told, device: Path) -> None:
     assert kept["truth"]["drawn"] == {"kind": "single", "level": "clear", "seed": 9}
 
 
-def test_who_knows_the_seed_cannot_tell_the_seal(tmp_path: Path) -> None:
+def test_the_seed_alone_does_not_determine_the_seal(tmp_path: Path) -> None:
     """The salt used to come from the seed, so that a handful of guesses opened every seal."""
     wanted = Options(draw_effects="clean", seed=9)
     seals = [sealed_trial(wanted, tmp_path / str(number))["seal"] for number in range(3)]
@@ -57,7 +57,7 @@ def test_who_knows_the_seed_cannot_tell_the_seal(tmp_path: Path) -> None:
     assert len({kept["salt"] for kept in truths}) == 3
 
 
-def test_a_seed_that_nobody_gave_is_drawn_afresh(tmp_path: Path) -> None:
+def test_a_seed_that_is_not_given_is_drawn(tmp_path: Path) -> None:
     for number in range(2):
         sealed_trial(Options(draw_effects="clean"), tmp_path / str(number))
     one, other = (opened(tmp_path / str(number))["truth"] for number in range(2))
@@ -66,7 +66,7 @@ def test_a_seed_that_nobody_gave_is_drawn_afresh(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_public_does_not_lead_to_the_seed(tmp_path: Path) -> None:
+def test_the_seal_does_not_reveal_the_seed(tmp_path: Path) -> None:
     """Seeds had 32 bits, and masses of full precision in the rig file said which: five minutes on one core."""
     told = sealed_trial(Options(draw_effects="clean"), tmp_path / "device")
     secret = opened(tmp_path / "device")["truth"]["drawn"]["seed"]
@@ -79,7 +79,7 @@ def test_what_is_public_does_not_lead_to_the_seed(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_plant_held_in_memory_is_told_when_asked_and_written_nowhere(tmp_path: Path) -> None:
+def test_a_plant_held_in_memory_is_revealed_on_request_and_never_written(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "sim_device", "--draw-effects", "clean", "--seal", "-"]
     rig = json.dumps((BUILTIN / "rigs" / "paper.toml").read_text())
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
@@ -138,7 +138,7 @@ def test_the_program_seals_and_unseals(program, tmp_path: Path) -> None:
         (("--draw-effects", "clean", "--seal", "a_file/device"), "cannot be written there"),
     ],
 )
-def test_what_cannot_be_sealed_or_opened_is_said(program, words, said, tmp_path: Path, monkeypatch) -> None:
+def test_seals_that_cannot_be_made_or_opened_are_reported(program, words, said, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a_file").touch()
     done = program(*words)

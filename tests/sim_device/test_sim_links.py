@@ -56,7 +56,7 @@ def test_a_rate_of_no_standard_is_a_rate_too(bench):
     bench.host(link="pty", baud=1_234_567)
 
 
-def test_closing_and_opening_the_port_again_goes_on(bench):
+def test_a_port_can_be_closed_and_opened_again(bench):
     url = bench.serve(link="pty", clock="fast")
     first = bench.connect(url)
     first.hello()

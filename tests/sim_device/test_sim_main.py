@@ -54,7 +54,7 @@ def test_it_answers_before_what_moves_the_rods_is_compiled(tmp_path, monkeypatch
         assert cpu_s(process) < 6.0
 
 
-def test_reveal_tells_the_truth_of_the_same_arguments(program):
+def test_reveal_prints_the_truth_of_the_same_arguments(program):
     first, again, other = (program("--reveal", "--draw", "--seed", seed).out for seed in ("5", "5", "6"))
     assert first == again != other
     told = json.loads(first)
@@ -74,7 +74,7 @@ def test_reveal_tells_the_truth_of_the_same_arguments(program):
         (("--uid", "xyz"), 2, "not a hexadecimal number"),
     ],
 )
-def test_what_is_wrong_is_said_on_stderr(program, arguments, code, said):
+def test_errors_are_reported_on_stderr(program, arguments, code, said):
     done = program(*arguments)
     assert done.code == code
     assert said in done.err
@@ -101,7 +101,7 @@ def test_it_ends_on_a_signal(number):
 
 
 @pytest.mark.slow
-def test_uid_and_rates_are_told(bench):
+def test_uid_and_rates_are_reported(bench):
     with running("--uid", "1a2b3c4d5e6f7788", "--clock", "fast") as process:
         host = bench.connect(url_of(process))
         host.hello()

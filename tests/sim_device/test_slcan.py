@@ -81,7 +81,7 @@ def test_an_endless_line_does_not_grow():
     assert codec.decode(b"\rt0410\r")[0] == [Frame(0x41, b"")]
 
 
-def test_another_bit_rate_than_the_bus_s_hears_and_says_nothing():
+def test_at_another_bit_rate_nothing_is_received_or_sent():
     codec = on_bus(500_000)
     assert codec.encode(Frame(0x41, b"")) == b""
     assert codec.decode(b"t0410\r") == ([], b"z\r")

@@ -116,7 +116,7 @@ class Stranger:
         return float(np.abs((self.angles() - pose + 180) % 360 - 180).max())
 
 
-def test_the_page_alone_tells_what_counters_mean_and_what_comes_first(
+def test_the_page_of_the_protocol_suffices_to_decode_counters_and_their_order(
     simulated: Callable[..., Any], paper: Rig
 ) -> None:
     per_rev, pose = np.array(paper.encoders.counts_per_rev), np.degrees(paper.poses["X1"].theta)

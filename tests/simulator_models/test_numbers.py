@@ -78,7 +78,7 @@ def read(folder: Path, text: str):
 
 @pytest.mark.parametrize("bad", ["nan", "1,5", "", "heavy", "1_0", "1e999"])
 @pytest.mark.parametrize(("text", "number", "place"), PLACES, ids=[place for *_, place in PLACES])
-def test_what_is_no_number_is_refused_by_its_place(
+def test_an_invalid_number_is_refused_with_its_place(
     tmp_path: Path, text: str, number: str, place: str, bad: str
 ) -> None:
     assert text.count(number) >= 1
@@ -110,7 +110,7 @@ def test_a_joint_of_sdformat_may_have_no_stop_and_a_pose_may_be_empty(tmp_path: 
     assert not any("stops at" in note for note in imported.notes)
 
 
-def test_what_drake_exits_at_is_a_sentence(tmp_path: Path) -> None:
+def test_a_file_that_crashes_drake_is_refused_with_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"the library of SDFormat cannot read it: .*stiffness"):
         read(tmp_path, SDF.replace("<spring_stiffness>0.3", "<spring_stiffness>-1"))
 

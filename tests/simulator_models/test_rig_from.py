@@ -251,7 +251,9 @@ BAD = {
 
 
 @pytest.mark.parametrize(("text", "message"), BAD.values(), ids=BAD)
-def test_what_is_no_double_pendulum_is_refused_with_a_sentence(tmp_path: Path, text: str, message: str) -> None:
+def test_a_model_that_is_not_a_double_pendulum_is_refused_with_a_sentence(
+    tmp_path: Path, text: str, message: str
+) -> None:
     with pytest.raises(ConfigError, match=message):
         written(tmp_path, text)
     assert not (tmp_path / "rig.toml").exists()

@@ -34,7 +34,7 @@ def test_named_arrays(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".mat", ".h5", ".npz"])
-def test_a_matrix_beside_scalars_words_and_tables_of_something_else(tmp_path: Path, suffix: str) -> None:
+def test_a_matrix_is_found_among_scalars_words_and_other_tables(tmp_path: Path, suffix: str) -> None:
     file = WRITERS[suffix](tmp_path / f"a{suffix}", data=ROWS, fs=np.array(200.0), other=np.arange(7.0))
     assert is_the_swing(read(file, take=("data",)))
     assert is_the_swing(read(file))

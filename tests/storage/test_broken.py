@@ -243,7 +243,7 @@ def chunk_of(whole, data):
     return b"\x06" + length.to_bytes(8, "little") + head + len(data).to_bytes(8, "little") + data
 
 
-def test_many_small_chunks_do_not_add_up_to_a_bomb(tmp_path, whole):
+def test_many_small_chunks_cannot_exceed_the_limit_of_memory(tmp_path, whole):
     bomb = chunk_of(whole, zstandard.compress(bytes(LIMITS.record_bytes - 1)))
     content = whole.read_bytes()
     path = tmp_path / "bombs.mcap"

@@ -81,7 +81,7 @@ def test_decimal_commas_go_with_semicolons(tmp_path):
     assert_the_swing(read(file))
 
 
-def test_a_row_of_units_and_windows_line_ends_do_no_harm(tmp_path):
+def test_a_row_of_units_and_windows_line_ends_are_accepted(tmp_path):
     file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, THETA2)
     head, rest = file.read_text().split("\n", 1)
     file.write_bytes("\r\n".join([head, "s,rad,rad", *rest.split("\n")]).encode())
@@ -151,7 +151,7 @@ def test_a_table_of_hanging_zero_taken_for_upright_is_noticed(tmp_path):
     assert not read(file, zero="hanging").notes
 
 
-def test_wrapped_angles_are_unwrapped_and_said(tmp_path):
+def test_wrapped_angles_are_unwrapped_and_reported(tmp_path):
     theta2 = np.pi + 9 * T * 4
     file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, (theta2 + np.pi) % (2 * np.pi) - np.pi)
     run = read(file)
@@ -211,7 +211,7 @@ def test_our_own_export_is_read_back_without_options(tmp_path):
     np.testing.assert_array_equal(again.t, run.t)
 
 
-def test_a_column_of_words_and_an_empty_first_row_do_no_harm(tmp_path):
+def test_a_column_of_words_and_an_empty_first_row_are_accepted(tmp_path):
     file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, THETA2)
     head, rest = file.read_text().split("\n", 1)
     rows = [row + ',"swing, free"' for row in rest.split()]
@@ -221,7 +221,7 @@ def test_a_column_of_words_and_an_empty_first_row_do_no_harm(tmp_path):
     assert run.notes == ("rows without a value (NaN), treated as gaps: 1",)
 
 
-def test_a_last_row_cut_off_is_left_out_and_said(tmp_path):
+def test_an_incomplete_last_row_is_left_out_and_reported(tmp_path):
     file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, THETA2)
     file.write_text(file.read_text() + "1.0,3.1")
     run = read(file)
@@ -282,7 +282,7 @@ def test_missing_files_columns_and_poses_are_named(tmp_path):
 
 @pytest.mark.parametrize("wild", [12.0, 100.0, 1e6, 1e308, -1e308, -40.0])
 @pytest.mark.parametrize("rows", [(0,), (57,), (57, 58), (199,), (20, 90, 150)])
-def test_an_outlier_is_left_out_and_never_made_plausible(tmp_path, wild, rows):
+def test_an_outlier_is_left_out_and_not_replaced(tmp_path, wild, rows):
     theta2 = THETA2.copy()
     theta2[list(rows)] = wild
     run = read(table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, theta2))

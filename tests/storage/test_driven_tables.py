@@ -129,7 +129,7 @@ def test_a_run_file_keeps_which_torques_they_are_and_how_late_they_act(paper: Ri
         ImportOptions(input_delay_s=2.0)
 
 
-def test_of_both_kinds_in_a_run_the_measured_ones_act_unless_the_others_are_said(paper: Rig, tmp_path: Path) -> None:
+def test_measured_torques_are_used_unless_commanded_ones_are_requested(paper: Rig, tmp_path: Path) -> None:
     metadata = RunMetadata(paper, None, 100.0, extra={"torque_kind": "measured", "torque_unit_uNm": "100"})
     with RunWriter(tmp_path / "a.mcap", metadata) as writer:
         writer.samples(

@@ -97,7 +97,7 @@ def test_a_missing_library_is_named_with_its_extra(tmp_path, monkeypatch, suffix
 
 
 @pytest.mark.parametrize("suffix", EXPORTERS)
-def test_an_existing_file_or_one_in_the_place_of_the_folder_is_said(tmp_path, suffix):
+def test_an_existing_file_or_one_in_place_of_the_folder_is_reported(tmp_path, suffix):
     (tmp_path / f"swing{suffix}").write_text("mine")
     with pytest.raises(RunError, match="exists already"):
         export(make(), tmp_path / f"swing{suffix}")

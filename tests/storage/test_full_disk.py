@@ -76,7 +76,7 @@ def test_a_whole_export_has_its_final_name_alone(tmp_path: Path, recorded) -> No
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs a folder that takes no file")
-def test_where_results_cannot_go_is_said_before_the_work(tmp_path: Path) -> None:
+def test_an_unwritable_output_is_reported_before_the_work(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     for refuse, place, said in (
         (refuse_folder, tmp_path, "is a folder"),

@@ -128,7 +128,7 @@ def test_a_packed_table_that_is_damaged_or_swells_is_refused(tmp_path: Path, mon
         read_table(tmp_path / "bomb.csv.gz")
 
 
-def test_reading_tells_how_far_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reading_reports_its_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(table_module, "LIMITS", TableLimits(block_bytes=4000))
     (tmp_path / "a.csv").write_text(text_of("plain"))
     events: list[ImportProgress] = []

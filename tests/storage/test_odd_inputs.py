@@ -48,7 +48,7 @@ def test_sockets_and_devices_are_refused_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.timeout(60)
-def test_a_pipe_beside_a_run_or_in_a_bag_is_refused(tmp_path: Path) -> None:
+def test_a_pipe_next_to_a_run_or_in_a_bag_is_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a.mcap.sha256")
     with pytest.raises(RunError, match="is a named pipe"):
         read_sidecar(tmp_path / "a.mcap")
@@ -91,7 +91,7 @@ def test_a_group_that_holds_itself_is_read_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["mat", "npz", "parquet", "h5"])
-def test_zeros_that_swell_are_refused_before_they_fill_memory(suffix: str, tmp_path: Path) -> None:
+def test_compressed_zeros_are_refused_before_they_fill_the_memory(suffix: str, tmp_path: Path) -> None:
     zeros, path = np.zeros(8_000_000), tmp_path / f"a.{suffix}"
     if suffix == "mat":
         from scipy.io import savemat

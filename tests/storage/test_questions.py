@@ -59,7 +59,7 @@ def test_a_right_table_is_not_questioned(
         ("driven/torque_ignored", ("--torque", "measured")),
     ],
 )
-def test_a_certain_mistake_is_questioned_with_the_option_that_mends_it(
+def test_a_certain_mistake_is_questioned_with_the_option_that_corrects_it(
     name: str, mend: tuple[str, ...], tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
 ) -> None:
     file = tables[name].write(tmp_path)
@@ -89,7 +89,7 @@ def test_a_certain_mistake_is_questioned_with_the_option_that_mends_it(
         ("free/six_rows", "only 6 rows of a swing"),
     ],
 )
-def test_a_table_of_which_nothing_can_come_is_refused_with_its_cure(
+def test_an_unusable_table_is_refused_with_the_option_that_corrects_it(
     name: str, sentence: str, tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
 ) -> None:
     with pytest.raises(RunError, match=sentence):
@@ -128,7 +128,7 @@ def test_another_pose_than_the_one_named_leads_to_the_reading_that_starts_there(
 
 
 @pytest.mark.parametrize("name", ["side", "elbow"])
-def test_a_zero_elsewhere_is_questioned_with_the_offset_that_mends_it(name: str, tmp_path: Path) -> None:
+def test_another_zero_is_questioned_with_the_offset_that_corrects_it(name: str, tmp_path: Path) -> None:
     file = tmp_path / "a.csv"
     rows = np.loadtxt(SAMPLES / f"{name}.csv", delimiter=",", skiprows=1) + np.array([0.0, 30.0, -20.0])
     np.savetxt(file, rows, "%.10g", ",", header="time_s,angle1_deg,angle2_deg", comments="")
@@ -243,7 +243,7 @@ def test_rows_that_are_kept_although_the_rods_are_held_are_questioned(
         assert any("remove --keep-rest" in one.sentence for one in understood.questions) == questioned
 
 
-def test_a_clamped_elbow_that_is_said_to_be_free_is_refused(paper: Rig, tmp_path: Path) -> None:
+def test_a_clamped_elbow_that_is_described_as_free_is_refused(paper: Rig, tmp_path: Path) -> None:
     t = np.arange(400) / 200
     theta1 = np.pi + 0.8 * np.cos(6 * t)
     theta2 = theta1 + 0.3 + 1e-4 * np.sin(50 * t)

@@ -27,7 +27,7 @@ from tests.storage.swing_files import (
 )
 
 
-def test_text_in_any_form(tmp_path: Path) -> None:
+def test_text_tables_of_any_form_are_read(tmp_path: Path) -> None:
     assert is_the_swing(read(text(tmp_path / "a.tsv", ROWS, "\t", "time [s]\tq1 (rad)\tq2 (rad)\n")))
     assert is_the_swing(read(text(tmp_path / "b.txt", ROWS, " ")))
     named = {"t": "Zeit", "theta1": "innen", "theta2": "außen"}
@@ -68,7 +68,7 @@ def test_a_damaged_file_is_a_sentence(tmp_path: Path, suffix: str) -> None:
             assert str(file) in str(error)  # noqa: PT017
 
 
-def test_what_is_no_table_at_all(tmp_path: Path) -> None:
+def test_files_that_are_not_tables_are_refused(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "a.xlsx", "w") as archive:
         archive.writestr("xl/workbook.xml", "<workbook/>")
     with pytest.raises(RunError, match="save the table of a spreadsheet as CSV"):

@@ -45,7 +45,7 @@ def test_any_reader_of_json_reads_the_rows(counts, torques) -> None:
     assert all(np.array_equal(a, b) for a, b in zip(there, expected, strict=True))
 
 
-def test_records_are_those_of_mcap_and_others_are_told_apart() -> None:
+def test_records_of_mcap_are_distinguished_from_others() -> None:
     texts = sample_texts(TICK, T, THETA, None, NO_TORQUES)
     assert texts is not None
     records = message_records(4, TICK * 1000, texts).tobytes()

@@ -56,7 +56,7 @@ def test_virtual_bus_carries_frames_both_ways(peer: can.BusABC) -> None:
     link.close()
 
 
-def test_frames_of_other_kinds_are_passed_over_and_error_frames_counted(peer: can.BusABC) -> None:
+def test_frames_of_other_kinds_are_skipped_and_error_frames_counted(peer: can.BusABC) -> None:
     link = open_transport("can://virtual/transport-test")
     peer.send(can.Message(arbitration_id=66, data=b"1", is_extended_id=True))
     peer.send(can.Message(arbitration_id=66, is_remote_frame=True, is_extended_id=False))

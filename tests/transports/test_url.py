@@ -35,7 +35,7 @@ def test_wrong_option_is_named(query: str, sentence: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["/dev/ttyUSB0", "COM3", "", "serial:///dev/ttyUSB0?baud", "serial://[::1"])
-def test_text_that_is_no_url_gets_an_example(text: str) -> None:
+def test_the_message_on_an_invalid_url_contains_an_example(text: str) -> None:
     with pytest.raises(LinkError, match=r"is not a link URL.*://"):
         parse_url(text)
 
@@ -80,7 +80,7 @@ def test_rate_that_fits_passes_and_one_hertz_more_is_refused_with_the_arithmetic
     )
 
 
-def test_importing_the_package_pulls_no_heavy_library() -> None:
+def test_importing_the_package_imports_no_large_library() -> None:
     code = (
         "import sys, dpr_lab.transports; print([m for m in ('can', 'cantools', 'serial', 'numpy') if m in sys.modules])"
     )

@@ -70,7 +70,7 @@ def test_a_line_that_a_kill_cut_short_is_dropped(tmp_path: Path) -> None:
     assert read_trials(tmp_path)[4].seed == 4
 
 
-def test_a_whole_line_that_is_no_trial_is_said(tmp_path: Path) -> None:
+def test_a_complete_line_that_is_not_a_trial_is_reported(tmp_path: Path) -> None:
     (tmp_path / "trials.jsonl").write_bytes(lines(tmp_path, 0) + b'{"number": 1}\n')
     with pytest.raises(RunError, match="line 2 is not a trial"):
         read_trials(tmp_path)
@@ -147,7 +147,7 @@ def test_without_a_scheduler_the_operator_reads_what_to_start() -> None:
 @pytest.mark.parametrize(
     "answer", [b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\xff" * 64, b""], ids=["web", "noise", "mute"]
 )
-def test_a_peer_that_is_no_scheduler_is_named_in_a_sentence(answer: bytes) -> None:
+def test_a_peer_that_is_not_a_scheduler_is_reported_in_a_sentence(answer: bytes) -> None:
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
     with socket.create_server(("127.0.0.1", 0)) as server:
         peer = threading.Thread(target=_answer_all, args=(server, answer), daemon=True)
@@ -250,7 +250,7 @@ def members(group: int) -> list[int]:
 @pytest.mark.long
 @pytest.mark.timeout(900)
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc to see what a kill leaves running")
-def test_a_killed_campaign_leaves_no_process_and_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_a_killed_campaign_leaves_no_process_and_can_be_continued(tmp_path: Path) -> None:
     file, temporary = tmp_path / "trials.jsonl", tmp_path / "temporary"
     temporary.mkdir()
     process = subprocess.Popen(

@@ -27,7 +27,7 @@ def test_a_clean_plant_is_found_clean_and_the_seal_holds(diagnosed: Trial) -> No
     assert open_trial(diagnosed).outcome == opened.outcome
 
 
-def test_what_the_lab_is_given_does_not_tell_the_truth(diagnosed: Trial) -> None:
+def test_the_files_given_to_dpr_lab_do_not_contain_the_truth(diagnosed: Trial) -> None:
     folder, device = diagnosed.folder, diagnosed.folder / "device"
     salt = json.loads((device / "truth.json").read_text())["salt"]
     parameter = str(json.loads((device / "truth.json").read_text())["truth"]["parameters"]["l1"])
@@ -92,7 +92,7 @@ def test_a_folder_without_a_trial_is_refused(tmp_path: Path, content: str | None
 
 
 @pytest.mark.parametrize("content", ["", "[]", "{}", '{"verdict": "no_gap"}'])
-def test_a_diagnosis_that_is_none_is_refused(diagnosed: Trial, content: str) -> None:
+def test_an_invalid_diagnosis_is_refused(diagnosed: Trial, content: str) -> None:
     diagnosed.diagnosis.write_text(content)
     with pytest.raises(RunError, match=r"diagnosis\.json"):
         open_trial(diagnosed)

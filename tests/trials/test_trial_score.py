@@ -83,7 +83,7 @@ def test_a_wrong_name_is_wrong_even_with_the_truth_among_its_rivals():
     assert outcome.invented
 
 
-def test_what_is_put_forward_under_unexplained_is_no_name():
+def test_a_candidate_listed_under_unexplained_does_not_count_as_named():
     outcome = scored(said("unexplained", named("spring_joint1", 0.7)), truth_of(foreign="cable_snag"))
     assert outcome.named == ()
     assert not outcome.wrong_name
@@ -91,7 +91,7 @@ def test_what_is_put_forward_under_unexplained_is_no_name():
     assert outcome.claims == (Claim(0.6, True),)
 
 
-def test_a_foreign_form_is_answered_by_its_family():
+def test_a_foreign_form_is_scored_by_its_family():
     truth = truth_of(foreign="power_drag_outer", family=["air_drag_outer", "air_drag_both"])
     outcome = scored(said("partly_explained", named("air_drag_both"), named("spring_joint2", 0.4)), truth)
     assert outcome.first
@@ -100,7 +100,7 @@ def test_a_foreign_form_is_answered_by_its_family():
     assert outcome.admitted
 
 
-def test_two_names_for_one_cause_are_not_the_causes():
+def test_two_names_for_one_cause_are_scored_as_wrong():
     outcome = scored(said("named", named("coulomb_joint1"), named("coulomb_joint1")), COULOMB)
     assert outcome.first
     assert not outcome.exact
@@ -134,7 +134,7 @@ def test_each_fault_of_the_encoders_has_its_own_finding(fault, missed):
     assert outcome.faults_missed == missed
 
 
-def test_sizes_are_compared_at_the_scale_that_the_lab_can_know():
+def test_sizes_are_compared_at_the_scale_that_the_recordings_determine():
     """Everything twice as heavy swings the same; the lab gives half the true torque, at its own scale."""
     heavy = truth_of({"coulomb_joint1": {"torque_Nm": 0.004}}, heavier=2.0)
     (size,) = scored(said("named", named("coulomb_joint1", torque_Nm=0.00201)), heavy).sizes
@@ -168,7 +168,7 @@ def test_a_broken_seal_does_not_count():
         unsealed({"salt": "salt", "truth": told | {"effects": {"base_tilt": {}}}}, seal)
 
 
-def test_a_cause_is_measured_by_what_could_just_be_seen():
+def test_the_size_of_a_cause_is_relative_to_the_minimum_detectable_size():
     (cause,) = scored(said("named", named("coulomb_joint1")), COULOMB).causes
     assert cause == Cause("coulomb_joint1", pytest.approx(5.0), True)
     assert over_limit({"a": -3.0, "b": 1.0}, {"a": 1.0, "b": 0.2, "c": 1e-9}) == pytest.approx(5.0)
@@ -196,11 +196,11 @@ def test_a_cause_is_measured_by_what_could_just_be_seen():
         (said("partly_explained", named("base_tilt", 0.9)), truth_of(foreign="cable_snag"), "outside", "wrong"),
     ],
 )
-def test_a_trial_gets_a_word(diagnosis, truth, kind, grade):
+def test_each_trial_gets_a_word_for_its_score(diagnosis, truth, kind, grade):
     assert score(diagnosis, truth, RIG, kind=kind, level="clear", seed=1, seconds=2.0).grade == grade
 
 
-def test_calibration_of_honest_and_of_boastful_claims():
+def test_calibration_distinguishes_honest_from_overconfident_probabilities():
     chance = np.random.default_rng(1)
     stated = chance.uniform(0, 1, 20_000)
     honest = [Claim(p, bool(u < p)) for p, u in zip(stated, chance.uniform(0, 1, 20_000), strict=True)]
@@ -211,7 +211,7 @@ def test_calibration_of_honest_and_of_boastful_claims():
     assert calibration_error(boastful) == pytest.approx(0.35, abs=0.03)
 
 
-def test_a_summary_counts_what_was_there_and_what_was_not():
+def test_a_summary_counts_hidden_and_absent_effects():
     outcomes = [
         scored(said("named", named("coulomb_joint1", torque_Nm=0.002)), COULOMB),
         scored(said("named", named("spring_joint1")), COULOMB),

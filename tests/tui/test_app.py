@@ -119,7 +119,7 @@ async def test_the_stepper_says_what_is_missing(app: DprApp) -> None:
         assert "✔2 Rig" in stepper(app)
 
 
-async def test_a_rig_that_cannot_be_read_is_told_and_nothing_breaks(app: DprApp, said) -> None:
+async def test_an_unreadable_rig_file_is_reported_without_a_crash(app: DprApp, said) -> None:
     app.workspace.rig = "no_such_rig.toml"
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("2")
@@ -129,7 +129,7 @@ async def test_a_rig_that_cannot_be_read_is_told_and_nothing_breaks(app: DprApp,
         assert "no_such_rig.toml: no such file" in said(app)
 
 
-async def test_errors_become_notices_and_the_app_lives_on(tmp_path: Path, said) -> None:
+async def test_errors_become_notices_and_the_app_continues(tmp_path: Path, said) -> None:
     app = faulty(tmp_path)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("w")
@@ -236,7 +236,7 @@ async def test_the_palette_goes_to_the_step_and_acts_there(tmp_path: Path, said)
 
 
 @pytest.mark.slow
-async def test_a_screenshot_is_saved_beside_the_work_or_says_why_not(tmp_path: Path, said) -> None:
+async def test_a_screenshot_is_saved_next_to_the_results_or_the_reason_is_shown(tmp_path: Path, said) -> None:
     app = DprApp(Workspace(out=tmp_path / "bench"), tmp_path / "state")
     async with app.run_test(size=(80, 24)) as pilot:
         app.deliver_screenshot()
@@ -249,7 +249,7 @@ async def test_a_screenshot_is_saved_beside_the_work_or_says_why_not(tmp_path: P
 
 
 @pytest.mark.slow
-async def test_a_screen_that_is_too_small_says_so_and_keeps_what_is_true_of_the_rig(tmp_path: Path, until) -> None:
+async def test_a_screen_that_is_too_small_says_so_and_keeps_showing_the_state_of_the_rig(tmp_path: Path, until) -> None:
     # At 60x20 the line with the latch was lost.
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
     async with app.run_test(size=(60, 20)) as pilot:

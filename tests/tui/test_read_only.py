@@ -149,7 +149,7 @@ for act in tried:
 """
 
 
-def test_the_process_of_a_read_only_page_writes_nothing_whatever_asks_for_it(tmp_path: Path) -> None:
+def test_the_process_of_a_read_only_page_writes_nothing_on_any_request(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("kept")
     done = subprocess.run([sys.executable, "-c", FORBIDDEN, str(file)], capture_output=True, text=True)

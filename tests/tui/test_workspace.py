@@ -21,7 +21,7 @@ def test_what_was_saved_comes_back(tmp_path: Path) -> None:
     assert [file.name for file in (tmp_path / "state").iterdir()] == ["bench.json"]
 
 
-def test_nothing_saved_is_a_fresh_start_without_a_word(tmp_path: Path) -> None:
+def test_without_a_saved_workspace_the_start_shows_no_notice(tmp_path: Path) -> None:
     assert load(tmp_path) == (Workspace(), [])
 
 
@@ -42,7 +42,7 @@ def test_a_damaged_file_names_the_entry_and_what_is_wrong_with_it(tmp_path: Path
     assert "bench.json: runs = 3 is not valid: " in notice
 
 
-def test_what_is_gone_is_dropped_with_a_notice(tmp_path: Path) -> None:
+def test_missing_files_are_removed_with_a_notice(tmp_path: Path) -> None:
     kept = tmp_path / "kept.mcap"
     kept.touch()
     lost = tmp_path / "lost.mcap"

@@ -53,7 +53,7 @@ def test_importing_a_job_imports_nothing_heavy() -> None:
 
 
 @pytest.mark.slow
-def test_a_capture_tells_each_release_from_pose_to_report(recorded) -> None:
+def test_a_capture_reports_each_release_from_pose_to_result(recorded) -> None:
     result, heard = recorded
     assert isinstance(heard[0], events.DeviceGreeted)
     steps = heard.of(events.CaptureBegan, events.CaptureDone)
@@ -72,7 +72,7 @@ def test_unknown_poses_are_refused_before_anything_is_opened(tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-def test_identification_tells_runs_generations_and_the_local_fit_and_stops_when_told(recorded, tmp_path: Path) -> None:
+def test_identification_reports_its_progress_and_stops_on_request(recorded, tmp_path: Path) -> None:
     heard, asked = Heard(), []
 
     def proceed() -> bool:
@@ -105,7 +105,7 @@ def test_identification_tells_runs_generations_and_the_local_fit_and_stops_when_
         compare(CompareRequest((missing,), result.file, tmp_path, leave_out=True))
 
 
-def test_a_diagnosis_tells_its_stages_and_fits(recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_diagnosis_reports_its_stages_and_fits(recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What the diagnosis does is not this test's: here it tells three things, and finds nothing."""
     tells = (events.StageBegan(4, 8, "which"), events.ScoreTestBegan(()), events.FitBegan(("base_tilt",)))
 

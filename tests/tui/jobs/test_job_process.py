@@ -87,7 +87,7 @@ def test_work_that_waits_for_the_compiler_says_so(begin) -> None:
     assert list(begin(compile_one).events()) == [JobCompiling(), JobFinished("compiled")]
 
 
-def test_stop_keeps_what_there_is(begin) -> None:
+def test_stopping_keeps_the_best_result_so_far(begin) -> None:
     job = begin(count_forever)
     events = job.events()
     next(events)
@@ -97,7 +97,7 @@ def test_stop_keeps_what_there_is(begin) -> None:
     assert last.result > 0
 
 
-def test_paused_work_waits_and_goes_on_where_it_was(begin) -> None:
+def test_paused_work_waits_and_continues(begin) -> None:
     job = begin(count_forever)
     events = job.events()
     seen = [next(events)]
@@ -129,7 +129,7 @@ def test_questions_are_answered_as_progress(begin) -> None:
         assert next(events) == JobProgress(2 * number)
 
 
-def test_cancelled_work_is_gone(begin) -> None:
+def test_cancelled_work_leaves_no_result(begin) -> None:
     job = begin(count_forever)
     events = job.events()
     next(events)
@@ -139,18 +139,18 @@ def test_cancelled_work_is_gone(begin) -> None:
     assert not job.alive
 
 
-def test_an_error_for_the_operator_comes_as_it_was_said(begin) -> None:
+def test_an_error_for_the_operator_arrives_with_its_message(begin) -> None:
     assert list(begin(fail, kind="told").events()) == [JobFailed("no such run: choose another")]
 
 
-def test_a_bug_comes_with_its_traceback(begin) -> None:
+def test_an_unexpected_exception_arrives_with_its_traceback(begin) -> None:
     (failed,) = begin(fail, kind="bug").events()
     assert isinstance(failed, JobFailed)
     assert failed.message == "ZeroDivisionError: by zero"
     assert "in fail" in failed.details
 
 
-def test_a_killed_process_is_told_as_what_it_is(begin) -> None:
+def test_a_killed_process_is_reported_as_killed(begin) -> None:
     events = begin(tell_pid).events()
     os.kill(next(events).value, signal.SIGKILL)
     (last,) = events
@@ -158,7 +158,7 @@ def test_a_killed_process_is_told_as_what_it_is(begin) -> None:
     assert "exit code -9" in last.message
 
 
-def test_work_ends_when_nobody_is_left_to_work_for(begin) -> None:
+def test_work_ends_when_its_parent_process_has_ended(begin) -> None:
     job = begin(tell_pid)
     next(job.events())
     job._process.pipe.close()

@@ -12,7 +12,7 @@ def pace() -> StagePace:
     return StagePace(TYPICAL, ("fit",), 0.0)
 
 
-def test_typical_times_stand_until_a_steady_stage_is_done(pace: StagePace) -> None:
+def test_typical_times_are_used_until_a_steady_stage_is_done(pace: StagePace) -> None:
     assert pace.left(0.5) == 16.5
     pace.begin("fit", 1.0)
     assert pace.left(1.0) == 16.0
@@ -21,7 +21,7 @@ def test_typical_times_stand_until_a_steady_stage_is_done(pace: StagePace) -> No
     assert pace.left(15.0) == 18.0
 
 
-def test_what_compiling_takes_is_neither_pace_nor_time_used(pace: StagePace) -> None:
+def test_compiling_counts_neither_as_pace_nor_as_elapsed_time(pace: StagePace) -> None:
     pace.begin("fit", 1.0)
     pace.compiling(50.0)
     assert pace.left(51.0) == 15.0
@@ -34,6 +34,6 @@ def test_a_stage_that_is_skipped_in_a_moment_brings_the_end_nearer(pace: StagePa
     assert pace.left(3.0) == 4.0
 
 
-def test_nothing_is_promised_where_a_stage_takes_longer_than_is_typical(pace: StagePace) -> None:
+def test_no_remaining_time_is_shown_if_a_stage_takes_longer_than_typical(pace: StagePace) -> None:
     pace.begin("choose", 3.0)
     assert pace.left(14.0) is None

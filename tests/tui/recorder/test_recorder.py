@@ -135,7 +135,7 @@ def test_a_driven_arm_is_recorded_with_its_input(recorder, simulated) -> None:
     assert await_report(process, AttemptFinished).captured.quality.ok
 
 
-def test_rods_that_rest_are_told_of_twice_a_second_and_their_noise_is_not(paper) -> None:
+def test_rods_at_rest_are_reported_twice_a_second_without_their_noise(paper) -> None:
     device = SimpleNamespace(status=SimpleNamespace(latched=False), heard_at=0.0)
     told: list = []
     watch = _IdleWatch(device, paper, SimpleNamespace(add_if_read=told.append))  # pyright: ignore[reportArgumentType]

@@ -70,7 +70,7 @@ async def test_a_degraded_recording_says_why(app: DprApp, until) -> None:
 
 
 @pytest.mark.long
-async def test_what_no_check_fails_by_is_said_too(app: DprApp, until) -> None:
+async def test_remarks_without_a_failed_check_are_shown_too(app: DprApp, until) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         step = await connect(pilot, until, SIM, replace(SECOND, until_rest=True, max_duration=1.0))
         await to_judged(pilot, until, step)

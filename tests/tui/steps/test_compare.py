@@ -86,7 +86,7 @@ async def test_a_free_run_starts_where_the_slider_stands(
 
 
 @pytest.mark.slow
-async def test_another_model_makes_a_comparison_stale_and_a_key_makes_it_anew(
+async def test_another_model_makes_a_comparison_stale_and_a_key_repeats_it(
     lab, until, recorded: list[Path], modelled: Path, tmp_path: Path
 ) -> None:
     async with lab(CompareStep, runs=recorded[:1], model=modelled) as pilot:
@@ -219,7 +219,7 @@ async def test_a_tall_screen_shows_angle_and_error(lab) -> None:
 
 
 @pytest.mark.slow
-async def test_its_looks(lab, snapshot) -> None:
+async def test_its_snapshot_is_unchanged(lab, snapshot) -> None:
     async with lab(CompareStep) as pilot:
         step(pilot.app).show([swing("first", 3.2), swing("second", 9.0, held_out=True)])
         for view in ("angle", "free-run-error"):

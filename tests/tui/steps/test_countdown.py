@@ -132,7 +132,7 @@ async def test_in_a_multiplexer_the_code_that_is_shown_is_typed_before_the_count
 
 
 @pytest.mark.slow
-async def test_a_code_that_nobody_types_ends_the_countdown(
+async def test_a_code_that_is_not_typed_ends_the_countdown(
     app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Watched, "multiplexer", "tmux")

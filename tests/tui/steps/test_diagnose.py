@@ -114,7 +114,7 @@ class Silent(JobProcess):
         """Nothing runs."""
 
 
-async def test_the_first_start_says_that_it_compiles_and_then_how_long_it_goes_on(
+async def test_the_first_start_reports_the_compilation_and_then_the_remaining_time(
     lab, recorded: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("dpr_lab.tui.steps.job_step.start_job", lambda *_, **__: Silent())
@@ -175,7 +175,7 @@ async def test_runs_stand_by_pose_and_time_and_no_list_is_empty(lab, fixed_diagn
         )
 
 
-async def test_every_rival_says_what_tells_it_apart(lab, fixed_diagnosis: Path, tmp_path: Path) -> None:
+async def test_every_alternative_states_how_to_distinguish_it(lab, fixed_diagnosis: Path, tmp_path: Path) -> None:
     told = json.loads(fixed_diagnosis.read_text())
     told["verdict"] = "partly_explained"
     told["advice"] = ["Raise the rods higher: it tells coulomb_joint1 from stribeck_joint1."]
@@ -247,7 +247,7 @@ def test_an_interval_that_opens_at_the_edges_does_not_flatten_the_curve() -> Non
     assert np.ptp(value) > 0.2 * (high - low)
 
 
-def test_where_nothing_is_left_there_is_no_bar() -> None:
+def test_without_a_remainder_no_bar_is_drawn() -> None:
     # The bar was full at the noise floor.
     rows = [("before", 3.0, None, ""), ("nothing left", 0.0, None, ""), ("hardly", 0.001, None, "")]
     page = io.StringIO()
@@ -355,7 +355,9 @@ async def test_numbers_out_of_range_are_refused(lab) -> None:
     ("content", "said"),
     [("{", "is not a diagnosis"), ("[1]", "is not a diagnosis"), ('{"verdict": "named"}', "sentence: is missing")],
 )
-async def test_a_damaged_diagnosis_is_told_and_the_step_lives_on(lab, tmp_path: Path, content: str, said: str) -> None:
+async def test_a_damaged_diagnosis_is_reported_and_the_step_continues(
+    lab, tmp_path: Path, content: str, said: str
+) -> None:
     broken = tmp_path / "diagnosis.json"
     broken.write_text(content)
     async with lab(DiagnoseStep, diagnosis=broken) as pilot:
@@ -365,7 +367,7 @@ async def test_a_damaged_diagnosis_is_told_and_the_step_lives_on(lab, tmp_path: 
 
 
 @pytest.mark.slow
-async def test_its_looks(lab, snapshot, fixed_diagnosis: Path) -> None:
+async def test_its_snapshot_is_unchanged(lab, snapshot, fixed_diagnosis: Path) -> None:
     async with lab(DiagnoseStep, diagnosis=fixed_diagnosis) as pilot:
         for view in ("which", "where", "far"):
             await snapshot(pilot, f"diagnose-{view}")

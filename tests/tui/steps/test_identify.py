@@ -73,7 +73,7 @@ async def test_a_paused_search_waits_and_a_stopped_one_keeps_its_best(lab, until
 
 
 @pytest.mark.long
-async def test_a_model_that_is_found_meanwhile_is_told_and_taken_up(lab, until, recorded: list[Path]) -> None:
+async def test_a_model_that_appears_meanwhile_is_reported_and_loaded(lab, until, recorded: list[Path]) -> None:
     async with lab(IdentifyStep, CompareStep, runs=recorded) as pilot:
         await pilot.press("s", "n")
         compare = pilot.app.query_one(CompareStep)
@@ -129,7 +129,7 @@ async def test_without_runs_it_says_what_must_come_first(lab) -> None:
         assert "No runs selected" in notice.message
 
 
-async def test_a_seed_that_is_none_is_refused(lab) -> None:
+async def test_an_invalid_seed_is_refused(lab) -> None:
     async with lab(IdentifyStep, runs=[Path("X1.mcap")]) as pilot:
         pilot.app.query_one("#seed", Input).value = "-1"
         await pilot.press("s")
@@ -158,7 +158,7 @@ async def test_search_and_objective_stand_in_words_before_their_identifiers(lab,
         assert pilot.app.query_one("#search", Select).value == "iga"
 
 
-async def test_a_damaged_model_is_told_and_the_step_lives_on(lab, tmp_path: Path) -> None:
+async def test_a_damaged_model_is_reported_and_the_step_continues(lab, tmp_path: Path) -> None:
     broken = tmp_path / "model.json"
     broken.write_text("{}")
     async with lab(IdentifyStep, model=broken) as pilot:
@@ -176,7 +176,7 @@ def test_time_left_follows_the_usual_pace(instants, generations, expected) -> No
 
 
 @pytest.mark.slow
-async def test_its_looks(lab, snapshot, fixed_model: Path) -> None:
+async def test_its_snapshot_is_unchanged(lab, snapshot, fixed_model: Path) -> None:
     async with lab(IdentifyStep, model=fixed_model) as pilot:
         for view in ("convergence", "ratios", "nine"):
             await snapshot(pilot, f"identify-{view}")

@@ -60,7 +60,7 @@ def test_a_device_killed_in_the_countdown_releases_nothing_and_claims_nothing(on
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="reads /proc")
-def test_a_recorder_that_is_stopped_makes_everything_old(on_terminal) -> None:
+def test_a_stopped_recorder_marks_all_values_as_old(on_terminal) -> None:
     terminal = on_terminal(SIM)
     to_ready(terminal)
     recorder = next(pid for pid in children(terminal.process.pid) if b"spawn_main" in command(pid))

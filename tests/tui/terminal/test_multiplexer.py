@@ -37,7 +37,7 @@ def test_the_environment_names_the_multiplexer(environment: dict[str, str], name
     assert from_environment(environment) == name
 
 
-def test_replies_name_the_multiplexer_and_terminals_are_none() -> None:
+def test_replies_identify_the_multiplexer_and_plain_terminals_are_not_mistaken_for_one() -> None:
     assert [from_attributes(reply) for reply in ("84;0;0", "83;40900;0", "1;10;0")] == ["tmux", "GNU screen", "mosh"]
     assert [from_attributes(reply) for reply in ("41;390;0", "1;4000;35", "0;276;0", "65;7600;1", "")] == [""] * 5
     assert from_version("tmux 3.4") == "tmux 3.4"
@@ -46,7 +46,7 @@ def test_replies_name_the_multiplexer_and_terminals_are_none() -> None:
 
 
 @pytest.mark.parametrize("piece", [1, 3, 1000])
-def test_a_reply_is_no_key_however_it_arrives(piece: int) -> None:
+def test_a_reply_of_the_terminal_is_never_taken_as_a_key(piece: int) -> None:
     names: list[str] = []
     parser = ReplyParser(names.append)
     text = "a\x1b[>84;0;0cb\x1bP>|tmux 3.4\x1b\\\x1b[Ar\x1b[5;70R"

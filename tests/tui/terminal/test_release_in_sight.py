@@ -34,7 +34,7 @@ def test_on_a_serial_console_the_countdown_is_seen_in_full_before_the_latch_open
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_a_recording_leaves_a_serial_console_room(on_terminal) -> None:
+def test_a_recording_leaves_bandwidth_on_a_serial_console(on_terminal) -> None:
     terminal = on_terminal(SIM)
     to_ready(terminal)
     terminal.press("r")

@@ -33,7 +33,7 @@ def legend(app: App[None]) -> str:
     return str(app.query_one(Chart)._head.render())
 
 
-async def test_what_was_shown_before_it_was_there_is_drawn(settled) -> None:
+async def test_data_set_before_mounting_are_drawn(settled) -> None:
     async with Charted().run_test(size=(80, 24)) as pilot:
         await settled(pilot)
         (x_view, y_view) = pilot.app.query_one(Chart).view
@@ -44,7 +44,7 @@ async def test_what_was_shown_before_it_was_there_is_drawn(settled) -> None:
         assert "wave" in legend(pilot.app)
 
 
-async def test_on_a_busy_machine_the_last_is_drawn_too(settled, monkeypatch) -> None:
+async def test_on_a_busy_machine_the_last_data_are_drawn_too(settled, monkeypatch) -> None:
     # Busy for a millisecond at the wrong time, a chart stayed for good as it was: a swing of 10 s ended at 3 s.
     late = (0.01 * number for number in count())
     monkeypatch.setattr("textual.timer._time.get_time", lambda: next(late))
@@ -190,7 +190,7 @@ async def test_a_band_lies_where_its_value_is_and_not_on_the_next_row_of_text(se
     ],
     ids=lambda series: series[0].label if series else "none",
 )
-async def test_whatever_there_is_to_draw_is_drawn(settled, series: list[Series]) -> None:
+async def test_any_series_is_drawn(settled, series: list[Series]) -> None:
     async with Charted().run_test(size=(60, 12)) as pilot:
         chart = pilot.app.query_one(Chart)
         chart.show(series, x_label="x", y_label="y")
@@ -199,7 +199,7 @@ async def test_whatever_there_is_to_draw_is_drawn(settled, series: list[Series])
         await settled(pilot)
 
 
-async def test_as_fast_as_it_is_told_it_draws_at_most_twelve_times_a_second(
+async def test_it_draws_at_most_twelve_times_a_second_however_often_data_arrive(
     settled, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clears = 0

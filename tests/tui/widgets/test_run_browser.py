@@ -131,7 +131,7 @@ async def test_a_run_from_elsewhere_stays_chosen(lab, until, folder: Path, recor
 
 
 @pytest.mark.slow
-async def test_verify_tells_sound_from_torn(lab, until, folder: Path) -> None:
+async def test_verify_distinguishes_intact_from_damaged_files(lab, until, folder: Path) -> None:
     async with lab(Nothing) as pilot:
         await opened(pilot, until, folder, [])
         await pilot.press("q")
@@ -157,7 +157,7 @@ async def test_export_writes_the_format_that_was_picked(lab, until, folder: Path
 
 
 @pytest.mark.slow
-async def test_help_tells_of_the_browser(lab, until, folder: Path) -> None:
+async def test_help_describes_the_run_browser(lab, until, folder: Path) -> None:
     async with lab(Nothing) as pilot:
         answer = await opened(pilot, until, folder, [])
         for key in ("f1", "question_mark"):
@@ -179,7 +179,7 @@ async def test_an_empty_folder_says_what_to_do(lab, until, tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-async def test_a_note_is_edited_and_kept_beside_the_run(lab, until, folder: Path) -> None:
+async def test_a_note_is_edited_and_kept_next_to_the_run(lab, until, folder: Path) -> None:
     before = (folder / "first.mcap").read_bytes()
     async with lab(Nothing, size=(120, 30)) as pilot:
         await opened(pilot, until, folder, [])
@@ -197,7 +197,7 @@ async def test_a_note_is_edited_and_kept_beside_the_run(lab, until, folder: Path
 
 
 @pytest.mark.slow
-async def test_runs_of_another_folder_are_listed_beside_what_was_chosen(
+async def test_runs_of_another_folder_are_listed_next_to_the_chosen_ones(
     lab, until, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
