@@ -1,4 +1,4 @@
-"""Bars beside what was measured: a table for people, one JSON object for scripts."""
+"""Measured values with their targets: a table for people, one JSON object for scripts."""
 
 import argparse
 import json

@@ -43,11 +43,11 @@ class Scored:
     said: dict[str, Any]
     """The diagnosis as JSON."""
     true: tuple[bool, ...]
-    """Which of the effects that it puts forward are causes, whatever its verdict."""
+    """Which of the listed effects are causes, with any verdict."""
 
 
 def hidden(case: Case) -> tuple[PlantConfig, Rig]:
-    """The plant of a case, and the rig file that the lab is given: masses weighed, the rest unknown within bounds."""
+    """The plant of a case, and the rig file for dpr-lab: weighed masses, the other parameters unknown within bounds."""
     base, rig = weighed(load_plant("paper", case.seed), load_rig("paper"))
     wanted = parse_request(case.draw)
     return draw_plant(wanted, base, rig), described(wanted, rig)

@@ -1,10 +1,10 @@
-"""How many advised checks it takes until one cause is left, beside checks taken at random from the same list.
+"""Number of recommended checks until one cause remains, compared with checks drawn at random from the same list.
 
     python benchmarks/checks.py [--cases 120] [--quick] [--json]
 
-Blind trials whose diagnosis leaves more than one cause open are played to the end: the sealed plant is released as a
-check asks and the recording taken back, or the true amplitude is measured, within `READ` of a typical one. It ends
-when one cause holds `LEFT` of the probability of every named effect, or no check is left.
+Blind trials whose diagnosis leaves more than one cause open are continued: the sealed plant is released as the
+check requires and the recording is used, or the true amplitude is measured with an error of `READ` typical sizes. A
+trial ends when one cause has the share `LEFT` of the probability of each named effect, or when no check remains.
 """
 
 from collections.abc import Callable, Sequence

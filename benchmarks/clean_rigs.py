@@ -1,11 +1,11 @@
-"""Rigs without any effect that must not be told to have one: odd rigs, loggers that spoil samples, cameras.
+"""False alarms on rigs without effects: unusual rigs, loggers that damage samples, cameras.
 
     python benchmarks/clean_rigs.py --count 100
 
 "Inconclusive" is no false alarm: most effects of their typical size are below five standard deviations there. It is
-counted apart.
+counted separately.
 
-The swings are scipy's, by equations written here, and share no code with the lab but the description of the rig.
+scipy simulates the swings with equations of this file, which share only the description of the rig with dpr-lab.
 """
 
 import time

@@ -1,11 +1,11 @@
-"""How well the diagnosis does on plants whose effects it does not know, beside its targets.
+"""Reliability of the diagnosis on plants with hidden effects, with its targets.
 
     python benchmarks/diagnosis.py --cases 40            all groups, 40 trials each
     python benchmarks/diagnosis.py --quick               6 each
-    python benchmarks/diagnosis.py --prototype FOLDER    beside the prototype of that folder (diag.py)
+    python benchmarks/diagnosis.py --prototype FOLDER    compared with the prototype in that folder (diag.py)
     python benchmarks/diagnosis.py --real FOLDER         and recordings of real rigs
 
-Held-back foreign effects are shown apart from those that the thresholds may have been tuned on.
+Foreign effects that were held back are listed separately from those used to choose thresholds.
 """
 
 import argparse
@@ -176,7 +176,7 @@ def parsed() -> argparse.Namespace:
 
 
 def campaign(cases: Sequence[Case], workers: int, keep: Path | None) -> list[Scored]:
-    """All trials, told as they come."""
+    """All trials, reported as they end."""
     begin, done = time.perf_counter(), []
     plant, rig = hidden(cases[0])
     warm_up(rig, record(plant, rig))

@@ -1,4 +1,4 @@
-"""Driven joints of a real rig, beside the model that its authors printed.
+"""Driven joints of a real rig, compared with the published model of its authors.
 
 python benchmarks/driven.py FOLDER [DESIGN ...] [--torque commanded]
 

@@ -1,4 +1,4 @@
-"""Speed of the batch evaluator: beside its peers, on more threads, for more work, and what it takes to compile.
+"""Speed of the batch evaluator: compared with other programs, by threads and batch size, and time of compilation.
 
 One evaluation is E(Z), docs/theory.md equation (2): three poses of 10 s, 2000 Runge-Kutta steps each, four signals.
 

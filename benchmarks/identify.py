@@ -197,7 +197,9 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="seed of the first rig")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--evaluations", type=int, default=4000, help="of each search")
-    parser.add_argument("--only", metavar="SEARCH", action="append", default=[], help="beside the IGA; repeatable")
+    parser.add_argument(
+        "--only", metavar="SEARCH", action="append", default=[], help="compare with the IGA; repeatable"
+    )
     chosen = parser.parse_args()
     seeds = range(chosen.first, chosen.first + (4 if chosen.quick else chosen.rigs))
     searches = list(dict.fromkeys(["iga", *(chosen.only or [*ALGORITHMS, *WITHOUT_SEARCH])]))

@@ -1,4 +1,4 @@
-"""The import of a large table: time of the processor and memory, for each million rows, beside reading it line by line.
+"""Import of a large table: CPU time and memory per million rows, compared with reading it line by line.
 
     python benchmarks/large_table.py [--rows 6000000] [--quick] [--json]
 

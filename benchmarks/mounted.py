@@ -1,8 +1,8 @@
-"""Which effects that look alike in one calm release the inner rod alone tells apart: `python benchmarks/mounted.py`.
+"""Effects that a release of the inner rod alone distinguishes: `python benchmarks/mounted.py`.
 
 Each of 40 plants, its parameters drawn within 10 % of the published rig's, is recorded once from X1 with both rods, and
-once more, from X2: with both rods' inner rod alone, or its elbow clamped. Two effects count as told apart where the
-nearest that one can do differs from the other, at its typical size, by five standard deviations of the noise.
+once more, from X2: with both rods' inner rod alone, or its elbow clamped. Two effects count as distinguished if
+the best fit of one to the other, at its typical size, leaves five standard deviations of the noise.
 """
 
 import sys
@@ -52,7 +52,7 @@ def released(plant: PlantConfig, rig: Rig, mounting: str) -> Run:
 
 
 def tested(runs: list[Run], rig: Rig) -> ScoreTest:
-    """The effects of all pairs beside the bare model."""
+    """Score test of the effects of all pairs on the bare model."""
     recordings = Recordings(tuple(screened(run, rig) for run in runs), rig)
     _, problem, bare = fit_bare_model(recordings, nominal_ratios(rig))
     library = [EFFECTS[name] for name in dict.fromkeys(name for pair in PAIRS for name in pair)]
@@ -72,7 +72,7 @@ def apart(test: ScoreTest, pair: tuple[str, str]) -> float:
 
 
 def main(trials: int = 40) -> None:
-    """Print the share of trials in which each pair is told apart, by what was recorded."""
+    """Print the share of trials in which each pair is distinguished, by recording."""
     rig = load_rig("paper")
     told = np.zeros((len(PAIRS), len(SETS)))
     for seed in range(1, trials + 1):
@@ -80,7 +80,7 @@ def main(trials: int = 40) -> None:
         for j, names in enumerate(SETS.values()):
             test = tested([runs[name] for name in names], rig)
             told[:, j] += [apart(test, pair) > DISTINGUISHED for pair in PAIRS]
-    print(f"{'told apart, of ' + str(trials):56}" + "".join(f"{name:>16}" for name in SETS))
+    print(f"{'distinguished, of ' + str(trials):56}" + "".join(f"{name:>16}" for name in SETS))
     for pair, row in zip(PAIRS, told / trials, strict=True):
         print(f"{' from '.join(pair):56}" + "".join(f"{percent(share):>16}" for share in row))
 

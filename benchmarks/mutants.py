@@ -8,7 +8,7 @@ fast tests of its area, those that name its module first, until one fails. It su
 missing test, or a change without effect. With --compare each mutant of an earlier table (--json) runs again against
 the tests that are there now.
 
-Compiled functions are compiled anew for each mutant, one to two minutes; all others use one cache.
+Compiled functions are compiled for each mutant, one to two minutes; all others use one cache.
 """
 
 import ast

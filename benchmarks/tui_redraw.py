@@ -3,7 +3,7 @@
     python benchmarks/tui_redraw.py [--seconds 30] [--width 160] [--height 48] [--quick] [--json]
 
 The real app in a process of its own, on a pseudo terminal that is read like a terminal, with its recorder and a
-simulated device beside it in real time.
+simulated device in real time.
 """
 
 import fcntl

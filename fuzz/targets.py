@@ -1,4 +1,4 @@
-"""What is fuzzed: one function for each reader of foreign bytes, which asserts what must hold whatever comes in.
+"""Fuzz targets: one function for each reader of foreign bytes, which asserts what must hold for any input.
 
 An input may be refused by the error that the reader documents. Everything else that leaves a target is a finding:
 another exception, a wrong answer, a hang, memory without bound.

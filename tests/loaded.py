@@ -1,7 +1,7 @@
-"""Importing this loads the lab, and all that Numba loads before the first kernel; a process forked then has it.
+"""Import dpr-lab and all that Numba imports before the first kernel, for processes that are forked afterwards.
 
-The screen stays out: whoever draws starts by itself. The simulated device that such a process starts is forked from it:
-a process as ever, but for its start.
+The screen is not imported: a process that draws starts by itself. The simulated device that such a process starts is
+forked from it.
 """
 
 import gc

@@ -166,15 +166,19 @@ STAND_INS = (
     StandIn(r"^\.venv/bin/(?=python|pytest)", "", "what the tests run in"),
     StandIn(r"^(\.venv/bin/)?pip install .*", "", "no network; tests/test_package.py, test_lock_file.py"),
     StandIn(r"pytest (?=tests)", f"pytest --rootdir {ROOT} --collect-only --quiet {ROOT}/", "they run without this"),
-    StandIn(r"^(\.venv/bin/)?python tests/golden/cases.py .*", "", "it freezes the answers anew"),
+    StandIn(r"^(\.venv/bin/)?python tests/golden/cases.py .*", "", "it generates the golden results"),
     StandIn(r"^(dpr-lab conform 'sim://' .*)$", r"\1 || \1 || \1", "a busy machine may not keep the simulated rate"),
     StandIn(r"^dpr-lab tui ", "python -m tests.on_a_terminal dpr-lab tui ", "a terminal, and somebody who leaves"),
     StandIn(r"trials campaign( --n \d+)?", "trials campaign --n 1", "one trial of many"),
     StandIn(r"--trust 40", "--trust 1", "one trial of forty"),
     StandIn(r"SCHEDULER:8786|127.0.0.1:8786", f"127.0.0.1:{PORT}", "a port that nobody else has"),
     StandIn(r"127.0.0.1:8787", "127.0.0.1:0", "a port that nobody else has"),
-    StandIn(r"^(dask scheduler .*)$", rf"{END}\1 --port {PORT} & scheduler=$!; {LISTENS}", "beside what follows"),
-    StandIn(r"^(dask worker .*)$", r"\1 & worker=$!", "beside what follows"),
+    StandIn(
+        r"^(dask scheduler .*)$",
+        rf"{END}\1 --port {PORT} & scheduler=$!; {LISTENS}",
+        "in the background of the following commands",
+    ),
+    StandIn(r"^(dask worker .*)$", r"\1 & worker=$!", "in the background of the following commands"),
 )
 """In this order."""
 

@@ -1,4 +1,4 @@
-"""The main job on a real record: the free swing of the MultiArm project, where it lies beside the project."""
+"""Identification of a real record: the free swing of the MultiArm project, if the data are available."""
 
 from pathlib import Path
 

@@ -75,8 +75,9 @@ class Replay:
 
 
 Program = Callable[[Path, AnyModel, Rig], Callable[[Replay], Array]]
-"""Function of the main file, the model in it and its rig. Its result replays a swing in that program: (n, 2) angles of
-joints 1 and 2 at the times of the swing, as the encoders of the rig measure them, or (n, 3) with that of the arm, rad.
+"""Function of the main exported file, its model and its rig. It returns a function that simulates a swing in that
+program: (n, 2) angles of joints 1 and 2 at the times of the swing, as the encoders of the rig measure them, or (n, 3)
+with that of the arm, rad.
 """
 
 

@@ -153,7 +153,7 @@ def verdicts(results: Sequence[Found], rig: Rig) -> list[str]:
 
 
 def _verdict(reading: str, grid: str, group: Sequence[Found], rig: Rig, within_percent: float = 1.0) -> str:
-    """Number of searches in a group that reach the published H, and the published accuracy of each of the nine."""
+    """Number of searches in a group that reach the published H, and the published accuracy of all nine parameters."""
     costs = [f.H for f in group]
     nine = sum(bool((np.abs(f.percent) <= within_percent).all()) for f in group)
     five = sum(bool((np.abs(f.ratio_percent(rig)) <= within_percent).all()) for f in group)

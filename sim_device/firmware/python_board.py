@@ -116,7 +116,7 @@ class PythonBoard:
         self._restart_ticks(self._info.rate_default_hz)
 
     def reset(self) -> None:
-        """Restart the board, as after a power failure: the latch opens unless it is open, and all state is lost."""
+        """Restart the board, as after a power failure: a closed latch opens, and all state is lost."""
         if self._session.latched:
             self._rods.let_go(self._clock.now, self._info.rate_default_hz)
         self._start()

@@ -1,4 +1,4 @@
-"""A device that keeps to the protocol passes over its own port; one that does not is told where it failed."""
+"""A device that conforms to the protocol passes over its own port; each deviation of another one is named."""
 
 from dataclasses import replace
 

@@ -195,7 +195,7 @@ FAULTS = {
 
 
 SHOWN_TWICE = {name: ["hanging_after"] for name in ("pose", "release_speed", "jumps", "moved")}
-"""Faults that shift the rest of the run, or stop a counter, also end beside hanging."""
+"""Faults that shift the rest of the run or stop a counter; their recording does not end at the hanging rest either."""
 
 
 @pytest.mark.parametrize("name", FAULTS)

@@ -1,4 +1,4 @@
-"""`dpr-lab diagnose` end to end: a worn rig recorded through the protocol, told apart from the model, on a page."""
+"""`dpr-lab diagnose` end to end: a worn rig, recorded through the protocol, with its report."""
 
 import json
 import os
@@ -87,7 +87,7 @@ def test_the_keys_that_other_tools_rely_on(told: dict[str, Any], worn: list[Path
 
 
 def test_dry_friction_is_named_with_its_size(told: dict[str, Any]) -> None:
-    """Torques are told at the scale of the rig file's b, which the true plant does not quite have."""
+    """Torques assume b of the rig file, which differs a little from that of the plant."""
     assert told["verdict"] == "named"
     found = {effect["name"]: effect for effect in told["effects"]}
     assert set(found) == {"coulomb_joint1", "coulomb_joint2"}

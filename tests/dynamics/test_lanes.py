@@ -1,4 +1,4 @@
-"""The lanes against the simulator's scalar steps: every effect alone and in pairs, whatever stands beside it."""
+"""The lanes against the scalar steps of the simulator: every effect alone and in pairs."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""What every effect of the table keeps to, whatever it is."""
+"""Contract of every effect of the table."""
 
 import numpy as np
 import pytest

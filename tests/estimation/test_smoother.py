@@ -16,7 +16,7 @@ DIFFUSE = np.array([1.0, 1e7, 1e7, 1e7])
 
 
 def transition(interval: float, snap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(8, 8) transition and process noise by the closed form of a chain, written anew."""
+    """(8, 8) transition and process noise by an independent closed form of a chain."""
     f = np.array([[interval ** (j - i) / math.factorial(j - i) if j >= i else 0.0 for j in range(4)] for i in range(4)])
     q = np.empty((4, 4))
     for i, j in np.ndindex(4, 4):

@@ -67,7 +67,7 @@ def lab_readings(rig: Rig, effects: Mapping[str, Mapping[str, float]], t: NDArra
 
 
 def run_source(source: str, folder: Path) -> dict[str, Any]:
-    """The names of a module, run as whoever gets it would."""
+    """Names of an exported module after running it."""
     path = folder / "model.py"
     path.write_text(source, encoding="utf-8")
     return runpy.run_path(str(path))

@@ -43,7 +43,7 @@ def start(out: Path, link: str, *words: str, clock: str = "realtime") -> subproc
 
 
 def await_file(out: Path, process: subprocess.Popen[str], size: int = 1) -> Path:
-    """The run file that a process has begun, once it has reached a size."""
+    """The run file that a process writes, once it has reached a size."""
     while True:
         for path in out.glob("*.mcap"):
             if path.stat().st_size >= size:

@@ -163,14 +163,14 @@ class QemuBoard:
 
 
 class QemuRole:
-    """Answers are told apart by a PING behind what was asked, since a device works in the order of what it hears."""
+    """A PING after a request separates its answers from later ones, because a device answers in the order received."""
 
     def __init__(self, board: QemuBoard, port: serial.Serial) -> None:
         self.board, self.port, self.token = board, port, 0
         self.switch_on()
 
     def switch_on(self) -> None:
-        """Off and on again; what was said before is forgotten."""
+        """Switch off and on; earlier answers are discarded."""
         self.board.reset()
         self.port.reset_input_buffer()
         self.decoder, self.heard = FrameDecoder(), list[Message]()

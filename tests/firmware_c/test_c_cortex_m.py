@@ -81,7 +81,7 @@ def connected(url: str) -> Device:
 def captured_at_last(url: str, *asked) -> tuple[str, Captured]:
     """The device's name and a capture; a machine under load may leave QEMU without its host for longer than the lease.
 
-    The device then stops, as it must, whatever it had sent until then.
+    The device then stops, as required, at any point of a recording.
     """
     for attempt in range(ATTEMPTS):
         with connected(url) as device:

@@ -1,4 +1,4 @@
-"""Whatever arrives and whatever breaks, the C core lets the rods go by RELEASE alone."""
+"""The C core opens the latch on RELEASE only, for any frames and faults."""
 
 import numpy as np
 import pytest

@@ -67,7 +67,7 @@ ROUTES = {
 
 
 class Driver:
-    """A device session with a token counter, greeted unless told otherwise."""
+    """A device session with a token counter, by default after the handshake."""
 
     def __init__(self, route: tuple[str, ...] = (), greet: bool = True):
         self.session = DeviceSession(IDENTITY)

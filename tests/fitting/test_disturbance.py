@@ -1,4 +1,4 @@
-"""Noise that drives the rods: told from the course of a torque, whitened, and no gap of a rig that has none."""
+"""Torque noise that drives the rods: estimated from the torque, whitened, and not mistaken for a gap."""
 
 from dataclasses import replace
 

@@ -74,7 +74,7 @@ def test_a_measured_value_decides(diagnosis: Diagnosis, measured: str, value: fl
 
 
 def open_between(diagnosis: Diagnosis, other: str) -> Diagnosis:
-    """The same as if another effect were as likely, and a recording told them apart."""
+    """The diagnosis with an equally probable alternative and a recording that distinguishes it."""
     named = diagnosis.effects[0]
     rival = {"name": other, "class": [other], "probability": 0.49, "cosine": 0.9, "instead_of": named.name}
     asked = AdvisedCheck(id="9-rec", kind="recording", text="record", about=named.name, splits=[], expected_bits=1.0)
@@ -95,7 +95,7 @@ def test_a_recording_decides(diagnosis: Diagnosis) -> None:
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_two_forms_of_one_law_are_distinguished_by_the_amplitude_that_the_wider_one_adds() -> None:
-    """Dry friction with a rise towards rest or without: short releases leave both, and checks that split are told."""
+    """Coulomb or Stribeck friction: short releases do not distinguish them, and checks that do are listed."""
     names = ("coulomb_joint2", "stribeck_joint2")
     plant = load_plant("paper", 5).model_copy(update={"effects": {names[0]: {"torque_Nm": 3e-4}}})
     found = diagnose(

@@ -1,4 +1,4 @@
-"""Clean rigs, simulated by scipy from equations of their own, are told to have no gap: fast rods, bad loggers."""
+"""Clean rigs, simulated by scipy from independent equations, have no gap: fast rods, bad loggers."""
 
 import re
 import sys

@@ -1,4 +1,4 @@
-"""Effects that together are one thing are told as that thing."""
+"""Effects that belong to one component are reported as this component."""
 
 from collections.abc import Callable
 

@@ -20,7 +20,7 @@ def bush(paper):
 
 @pytest.fixture(scope="module")
 def share_beside(bare, tested):
-    """(runs, first, second) -> own share of the second effect beside the first."""
+    """(runs, first, second) -> own share of the second effect next to the first."""
 
     def share_of(runs, first: str, second: str) -> float:
         problem, base = bare(runs)

@@ -1,4 +1,4 @@
-"""A name counts for what it does on recordings that took no part in its fit."""
+"""Transfer of named effects to recordings that were not fitted."""
 
 import re
 from collections.abc import Callable

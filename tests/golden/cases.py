@@ -105,7 +105,7 @@ def identified(runs: list[Run], rig: Rig) -> dict[str, Any]:
 
 
 def real_rigs() -> Iterator[tuple[str, list[Run], Rig, list[Run]]]:
-    """Name, runs, rig and held-out runs of the recordings of real rigs that lie beside the project."""
+    """Name, runs, rig and held-out runs of the recordings of real rigs, which are not in the repository."""
     from dpr_lab.storage.csv_import import ImportOptions, import_csv
 
     rig, file = load_rig("multiarm"), REAL / "multiarm" / "dp_freeswing_1khz.csv"

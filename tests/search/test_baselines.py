@@ -1,4 +1,4 @@
-"""The baselines against what they claim to be, on Rosenbrock's valley and beside scipy's own loop."""
+"""The baseline searches on Rosenbrock's valley and against scipy's own loop."""
 
 from itertools import islice, pairwise
 

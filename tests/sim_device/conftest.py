@@ -1,4 +1,4 @@
-"""A host for the simulated device: the protocol's host role on whatever end of a link, and none of the lab's driver."""
+"""A host for the simulated device: the host role of the protocol on any link, without the driver of dpr-lab."""
 
 import socket
 import time

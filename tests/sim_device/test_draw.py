@@ -1,4 +1,4 @@
-"""Drawn plants: of the kind asked for, as visible as asked for, and recorded the same over the wire and not."""
+"""Drawn plants: kind, visibility, and equal recordings with and without the protocol."""
 
 import numpy as np
 import pytest

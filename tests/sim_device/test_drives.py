@@ -1,4 +1,4 @@
-"""Joint drives that replay a table: what acts, what is told of it, and what is refused."""
+"""Joint drives that replay a table: acting torques, reported torques, and refusals."""
 
 import os
 from pathlib import Path

@@ -35,7 +35,7 @@ def device(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def told(device: Path) -> dict[str, Any]:
-    """What is told of a plant that is sealed in the folder `device`."""
+    """Public data of a plant that is sealed in the folder `device`."""
     return sealed_trial(WANTED, device)
 
 

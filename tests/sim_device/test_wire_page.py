@@ -99,7 +99,7 @@ class Stranger:
         return str(self.heard["NAK"]["code"]) if "NAK" in self.heard else "ACK"
 
     def state(self) -> tuple[str, bool]:
-        """State and latch, told after this was asked."""
+        """State and latch, from a status report after this request."""
         self.heard.pop("STATUS", None)
         self.until(lambda: "STATUS" in self.heard)
         return str(self.heard["STATUS"]["state"]), bool(self.heard["STATUS"]["latched"])

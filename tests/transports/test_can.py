@@ -85,7 +85,7 @@ def test_slcan_opens_the_bus_at_the_bit_rate_and_survives_damaged_lines(adapter:
 
 
 def heard(device: int) -> bytes:
-    """Everything the adapter is told until the host falls silent."""
+    """All bytes that the host sends to the adapter until it pauses."""
     told = b""
     while select.select([device], [], [], 0.5)[0]:
         told += os.read(device, 100)

@@ -1,4 +1,4 @@
-"""A cluster's ports run code for whoever reaches them: the recipe opens none to the network, others are warned of."""
+"""The ports of a cluster run code of any peer: the recipe opens none to the network, and open ones cause a warning."""
 
 import os
 import re

@@ -245,7 +245,7 @@ def until() -> Until:
 
 @pytest.fixture
 def settled() -> Callable[[Pilot[None]], Awaitable[None]]:
-    """(pilot) -> waits until every chart is drawn as it was last told and nothing moves any more."""
+    """(pilot) -> waits until every chart shows its last data and no animation runs."""
 
     async def waited(pilot: Pilot[None]) -> None:
         await pilot.pause()

@@ -80,7 +80,7 @@ async def test_a_new_key_works_and_the_old_one_does_not(tmp_path: Path) -> None:
 
 
 MOVES = {"left", "right", "up", "down", "home", "end", "shift+up", "shift+down", "escape", "enter"}
-"""Keys that move, choose and leave, whatever there is to move."""
+"""Keys that move, choose and leave, in any list."""
 
 
 def test_a_key_means_one_thing_on_all_screens() -> None:

@@ -87,7 +87,7 @@ def _joint(name: str) -> int:
 
 
 def in_file(chain: ModelChain, name: str) -> dict[str, float]:
-    """Values of an effect in the file, for effects that a joint represents."""
+    """Amplitudes of an effect according to the attributes of its joint in the file; empty without such attributes."""
     term = _term(name)
     if term is None:
         return {}

@@ -63,7 +63,7 @@ class TorqueBalance:
         return self._solution(columns, target, least, most)[0]
 
     def zeros(self, *, nearest: bool = False) -> tuple[float, float]:
-        """Angles to add to both rods, within a turn, with the smallest residual, or with the nearest local minimum."""
+        """Angles to add to both rods that minimise the residual: within a turn, or at the nearest local minimum."""
         return best_zeros(self._thinned().residual, self.rig, nearest=nearest)
 
     def inertias(self) -> tuple[float, Array]:

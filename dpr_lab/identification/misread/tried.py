@@ -183,7 +183,7 @@ def better_readings(
 
 
 def _larger_noise(reading: Misreading, runs: Sequence[Run], rig: Rig) -> float:
-    """Factor, at least 1, by which the noise of a run is a larger part of its swing in another interpretation."""
+    """Largest factor, at least 1, by which another interpretation increases the ratio of noise to swing of a run."""
     factors = [1.0]
     for run in runs:
         other = reading.read(run)
@@ -258,7 +258,7 @@ def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> boo
 
 
 def residual(ratio_fit: RatioFit) -> float:
-    """Rms residual above the noise over the standard deviation of the angle within a run, for the worse rod."""
+    """Ratio of the rms residual above the noise to the standard deviation of the angle, of the worse rod."""
     problem, segments = ratio_fit.problem, ratio_fit.problem.segments
     owner = np.repeat(segments.run, np.diff(segments.offsets))
     measured = problem.joints.to_rods(problem.measured)

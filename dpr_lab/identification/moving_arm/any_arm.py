@@ -123,8 +123,8 @@ def identifiability(
     if not runs and "prescribed" in (rig.joints.inner, rig.arm.mode):
         joint = "inner rod" if rig.joints.inner == "prescribed" else "arm"
         raise ConfigError(
-            f"the motion of the {joint} of rig {rig.name} is prescribed by its encoder and determines what recordings"
-            " identify: give runs, for example runs/*.mcap"
+            f"the {joint} of rig {rig.name} is prescribed: its motion is known from recordings only, and it determines"
+            " which parameters are identifiable. Give runs, for example runs/*.mcap"
         )
     return identifiability_of(runs, rig, tell)
 

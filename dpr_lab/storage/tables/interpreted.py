@@ -45,7 +45,7 @@ class QuestionSettings:
     other_unit: float = 30.0
     """Value of the factor in `time_scale` above which the unit of time must be wrong."""
     same_rig: float = 0.15
-    """Maximum residual of the torques with any L1 at which inertias are compared with the rig file."""
+    """Residual of the torque balance, with L1 free, up to which the inertias are compared with the rig file."""
     other_rig: float = 1.1
     """Factor between an inertia over gravity and the nearest value that the rig file allows, above which a warning is
     given. It is below 1.05 for free swings of the correct rig, 1.15 or more for another one of this repository.

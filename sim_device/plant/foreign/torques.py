@@ -90,7 +90,7 @@ def slack_spring_joint1(body: Body, values: Values) -> EquationOfMotion:
 
 
 def sawtooth_detent_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Magnets that pull as a leaning wave: tau1 = -A atan2(S sin u, 1 + S cos u), u = N (q - q0)."""
+    """Magnets whose torque is an asymmetric wave: tau1 = -A atan2(S sin u, 1 + S cos u), u = N (q - q0)."""
     size, lean = values["torque_Nm"], values["lean"]
     number, start = round(values["number"]), values["start_rad"]
 
@@ -168,7 +168,7 @@ TORQUES = (
     ),
     OutOfLibraryEffect(
         "sawtooth_detent_joint1",
-        "leaning magnetic detents of joint 1",
+        "magnetic detents of joint 1 with an asymmetric wave",
         Size("torque_Nm", 1e-3, 4e-3),
         shape=(Size("lean", 0.5, 0.8), Size("number", 4, 12), Size("start_rad", -0.4, 0.4)),
         motion=sawtooth_detent_joint1,
