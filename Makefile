@@ -10,8 +10,8 @@ INSTALL := $(BIN)/python -m pip install --quiet --no-compile
 OUT    ?= out/demo
 FUZZ_SECONDS ?= 120
 CORES   := $(shell getconf _NPROCESSORS_ONLN)
-# Tests of links, screens and processes wait most of their time: one more worker than cores keeps the cores busy.
-WORKERS := $(shell echo $$(($(CORES) + 1)))
+# Tests of links, screens and processes wait most of their time: two more workers than cores keep the cores busy.
+WORKERS := $(shell echo $$(($(CORES) + 2)))
 # Tests of one file share what they record and identify, so one process gets them all; tests/conftest.py sorts the files.
 SPREAD  := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 # Without it every process that tests compiles all tests again.

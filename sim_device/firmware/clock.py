@@ -8,12 +8,11 @@ from firmware_protocol.messages import State
 
 CLOCKS: dict[str, Mapping[State, float]] = {
     "realtime": {},
-    "fast": {State.STREAMING: 20.0, State.RELEASED: 60.0},
+    "fast": {State.IDLE: 20.0, State.HOLDING: 20.0, State.STREAMING: 20.0, State.RELEASED: 60.0},
 }
 """Clocks by name: device seconds per wall second in each state; 1 if a state is not listed.
 
-At rest before a release the ratio is smaller, because the host determines the duration and must not be flooded
-meanwhile.
+Before a release the ratio is smaller, because the host determines the duration and must not be flooded meanwhile.
 """
 
 LONGEST_STEP = 0.01

@@ -4,6 +4,7 @@ import pytest
 
 from firmware_protocol.messages import State
 from sim_device.firmware.clock import CLOCKS, LONGEST_STEP, Clock
+from sim_device.plant.operator import HABITS
 
 FAST = CLOCKS["fast"]
 
@@ -23,6 +24,14 @@ def test_fast_time_has_a_pace_for_every_state(state):
     clock.advance(0.0, state, 1000)
     assert clock.advance(0.01, state, 1000) == pytest.approx(0.01 * FAST.get(state, 1.0))
     assert clock.simulated
+
+
+@pytest.mark.parametrize("state", [State.IDLE, State.HOLDING])
+def test_fast_time_places_the_rods_within_six_loops_of_the_device(state):
+    clock = Clock(FAST)
+    for loop in range(6):
+        clock.advance(loop * LONGEST_STEP, state, 1000)
+    assert clock.now >= HABITS.placing_time
 
 
 @pytest.mark.parametrize(("rate_hz", "pace"), [(50, 60.0), (1000, 4.0), (4000, 1.0), (5000, 1.0)])
