@@ -24,7 +24,8 @@ diagnosis lists it in `absorbed`. An effect with an amplitude at its limit has a
 
 def page() -> str:
     """The whole page, as Markdown."""
-    return "\n".join([HEAD, *map(section, EFFECTS.values()), "## Together\n", *map(together, FAMILIES), ""])
+    families = ["## Effects of one component\n", *map(together, FAMILIES)]
+    return "\n".join([HEAD, *map(section, EFFECTS.values()), *families, ""])
 
 
 def section(effect: Effect) -> str:

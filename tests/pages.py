@@ -130,7 +130,7 @@ dpr-lab rig show paper > my_rig.toml
 dpr-lab rig show paper > my-rig.toml
 {DRY} runs
 """,
-    "docs/put-your-rig-on-the-wire.md": """
+    "docs/connect-your-device.md": """
 dpr-lab rig show paper > my_rig.toml
 printf 't_s,tau1_Nm,tau2_Nm\\n0,0,0\\n0.5,0.001,0\\n1,0,0.0005\\n2,0,0\\n' > torques.csv
 """,

@@ -19,7 +19,7 @@ from sim_device.plant.encoders import standard_noise
 from sim_device.random_streams import RandomStream
 
 FULL_SCALE = 0x7FFF
-"""Maximum torque on the wire, units."""
+"""Maximum torque in a message, units."""
 
 COLUMNS = ("t_s", "tau1_Nm", "tau2_Nm")
 

@@ -9,7 +9,7 @@ from dpr_lab.transports.serial_port import SERIAL
 from dpr_lab.transports.transport import Capacity
 
 SOURCES = Path(firmware_protocol.__file__).parent / "c"
-GUIDE = (Path(__file__).parents[2] / "docs" / "put-your-rig-on-the-wire.md").read_text(encoding="utf-8")
+GUIDE = (Path(__file__).parents[2] / "docs" / "connect-your-device.md").read_text(encoding="utf-8")
 
 
 def test_every_function_of_the_hal_is_explained():

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from dpr_lab.effects import EFFECTS, effect_params, plausibility
 from dpr_lab.errors import RunError
 from dpr_lab.gap.classes.posterior import EffectPosterior
-from dpr_lab.gap.conclusion.verdict import listed_causes
+from dpr_lab.gap.conclusion.verdict import _in_noise, listed_causes
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.plain import as_json
@@ -231,3 +231,10 @@ def test_a_gravity_that_no_place_on_earth_has_is_questioned_instead_of_the_lengt
     assert (diagnosis.verdict, diagnosis.effects) == ("unexplained", [])
     assert "g = 9 m/s^2 in the rig file is not a value that occurs on earth" in diagnosis.sentence
     assert "With g = 9.81" in diagnosis.sentence
+
+
+@pytest.mark.parametrize(
+    ("ratio", "words"), [(1.03, "the size of the noise"), (3.21, "3.2 times the noise"), (112, "110 times the noise")]
+)
+def test_a_gap_of_the_size_of_the_noise_is_not_called_one_times_it(ratio: float, words: str) -> None:
+    assert _in_noise(ratio) == words

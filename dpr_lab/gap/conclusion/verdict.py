@@ -138,7 +138,7 @@ def sentence(
         return _inconclusive(visible_counts)
     if described.withholds:
         gap = selection.base.residuals.noise_ratio
-        return f"Unexplained: a gap of {_two_digits(gap)} times the noise. {described.hint}"
+        return f"Unexplained: a gap of {_in_noise(gap)}. {described.hint}"
     text = _sentence(kind, selection, posteriors, transferred)
     return f"{text} {described.hint}" if described.hint else text
 
@@ -173,20 +173,20 @@ def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPo
 
 def _unexplained(selection: Selection, posteriors: Sequence[EffectPosterior], transferred: Transfer) -> str:
     """Why no effect is the cause: none fits, or the closest ones explain too little or only the fitted recordings."""
-    share, remainder = selection.share_explained, _two_digits(selection.chosen.residuals.noise_ratio)
+    share, remainder = selection.share_explained, _in_noise(selection.chosen.residuals.noise_ratio)
     if not posteriors and _small(selection.chosen):
         return (
             "Unexplained: the fitted recordings show no gap, but the held-out recordings show one of"
-            f" {_two_digits(transferred.gap_ratio)} times the noise. Fit them too, or check that nothing on the rig was"
+            f" {_in_noise(transferred.gap_ratio)}. Fit them too, or check that nothing on the rig was"
             " changed."
         )
     if not posteriors:
-        return f"Unexplained: a gap of {remainder} times the noise, and no effect of the library fits it."
+        return f"Unexplained: a gap of {remainder}, and no effect of the library fits it."
     closest, verb = _classes(posteriors), "explain" if len(posteriors) > 1 else "explains"
     if share >= RULES.partly_share:
         doubt = "not in other recordings"
         if not _fitted_only(posteriors, transferred):
-            doubt = f"a remainder of {remainder} times the noise makes a cause outside the library more probable"
+            doubt = f"a remainder of {remainder} makes a cause outside the library more probable"
         return (
             f"Unexplained: {closest} {verb} {percent(share)} of the excess chi-square in the fitted"
             f" recordings, but {doubt}. {how_far(transferred)}"
@@ -194,9 +194,10 @@ def _unexplained(selection: Selection, posteriors: Sequence[EffectPosterior], tr
     return f"Unexplained: the closest, {closest}, {verb} only {percent(share)} of the excess chi-square."
 
 
-def _two_digits(ratio: float) -> str:
-    """A ratio with two significant digits, without an exponent: 110, not 1.1e+02."""
-    return f"{float(f'{ratio:.2g}'):g}"
+def _in_noise(ratio: float) -> str:
+    """`110 times the noise`, with two significant digits and no exponent; a ratio of 1 in words."""
+    rounded = float(f"{ratio:.2g}")
+    return "the size of the noise" if rounded == 1.0 else f"{rounded:g} times the noise"
 
 
 def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
@@ -211,7 +212,7 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
         )
     if at_noise_floor(chosen):
         return UNCERTAIN
-    size = f"{_two_digits(chosen.residuals.noise_ratio)} times the noise"
+    size = f"{_in_noise(chosen.residuals.noise_ratio)}"
     small = chosen.residuals.noise_ratio < 1.0
     remainder = f"A small but significant remainder, {size}," if small else f"A remainder of {size}"
     return f"{remainder} has another cause or another form."
@@ -231,7 +232,7 @@ def _no_gap(base: Hypothesis) -> str:
         return "No gap visible at this noise. The bare model explains the recordings down to the noise floor."
     return (
         f"No gap above the noise. No effect of the library explains the remainder of"
-        f" {_two_digits(base.residuals.noise_ratio)} times the noise."
+        f" {_in_noise(base.residuals.noise_ratio)}."
     )
 
 

@@ -107,18 +107,25 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
         parts = parts.with_discrepancy(discrepancy_columns(problem, after))
     unmodelled = parts.left_out()
     varying = parts.varying()
-    freed = float(parts.left_out([record.column for record in varying]).sum()) + sum(
-        record.chance for record in varying
-    )
+    by_chance = sum(parameter.chance for parameter in varying)
+    freed = float(parts.left_out([parameter.column for parameter in varying]).sum()) + by_chance
     levels = [total, float(explained.sum()), float(unmodelled.sum()), freed]
-    alone, shown = only_inner(problem.segments.setups), list[VaryingParameter]()
-    for record in varying:
-        parameter = after.free[after.inside[record.column]]
+    return split(levels, noise, names, _shown(varying, everything, problem, after), "")
+
+
+def _shown(
+    varying: Sequence["_Varying"], everything: Recordings, problem: Problem, after: Fit
+) -> list[VaryingParameter]:
+    """Varying parameters with their values in each recording; those of the rods as ratios to b, or to a."""
+    names, alone = [record.run.name for record in everything.records], only_inner(problem.segments.setups)
+    shown = []
+    for varied in varying:
+        parameter = after.free[after.inside[varied.column]]
         of_rods = parameter.block == "ratios"
         ratio = ratio_of(parameter, after.estimate, everything.rig, alone=alone) if of_rods else None
         name, common, per = ratio or (parameter.name, parameter.read(after.estimate), 1.0)
-        shown.append(record.shown(parameter.effect, name, common, PRIOR * parameter.size / per, names))
-    return split(levels, noise, names, shown, "")
+        shown.append(varied.shown(parameter.effect, name, common, PRIOR * parameter.size / per, names))
+    return shown
 
 
 def split(
