@@ -177,10 +177,10 @@ def _stage(
     if model.required.torque:
         terms = effect_torques(motion, base, constants, x.internal, model.params, model.active)
     if mode == FREE:
+        if model.required.drive0:
+            torque0 = arm_drives(motion, torque0, model.params, model.active)
         if model.required.torque0:
             torque0 = arm_torques(motion, torque0, x.internal, model.params, model.active)
-        if model.required.drive0:
-            torque0 = arm_drives(motion, drive, torque0, model.params, model.active)
         if model.required.whole0:
             torque0, torque1, torque2 = whole_torques(motion, base, constants, torque0, model.params, model.active)
             terms = plus(terms, torques(torque1, torque2))

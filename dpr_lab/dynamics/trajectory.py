@@ -215,8 +215,8 @@ def _arm_effects(
         motion = motion_of(t[i], thetas, omegas, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
         motion = with_arm(motion, 0.0, direction_of(omega[i, 2]))
         for c in range(len(params)):
-            torque0 = arm_torques(motion, 0.0, _AT_RELEASE, params[c], active[c])
-            torque0 = arm_drives(motion, drive[i, 2], torque0, params[c], active[c])
+            torque0 = arm_drives(motion, drive[i, 2], params[c], active[c]) - drive[i, 2]
+            torque0 = arm_torques(motion, torque0, _AT_RELEASE, params[c], active[c])
             torques[i, 2, c], torques[i, 0, c], torques[i, 1, c] = whole_torques(
                 motion, base, rig, torque0, params[c], active[c]
             )

@@ -157,7 +157,9 @@ arm_torques = scalar_stage("torque0")
 """(motion, torque0, internal, params, active) -> torque on the arm, N m; `torque0` without effects."""
 
 arm_drives = scalar_stage("drive0")
-"""(motion, known0, torque0, params, active) -> the same, with the difference between acting and known drive torque."""
+"""(motion, torque0, params, active) -> torque of the arm's drive, N m: its effects in sequence, the gain first, each on
+the torque that those before it leave; `torque0`, the known one, without effects.
+"""
 
 whole_torques = scalar_stage("whole0")
 """(motion, base, constants, torque0, params, active) -> torque on the arm, `torque0` without effects, and on theta1 and

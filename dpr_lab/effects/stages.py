@@ -13,7 +13,7 @@ an argument or a local variable, the lane version a row of the workspace.
     arm         constants                          ArmModel: inertia, friction and stiffness of an arm that is held
     free_arm    constants                          the same of an arm that is free or driven
     torque0     joint                              torque on a free or driven arm, N m
-    drive0      joint, torque                      N m added to the known torque on the arm
+    drive0      joint, torque                      N m added to the torque on the arm by the effects of the drive so far
     whole0      motion, base, constants            torques on theta0, theta1, theta2 of a rig with such an arm, N m
     dry0        joint                              torque of dry friction of an arm that just begins to slide, N m
     timing      t                                  s added to the instant at which each of `joints` is read
@@ -148,8 +148,8 @@ STAGES: dict[str, Stage] = {
         returns="{torque0}",
     ),
     "drive0": Stage(
-        arguments="motion, known0, torque0",
-        quantities={"joint": "{joint0}", "torque": "{known0}"},
+        arguments="motion, torque0",
+        quantities={"joint": "{joint0}", "torque": "{torque0}"},
         results={"torque0": "{torque0}"},
         combine=_each("{torque0} += x"),
         returns="{torque0}",

@@ -150,7 +150,8 @@ _ARM_PUSH = '''
 def arm_torques(data, motion):
     """Torques of the effects at the arm, in its drive and of the whole rig on theta0, theta1, theta2."""
     known = GAIN * float(data.ctrl[0]) if len(data.ctrl) else float(data.qfrc_applied[0])
-    torque0 = called_arm_drives(motion, known, called_arm_torques(motion, 0.0, START, None, None), None, None)
+    driven = called_arm_drives(motion, known, None, None) - known
+    torque0 = called_arm_torques(motion, driven, START, None, None)
     return called_whole(motion, MODEL.base, MODEL.constants, torque0, None, None)
 '''
 

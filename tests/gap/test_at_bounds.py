@@ -1,9 +1,11 @@
 """A value at its bound is uncertain, and so are the others that share its readings."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from dpr_lab.fitting.estimate import EFFECTS_BEGIN, SIZE, Estimate, FreeParameter
@@ -47,6 +49,14 @@ def test_intervals_cover_where_the_noise_moved_a_value_to_its_bound():
         at_bound += len(fit.inside) < 3
     assert at_bound > 300
     assert (covered > 0.86 * 400).all(), covered
+
+
+def test_a_value_that_the_others_absorb_is_as_uncertain():
+    problem, fit = fitted(COLUMNS @ np.array([3.0, 0.5, 0.0]) - SPEED**2)
+    assert 2 not in fit.inside
+    moments = second_moments(problem, replace(fit, absorbed=(2,)), 1.0)
+    assert moments[2, 2] > 0.0
+    assert moments == pytest.approx(second_moments(problem, fit, 1.0))
 
 
 def test_a_value_that_the_readings_exclude_is_zero_with_little_doubt():

@@ -44,7 +44,6 @@ _NOTATION = _LaneNotation(
     joint2="joint2_at(w, k)",
     known1="(w.drive1[k] + w.drive2[k])",
     known2="w.drive2[k]",
-    known0="w.drive0[k]",
 )
 
 _NAMES: dict[str, Any] = {"yielding": yielding, "copysign": math.copysign}
@@ -80,7 +79,7 @@ add_arm_torques = lane_stage("torque0")
 """(w, active): add the torques of effects on the arm to the row `torque0`."""
 
 add_arm_drives = lane_stage("drive0")
-"""(w, active): add the difference between the acting and the known torque of the arm's drive to the row `torque0`."""
+"""(w, active): replace the known torque of the arm's drive in the row `torque0` by the acting one."""
 
 add_whole_torques = lane_stage("whole0")
 """(w, constants, active): add to the rows `torque0`, `torque1`, `torque2` what acts on an arm that moves and its

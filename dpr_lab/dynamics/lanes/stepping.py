@@ -198,14 +198,12 @@ def _add_arm(w: LaneWorkspace, rig: RigConstants, active: NDArray[np.bool_], req
     """All torques on the arm, and the torques of the same effects on the rods."""
     for k in range(LANES):
         w.torque0[k] = w.drive0[k]
+    if required.drive0:
+        add_arm_drives(w, active)
     if required.play0:
-        if required.drive0:
-            add_arm_drives(w, active)
         transmit(w)
     if required.torque0:
         add_arm_torques(w, active)
-    if required.drive0 and not required.play0:
-        add_arm_drives(w, active)
     if required.whole0:
         add_whole_torques(w, rig, active)
 

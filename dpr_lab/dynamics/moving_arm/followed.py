@@ -31,7 +31,7 @@ class FollowedSwing:
     alpha: Array
     """(n, axes) accelerations, rad/s^2"""
     drive: Array
-    """(n, axes) known torques, of the arm with the assumed gain of its drive, N m"""
+    """(n, axes) known torques, of the arm with the fitted gain of its drive, N m"""
     angles: list[int]
     """Columns of the angles among the states, in the order of the axes."""
     speeds: list[int]
@@ -100,7 +100,7 @@ def followed_with_arm(bases: Array, rig: RigConstants, grid: Segments, params: A
     speeds = [2, 3, 5]
     alpha = np.concatenate([np.gradient(states[i:j, speeds], grid.t[i:j], axis=0) for i, j in pairwise(grid.offsets)])
     drive = np.zeros((len(states), 3))
-    drive[:, 2] = np.concatenate(torque)
+    drive[:, 2] = gain * np.concatenate(torque)
     return FollowedSwing(states, phi, inverse, alpha, drive, [0, 1, 4], speeds)
 
 

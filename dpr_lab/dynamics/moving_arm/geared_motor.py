@@ -50,7 +50,7 @@ def arm_of_gear(t: float, x: GearedState, model: RigModel, drive: float) -> tupl
         x.theta0, x.omega0, x.motor_angle, x.motor_speed, 0.0, 0.0, arm.inertia, arm.friction, params, active
     )
     thetas, omegas = (x.theta0, x.theta1, x.theta2), (x.omega0, x.omega1, x.omega2)
-    torque = arm_drives(motion_of(t, thetas, omegas, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)), drive, drive, params, active)
+    torque = arm_drives(motion_of(t, thetas, omegas, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)), drive, params, active)
     moved = ArmModel(arm.inertia - loose * motor_inertia, arm.reach, (1.0 - loose) * arm.friction, arm.stiffness)
     rig = RigModel(model.base, model.constants, moved, params, active, model.required)
     return rig, (1.0 - loose) * torque, torque, motor_inertia, loose

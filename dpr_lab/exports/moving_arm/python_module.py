@@ -9,13 +9,11 @@ from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.dynamics.step import with_arm
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.backlash import BACKLASH_JOINT0
-from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.quantities import ArmModel
 from dpr_lab.exports.module_parts import assembled, parameter_lines, simulated_rig
 from dpr_lab.exports.source import Rewrite
 from dpr_lab.identification.moving_arm.engine import engine_constants
 from dpr_lab.identification.moving_arm.model import MovingArmModel
-from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Setup
 
@@ -151,10 +149,6 @@ def arm_module_text(model: MovingArmModel, rig: Rig, more: Mapping[str, Any], re
     sizes, outer = model.sizes, model.mounted == "both"
     effects = {name: values for name, values in model.effects.items() if EFFECTS[name].stage != "drive"}
     gain = 1.0 if model.input == "acceleration" else sizes["gain"] if model.input else 0.0
-    if any(EFFECTS[name].stage == "drive0" for name in effects) and (assumed := drive_gain(rig).value):
-        # Errors of a drive refer to the torque that was assumed.
-        effects[DRIVE_GAIN.name] = {DRIVE_GAIN.amplitudes[0].name: gain / assumed - 1.0}
-        gain = assumed
     constants = engine_constants(model, rig)._replace(L1=model.rig.L1, g=model.rig.g)
     constants = constants_of_run(constants, Setup("both" if outer else "inner"))
     base = with_gravity([sizes[name] for name in ("a", "b", "d", "e1", "c1", "c2")], model.rig.L1, model.rig.g)

@@ -9,6 +9,8 @@ states and the other values follow u, so c is projected on what they can change.
 reaches its bound. As the estimate is u = 0, the second moment of u counts as its variance, and the other values share
 it: a slope of the friction curve and the viscous friction of a slow joint, for example, are hardly separable.
 
+A value that the others absorb is at its bound of zero as well, and is treated alike.
+
 c is the difference of two simulations along this direction, because the columns of nearly collinear parameters, each
 with its own error, do not cancel. Every value is treated with the others at their bounds.
 """
@@ -42,10 +44,11 @@ def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:
 
 def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
     """(free,) root mean square error of one value at its bound, and of the others due to it."""
-    at_bound = [k for k in range(len(fit.free)) if k not in fit.inside and k not in fit.absorbed]
+    room, inside = bounds(fit.estimate, fit.free), fit.inside
+    at_bound = np.flatnonzero((room == 0.0).any(axis=0)).tolist()
     if not at_bound:
         return
-    before, room, inside = problem.predict(fit.estimate), bounds(fit.estimate, fit.free), fit.inside
+    before = problem.predict(fit.estimate)
     prior = inflation**0.5 * fit.prior
     space = ColumnSpace.of(*fit.linear.flat).with_prior(prior, np.zeros(len(prior)))
     for k in at_bound:
