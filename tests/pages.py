@@ -11,6 +11,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.thinned import FULL
+
 ROOT = Path(__file__).parents[1]
 PRINTED = ROOT / "docs" / "reference" / "command-line.md"
 """What `--help` says, written where the site was built."""
@@ -170,6 +172,7 @@ STAND_INS = (
     StandIn(r"^(dpr-lab conform 'sim://' .*)$", r"\1 || \1 || \1", "a busy machine may not keep the simulated rate"),
     StandIn(r"^dpr-lab tui ", "python -m tests.on_a_terminal dpr-lab tui ", "a terminal, and somebody who leaves"),
     StandIn(r"trials campaign( --n \d+)?", "trials campaign --n 1", "one trial of many"),
+    StandIn(r"(--pose \$name)", r"\1" if FULL else r"\1 --duration-s 3", "three of eight seconds: a third of the time"),
     StandIn(r"--trust 40", "--trust 1", "one trial of forty"),
     StandIn(r"SCHEDULER:8786|127.0.0.1:8786", f"127.0.0.1:{PORT}", "a port that nobody else has"),
     StandIn(r"127.0.0.1:8787", "127.0.0.1:0", "a port that nobody else has"),

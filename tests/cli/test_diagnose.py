@@ -40,7 +40,7 @@ def worn(tmp_path_factory: pytest.TempPathFactory, cli) -> list[Path]:
         out,
         "--json",
         "--duration",
-        "3",
+        "2",
     )
     done = cli("capture", *words)
     assert done.code == 0, done.err

@@ -112,7 +112,7 @@ def test_an_effect_that_the_file_cannot_contain_is_written_as_passive_forces(cli
     (tmp_path / "own.xml").write_text(OWN, encoding="utf-8")
     link = "sim://?clock=fast&seed=1&plant=tilted"
     poses = ("--pose", "X1", "--pose", "X2", "--pose", "X3")
-    done = cli("capture", "--rig", "paper", "--link", link, *poses, "--duration", 4, "--out", "runs", cwd=tmp_path)
+    done = cli("capture", "--rig", "paper", "--link", link, *poses, "--duration", 2, "--out", "runs", cwd=tmp_path)
     assert done.code == 0, done.err
     *fitted, held_out = sorted((tmp_path / "runs").glob("*.mcap"))
     words = ("--held-out", held_out, "--rig", "paper", "--simulator", "own.xml", "--out", "out", "--json")

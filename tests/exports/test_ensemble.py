@@ -226,7 +226,7 @@ def test_bands_cover_the_readings_of_the_true_model_and_a_wrong_one_is_widened(
     for module in (bands, compare):
         monkeypatch.setattr(module, "preprocess", counted)
     plant, rig = weighed(load_plant("paper", 5), load_rig("paper"))
-    runs = record(plant, rig, duration=1.5)[:2]
+    runs = record(plant, rig, 1.5, 250)[:2]
     base = base_parameters(plant.Z, rig.L1, rig.g)
     truth = whole_model(rig, Estimate.of(unknown_ratios(base), effect_params({}), np.zeros((1, 4))))
     truth = truth.model_copy(update={"effects": {}})

@@ -58,7 +58,7 @@ def test_a_drive_that_the_rig_file_does_not_state_is_only_possible(geared, words
 
 @pytest.mark.slow
 def test_a_drive_that_the_rig_file_states_is_always_in_the_model(recorded, paper: Rig):
-    runs = recorded({FRICTION: {"torque_Nm": 2e-3}, ROTOR: {"inertia_kgm2": 2e-7}})
+    runs = recorded({FRICTION: {"torque_Nm": 2e-3}, ROTOR: {"inertia_kgm2": 2e-7}}, duration=2.0)
     geared = paper.model_copy(update={"joints": Joints(geared=(2,))})
     library = {name: EFFECTS[name] for name in expected_of(geared.joints.geared)}
     found = diagnose(runs, geared, library=library)

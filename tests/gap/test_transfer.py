@@ -150,7 +150,7 @@ def test_an_effect_larger_than_any_rig_has_is_not_named_with_confidence(recorded
     name = "encoder_eccentricity_joint1"
     library = {name: EFFECTS[name]}
     small, large = (
-        diagnose(recorded({name: {"cos1_rad": size}}, duration=2.0), paper, library=library) for size in (5e-3, 0.3)
+        diagnose(recorded({name: {"cos1_rad": size}}, duration=1.0), paper, library=library) for size in (5e-3, 0.3)
     )
     assert small.verdict == "named"
     assert large.verdict in ("partly_explained", "unexplained")

@@ -61,7 +61,7 @@ def test_a_delay_of_several_rows_is_named() -> None:
     """The drive acts 24 ms after its rows of 4 ms."""
     rng, late, row = np.random.default_rng(6), 24, 4
     plant = drawn_plant(rng, False, "", 1.0, 0.12)
-    rig, t = rig_of(plant, "driven"), np.arange(0, 3, 0.001)
+    rig, t = rig_of(plant, "driven"), np.arange(0, 1.5, 0.001)
     logged = np.repeat((0.05 * np.sin(7 * t) + 0.03 * np.sin(11.3 * t))[::row], row)
     theta = swing(plant, np.array([0, 4.2, 4.2, 0, 0, 0]), t, np.concatenate([np.zeros(late), logged[:-late]]))[::row]
     read = COUNT * np.round(theta / COUNT + rng.normal(0, 0.3, theta.shape))
