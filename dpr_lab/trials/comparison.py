@@ -1,6 +1,6 @@
 """A revealed trial as a table: each hidden effect with its diagnosis, then wrongly named effects.
 
-If only ratios to b are identified, both sizes are given as ratios, and then at the b that the diagnosis assumes.
+If only ratios to b are identified, both sizes are given as ratios, followed by absolute values with the assumed b.
 """
 
 from dpr_lab.gap.result.causes import NamedEffect

@@ -130,7 +130,7 @@ def drawn_drives(plant: PlantConfig, settings: Driving = DRIVING) -> JointDrives
 def driven_runs(
     rig: Rig, seed: int, base: str = "paper", fault: DriveFault | None = None, duration: float = 3.0
 ) -> tuple[PlantConfig, list[Run]]:
-    """A plant similar to that of a plant file, and its recording under torques from each of the rig's poses."""
+    """A plant drawn near a plant file, and one driven recording from each pose of the rig."""
     plant = driven(drawn(load_plant(base, seed), rig), fault)
     return plant, record(plant, rig, duration, drives=drawn_drives(plant))
 

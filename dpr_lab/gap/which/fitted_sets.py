@@ -336,7 +336,7 @@ class FittedSets:
         return replaced
 
     def imaged(self, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
-        """The set with another effect in place of one, started at the linear image of the solution with that one.
+        """The set with another effect in place of one, started at its linear prediction from that solution.
 
         Of two indistinguishable effects, one then fits as well as the other, although a fit from neither may end in a
         local minimum in which another effect of the set has lost its shape.

@@ -56,9 +56,9 @@ def _most_bytes() -> int:
 
 
 def _parts(path: Path, content: bytes) -> Iterator[bytes]:
-    """A file of its own for each element, decompressed; declared sizes are not trusted.
+    """Split a MATLAB file into one file per element, decompressed; declared sizes are not trusted.
 
-    One element at a time, so that the memory is that of the numbers and of the largest element.
+    Only one element is in memory at a time, next to the numbers that were read.
     """
     order = "<" if content[126:HEADER] == b"IM" else ">"
     total, position = HEADER, HEADER
