@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from firmware_protocol.messages import Event, Message, Position, Sample
+from firmware_protocol.messages import Message, Position, Sample
 
 FASTEST_TURNS_S = 20.0
 """Maximum speed of a joint, turns per second; a free rod of a typical rig reaches a third of it."""
@@ -83,10 +83,6 @@ class SampleStream:
         if isinstance(message, Position):
             self._anchor(message)
         return None
-
-    def tick_of(self, event: Event) -> int:
-        """Complete tick of an EVENT, in the numbering of the rows."""
-        return unwrap(event.tick, max(self._tick, 0), 32)
 
     def _row(self, sample: Sample) -> Row | None:
         step = (sample.tick - self._tick) & 0xFFFF

@@ -208,7 +208,7 @@ def test_a_release_cannot_be_triggered_from_a_read_only_view(simulated, spy_on) 
     spy = spy_on(open_transport(url))
     with Device(spy, read_only=True) as view:
         view.connect()
-        for command in (view.release, view.hold, view.stop, view.clear_fault, lambda: view.stream(100)):
+        for command in (view.release, view.hold, view.stop, lambda: view.stream(100)):
             with pytest.raises(SafetyStop, match="nothing was sent"):
                 command()
         status = status_of(view)

@@ -33,7 +33,6 @@ from firmware_protocol.messages import (
     NUMBERS,
     Ack,
     ArmInput,
-    ClearFault,
     Command,
     Hello,
     Hold,
@@ -202,10 +201,6 @@ class Device:
     def stop(self) -> None:
         """Stop sampling; the latch does not change."""
         self._command(Stop())
-
-    def clear_fault(self) -> None:
-        """Leave the fault state; the latch does not change."""
-        self._command(ClearFault())
 
     def poll(self, timeout: float) -> list[Batch]:
         """All messages since the last call, waiting at most `timeout` s for the first.

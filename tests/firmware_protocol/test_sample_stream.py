@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from firmware_protocol.device_role import DeviceSession
 from firmware_protocol.identity import DeviceInfo
-from firmware_protocol.messages import Ack, Event, EventKind, Frame, Position, Sample, decode
+from firmware_protocol.messages import Ack, Frame, Position, Sample, decode
 from firmware_protocol.stream import Row, SampleStream, blind_ticks, unwrap
 
 SESSION = DeviceSession(DeviceInfo("0.1.0", "1", (16384, 16384, 16384), 4000, 100))
@@ -164,14 +164,6 @@ def test_restart_begins_at_tick_0_and_keeps_positions():
     stream.restart()
     assert stream.feed(Sample(0, 100_001 & 0xFFFF, 0, 0)) == Row(0, (100_001, 0, 0))
     assert stream.lost_tick_gap == lost
-
-
-def test_event_ticks_are_on_the_count_of_the_rows():
-    stream = anchored()
-    for tick in range(0, 200_000, 20_000):
-        stream.feed(Sample(tick & 0xFFFF, 0, 0, 0))
-    assert stream.tick_of(Event(EventKind.RELEASED, 0, 180_001)) == 180_001
-    assert SampleStream().tick_of(Event(EventKind.RELEASED, 0, 3)) == 3
 
 
 def test_other_messages_give_nothing():

@@ -22,18 +22,38 @@ class Lengths:
     outer: float = 0.4
 
 
-class Pendulum(PlainCanvas):
+class _Drawing(PlainCanvas):
+    """A drawing that follows its size; grey where it is old."""
+
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(1, 1, id=id)
+        self._old = False
+
+    @on(PlainCanvas.Resize)
+    def _fit(self, event: PlainCanvas.Resize) -> None:
+        event.stop()
+        self._draw()
+
+    def _draw(self) -> None:
+        raise NotImplementedError
+
+    def _colour(self, name: str) -> str:
+        """Colour of the theme, or grey."""
+        colours = self.app.theme_variables
+        return f"dim {colours['foreground']}" if self._old else colours[name]
+
+
+class Pendulum(_Drawing):
     """View from the end of the arm: the rods move in the plane of the picture.
 
     The rotation of the arm is shown in perspective. Dots mark the requested pose, lines the rods.
     """
 
     def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(1, 1, id=id)
+        super().__init__(id=id)
         self._lengths = Lengths()
         self._theta: Angles | None = None
         self._wanted: Angles | None = None
-        self._old = False
 
     def show(self, theta: Angles | None, wanted: Angles | None, lengths: Lengths, *, old: bool = False) -> None:
         """Draw rods at `theta`, and the pose `wanted` behind them; None: omitted; `old`: drawn in grey."""
@@ -42,20 +62,13 @@ class Pendulum(PlainCanvas):
             self._theta, self._wanted, self._lengths, self._old = theta, wanted, lengths, old
             self._draw()
 
-    @on(PlainCanvas.Resize)
-    def _fit(self, event: PlainCanvas.Resize) -> None:
-        event.stop()
-        self._draw()
-
     def _draw(self) -> None:
-        colours = self.app.theme_variables
         with self.batch_refresh():
             self.clear()
             if self._wanted is not None:
-                self._dots(self._wanted, colours["secondary"])
+                self._dots(self._wanted, self.app.theme_variables["secondary"])
             if self._theta is not None:
-                grey = f"dim {colours['foreground']}" if self._old else ""
-                self._rods(self._theta, grey or colours["primary"], grey or colours["foreground"])
+                self._rods(self._theta, self._colour("primary"), self._colour("foreground"))
 
     def _rods(self, theta: Angles, rod: str, joint: str) -> None:
         hub, elbow, tip = self._points(theta)
@@ -90,17 +103,16 @@ ArmLimits = tuple[float, float]
 """Angles between which the arm can turn, rad."""
 
 
-class ArmAbove(PlainCanvas):
+class ArmAbove(_Drawing):
     """View from above: the arm turns about the centre, angle 0 points to the right, positive counterclockwise.
 
     Dots mark the circle of its tip, between its limits where the rig file states them.
     """
 
     def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(1, 1, id=id)
+        super().__init__(id=id)
         self._theta0: float | None = None
         self._limits: ArmLimits | None = None
-        self._old = False
 
     def show(self, theta0: float | None, limits: ArmLimits | None, *, old: bool = False) -> None:
         """Draw the arm at theta0, rad; None: the circle alone; `old`: drawn in grey."""
@@ -109,25 +121,18 @@ class ArmAbove(PlainCanvas):
             self._theta0, self._limits, self._old = theta0, limits, old
             self._draw()
 
-    @on(PlainCanvas.Resize)
-    def _fit(self, event: PlainCanvas.Resize) -> None:
-        event.stop()
-        self._draw()
-
     def _draw(self) -> None:
-        colours = self.app.theme_variables
-        grey = f"dim {colours['foreground']}" if self._old else ""
         with self.batch_refresh():
             self.clear()
             begin, end = self._limits or (-math.pi, math.pi)
             count = max(8, 4 * self.size.width)
             circle = [self._point(begin + (end - begin) * k / count) for k in range(count + 1)]
-            self.set_hires_pixels(circle, style=colours["secondary"])
+            self.set_hires_pixels(circle, style=self.app.theme_variables["secondary"])
             if self._theta0 is not None:
                 centre, tip = (self.size.width / 2, self.size.height / 2), self._point(self._theta0)
-                self.draw_hires_lines([(*centre, *tip)], style=grey or colours["primary"])
+                self.draw_hires_lines([(*centre, *tip)], style=self._colour("primary"))
                 for (x, y), mark in ((centre, "◆"), (tip, "●")):
-                    self.set_pixel(int(x), int(y), mark, grey or colours["foreground"])
+                    self.set_pixel(int(x), int(y), mark, self._colour("foreground"))
 
     def _point(self, angle: float) -> tuple[float, float]:
         """Tip of the arm, in columns and rows; a row is as high as two columns are wide."""
