@@ -79,10 +79,15 @@ class Preview:
             "angles": reading,
             "time": f"{self.samples:,} rows, {self.duration_s:.6g} s from the release{rest}, unit {self.time_unit}",
             "recorded": self.recorded_at or "date unknown (--recorded-at)",
-            "rate": f"{self.rate_hz:.6g} Hz, steps {self.steps_s[0]:.4g} to {self.steps_s[1]:.4g} s{gaps}",
+            "rate": f"{self._mean_rate_hz:.5g} Hz, steps {self.steps_s[0]:.4g} to {self.steps_s[1]:.4g} s{gaps}",
             "motion": "; ".join(f"{AXES[joint]} {_range(self.theta[:, joint])}" for joint in self.joints),
             **({driven: known} if kinds else {}),
         }
+
+    @property
+    def _mean_rate_hz(self) -> float:
+        """Rate from the whole duration, which rounded times do not change; from the median step if rows are missing."""
+        return self.rate_hz if self.gaps else (len(self.t) - 1) / float(self.t[-1] - self.t[0])
 
     def first_rows(self, rows: int = 5) -> list[tuple[float, ...]]:
         """Times and angles of `joints` in the first rows, s and rad."""
