@@ -1,4 +1,4 @@
-"""Import contracts, in pytest too, so that nobody can skip them."""
+"""Import contracts, tested by pytest as well."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Every field of a public result or option says what it is, by a string below it."""
+"""Every field of a public result or option is documented by a string below it."""
 
 import ast
 import importlib

@@ -1,4 +1,4 @@
-"""The bars of the house: how the code lies, in numbers (`python tests/house.py --list` says what they are made of)."""
+"""Limits of the structure of the code (`python tests/house.py --list` prints each number and its parts)."""
 
 import ast
 import re

@@ -1,4 +1,4 @@
-"""A rig file says numbers that a rig on a bench can have, as numbers; else the operator reads file, key and value."""
+"""Values of a rig file lie within possible limits; otherwise the message names file, key and value."""
 
 import pytest
 

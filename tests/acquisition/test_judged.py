@@ -1,4 +1,4 @@
-"""What a finished capture says of itself: losses, a stuck encoder, how the rods hang, whether they came to rest."""
+"""Quality gate of a finished capture: losses, a stuck encoder, the hanging rest, the end at rest."""
 
 from pathlib import Path
 

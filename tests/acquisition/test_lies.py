@@ -1,4 +1,4 @@
-"""A device that says what cannot be true is not believed: no RELEASE on its word, no sample of it in a good run."""
+"""A device that reports impossible values: no RELEASE is sent, and no such sample enters a good run."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""A signature says which key vouches for a certificate; keys are those of OpenSSH and OpenSSL."""
+"""Signatures of certificates, with keys of OpenSSH and OpenSSL."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Bad input is answered with a sentence that says where and what to do, and with the exit code of the help."""
+"""Bad input: a sentence that states place and remedy, and the exit code of the help."""
 
 import os
 import pty

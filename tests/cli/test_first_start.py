@@ -1,4 +1,4 @@
-"""A command that compiles kernels says so, once, and shows that it goes on."""
+"""A command that compiles kernels announces it once and shows that it continues."""
 
 import re
 import sys

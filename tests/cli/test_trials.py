@@ -1,4 +1,4 @@
-"""`dpr-lab trials` and the demo: plants that nobody chose go the whole way, sealed before and opened after."""
+"""`dpr-lab trials` and the demo from the sealed plant to the score."""
 
 import json
 import re

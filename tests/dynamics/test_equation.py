@@ -1,4 +1,4 @@
-"""The hand-written equations against a Lagrangian that sympy derives from positions alone."""
+"""The equations of motion against a Lagrangian that sympy derives from positions."""
 
 import numpy as np
 import pytest

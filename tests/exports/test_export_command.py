@@ -1,4 +1,4 @@
-"""`dpr-lab export`: what leaves the lab is replayed where it runs, and what makes things worse does not leave."""
+"""`dpr-lab export`: models are replayed in their programs, and a model worse than the bare one is refused."""
 
 import json
 from pathlib import Path

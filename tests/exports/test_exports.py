@@ -1,4 +1,4 @@
-"""The corrected model for other programs: it swings as the lab says, and what a file said is data in it, never code."""
+"""The corrected model for other programs: agreement with dpr-lab, and text from files stays data."""
 
 import ast
 from itertools import product

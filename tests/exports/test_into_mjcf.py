@@ -1,4 +1,4 @@
-"""The corrected model written into the user's own MJCF file: it swings as the lab does, and nothing else changes."""
+"""The corrected model in the user's MJCF file: agreement with dpr-lab, and no other change."""
 
 import difflib
 from collections.abc import Mapping

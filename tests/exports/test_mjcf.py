@@ -1,4 +1,4 @@
-"""The corrected model in MuJoCo: simulated there, it swings and is read as in the lab."""
+"""The corrected model in MuJoCo: motion and readings agree with dpr-lab."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Models with a moving arm in other programs move as in the lab, and as the rig did."""
+"""Models with a moving arm in other programs: agreement with dpr-lab and with the rig."""
 
 import json
 import runpy

@@ -1,4 +1,4 @@
-"""The corrected model as a Python module: the lab's own numbers without the lab."""
+"""The corrected model as a Python module: numbers of dpr-lab without dpr-lab."""
 
 import subprocess
 import sys

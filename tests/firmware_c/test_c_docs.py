@@ -1,4 +1,4 @@
-"""The porting guide says what the sources say."""
+"""The porting guide agrees with the sources."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is generated is as dpr.dbc is, and what is written by hand speaks of nothing else."""
+"""Generated C files agree with dpr.dbc, and hand-written ones use no other names."""
 
 import importlib.util
 import re

@@ -1,4 +1,4 @@
-"""Kicks and pushing hands are found at their instants, and never where nothing acts on the rods."""
+"""Detection of kicks and pushing hands at their instants, without false detections."""
 
 from pathlib import Path
 

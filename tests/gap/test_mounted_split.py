@@ -1,4 +1,4 @@
-"""Effects that one calm release of both rods cannot tell apart, and the inner rod alone can (benchmarks/mounted.py)."""
+"""Effects that a release of the inner rod alone distinguishes, unlike one of both rods (benchmarks/mounted.py)."""
 
 from dataclasses import replace
 

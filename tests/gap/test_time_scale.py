@@ -1,4 +1,4 @@
-"""Time stamps that gravity contradicts: videos in slow motion whose frame rate nobody wrote down."""
+"""Time stamps that contradict gravity: videos in slow motion with an unknown frame rate."""
 
 from dataclasses import replace
 

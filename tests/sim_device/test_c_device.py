@@ -1,4 +1,4 @@
-"""The board with the firmware in C is the board with the firmware in Python: frame by frame, and through the lab."""
+"""The board with the firmware in C agrees with the board in Python, frame by frame and in a capture."""
 
 from dataclasses import replace
 

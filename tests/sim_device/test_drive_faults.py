@@ -1,4 +1,4 @@
-"""What simulated drives do and do not tell: the faults that blind trials of driven rigs draw."""
+"""Faults of simulated drives in blind trials: acting and reported torques."""
 
 from functools import partial
 from pathlib import Path

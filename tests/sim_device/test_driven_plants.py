@@ -1,4 +1,4 @@
-"""Sealed plants with replayed torques: the lab finds their common scale."""
+"""Sealed plants with replayed torques: dpr-lab identifies their common scale."""
 
 import numpy as np
 import pytest

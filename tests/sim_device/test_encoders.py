@@ -1,4 +1,4 @@
-"""Counts: noise that is white, of the size asked for, and the seed's alone; and the hand's."""
+"""Simulated counts: white noise of the stated size that depends on the seed only; the simulated operator."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Every effect in a plant: what its encoders are shown is what the lab's readings of the same effect say."""
+"""Every effect in a plant: its readings agree with the prediction of dpr-lab."""
 
 import numpy as np
 import pytest

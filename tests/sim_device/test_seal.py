@@ -1,4 +1,4 @@
-"""Sealed plants: fixed by the seal, not to be guessed from the seed, kept by the device until it is asked."""
+"""Sealed plants: determined by the seal, not guessable from the seed, kept by the device until they are opened."""
 
 import hashlib
 import json

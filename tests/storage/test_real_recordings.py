@@ -1,4 +1,4 @@
-"""Recordings of real rigs, where they are at hand, become runs."""
+"""Import of recordings of real rigs, if the data are available."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A run written is the run read, by this package and by the plain mcap reader; what goes wrong is said."""
+"""A written run equals the run read by this package and by the plain mcap reader; errors are reported."""
 
 import hashlib
 import itertools

@@ -1,4 +1,4 @@
-"""A screen on which nothing happens costs nothing, although the device goes on telling where the rods are."""
+"""An idle screen draws nothing, although the device keeps reporting the angles of the rods."""
 
 import math
 import time

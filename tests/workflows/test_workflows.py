@@ -1,4 +1,4 @@
-"""Jobs: files in, results out, and on the way events that say everything a shell shows."""
+"""Jobs from files to results, with events for the command line and the screen."""
 
 import json
 import pickle

@@ -1,4 +1,4 @@
-"""How long staged work goes on: by typical times, at the pace of what is done, and not by what the compiler took."""
+"""Remaining time of staged work: from typical times and the pace so far, without the time of compilation."""
 
 import pytest
 

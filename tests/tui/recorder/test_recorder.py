@@ -1,4 +1,4 @@
-"""The process that owns the device: what it does with orders, and what it does when nobody is left to give any."""
+"""The process that owns the device: its reaction to orders, and its end without an owner."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""The page of the step Capture, without a device: what it says of the rods, the latch and the recordings."""
+"""The page of the step Capture without a device: texts on rods, latch and recordings."""
 
 # pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
 

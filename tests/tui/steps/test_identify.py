@@ -1,4 +1,4 @@
-"""Step 4: from selected runs to a saved model, with pause, stop, cancel, and words for what goes wrong."""
+"""Step 4: from selected runs to a saved model, with pause, stop, cancel, and error messages."""
 
 import json
 import shutil

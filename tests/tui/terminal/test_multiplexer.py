@@ -1,4 +1,4 @@
-"""tmux, GNU screen and the like confirm frames with nobody attached: a release there needs the code that is shown."""
+"""tmux, GNU screen and similar programs confirm frames without a viewer; a release requires the displayed code."""
 
 import os
 import re

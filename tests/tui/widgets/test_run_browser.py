@@ -1,4 +1,4 @@
-"""The run browser: what it lists, filters, checks, exports, and hands back."""
+"""The run browser: list, filter, verification, export, and returned selection."""
 
 import shutil
 from pathlib import Path
