@@ -6,7 +6,7 @@ from dpr_lab.dynamics.step import motion_of
 from dpr_lab.effects import effect_params
 from dpr_lab.effects.effect_kernels import active_effects, arm_drives
 
-STILL = motion_of(0.0, *((0.0, 0.0, 0.0),) * 2, *((0.0, 0.0),) * 3)
+STILL = motion_of(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.which.selected import Selection
+from dpr_lab.identification.misread.arm_energy import undescribed_drive
 from dpr_lab.identification.misread.tried import Description, SecondLook, second_look
 from dpr_lab.identification.moving_arm.doubts import stop_sentence
 from dpr_lab.rig import Rig
@@ -74,11 +75,13 @@ def description(
 
 
 def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Description:
-    """A stop that the arm hits, as the cause if no effect explains the contact."""
-    explained = at_noise_floor(selection.chosen) or selection.share_explained >= RULES.closed
-    if explained or HARD_STOP_JOINT0.name in selection.chosen.effects:
+    """A stop that the arm hits, or a drive that is not described, as the cause if no effect explains the motion."""
+    if at_noise_floor(selection.chosen) or selection.share_explained >= RULES.closed:
         return Description()
-    sentence = next(filter(None, (stop_sentence(record.run.swing, rig) for record in records)), "")
+    runs = [record.run.swing for record in records]
+    stops = [] if HARD_STOP_JOINT0.name in selection.chosen.effects else [stop_sentence(run, rig) for run in runs]
+    pushed = undescribed_drive(runs, rig)
+    sentence = next(filter(None, stops), "") or pushed[:1].upper() + pushed[1:]
     return Description(f"{sentence}." if sentence else "", bool(sentence))
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.errors import DprError
+from dpr_lab.identification.misread.arm_energy import undescribed_drive
 from dpr_lab.identification.misread.moving_arm_balance import angles_are_right
 from dpr_lab.identification.misread.moving_arm_description import (
     DESCRIPTION,
@@ -72,6 +73,9 @@ def failures(
     stops = [sentence for recording in recordings if misfit > 1.5 and (sentence := stop_sentence(recording.run, rig))]
     if doubted and not stops and (other := _other_angles(recordings, rig)):
         return [other]
+    runs = [recording.run for recording in recordings]
+    if misfit > DESCRIPTION.doubted and not stops and (pushed := undescribed_drive(runs, rig)):
+        return [pushed]
     of_input = _of_input(fit, rig) if gain_seen else []
     return [*stops, *of_input, *([] if fit.converged else [_unconverged(recordings)])]
 
