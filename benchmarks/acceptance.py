@@ -5,14 +5,15 @@
 A rig is drawn around `paper` with one effect of the library, three releases of 6 s. Its diagnosis is judged against
 limits whose truth is known: each amplitude of the effect, and each ratio, lies 5 % above its limit (it must not pass)
 or at half of it (it should pass). A limit below the minimum detectable size is counted apart: such recordings cannot
-decide it. The limit of a ratio is a tolerance about a nominal value. Amplitudes of absent effects have their typical
-size as limit.
+decide it. The same applies to a tolerance of a ratio below five standard deviations. The limit of a ratio is a
+tolerance about a nominal value. Amplitudes of absent effects have their typical size as limit.
 """
 
 import sys
 from collections import Counter
 from collections.abc import Iterator
 
+import numpy as np
 from _bars import Bar, at_least, at_most, options, show
 from _trial_cases import Case, hidden, opened
 
@@ -21,6 +22,7 @@ from dpr_lab.acceptance.limits import RATIO_UNITS, Limits
 from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
 from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from sim_device.trials.offline_recorder import record
 
@@ -64,9 +66,11 @@ def answers(seed: int, level: str) -> Iterator[tuple[str, str, Answer, str]]:
                 hidden_from = kind == "half" and (detectable is None or limit < detectable)
                 yield judged("hidden" if hidden_from else kind, limit_of(name, parameter, limit))
     true = ratios(base_parameters(plant.Z, rig.L1, rig.g))
-    for name, value in zip(RATIOS, true.tolist(), strict=True):
+    stds = np.sqrt(np.diag(found.ratio_covariance)).tolist()
+    for name, value, std in zip(RATIOS, true.tolist(), stds, strict=True):
         for kind, share in (("ratio above", ABOVE), ("ratio half", HALF)):
-            yield judged(kind, range_of(name, value, share))
+            hidden_from = kind == "ratio half" and TOLERANCE * abs(value) < SIGMAS * std
+            yield judged("ratio hidden" if hidden_from else kind, range_of(name, value, share))
     for name, effect in OF_FREE_SWINGS.items():
         if name not in truth.effects and not effect.absorbed_by:
             for p in effect.amplitudes:

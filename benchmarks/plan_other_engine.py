@@ -164,16 +164,31 @@ def is_right(plant: Plant, looks: Sequence[SequentialLook]) -> bool:
     return plant.effect in names if plant.effect else not effects
 
 
-def bars(results: dict[str, list[tuple[list[SequentialLook], bool]]]) -> list[Bar]:
-    """Releases until decided, right when stopped."""
+def is_true(plant: Plant, looks: Sequence[SequentialLook]) -> bool:
+    """Whether it is right, or reports no gap and the effect is below the minimum detectable size that it states."""
+    found = looks[-1].diagnosis
+    least = found.detectable.get(plant.effect, {}).get(AMPLITUDES.get(plant.effect, ""))
+    return is_right(plant, looks) or (found.verdict == "no_gap" and least is not None and plant.size < least)
+
+
+def _judged(right: bool, true: bool) -> str:
+    return "right" if right else "too small" if true else "wrong"
+
+
+def bars(results: dict[str, list[tuple[list[SequentialLook], bool, bool]]]) -> list[Bar]:
+    """Releases until decided; right, or true as stated, when stopped."""
     most = SEQUENTIAL.most + 1
-    counts = {name: [len(looks) if looks[-1].is_last else most for looks, _ in each] for name, each in results.items()}
+    counts = {name: [len(looks) if looks[-1].is_last else most for looks, *_ in each] for name, each in results.items()}
     mean = {name: float(np.mean(each)) for name, each in counts.items()}
     made = []
     for name, each in results.items():
-        right = [ok for looks, ok in each if looks[-1].is_last]
+        right, true = np.mean(
+            [judged for looks, *judged in each if looks[-1].is_last] or [[np.nan] * 2], axis=0
+        ).tolist()
+        stopped = sum(looks[-1].is_last for looks, *_ in each)
         made.append(Bar(f"{name}: releases until decided, mean (of {len(each)})", "-", mean[name], None))
-        made.append(at_least(f"{name}: right when stopped (of {len(right)})", float(np.mean(right)), 0.97))
+        made.append(at_least(f"{name}: right when stopped (of {stopped})", right, 0.97))
+        made.append(at_least(f"{name}: right, or too small to detect (of {stopped})", true, 0.97))
         if name != "menu" and "menu" in mean:
             made.append(at_most(f"{name}: releases over the menu's", mean[name] / mean["menu"], 0.6))
     return made
@@ -186,7 +201,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the first plant")
     parser.add_argument("--strategies", nargs="+", default=list(STRATEGIES), choices=list(STRATEGIES))
     args = parser.parse_args()
-    results: dict[str, list[tuple[list[SequentialLook], bool]]] = {name: [] for name in args.strategies}
+    results: dict[str, list[tuple[list[SequentialLook], bool, bool]]] = {name: [] for name in args.strategies}
     for seed in range(args.seed, args.seed + (1 if args.quick else args.plants)):
         plant = drawn(seed)
         print(f"plant {seed}: {plant.effect or 'nothing'} {plant.size:.3g}", file=sys.stderr)
@@ -194,12 +209,12 @@ def main() -> None:
             rng, strategy = np.random.default_rng([seed, *name.encode()]), STRATEGIES[name]
             limits = limits_of(plant.rig, times=strategy.times)
             looks = played(plant.rig, strategy.choose, partial(plant.record, rng=rng), rng, limits)
-            results[name].append((looks, is_right(plant, looks)))
+            results[name].append((looks, is_right(plant, looks), is_true(plant, looks)))
             named = [effect.name for effect in looks[-1].diagnosis.effects]
             forecasts = [f"{look.forecast[0]:.2f}" for look in looks if look.forecast]
             print(
                 f"  {name}: {len(looks)} releases, {looks[-1].diagnosis.verdict} {named},"
-                f" {'right' if results[name][-1][1] else 'wrong'}, stopped {looks[-1].is_last}, forecasts {forecasts}",
+                f" {_judged(*results[name][-1][1:])}, stopped {looks[-1].is_last}, forecasts {forecasts}",
                 file=sys.stderr,
                 flush=True,
             )

@@ -73,7 +73,7 @@ SETS: dict[str, Callable[[Path], tuple[Rig, list[Run]]]] = {
 
 def expected_errors(rig: Rig, runs: list[Run]) -> list[float]:
     """Expected error of the prediction of all other recordings from each one, up to a common factor."""
-    acting = Acting(frozenset({rig.rods.mounting})).besides([setup_of(run, rig) for run in runs])
+    acting = Acting(frozenset({rig.rods.mounting})).including([setup_of(run, rig) for run in runs])
     known = known_before(rig, acting)
     H = [information_of_runs(Recordings((record(run, rig),), rig), known.model) for run in runs]
     typical = np.array([column.size for column in known.model.columns])

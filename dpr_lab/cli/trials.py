@@ -186,6 +186,7 @@ STRATEGY_COLUMNS = (
     "minutes",
     "decided",
     "correct when stopped",
+    "or too small to detect",
     "forecast error (if exact)",
 )
 """Columns of the table of strategies."""
@@ -202,6 +203,7 @@ def strategy_rows(strategies: dict[str, dict[str, Any]]) -> list[tuple[str, ...]
             f"{summary['mean_minutes']:.2f}",
             f"{summary['decided']:.2f}",
             f"{summary['right_when_stopped']:.2f}",
+            f"{summary['true_when_stopped']:.2f}",
             _forecast_error(summary) if summary["forecasts"] else "",
         )
         for name, summary in strategies.items()

@@ -92,11 +92,32 @@ class Planner:
         for _ in range(count):
             chosen = self._best(pool, now)
             if chosen is None:
-                break
+                return self._longer(steps, now.left)
             pool.append(Informed(chosen.release, chosen.information * known.inflation, chosen.horizon_s))
             steps.append(chosen)
             now = now.after(chosen)
         return steps
+
+    def _longer(self, steps: Sequence[SequenceStep], left: float) -> list[SequenceStep]:
+        """The releases, the last ones first, with the minutes of the budget in which no further release fits.
+
+        A recording that continues costs no placing, and the accuracy of the ratios grows with its duration.
+        """
+        extended = list(steps)
+        for k in reversed(range(len(steps))):
+            release, cost = steps[k].release, steps[k].minutes
+            duration = min(release.duration_s + np.floor(60 * left + 1e-6), self.limits.recording.longest_s)
+            if duration > release.duration_s and release.torques is None:
+                (informed_longer,) = self._informed([replace(release, duration_s=duration)])
+                extended[k] = replace(
+                    steps[k],
+                    release=informed_longer.release,
+                    information=informed_longer.information / self.objective.known.inflation,
+                    horizon_s=informed_longer.horizon_s,
+                    minutes=cost + (duration - release.duration_s) / 60,
+                )
+                left -= extended[k].minutes - cost
+        return extended
 
     def _pool(self) -> list[Informed]:
         times = self.limits.recording

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dpr_lab.acceptance.judge import SURE
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
-from dpr_lab.planning.forecast import STOPPING, decided, decision_probability
+from dpr_lab.planning.forecast import STOPPING, decided, decision_probability, possible
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
@@ -171,7 +171,17 @@ def _sentence(
     number = next((k for k, chance in enumerate(chances, 1) if chance >= STOPPING.likely), len(chances))
     more = f"{number} more release{'s' * (number > 1)}"
     advice = "Record release 1, diagnose and plan again. " if len(chances) > 1 else ""
+    advice = _not_excluded(known) + advice
     return f"{advice}With {more} the probability that the causes are decided is {chances[number - 1]:.2f}.{note}"
+
+
+def _not_excluded(known: Knowledge) -> str:
+    """The effects that keep "no gap" undecided after enough releases; empty if there are none."""
+    diagnosis = known.diagnosis
+    if diagnosis is None or diagnosis.verdict != "no_gap" or len(known.made) < STOPPING.fewest:
+        return ""
+    names = possible(diagnosis)
+    return f"No gap is visible, but {listed(names)} may have the minimum detectable size. " if names else ""
 
 
 def _assumptions(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[str]:

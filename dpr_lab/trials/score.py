@@ -112,6 +112,17 @@ class TrialOutcome:
             return "right in part"
         return "wrong" if self.named else "not named"
 
+    @property
+    def is_true(self) -> bool:
+        """Whether the diagnosis is true as stated: right, or each effect that it does not name is too small to detect.
+
+        "No gap", or a list of causes, is a statement about effects above the minimum detectable sizes of the diagnosis.
+        """
+        if self.grade == "right":
+            return True
+        small = all(cause.named or (cause.over_limit is not None and cause.over_limit < 1.0) for cause in self.causes)
+        return bool(self.causes) and small and not self.invented and self.verdict in ("no_gap", "named")
+
     def to_json(self) -> dict[str, Any]:
         """The outcome as a dict, non-finite numbers as null; inverse of `read_outcome`."""
         numbers = {name: value for name in _NUMBERS if math.isfinite(value := getattr(self, name))}

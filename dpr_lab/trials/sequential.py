@@ -39,8 +39,8 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
 
     Returns:
         `outcome`, of the last diagnosis of the first strategy; `strategies`: `recordings` until decided or until a
-        bench check must decide, null where neither was reached; `minutes` at the rig; `right` and `score`, of the last
-        diagnosis; `looks`, one after each release
+        bench check must decide, null where neither was reached; `minutes` at the rig; `right`, `true`
+        (`TrialOutcome.is_true`) and `score`, of the last diagnosis; `looks`, one after each release
 
     Raises:
         DprError: the device, the diagnosis or the seal failed, or another version is installed here.
@@ -168,6 +168,7 @@ def _judged(looks: Sequence[SequentialLook], truth: Truth, rig: Rig) -> dict[str
         "recordings": len(looks) if looks[-1].is_last else None,
         "minutes": _minutes([look.release for look in looks], rig),
         "right": outcomes[-1].grade == "right",
+        "true": outcomes[-1].is_true,
         "score": outcomes[-1].to_json(),
         "looks": [
             {

@@ -34,7 +34,7 @@ def sequential_summary(trials: Sequence[Mapping[str, Outcome]]) -> dict[str, dic
 def _of_strategy(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     counts = [SEQUENTIAL.most + 1 if outcome["recordings"] is None else outcome["recordings"] for outcome in outcomes]
     stopped = [outcome for outcome in outcomes if outcome["recordings"] is not None]
-    right = sum(outcome["right"] for outcome in stopped)
+    right, true = (sum(outcome[key] for outcome in stopped) for key in ("right", "true"))
     looks = [look for outcome in outcomes for look in outcome["looks"]]
     claims = [claim for outcome in outcomes for claim in _claims(outcome["looks"])]
     seconds = [look["plan_seconds"] for look in looks if look["plan_seconds"] is not None]
@@ -46,6 +46,7 @@ def _of_strategy(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "decided": len(stopped) / len(outcomes),
         "right_when_stopped": right / len(stopped) if stopped else float("nan"),
         "right_interval90": wilson90(right, len(stopped)) if stopped else None,
+        "true_when_stopped": true / len(stopped) if stopped else float("nan"),
         "forecasts": len(claims),
         "forecast_calibration_error": calibration_error(claims),
         "forecast_error_if_exact": error_if_exact(claims),

@@ -6,6 +6,7 @@ import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.evidence.coverage import coverage
+from dpr_lab.gap.evidence.every_shape import intervals_of_all_shapes
 from dpr_lab.gap.evidence.exclusions import exclusions
 from dpr_lab.gap.evidence.residuals import residual_look
 from dpr_lab.gap.evidence.validation import validation
@@ -53,10 +54,38 @@ def test_residuals_of_a_clean_rig_are_white_and_effects_excluded(looked_at: Any)
         np.testing.assert_allclose(models["after"].quantiles[10:50], look.normal[10:50], atol=0.2)
 
     test = score_test(problem, model.fit, [EFFECTS["coulomb_joint1"], EFFECTS["rotor_inertia_joint1"]], recordings)
-    (dry,) = exclusions(model, test, detectable(model, test))
+    (dry,) = exclusions(problem, model, test, detectable(model, test))
     assert dry.effect == "coulomb_joint1", "an effect that cannot be seen is not excluded"
     assert dry.size > abs(dry.estimate)
     assert dry.confidence > 0.95
+
+
+@pytest.mark.parametrize("name", ["detent_joint1", "stribeck_joint2", "base_vibration"])
+def test_an_absent_effect_of_unknown_shape_has_an_interval_over_all_shapes(looked_at: Any, name: str):
+    recordings, problem, model = looked_at({})
+    test = score_test(problem, model.fit, [EFFECTS[name]], recordings)
+    excluded = exclusions(problem, model, test, detectable(model, test))
+    assert [one.parameter for one in excluded] == [p.name for p in EFFECTS[name].amplitudes]
+    for one in excluded:
+        assert one.interval90 is not None
+        low, high = one.interval90
+        assert low < one.estimate < high
+        assert max(-low, high) < 6 * max(p.typical for p in EFFECTS[name].amplitudes)
+
+
+@pytest.mark.parametrize(
+    ("name", "sizes"),
+    [
+        ("base_vibration", {"cos_m_per_s2": 0.02, "frequency_hz": 11.37}),  # between two values of the scan
+        ("detent_joint1", {"sin1_Nm": 1e-4, "order": 7.0}),
+    ],
+)
+def test_the_interval_over_all_shapes_contains_an_effect_in_its_own_shape(looked_at: Any, name: str, sizes: Any):
+    _, problem, model = looked_at({name: sizes})
+    intervals = intervals_of_all_shapes(EFFECTS[name], problem, model)
+    assert intervals is not None
+    for parameter, (low, high) in zip(EFFECTS[name].amplitudes, intervals, strict=True):
+        assert low <= sizes.get(parameter.name, 0.0) <= high
 
 
 def test_the_map_of_coverage_contains_every_second(looked_at: Any):

@@ -60,6 +60,14 @@ def test_the_same_seed_gives_the_same_plan(paper: Rig) -> None:
     assert first.releases == second.releases
 
 
+@pytest.mark.slow
+def test_minutes_in_which_no_further_release_fits_lengthen_the_releases(paper: Rig) -> None:
+    made = plan(paper, budget_min=1.8)  # two of at least 0.67 min fit, a third one does not
+    assert len(made.releases) == 2
+    assert sum(release.duration_s for release in made.releases) == pytest.approx(48.0)
+    assert made.minutes == pytest.approx(1.8)
+
+
 def test_it_keeps_the_budget_and_the_reachable_poses(paper: Rig) -> None:
     reach = limits(poses={"theta1_rad": [2.5, 3.0], "theta2_rad": [2.0, 3.5], "elbow_rad": [-0.5, 0.5]})
     made = plan(paper, limits=reach, budget_min=1.3)

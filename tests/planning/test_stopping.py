@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from pathlib import Path
+from statistics import NormalDist
 
 import numpy as np
 import pytest
 
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis, load_diagnosis
-from dpr_lab.planning.forecast import decided
+from dpr_lab.gap.result.evidence import Evidence, Exclusion
+from dpr_lab.planning.forecast import decided, possible
 from dpr_lab.planning.knowledge import Causes, known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.sequence import Planner
@@ -60,6 +62,27 @@ def test_several_causes_and_no_gap_need_a_second_release() -> None:
     nothing = one_cause(verdict="no_gap", effects=[])
     for diagnosis in (two, nothing):
         assert [decided(diagnosis, runs) for runs in (1, 2)] == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "sizes", "expected"),
+    [
+        ("latency_joint2", "delay_s", 3.0, True),
+        ("latency_joint2", "delay_s", 3.8, False),
+        ("base_vibration", "cos_m_per_s2", 3.8, True),  # the largest of many frequencies
+        ("base_vibration", "cos_m_per_s2", 4.2, False),
+        ("missed_counts", "counts", 4.2, True),  # does not recur
+    ],
+)
+def test_no_gap_is_decided_only_if_every_effect_is_excluded_at_its_detectable_size(
+    name: str, parameter: str, sizes: float, expected: bool
+) -> None:
+    confidence = NormalDist().cdf(5.0 - sizes)
+    tested = Exclusion(effect=name, parameter=parameter, size=5e-4, estimate=1e-4 * sizes, confidence=confidence)
+    nothing = one_cause(verdict="no_gap", effects=[])
+    nothing = nothing.model_copy(update={"evidence": Evidence.model_construct(exclusions=[tested])})
+    assert decided(nothing, 2) is expected
+    assert possible(nothing) == [name] * (not expected)
 
 
 @pytest.mark.parametrize("changed", [{"verdict": "partly_explained"}, {"hints": ["the clock"]}])

@@ -77,8 +77,20 @@ def look(decided: bool, *forecast: float, bench_check: bool = False, seconds: fl
 
 
 def test_a_summary_counts_undecided_plants_and_forecasts() -> None:
-    decided = {"recordings": 2, "minutes": 1.5, "right": True, "looks": [look(False), look(True, 0.9, seconds=2.0)]}
-    undecided = {"recordings": None, "minutes": 4.0, "right": False, "looks": [look(False, 0.9, seconds=3.0)]}
+    decided = {
+        "recordings": 2,
+        "minutes": 1.5,
+        "right": True,
+        "true": True,
+        "looks": [look(False), look(True, 0.9, seconds=2.0)],
+    }
+    undecided = {
+        "recordings": None,
+        "minutes": 4.0,
+        "right": False,
+        "true": True,
+        "looks": [look(False, 0.9, seconds=3.0)],
+    }
     (one,) = sequential_summary([{"plan": decided}, {"plan": undecided}]).values()
     assert one["mean_releases"] == (2 + SEQUENTIAL.most + 1) / 2
     assert one["mean_minutes"] == 2.75
@@ -101,7 +113,7 @@ def test_a_summary_counts_undecided_plants_and_forecasts() -> None:
 def test_a_forecast_of_several_releases_is_judged_by_all_of_them(
     looks: list[dict[str, object]], forecasts: int, error: float
 ) -> None:
-    outcome = {"recordings": None, "minutes": 1.0, "right": False, "looks": looks}
+    outcome = {"recordings": None, "minutes": 1.0, "right": False, "true": False, "looks": looks}
     (one,) = sequential_summary([{"plan": outcome}]).values()
     assert one["forecasts"] == forecasts
     assert one["forecast_calibration_error"] == pytest.approx(error)

@@ -88,7 +88,7 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], transf
     most = max(posterior.probability for posterior in posteriors)
     sure = most >= RULES.sure
     tested = transferred.tested and transferred.basis != "one release"
-    transfers = not tested or (not transferred.withdrawn and transferred.closed.estimate >= RULES.closes)
+    transfers = not tested or (not transferred.withdrawn and shows_reduction(transferred))
     transfers = transfers and not transferred.worse_free_run
     if chosen.residuals.z < RULES.noise and complete and sure and transfers and not transferred.oversized:
         return "named"
@@ -98,6 +98,17 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], transf
         return "partly_explained"
     only_expected = set(chosen.effects) <= selection.expected
     return "no_gap" if _small(selection.base) and only_expected else "unexplained"
+
+
+def shows_reduction(transferred: Transfer) -> bool:
+    """Whether held-out data show that the gap closes.
+
+    The noise in the excess limits the share of a gap far below the noise. It is then sufficient that the interval of
+    the share reaches the minimum.
+    """
+    closed = transferred.closed
+    small = 0.0 < closed.estimate and transferred.gap_ratio < RULES.gap_from
+    return (closed.interval90[1] if small else closed.estimate) >= RULES.closes
 
 
 def _fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) -> bool:

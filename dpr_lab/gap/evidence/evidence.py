@@ -48,7 +48,7 @@ def evidence(
         coverage=coverage(recordings, held_out),
         closing=[Closing(effect=name, left_rad=left, closed=closed) for name, left, closed in transferred.closing],
         residuals=residual_look(problem, models),
-        exclusions=exclusions(selection.chosen, selection.final_test, least),
+        exclusions=exclusions(problem, selection.chosen, selection.final_test, least),
         budget=budget,
         curves=curves,
     )

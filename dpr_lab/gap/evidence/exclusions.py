@@ -6,26 +6,29 @@ The minimum detectable size is 5 s, so the effect is smaller with the confidence
     P(|x| < 5 s) = Phi(5 - |a| / s)
 
 In this test the other amplitudes of the effect are zero. A limit of one amplitude, for example of the stiffness of a
-cable, must hold for any others. Its interval is therefore that of the fit of all amplitudes of the effect together.
+cable, must hold for any others. Its interval is therefore that of the fit of all amplitudes of the effect together,
+and over all shapes of an effect such as cogging (`dpr_lab.gap.evidence.every_shape`).
 """
 
 from collections.abc import Mapping
 from statistics import NormalDist
 
-import numpy as np
-
-from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
-from dpr_lab.gap.hypothesis.detectable import SEEN, SIGMAS
+from dpr_lab.gap.evidence.every_shape import intervals_of_all_shapes, joint_intervals
+from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.score_test import ScoreTest
+from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.result.evidence import Exclusion
 
 
-def exclusions(model: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str, float | None]]) -> list[Exclusion]:
+def exclusions(
+    problem: Problem, model: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str, float | None]]
+) -> list[Exclusion]:
     """Every amplitude of every effect that is not named and is detectable.
 
     Args:
+        problem: the segments
         model: the fitted model
         test: its score test
         least: minimum detectable sizes, see `detectable`
@@ -33,12 +36,15 @@ def exclusions(model: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[s
     excluded = []
     for score in test.ranking:
         name = score.effect.name
+        sizes = least.get(name, {})
+        if name in model.effects or not any(sizes.values()):
+            continue
         given = test.projected(score.columns)
-        joint = None if score.effect.shapes and len(score.columns) > 1 else _joint(given, model.residuals.inflation)
+        joint = _intervals(problem, model, score, given)
         for i, column in enumerate(score.columns):
             parameter = test.free[column]
-            size = least.get(name, {}).get(parameter.name)
-            if name in model.effects or not size:
+            size = sizes.get(parameter.name)
+            if not size:
                 continue
             estimate = float(given.gradient[i] / given.H[i, i] * given.scale[i])
             sigma = size / SIGMAS
@@ -49,20 +55,21 @@ def exclusions(model: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[s
                     size=size,
                     estimate=estimate,
                     confidence=float(NormalDist().cdf(SIGMAS - abs(estimate) / sigma)),
-                    interval90=None if joint is None else joint[i],
+                    interval90=joint.get(parameter.name),
                 )
             )
     return excluded
 
 
-def _joint(given: ColumnSpace, inflation: float) -> list[tuple[float, float]] | None:
-    """90 % interval of each amplitude, fitted with the others of its effect; None if they cannot be separated.
+def _intervals(problem: Problem, model: Hypothesis, score: Score, given: ColumnSpace) -> dict[str, tuple[float, float]]:
+    """90 % interval of each amplitude; empty if the recordings do not separate them.
 
-    Args:
-        given: columns of the amplitudes, with the model projected out
-        inflation: variance inflation n / n_eff
+    An effect whose shapes are those of the recordings, such as an instant, has the interval of its best shape.
     """
-    if np.linalg.eigvalsh(given.H)[0] < SEEN:
-        return None
-    reach = NORMAL_Q90 * np.sqrt(inflation * np.diag(given.covariance()))
-    return [(float(x - r), float(x + r)) for x, r in zip(given.solution(), reach, strict=True)]
+    names = [p.name for p in score.effect.amplitudes if p.name not in score.absorbed]
+    every = intervals_of_all_shapes(score.effect, problem, model) if score.effect.shapes else None
+    if every is not None:
+        return dict(zip((p.name for p in score.effect.amplitudes), every, strict=True))
+    if score.effect.shapes and len(score.columns) > 1:
+        return {}
+    return dict(zip(names, joint_intervals(given, model.residuals.inflation) or (), strict=False))

@@ -221,10 +221,14 @@ def explains_as_much(base: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> 
 
 
 def accepted(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
-    """Whether an additional effect explains more than chance and more than an inexact functional form."""
+    """Whether an additional effect explains more than chance and more than an inexact functional form.
+
+    An inexact form leaves a residual. If only noise remains, a significant reduction is sufficient.
+    """
     if before.cost - after.cost < significance(base, before, after):
         return False
-    if at_noise_floor(before) or excess(before) > THRESHOLDS.slow * excess(after):
+    floor = at_noise_floor(before) or at_noise_floor(after)
+    if floor or excess(before) > THRESHOLDS.slow * excess(after):
         return True
     return excess(before) - excess(after) > THRESHOLDS.large * excess(base)
 

@@ -83,8 +83,8 @@ class Exclusion(Saved):
     confidence: Number
     """Confidence that the effect is smaller than `size`, 0 to 1."""
     interval90: tuple[Number, Number] | None = None
-    """90 % interval of the amplitude, fitted together with the others of its effect; None if the recordings do not
-    separate them, or if a shape, for example an order, was selected for these amplitudes.
+    """90 % interval of the amplitude, fitted together with the others of its effect, over all shapes of the effect;
+    None if the recordings do not separate them.
     """
 
 

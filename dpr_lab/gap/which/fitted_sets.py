@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from dpr_lab.effects import named_params, param_index, without_effect
 from dpr_lab.effects.effect import Effect
-from dpr_lab.effects.limits import oversized
 from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
@@ -37,6 +36,7 @@ from dpr_lab.gap.hypothesis.steps import recorded
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, far_from_noise, substitute_curve
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.which.gravity import rises
+from dpr_lab.gap.which.sizes import significantly_oversized
 from dpr_lab.gap.which.softening import springs_like_scale
 from dpr_lab.progress import FitBegan, ScoreTestBegan
 
@@ -136,7 +136,7 @@ class FittedSets:
 
     def oversized(self, model: Hypothesis) -> tuple[str, ...]:
         """Effects of a set with sizes that no rig has, or with those of another cause."""
-        sizes = oversized(model.fit.estimate.params, self.problem.limits)
+        sizes = significantly_oversized(model, self.problem.limits)
         return (*sizes, *springs_like_scale(self.problem, self.library, model))
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:

@@ -1,0 +1,109 @@
+"""Intervals of the amplitudes of an effect whose shape is unknown: an order, a frequency, a speed.
+
+An equivalence test must not select the shape. The effect is smaller than a limit if it is smaller in every shape, so
+the interval of an amplitude covers its 90 % intervals in all shapes (an intersection-union test). If the effect has
+one of the shapes and an amplitude beyond the limit, the interval of this shape lies inside the limit with a
+probability of at most 5 %, however many other shapes are tested.
+
+A frequency is resolved to half the inverse of the longest recording. Between the values of another shape parameter the
+effect changes little.
+
+Source: R. L. Berger (1982), Multiparameter hypothesis testing and acceptance sampling, Technometrics 24, 295-300.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
+from dpr_lab.effects import effect_params, param_index
+from dpr_lab.effects.effect import Effect
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import ColumnSpace
+from dpr_lab.fitting.response import TRAJECTORY, trajectory
+from dpr_lab.gap.hypothesis.detectable import SEEN
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+
+Array = NDArray[np.float64]
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeSettings:
+    """Settings of the test of all shapes."""
+
+    most: int = 800
+    """Maximum number of shapes: frequencies up to 40 Hz in recordings of 10 s. The test of more is too slow."""
+    block: int = 32
+    """Number of columns that are processed at a time, to limit the memory."""
+
+
+SHAPES = ShapeSettings()
+
+
+def intervals_of_all_shapes(effect: Effect, problem: Problem, model: Hypothesis) -> list[Interval] | None:
+    """90 % interval of each amplitude, over all shapes; None if a shape does not separate them.
+
+    None too for an effect that is not a torque along the swing, or with several shape parameters or too many values.
+
+    Args:
+        effect: an effect with a shape
+        problem: the segments
+        model: the fitted set, without the effect
+    """
+    if effect.stage not in TRAJECTORY_TORQUES or effect.internal or effect.propose or len(effect.shapes) != 1:
+        return None
+    values = _values(effect, problem)
+    if not 0 < len(values) <= SHAPES.most:
+        return None
+    spaces = [joint_intervals(space, model.residuals.inflation) for space in _spaces(effect, values, problem, model)]
+    every = [intervals for intervals in spaces if intervals is not None]
+    if len(every) < len(spaces):
+        return None
+    lower, upper = np.min(every, axis=0)[:, 0].tolist(), np.max(every, axis=0)[:, 1].tolist()
+    return list(zip(lower, upper, strict=True))
+
+
+def joint_intervals(given: ColumnSpace, inflation: float) -> list[Interval] | None:
+    """90 % interval of each amplitude, fitted with the others of its effect; None if they cannot be separated.
+
+    Args:
+        given: columns of the amplitudes, with the model projected out
+        inflation: variance inflation n / n_eff
+    """
+    if np.linalg.eigvalsh(given.H)[0] < SEEN:
+        return None
+    reach = NORMAL_Q90 * np.sqrt(inflation * np.diag(given.covariance()))
+    return [(float(x - r), float(x + r)) for x, r in zip(given.solution(), reach, strict=True)]
+
+
+def _values(effect: Effect, problem: Problem) -> Array:
+    """Values of the shape parameter; of a frequency, evenly spaced."""
+    (shape,) = effect.shapes
+    if not (shape.unit == "Hz" and shape.scan):
+        return np.array(shape.scan)
+    longest = float(problem.t.max() - problem.t.min())
+    return np.arange(shape.scan[0], shape.scan[-1], 0.5 / longest)
+
+
+def _spaces(effect: Effect, values: Array, problem: Problem, model: Hypothesis) -> Iterator[ColumnSpace]:
+    """Columns of the amplitudes in each shape, with the model projected out."""
+    linear, amplitudes = model.fit.linear, [param_index(effect.name, p.name) for p in effect.amplitudes]
+    reference = trajectory(problem, model.fit.estimate, spacing=TRAJECTORY.coarse_s)
+    fitted, count = linear.A.shape[2], len(amplitudes)
+    place = param_index(effect.name, effect.shapes[0].name)
+    at_once = max(1, SHAPES.block // count)
+    for first in range(0, len(values), at_once):
+        chosen = values[first : first + at_once]
+        params = np.tile(effect_params({}), (len(chosen), count, 1))
+        params[:, range(count), amplitudes] = 1.0
+        params[:, :, place] = chosen[:, None]
+        torques = reference.torques(effect.stage, problem.model.constants, params.reshape(len(chosen) * count, -1))
+        columns = linear.projected(reference.response(problem, torques))
+        space = ColumnSpace.of(np.concatenate([linear.A, columns], axis=2), linear.e)
+        for k in range(len(chosen)):
+            start = fitted + k * count
+            yield space.given(list(range(fitted)), list(range(start, start + count)))

@@ -1,0 +1,60 @@
+"""Sizes of one effect that cannot occur together, beyond the errors of their fit.
+
+Near the noise the amplitudes of an effect are poorly separated. A cable spring with a hardening term and a constant
+torque must have a stiffness, which a fit may give as zero although its error permits the right value.
+"""
+
+from collections.abc import Mapping
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects import EFFECTS, named_params
+from dpr_lab.effects.effect import Effect, Params
+from dpr_lab.effects.limits import oversized
+from dpr_lab.fitting.covariance import considered
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+
+Array = NDArray[np.float64]
+
+
+def significantly_oversized(model: Hypothesis, limits: Array | None, deviations: float = 2.0) -> tuple[str, ...]:
+    """Effects of a set with sizes that no rig has: at a limit, or impossible together beyond the errors of the fit.
+
+    Args:
+        model: the fitted set
+        limits: (SIZE,) maximum sizes; None for none
+        deviations: half the width of an interval, in standard deviations
+    """
+    params = model.fit.estimate.params
+
+    def possible(name: str) -> bool:
+        effect, sizes = EFFECTS[name], named_params(params)[name]
+        if effect.possible(sizes):  # it is at a limit
+            return False
+        stds = np.sqrt(np.diag(considered(model.fit, model.residuals.inflation))).tolist()
+        free = zip(model.fit.free, stds, strict=True)
+        errors = {p.name: deviations * std for p, std in free if p.effect == name and p.amplitude}
+        return not impossible_together(effect, sizes, errors)
+
+    return tuple(name for name in oversized(params, limits) if not possible(name))
+
+
+def impossible_together(effect: Effect, sizes: Params, errors: Mapping[str, float]) -> bool:
+    """Whether no combination of sizes is possible.
+
+    Each amplitude has its estimate, an end of its interval, or zero if the interval contains it.
+
+    Args:
+        effect: the effect
+        sizes: the estimates
+        errors: half the width of the interval of each fitted amplitude
+    """
+
+    def choices(name: str, value: float) -> set[float]:
+        error = errors.get(name, 0.0)
+        return {value, value - error, value + error, 0.0 if abs(value) < error else value}
+
+    every = product(*(choices(name, value) for name, value in sizes.items()))
+    return not any(effect.possible(dict(zip(sizes, chosen, strict=True))) for chosen in every)
