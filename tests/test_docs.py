@@ -118,5 +118,5 @@ def test_every_file_a_page_links_to_exists(page: str) -> None:
 
 def test_every_file_named_in_contributing_exists() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    for target in re.findall(r"`(?:python )?((?:dpr_lab|sim_device|tests|docs|benchmarks|configs)/[\w./]+)", text):
+    for target in re.findall(r"`(?:python )?((?:dpr_lab|sim_device|tests|docs|benchmarks|configs)/[\w./-]+)", text):
         assert "NAME" in target or (ROOT / target).exists(), target
