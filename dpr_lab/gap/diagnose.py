@@ -219,7 +219,7 @@ def _drafted(located: Located) -> Draft:
         located.recordings,
         located.problem,
         located.bare,
-        applicable(request.library, located.problem),
+        applicable(request.library, located.problem, of_points=located.recordings.of_points),
         max_effects=request.max_effects,
         expected=expected_of(request.rig.joints.geared),
         held_out_chi2=None if prediction is None else lambda model: float(prediction.chi2(model).sum()),

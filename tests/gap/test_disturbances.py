@@ -64,6 +64,19 @@ def test_a_hand_that_still_brakes_at_the_beginning_is_left_out(tmp_path):
     assert cleaned.records[1].t[0] < 0.05
 
 
+@pytest.mark.parametrize("rows", [0, 4])
+def test_rows_in_which_a_hand_still_holds_the_rod_are_left_out_at_a_low_rate(tmp_path, rows):
+    rng, t = np.random.default_rng(5), np.arange(0.0, 8.0, 0.05)
+    rig = one_rod(1.5 * 9.81 / W2, 0.1, 4096, rng)
+    hand = 0.6 + np.array([0.0, -0.005, 0.004, 0.001])[:rows]
+    angle = np.append(hand, rod_swing(Rod(W2, 0.2, 0.0, 0.0), 0.6, t[: len(t) - rows]))
+    run = table(tmp_path, "hand", rig, {"t_s": t, "theta1_rad": 2.6e-3 * np.rint(angle / 2.6e-3)})
+    cleaned, *_ = fit_bare_model(Recordings((record(run, rig),), rig), nominal_ratios(rig))
+    begin = float(cleaned.records[0].t[0])
+    assert begin == pytest.approx(0.05 * (rows or 1), abs=0.06)
+    assert bool(disturbances(rig, [run])) == (rows > 0)
+
+
 @pytest.mark.parametrize(("since", "until", "acceleration"), [(0.53, 0.58, 30.0), (0.63, 0.98, 7.0)])
 def test_a_push_soon_after_the_release_is_left_out_to_its_end(tmp_path, since, until, acceleration):
     rng, t = np.random.default_rng(0), np.arange(0.0, 3.0, 0.005)

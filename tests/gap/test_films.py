@@ -1,11 +1,17 @@
 """Films of two rods whose tracked points wander: neighbouring frames have correlated errors."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.which.applicable import applicable
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import import_csv
@@ -61,3 +67,14 @@ def test_friction_is_found_behind_the_errors_of_a_tracker(tmp_path: Path) -> Non
     diagnosis = diagnose(run, rig)
     assert diagnosis.verdict == "named"
     assert [effect.name for effect in diagnosis.effects] == ["coulomb_joint2"]
+
+
+def test_angles_of_points_do_not_depend_on_counts_per_turn(tmp_path: Path) -> None:
+    """In a small swing a wrong scale of an encoder would resemble a wrong length."""
+    rig, run = filmed(1, tmp_path)
+    counted = {name for name, effect in EFFECTS.items() if effect.corrects == "counts_per_rev"}
+    for tracked, expected in ((run, set()), (replace(run, film_noise=None), counted - {"encoder_scale_joint0"})):
+        recordings = Recordings((record(tracked, rig),), rig)
+        _, problem, _ = fit_bare_model(recordings, nominal_ratios(rig))
+        found = applicable(EFFECTS, problem, of_points=recordings.of_points)
+        assert counted & found.keys() == expected

@@ -275,3 +275,16 @@ def test_a_zero_near_hanging_is_hanging_with_an_error_that_the_diagnosis_names(o
     t, angle = fallen()
     (doubt, *_) = understand(table(tmp_path, "t,theta1", t, angle + 0.06), one).questions
     assert doubt.mend == ("--zero", "hanging")
+
+
+@pytest.mark.parametrize("hanging", [-180.0, 180.0, -540.0])
+def test_a_rod_hangs_at_180_degrees_whatever_turn_the_logger_counts(one: Rig, tmp_path: Path, hanging: float) -> None:
+    file = table(tmp_path, "t_s,theta1_deg", T, hanging + np.degrees(SWING))
+    run = import_csv(file, one, out=tmp_path / "run.mcap")
+    np.testing.assert_allclose(run.theta[:, 1], np.pi + SWING[-len(run.t) :], atol=1e-5)
+
+
+def test_whole_turns_from_an_encoder_zeroed_while_hanging_are_kept(one: Rig, tmp_path: Path) -> None:
+    file = table(tmp_path, "t_s,theta1_rad", T, 2 * np.pi + SWING)
+    run = import_csv(file, one, ImportOptions(zero="hanging"))
+    np.testing.assert_allclose(run.theta[:, 1], 3 * np.pi + SWING[-len(run.t) :], atol=1e-5)

@@ -199,13 +199,15 @@ def _held_until(recordings: Recordings, ratios: Array) -> float | None:
     if len(level) < 4 or not np.isfinite(level).all():
         return None
     usual = max(float(level[1:].max()), 1.0)
-    speed = np.abs(followed.estimate.initial[:, 2:]).max(axis=1)
+    # Free rods do not follow the readings of held ones, so that only the readings show their speed.
+    speed = np.abs(recordings.cut(LENGTHS.first)[1][:, 2:]).max(axis=1)
     if level[0] < RULES.first * usual or speed[0] > RULES.at_rest * speed.max():
         return None
-    first = np.flatnonzero(recording.t < recording.t[0] + RULES.held * LENGTHS.first)[1:]
+    duration = float(problem.t[problem.segments.offsets[1]] - problem.t[0])  # at a low rate longer than LENGTHS.first
+    first = np.flatnonzero(recording.t < recording.t[0] + RULES.held * duration)[1:]
     for i in first.tolist():
         begin = float(recording.t[i])
-        free = recording.only((recording.t >= begin) & (recording.t < begin + LENGTHS.first))
+        free = recording.only((recording.t >= begin) & (recording.t < begin + duration))
         if len(free.t) < MIN_SAMPLES:
             return None
         part, fitted = _followed(recordings.only([free]), ratios)

@@ -135,6 +135,11 @@ class Recordings:
         return self.rig.L1 + (0.0 if all(record.run.setup.alone for record in self.records) else self.constants.L2)
 
     @property
+    def of_points(self) -> bool:
+        """Whether all angles are directions between points in a video, so that none depends on counts per turn."""
+        return all(record.run.film_noise is not None for record in self.records)
+
+    @property
     def driven_arm(self) -> bool:
         """Whether a known input drove the arm of any run."""
         return any(record.setup.torques and record.setup.torques.on_arm is not None for record in self.records)

@@ -9,8 +9,14 @@ from dpr_lab.effects.torque_scale import TORQUE_SCALE_JOINT0
 from dpr_lab.fitting.problem import Problem
 
 
-def applicable(library: Mapping[str, Effect], problem: Problem) -> dict[str, Effect]:
-    """The effects of a library that can act in these recordings and are not free in every fit."""
+def applicable(library: Mapping[str, Effect], problem: Problem, *, of_points: bool = False) -> dict[str, Effect]:
+    """The effects of a library that can act in these recordings and are not free in every fit.
+
+    Args:
+        library: effects by name
+        problem: the recordings
+        of_points: whether all angles are directions between points in a video, which no number of counts can stretch
+    """
     setups = problem.segments.setups
     torques = [setup.torques for setup in setups if setup.torques]
     rods_driven = any(setup.torques and setup.torques.joints.any() and setup.inner is None for setup in setups)
@@ -25,7 +31,7 @@ def applicable(library: Mapping[str, Effect], problem: Problem) -> dict[str, Eff
     one_rod = all(setup.alone for setup in setups)
 
     def acts(effect: Effect) -> bool:
-        if one_rod and effect.joints == (1,):
+        if (one_rod and effect.joints == (1,)) or (of_points and effect.corrects == "counts_per_rev"):
             return False
         if not has_input.get(effect.stage, True):
             return False

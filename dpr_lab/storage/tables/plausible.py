@@ -119,6 +119,16 @@ def unwrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.unwrap(angles, discont=PLAUSIBLE.jump)
 
 
+def turn_of_hanging(angle: NDArray[np.float64]) -> float:
+    """Whole turns, rad, by which a rod hangs away from pi; 0 if it also hangs at pi, or never.
+
+    Args:
+        angle: (n,) 0 = upright, rad
+    """
+    turns = np.round((angle[np.cos(angle) < 0.0] - np.pi) / (2 * np.pi))
+    return 2 * np.pi * float(turns[0]) if len(turns) and turns.all() else 0.0
+
+
 def wrap_notes(angles: Mapping[str, NDArray[np.float64]]) -> list[str]:
     """A note for each axis, (n,) angles in rad, that the logger wrapped."""
     return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in angles.items() if unwrapped(x) is not x]

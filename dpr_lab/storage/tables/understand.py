@@ -32,6 +32,7 @@ from dpr_lab.storage.tables.plausible import (
     gap_notes,
     recorded_by_stamps,
     refuse_missing,
+    turn_of_hanging,
     wrap_notes,
 )
 from dpr_lab.storage.tables.questions import questions, refuse_push
@@ -180,6 +181,8 @@ def _understood(
     path, options, time = read.path, read.options, read.t[read.kept]
     check_spacing(path, time - time[0])
     theta, counts = angles(read.values, options, rig, path)
+    if options.zero == "upright" and counts is None:  # hanging is -180 or 180 degrees, by habit of the logger
+        theta[:, 1:] -= turn_of_hanging(theta[:, 1])
     if options.arm in ("free", "driven"):
         refuse_still_arm(theta[:, 0], options.arm, path)
     wraps = [] if counts is not None or options.wrap else wrap_notes(in_radians(read.values, options))
