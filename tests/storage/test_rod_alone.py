@@ -278,7 +278,7 @@ def test_a_zero_near_hanging_is_hanging_with_an_error_that_the_diagnosis_names(o
 
 
 @pytest.mark.parametrize("hanging", [-180.0, 180.0, -540.0])
-def test_a_rod_hangs_at_180_degrees_whatever_turn_the_logger_counts(one: Rig, tmp_path: Path, hanging: float) -> None:
+def test_a_rod_hangs_at_180_degrees_in_any_turn_of_the_logger(one: Rig, tmp_path: Path, hanging: float) -> None:
     file = table(tmp_path, "t_s,theta1_deg", T, hanging + np.degrees(SWING))
     run = import_csv(file, one, out=tmp_path / "run.mcap")
     np.testing.assert_allclose(run.theta[:, 1], np.pi + SWING[-len(run.t) :], atol=1e-5)

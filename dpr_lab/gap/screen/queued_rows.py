@@ -117,6 +117,18 @@ def queued_rows(t: Array, joints: Array) -> QueuedRows | None:
     return QueuedRows(rows, len(waited), differ)
 
 
+def sent_at_counts(joints: Array) -> bool:
+    """Whether a row is sent whenever an encoder counts, so that successive rows differ by one count.
+
+    Rows sampled at an even rate repeat a reading at turning points, and skip counts when the rods move fast.
+
+    Args:
+        joints: (n, m) angles of the joints with an encoder, rad
+    """
+    changes = _whole_changes(joints)
+    return changes is not None and float(np.mean(np.abs(changes).sum(axis=1) == 1)) > 1.0 - QUEUE.repeats
+
+
 def _whole_changes(joints: Array) -> NDArray[np.int64] | None:
     """(n - 1, m) changes from row to row in units of the smallest one; None if they are not whole."""
     moved = np.diff(joints, axis=0)

@@ -26,7 +26,7 @@ from dpr_lab.gap.screen.differences import noise_by_speed, stride_ratio
 from dpr_lab.gap.screen.implausible import repeated, too_fast
 from dpr_lab.gap.screen.instants import even_instants, periodic_delay
 from dpr_lab.gap.screen.local_faults import local_faults
-from dpr_lab.gap.screen.queued_rows import queued_rows
+from dpr_lab.gap.screen.queued_rows import queued_rows, sent_at_counts
 from dpr_lab.identification.misread.balance import periods
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -221,9 +221,9 @@ def with_arm(screened: Screened, rig: Rig) -> Screened:
 
 
 def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
-    """The run with even instants if its stamps jitter about them."""
-    even = even_instants(run.t, _read_joints(run, rig))
-    if even is None:
+    """The run with even instants if its stamps jitter about them; a row for each count fits even instants always."""
+    joints = _read_joints(run, rig)
+    if sent_at_counts(joints) or (even := even_instants(run.t, joints)) is None:
         return run, []
     even -= min(even[run.t >= 0.0].min(), 0.0)  # no reading of the swing may come before the release
     rms = float(np.std(run.t - even))
