@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from dpr_lab.gap.screen import sensor_faults
 from dpr_lab.gap.screen.differences import noise_by_speed
 from dpr_lab.gap.screen.instants import even_instants, periodic_delay
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
 from tests.faulty_loggers import log
 
 Array = NDArray[np.float64]
@@ -143,3 +146,16 @@ def test_few_late_stamps_of_a_short_slow_record_are_corrected(n, noise, seed):
 def test_correct_stamps_of_a_short_slow_record_are_kept(n, noise, seed):
     stamps = few_late(n, 0.1, np.random.default_rng(seed))
     assert even_instants(stamps, slow_swing(stamps, noise, seed)) is None
+
+
+def test_a_reading_of_the_rest_may_belong_to_the_swing_at_even_instants(
+    paper: Rig, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    t = np.arange(-50, 300) / 100 - 0.003
+    t[50] = 0.001
+    angle = np.where(t < 0, 1.2, 1.2 * np.cos(6 * t))
+    theta = np.pi + np.column_stack([0 * t - np.pi, angle, 1.1 * angle]) + rng.normal(0, 2e-4, (len(t), 3))
+    run = Run("a", t, theta, None, None, paper.name, "", 100.0)
+    monkeypatch.setattr(sensor_faults, "even_instants", lambda t, joints: t + 0.02)
+    screened = sensor_faults.screen(run, paper)
+    assert len(screened.t) == np.count_nonzero(t >= 0) + 1

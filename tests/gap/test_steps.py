@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dpr_lab.gap.hypothesis.steps import ReadingStep, shows_step
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.gap.hypothesis.steps import ReadingStep, shows_step, visible_steps
 from dpr_lab.gap.screen.record import Record
+from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
 SIZE = 3e-3
@@ -40,3 +42,11 @@ def test_a_step_of_the_readings_is_seen_also_some_readings_from_where_the_residu
 def test_a_zero_that_differs_or_a_step_of_the_residual_alone_is_no_step(record_of):
     record = record_of(-1.0)  # another zero during the whole recording
     assert not any(shows_step(record, step_at(record, place)) for place in (3, 60, 200, len(record.t) - 4))
+
+
+def test_a_step_of_one_count_is_the_resolution_of_the_encoder(record_of, paper: Rig):
+    record, count = record_of(1.0), abs(float(paper.radians_per_count[2]))
+    place, constants = int(np.searchsorted(record.t, 1.0)), rig_constants(paper)
+    assert visible_steps([record], [step_at(record, place, count)], constants) == []
+    several = step_at(record, place, 3 * count)
+    assert visible_steps([record], [several], constants) == [(1, 0, several.at)]

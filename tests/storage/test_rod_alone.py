@@ -106,6 +106,25 @@ def test_the_torque_of_the_only_joint_needs_no_number(one: Rig, paper: Rig, tmp_
     assert "torque: not used; name the joint of a torque, for example --columns tau1=torque" in both.notes
 
 
+def test_torques_that_exceed_gravity_but_do_not_move_the_rod_are_questioned(
+    one: Rig, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    files = {size: tmp_path / f"{size}.csv" for size in (0.01, 5.0)}
+    for size, file in files.items():
+        np.savetxt(
+            file,
+            np.column_stack([T, SWING, size * rng.standard_normal(len(T))]),
+            delimiter=",",
+            header="t,theta1,tau1",
+            comments="",
+        )
+    small, large = (import_csv(file, one, ImportOptions(zero="hanging")).notes for file in files.values())
+    (doubt,) = [note for note in large if "times the largest torque of gravity" in note]
+    assert "'tau1' reaches" in doubt
+    assert "(--torque none)" in doubt
+    assert not any("times the largest torque of gravity" in note for note in small)
+
+
 def test_a_question_about_one_rod_says_one_rod(one: Rig, tmp_path: Path) -> None:
     notes = import_csv(table(tmp_path, "t,theta1", T[:20], 0.1 + T[:20]), one).notes
     assert any(note.startswith("the rod points upwards most of the time") for note in notes)

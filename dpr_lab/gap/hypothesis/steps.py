@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.effects.effect import Recorded
+from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.whitening import padded
@@ -42,6 +43,10 @@ class StepSettings:
     """Fraction of the step of a residual that the readings must be able to contain."""
     errors: float = 3.0
     """Standard errors of the step of the readings that count in favour of a step."""
+    counts: float = 1.5
+    """Size of a step, in counts, up to which it is the resolution of an encoder. An edge is counted at the same angle
+    in both directions, so that readings taken at edges differ by one count after a reversal.
+    """
 
 
 STEPS = StepSettings()
@@ -65,13 +70,18 @@ def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
     screened = [(axis, run, instant) for run, record in enumerate(records) for instant, axis in record.screened.breaks]
     return Recorded(
         arm_moves=tuple(record.arm_moves for record in records),
-        steps=lambda: screened or _visible(records, _steps(problem, fit)),
+        steps=lambda: screened or visible_steps(records, _steps(problem, fit), problem.model.constants),
     )
 
 
-def _visible(records: Sequence[Record], steps: list[ReadingStep]) -> list[tuple[int, int, float]]:
+def visible_steps(
+    records: Sequence[Record], steps: list[ReadingStep], rig: RigConstants
+) -> list[tuple[int, int, float]]:
     """Joint, run and instant of the best steps of encoders whose readings are counts and can contain the step."""
-    possible = (step for step in steps if records[step.run].screened.on_grid[step.joint])
+    least = [2 * np.pi * STEPS.counts / abs(counts) for counts in (rig.counts_per_rev1, rig.counts_per_rev2)]
+    possible = (
+        step for step in steps if records[step.run].screened.on_grid[step.joint] and abs(step.size) > least[step.joint]
+    )
     shown = (step for step in possible if shows_step(records[step.run], step))
     return [(step.joint, step.run, step.at) for step in islice(shown, STEPS.kept)]
 

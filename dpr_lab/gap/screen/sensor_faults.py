@@ -138,9 +138,9 @@ def screen(run: Run, rig: Rig) -> Screened:
     Raises:
         RunError: too few samples to estimate the noise.
     """
-    late, waiting = _queued(run, rig)
+    queued, waiting = _queued(run, rig)
     run, stamped = _on_true_instants(run, rig)
-    swing, period = run.swing, 1.0 / run.rate_hz
+    late, swing, period = queued[run.t >= 0.0], run.swing, 1.0 / run.rate_hz
     t, joints = swing.t, rig.encoders.joint_angles.of_rods(swing.theta[:, 1:])
     late[~late], delayed = _late(run, t[~late], joints[~late])
     count = _count_size(run, rig)
@@ -235,13 +235,13 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
 
 
 def _queued(run: Run, rig: Rig) -> tuple[NDArray[np.bool_], list[Finding]]:
-    """(swing,) readings that waited in the queue of a saturated link, and the finding."""
-    swing = run.t >= 0.0
+    """(n,) readings of the swing that waited in the queue of a saturated link, and the finding."""
+    swing, waited = run.t >= 0.0, np.zeros(len(run.t), dtype=np.bool_)
     queue = queued_rows(run.t[swing], _read_joints(run, rig)[swing])
     if queue is None:
-        return np.zeros(np.count_nonzero(swing), dtype=np.bool_), []
-    first = float(run.t[swing][queue.rows][0])
-    return queue.rows, [Finding("queued_rows", run.name, None, first, queue.evidence)]
+        return waited, []
+    waited[swing] = queue.rows
+    return waited, [Finding("queued_rows", run.name, None, float(run.t[waited][0]), queue.evidence)]
 
 
 def _late(run: Run, t: Array, joints: Array) -> tuple[NDArray[np.bool_], list[Finding]]:

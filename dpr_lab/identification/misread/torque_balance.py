@@ -77,6 +77,12 @@ class TorqueBalance:
         return residual, inertias(base * [*x[:3], 1.0, 1.0, 1.0], e2, self.rig, self.elbow)
 
     @property
+    def gravity(self) -> tuple[float, float]:
+        """Largest torque of gravity on joint 1 and on joint 2 with the values of the rig file, N m."""
+        *_, e2 = nominal = self._nominal()
+        return nominal[3] + e2, e2
+
+    @property
     def elbow(self) -> float:
         """Angle th2 - th1 of a clamped elbow, rad; without meaning for two rods that swing."""
         return float(np.median(self.moving.rods[:, 1] - self.moving.rods[:, 0]))

@@ -54,6 +54,10 @@ class QuestionSettings:
     """Median change of a known torque between rows, relative to its range, above which a warning is given: 0.012 for a
     sine of 1 Hz at 200 Hz, 0.12 at 20 Hz.
     """
+    idle: tuple[float, float] = (1.0, 0.75)
+    """Residual of the torque balance, relative to gravity, above which known torques may not act at all, and the
+    residual without them, relative to that one, below which a warning is given.
+    """
     energy_rows: int = 200_000
     """Maximum number of rows for the energy test; a wrong interpretation is wrong from the start."""
     pose: tuple[float, float] = (3.0, 10.0)

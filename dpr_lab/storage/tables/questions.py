@@ -23,7 +23,7 @@ from dpr_lab.storage.tables.readings import (
     better_readings,
     with_zeros,
 )
-from dpr_lab.storage.tables.torques import better_torques, other_torques
+from dpr_lab.storage.tables.torques import better_torques, coarse_torques, idle_torques, other_torques
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ def questions(table: InterpretedTable, settings: QuestionSettings = SETTINGS) ->
         return [*of_unit, *_few(table, t, settings)]
     doubts, other = _energy_questions(table, settings)
     arm = _arm_questions(table, theta[:, 0], settings)
-    few_rows = [*_few(table, t, settings), *_coarse_torques(table, settings)]
+    few_rows = [*_few(table, t, settings), *_torque_doubts(table, settings)]
     posed = [] if other else _pose_questions(table, settings)
     certain = other or posed or arm or any(doubt.mend for doubt in doubts)
     if not certain:
@@ -301,21 +301,15 @@ def _few(table: InterpretedTable, t: Array, settings: QuestionSettings) -> list[
     return doubts
 
 
-def _coarse_torques(table: InterpretedTable, settings: QuestionSettings) -> list[TableQuestion]:
-    """Doubt about known torques whose rows are too far apart to show when they act."""
+def _torque_doubts(table: InterpretedTable, settings: QuestionSettings) -> list[TableQuestion]:
+    """Doubts about known torques: their rows are too far apart, or the rods move as if they did not act."""
     if table.torques is None:
         return []
-    torques = table.torques[table.swing]
-    changes, ranges = np.median(np.abs(np.diff(torques, axis=0)), axis=0), np.ptp(torques, axis=0)
-    share = float(np.max(changes / np.maximum(ranges, np.finfo(float).tiny)))
-    if share <= settings.torque_step:
-        return []
-    return [
-        TableQuestion(
-            f"the torques change by {percent(share)} of their range from row to row, so that the rows do not show when"
-            " they act, and a diagnosis may name a delay of the input: export them at the rate of the controller"
-        )
-    ]
+    coarse = coarse_torques(table.torques[table.swing], settings.torque_step)
+    read = table.read(settings)
+    rods, columns = read.rods(read.values, read.options), table.torque_columns
+    idle = idle_torques(read.t, rods, read.torques, columns, read.rig, settings.idle)
+    return [TableQuestion(sentence) for sentence in (coarse, idle) if sentence]
 
 
 def _pose_questions(table: InterpretedTable, settings: QuestionSettings) -> list[TableQuestion]:

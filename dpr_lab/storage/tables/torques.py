@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit
+from dpr_lab.identification.misread.torque_balance import torque_balance
 from dpr_lab.rig import Rig
+from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import bare
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.readings import SETTINGS as READ
@@ -194,3 +196,49 @@ def better_torques(
     residuals = [(refitted.residual, other) for refitted, other in fits if refitted is not None]
     residual, best = min(residuals, key=lambda pair: pair[0], default=(np.inf, None))
     return best if residual < min(READ.sure, fit.residual / READ.better) else None
+
+
+def coarse_torques(torques: Array, limit: float) -> str:
+    """Doubt about torques whose rows are too far apart to show when they act; empty if they are not.
+
+    Args:
+        torques: (n, 2) from the release on, N m
+        limit: median change between rows, relative to the range, above which they are too far apart
+    """
+    changes, ranges = np.median(np.abs(np.diff(torques, axis=0)), axis=0), np.ptp(torques, axis=0)
+    share = float(np.max(changes / np.maximum(ranges, np.finfo(float).tiny)))
+    if share <= limit:
+        return ""
+    return (
+        f"the torques change by {percent(share)} of their range from row to row, so that the rows do not show when"
+        " they act, and a diagnosis may name a delay of the input: export them at the rate of the controller"
+    )
+
+
+def idle_torques(
+    t: Array, rods: Array, torques: Array | None, pair: tuple[str, str], rig: Rig, limits: tuple[float, float]
+) -> str:
+    """Doubt about torques that exceed gravity while the rods move as if they did not act; empty without a doubt.
+
+    Args:
+        t: (n,) s
+        rods: (n, 2) absolute angles, rad
+        torques: (n, 2) as interpreted, N m
+        pair: names of their columns
+        rig: the recorded rig
+        limits: residual of the torque balance, relative to gravity, above which the torques may not act at all;
+            residual without them, relative to that one, below which they probably do not
+    """
+    acting, idle = (torque_balance(t, rods, acting, rig) for acting in (torques, None))
+    if torques is None or acting is None or idle is None:
+        return ""
+    residual = acting.residual()
+    if not residual > limits[0] or idle.residual() > limits[1] * residual:
+        return ""
+    joint = int(np.argmax(np.abs(torques).max(axis=0)))
+    most, name = float(np.abs(torques[:, joint]).max()), JOINTS[joint]
+    return (
+        f"the torque {pair[joint]!r} reaches {most:.3g} N m, {most / acting.gravity[joint]:.2g} times the largest"
+        f" torque of gravity on the rod, but the motion agrees better with no torque: check its unit (--scale"
+        f" {name}=...) and its column (--columns {name}=...), or ignore it (--torque none)"
+    )
