@@ -51,7 +51,7 @@ from dpr_lab.gap.where.discrepancy import discrepancy
 from dpr_lab.gap.where.locate import locate
 from dpr_lab.gap.which.applicable import applicable
 from dpr_lab.gap.which.select import Draft, forward, refined
-from dpr_lab.identification.misread.refuse import refuse_negative_scale
+from dpr_lab.identification.misread.refuse import refuse_impossible_scale
 from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.progress import StageBegan
 from dpr_lab.rig import Rig
@@ -168,7 +168,7 @@ def _selected(located: Located) -> Selected:
     if changed := with_other_noise(selected.recordings, selected.problem, selected.selection.chosen):
         located, draft = _searched_again(replace(located, recordings=changed))
         selected = Selected.after(located, selection=refined(draft))
-    refuse_negative_scale(selected.selection.chosen.fit.estimate.ratios, selected.request.runs, selected.request.rig)
+    refuse_impossible_scale(selected.selection.chosen.fit.estimate.ratios, selected.request.runs, selected.request.rig)
     return selected
 
 

@@ -15,7 +15,7 @@ from dpr_lab.identification.expected import expected_information
 from dpr_lab.identification.identifiability import Identifiability, identifiability
 from dpr_lab.identification.identified import determined, identified_model
 from dpr_lab.identification.merging import merge_segments
-from dpr_lab.identification.misread.refuse import refuse_impossible, refuse_misread, refuse_negative_scale
+from dpr_lab.identification.misread.refuse import refuse_impossible, refuse_impossible_scale, refuse_misread
 from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.identification.model import (
     Model,
@@ -118,7 +118,7 @@ def polish(Z: NDArray[np.float64], runs: Sequence[PreprocessedRun], rig: Rig) ->
     if not all(setup.held for setup in setups):
         refuse_impossible(ratio_fit.ratios, rig)
     if SCALE in ratio_fit.visible:
-        refuse_negative_scale(ratio_fit.fit.estimate.ratios, [prepared.run for prepared in runs], rig)
+        refuse_impossible_scale(ratio_fit.fit.estimate.ratios, [prepared.run for prepared in runs], rig)
     return ratio_fit
 
 

@@ -9,10 +9,18 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.base import whole_parameters
 from dpr_lab.errors import IdentificationError, RunError
-from dpr_lab.fitting.estimate import SCALE, unknown_ratios
-from dpr_lab.identification.misread.tried import SETTINGS, better_readings, fitted, impossible, residual, second_look
+from dpr_lab.fitting.estimate import SCALE
+from dpr_lab.identification.misread.tried import (
+    SETTINGS,
+    better_readings,
+    fitted,
+    impossible,
+    impossible_fit,
+    impossible_scale,
+    residual,
+    second_look,
+)
 from dpr_lab.identification.ratio_fit import RatioFit
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, moves
@@ -30,7 +38,8 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
     if moves(runs):
         return  # signs and units of arm and input are tested in `gap.screen.input` and `moving_arm.doubts`
     ratio_fit, refused = _as_read(runs, rig)
-    possible = ratio_fit is not None and not impossible(ratio_fit.ratios, rig)
+    contradiction = "" if ratio_fit is None else impossible_fit(ratio_fit, rig)
+    possible = ratio_fit is not None and not contradiction
     if ratio_fit is not None and possible and residual(ratio_fit) < SETTINGS.suspicious:
         return
     chi2 = np.inf if ratio_fit is None else ratio_fit.chi2_per_dof
@@ -47,7 +56,7 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
     if ratio_fit is None or not possible or residual(ratio_fit) > SETTINGS.hopeless:
         raise IdentificationError(
             "these recordings are not compatible with a double pendulum with the lengths and masses of the rig file"
-            + (f": {impossible(ratio_fit.ratios, rig)}" if ratio_fit is not None and not possible else "")
+            + (f": {contradiction}" if contradiction else "")
             + "; zeros in the opposite direction, other signs, units and orders of the angles were tested and do not"
             " explain them: check the zero of each angle (--offset or zero_counts), --wrap, the unit of time"
             f"{', torques (in N m)' * driven}, L1 and g in the rig file, masses, counts_per_rev, and that the arm is"
@@ -69,11 +78,11 @@ def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError |
         return None, error
 
 
-def refuse_negative_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> None:
-    """Check that ratios, and the inertia b from known torques or masses, are positive and finite.
+def refuse_impossible_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> None:
+    """Check that ratios are positive, and that the rig can have the inertia b from known torques or masses.
 
-    Torques that contradict the motion give an infinite b of either sign: a value far above that of the rig file is as
-    impossible as a negative one.
+    Torques that contradict the motion give an infinite b of either sign; torques in another unit one that is far from
+    that of the rig file.
 
     Args:
         unknown: (7,) ratios, b and p/b of a fit
@@ -81,18 +90,12 @@ def refuse_negative_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> None
         rig: the rig of the recordings
 
     Raises:
-        IdentificationError: a ratio or b is not positive and finite; the message names the probable cause.
+        IdentificationError: the rig cannot have them; the message names the probable cause.
     """
-    *ratios, b, _ = unknown.tolist()
-    nominal = float(unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))[SCALE])
-    if 0 < b < SETTINGS.largest_inertia * nominal and min(ratios[:3]) > 0:
+    ratios, inertia = unknown[:SCALE], float(unknown[SCALE])
+    wrong = impossible(ratios, rig) if ratios[:3].min() <= 0 else impossible_scale(inertia, rig)
+    if not wrong:
         return
-    kind = "a negative" if b < 0 else "an impossibly large"
-    wrong = (
-        f"the known torques or masses are compatible only with {kind} inertia (b = {b:.3g} kg m^2; rig"
-        f" file: {nominal:.3g})"
-    )
-    wrong = wrong if min(ratios[:3]) > 0 else impossible(unknown[: len(ratios)], rig)
     hint = "" if moves(runs) else second_look(runs, rig).sentence
     hint = hint or "Check the signs and units of angles and torques, and the unit of time."
     raise IdentificationError(f"{wrong}. {hint}")

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.dynamics.base import RATIOS, whole_parameters
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.noise import noise_floor
+from dpr_lab.fitting.estimate import SCALE, unknown_ratios
 from dpr_lab.fitting.gauss_newton import SETTINGS as GAUSS_NEWTON
 from dpr_lab.identification.misread.energy import SETTINGS as ENERGY
 from dpr_lab.identification.misread.energy import energy_rise
@@ -65,8 +66,10 @@ class MisreadSettings:
     """Maximum number of iterations for another interpretation; the right one converges in ten."""
     thorough: int = 40
     """Maximum number of iterations for the given interpretation."""
-    largest_inertia: float = 1e4
-    """Factor on the rig file's inertia b above which known torques contradict the motion."""
+    wrong_inertia: float = 300.0
+    """Factor between the inertia b of a fit and that of the rig file, in either direction, from which known torques
+    contradict the rig. Wrong masses and unknown gears reach 100; a wrong unit is a factor of 1000.
+    """
 
 
 SETTINGS = MisreadSettings()
@@ -217,6 +220,27 @@ def impossible(ratios: Array, rig: Rig) -> str:
     return ""
 
 
+def impossible_scale(inertia: float, rig: Rig) -> str:
+    """Reason why the rig cannot have the inertia b, kg m^2, of a fit to known torques or masses; empty if it can.
+
+    A wrong unit of the torques changes only b, so that the residual does not show it.
+    """
+    nominal = float(unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))[SCALE])
+    if nominal / SETTINGS.wrong_inertia < inertia < nominal * SETTINGS.wrong_inertia:
+        return ""
+    kind = "a negative" if inertia < 0 else "an impossibly small" if inertia < nominal else "an impossibly large"
+    return (
+        f"the known torques or masses are compatible only with {kind} inertia (b = {inertia:.3g} kg m^2; rig file:"
+        f" {nominal:.3g})"
+    )
+
+
+def impossible_fit(ratio_fit: RatioFit, rig: Rig) -> str:
+    """Reason why the rig cannot have the ratios or the inertia b of a fit; empty if it can."""
+    inertia = float(ratio_fit.fit.estimate.ratios[SCALE])
+    return impossible(ratio_fit.ratios, rig) or impossible_scale(inertia, rig)
+
+
 def fitted(
     runs: Sequence[Run], rig: Rig, *, quick: bool = False, worst: float = np.inf, time_factor: float = 1.0
 ) -> RatioFit | None:
@@ -283,7 +307,7 @@ def _otherwise(
             other = fitted(alike, rig, quick=True, worst=worst, time_factor=factor)
         except RunError:  # without motion or samples in this interpretation
             continue
-        if other is not None and other.chi2_per_dof < worst and not impossible(other.ratios, rig):
+        if other is not None and other.chi2_per_dof < worst and not impossible_fit(other, rig):
             yield reading, other
 
 
