@@ -117,7 +117,8 @@ def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
     noisy = next(noise for noise in by_noise if noise is not None)
     quiet = np.zeros_like(noisy.walk) if none is None else none.walk
     walks = [quiet if noise is None else noise.walk - quiet for noise in by_noise]
-    predicted, slopes = problem.predict(estimate), problem.slopes(estimate, free)
+    predicted = problem.predict(estimate)
+    slopes = problem.slopes(estimate, free, predicted)
     inside = model.inside
 
     @cache

@@ -275,12 +275,20 @@ def iterate(
         damping=max(state.damping * settings.lower_damping, settings.least_damping),
         failed=None,
         frozen_jacobian=abs(reduction - predicted_reduction) <= settings.linearity * predicted_reduction,
-        stop=StopReason.CONVERGED if reduction <= tolerance else _far_end(problem, state.chi2, reduction, settings),
+        stop=_end(problem, state.chi2, reduction, tolerance, settings),
     )
 
 
-def _far_end(problem: Problem, chi2: float, reduction: float, settings: GaussNewton) -> StopReason | None:
-    """Stop of a preliminary fit far above the noise, where the model error exceeds any small reduction."""
+def _end(problem: Problem, chi2: float, reduction: float, tolerance: float, settings: GaussNewton) -> StopReason | None:
+    """Stop after a successful step: a small reduction, also a larger one of a preliminary fit far above the noise.
+
+    Far above the noise, the model error exceeds any small reduction. After a segment that could not be followed there
+    is no chi2 to compare with.
+    """
+    if not np.isfinite(chi2):
+        return None
+    if reduction <= tolerance:
+        return StopReason.CONVERGED
     far = chi2 > settings.far * problem.evidence
     return StopReason.PRELIMINARY if far and reduction <= settings.preliminary * chi2 else None
 

@@ -126,7 +126,7 @@ def linearise(
     """
     predicted = problem.predict(estimate) if predicted is None else predicted
     residual = problem.whitened(problem.measured - predicted)
-    J = problem.whitened(problem.slopes(estimate, free) if slopes is None else slopes)
+    J = problem.whitened(problem.slopes(estimate, free, predicted) if slopes is None else slopes)
     lost = np.logical_not(np.isfinite(J).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
     residual[lost], J[lost] = np.inf, 0.0
     states = problem.segments.states

@@ -35,8 +35,18 @@ class OutputModel(Protocol):
         """(samples, 2) joint 1 and joint 2 as read by its encoder, rad; not finite if the integration fails."""
         ...
 
-    def slopes(self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter]) -> Array:
-        """(samples, 2, free + 4) derivatives, the last four with respect to the initial state of the segment."""
+    def slopes(
+        self,
+        segments: Segments,
+        estimate: Estimate,
+        free: Sequence[FreeParameter],
+        predicted: Array | None = None,
+    ) -> Array:
+        """(samples, 2, free + 4) derivatives, the last four with respect to the initial state of the segment.
+
+        `predicted` are the readings at the estimate, if known: a model that computes derivatives less accurately
+        compares them with its own.
+        """
         ...
 
 
@@ -146,17 +156,24 @@ class Problem:
 
     def predict(self, estimate: Estimate) -> Array:
         """(samples, 2) predicted readings, rad."""
-        read = self.model.predict(self.segments, estimate)
+        return self.model.predict(self.segments, estimate) + self._zeros(estimate)
+
+    def _zeros(self, estimate: Estimate) -> Array | float:
+        """(samples, 2) zeros of the encoders in the run of each sample, rad; 0 if none are free."""
         if not len(estimate.zeros):
-            return read
+            return 0.0
         zeros = np.zeros((len(estimate.zeros), self.axes))
         zeros[:, :2] = estimate.zeros
-        return read + zeros[self.segments.run[self.owner]]
+        return zeros[self.segments.run[self.owner]]
 
-    def slopes(self, estimate: Estimate, free: Sequence[FreeParameter]) -> Array:
-        """(samples, 2, free + 4) derivatives of the predicted readings, the last four for the initial state."""
+    def slopes(self, estimate: Estimate, free: Sequence[FreeParameter], predicted: Array | None = None) -> Array:
+        """(samples, 2, free + 4) derivatives of the predicted readings, the last four for the initial state.
+
+        With `predicted`, (samples, 2), the model checks the accuracy of its derivatives (`OutputModel.slopes`).
+        """
         zeros = [i for i, parameter in enumerate(free) if parameter.block == "zeros"]
-        of_model = self.model.slopes(self.segments, estimate, [p for p in free if p.block != "zeros"])
+        of_rods = None if predicted is None else predicted - self._zeros(estimate)
+        of_model = self.model.slopes(self.segments, estimate, [p for p in free if p.block != "zeros"], of_rods)
         if not zeros:
             return of_model
         states = self.segments.states

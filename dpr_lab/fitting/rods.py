@@ -42,8 +42,14 @@ class RodsAlone:
         states, _, _ = driven(values, self.constants, segments, begins, 0)
         return JointAngles(self.constants.relative2 == 1.0).of_rods(states[:, :2])
 
-    def slopes(self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter]) -> Array:
-        """(samples, 2, free + 4) derivatives; the free parameters are ratios, b and p/b."""
+    def slopes(
+        self,
+        segments: Segments,
+        estimate: Estimate,
+        free: Sequence[FreeParameter],
+        predicted: Array | None = None,
+    ) -> Array:
+        """(samples, 2, free + 4) exact derivatives; the free parameters are ratios, b and p/b."""
         values, chains = self._ratios(segments, estimate)
         begins = segments.turning_as_one(estimate.initial)
         _, by_unknown, by_push = driven(values, self.constants, segments, begins, 2)

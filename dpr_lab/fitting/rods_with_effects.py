@@ -2,7 +2,9 @@
 
 A segment starts a little before its first sample (`dpr_lab.dynamics.prediction`). Differences are computed with twice
 the integrator's step, because an error of a derivative of 1e-3 does not change the solution of a fit, and this halves
-the time. Encoder errors do not move the rods, so one simulated swing is sufficient for all of them. Derivatives with
+the time. With nearly singular inertias the swing of twice the step diverges, and no step of a fit along its derivatives
+reduces the cost: segments whose swing differs from the reading by more than `coarse_error` use the integrator's own
+step. Encoder errors do not move the rods, so one simulated swing is sufficient for all of them. Derivatives with
 respect to initial states keep the internal states of effects fixed, because these are passed from segment to segment
 and must not depend on the initial state of another segment.
 """
@@ -25,8 +27,22 @@ Array = NDArray[np.float64]
 INITIAL_STEPS = np.array([1e-6, 1e-6, 1e-5, 1e-5, 1e-6, 1e-5])
 """Increments of an initial state, rad and rad/s: a thousandth of a count."""
 
-COARSER = 2.0
-"""Integrator step for derivatives, relative to that for readings."""
+
+@dataclass(frozen=True, slots=True)
+class DerivativeSettings:
+    """Accuracy of the swings from which derivatives are computed."""
+
+    coarser: float = 2.0
+    """Integrator step for derivatives, relative to that for readings."""
+    coarse_error: float = 0.01
+    """Rms error of the swing of a segment with this step above which its derivatives use the integrator's own, rad.
+
+    Readings change by about 1 rad if a ratio changes by its own size, so this is the relative error of a derivative.
+    Usual swings are below 1e-3; those that diverge are above 0.1.
+    """
+
+
+DERIVATIVES = DerivativeSettings()
 
 ENCODER_AMPLITUDES = [
     param_index(effect.name, parameter.name)
@@ -62,10 +78,33 @@ class RodsWithEffects:
             arm=segments.arm_moves,
         )
 
-    def slopes(self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter]) -> Array:
-        """(samples, 2, free + 4) derivatives of the readings."""
-        coarse = resolved(segments, estimate.params)
-        coarse = replace(coarse, step=COARSER * coarse.step)
+    def slopes(
+        self,
+        segments: Segments,
+        estimate: Estimate,
+        free: Sequence[FreeParameter],
+        predicted: Array | None = None,
+    ) -> Array:
+        """(samples, 2, free + 4) derivatives of the readings.
+
+        Args:
+            segments: layout of the samples
+            estimate: point of expansion
+            free: unknowns in addition to the initial states
+            predicted: (samples, 2) readings at the estimate, with which the swing of the longer step is compared
+        """
+        fine = resolved(segments, estimate.params)
+        coarse = replace(fine, step=DERIVATIVES.coarser * fine.step)
+        slopes, reading = self._differences(coarse, estimate, free)
+        if predicted is not None and (inexact := _inexact(segments, reading, predicted)).any():
+            partly_fine = replace(fine, step=np.where(inexact, fine.step, coarse.step))
+            slopes, _ = self._differences(partly_fine, estimate, free)
+        return slopes
+
+    def _differences(
+        self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter]
+    ) -> tuple[Array, Array]:
+        """(samples, 2, free + 4) forward differences and (samples, 2) readings, with the steps of these segments."""
         ratios, params, initial = _varied(estimate, free)
         states, axes = segments.states, 3 if segments.arm_moves else 2
         of_encoders = np.array(
@@ -76,19 +115,28 @@ class RodsWithEffects:
         rollouts = np.append(moving, len(ratios) - 1)  # the last row is the estimate itself
         quiet = params[rollouts]
         quiet[-1, ENCODER_AMPLITUDES] = 0.0
-        handed = internal_states(estimate.whole, estimate.params, self.constants, coarse, estimate.initial)
+        handed = internal_states(estimate.whole, estimate.params, self.constants, segments, estimate.initial)
         internal = np.full((len(rollouts), *handed.shape), np.nan)
         internal[len(moving) - states : len(moving)] = handed
         whole, starts = whole_of(ratios[rollouts]), initial[rollouts]
-        swings = predict_batch(whole, quiet, self.constants, coarse, starts, internal, arm=segments.arm_moves)
+        swings = predict_batch(whole, quiet, self.constants, segments, starts, internal, arm=segments.arm_moves)
         angles = np.empty((len(ratios), len(segments.t), axes))
         angles[moving] = swings[:-1]
-        angles[[*still, -1]] = with_encoder_errors(swings[-1], params[[*still, -1]], self.constants, coarse)
+        angles[[*still, -1]] = with_encoder_errors(swings[-1], params[[*still, -1]], self.constants, segments)
         steps = np.array([*(parameter.step for parameter in free), *INITIAL_STEPS[:states]])
         slopes = angles[:-1]
-        slopes -= angles[-1]
+        with np.errstate(invalid="ignore"):  # swings that diverge
+            slopes -= angles[-1]
         slopes /= steps[:, None, None]
-        return np.moveaxis(slopes, 0, -1)
+        return np.moveaxis(slopes, 0, -1), angles[-1]
+
+
+def _inexact(segments: Segments, reading: Array, predicted: Array) -> NDArray[np.bool_]:
+    """(segments,) whether a reading differs from the predicted one by more than `coarse_error` or is not finite."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = np.add.reduceat(np.sum((reading - predicted) ** 2, axis=1), segments.offsets[:-1])
+        followed = np.isfinite(np.add.reduceat(predicted.sum(axis=1), segments.offsets[:-1]))
+    return followed & ~(squares < DERIVATIVES.coarse_error**2 * np.diff(segments.offsets))
 
 
 def resolved(segments: Segments, params: Array) -> Segments:

@@ -152,7 +152,9 @@ def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Pr
 def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
     """(releases, segments, m, k) whitened Jacobian, after projecting out initial states and own zeros."""
     problem, states = laid_out(batch, model)
-    linear = linearise(problem, model.estimate.changed(initial=states), model.columns, predicted=problem.measured)
+    estimate = model.estimate.changed(initial=states)
+    slopes = problem.slopes(estimate, model.columns)
+    linear = linearise(problem, estimate, model.columns, problem.measured, slopes)
     A = linear.A.reshape(len(batch), -1, *linear.A.shape[1:])
     return _without_zeros(A, linear, problem, len(batch)) if model.rezeroed else A
 

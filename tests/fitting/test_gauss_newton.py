@@ -91,7 +91,7 @@ class Counting:
         self.predicted += 1
         return self.model.predict(segments, at)
 
-    def slopes(self, segments, at, free):
+    def slopes(self, segments, at, free, predicted=None):
         self.asked += 1
         return self.model.slopes(segments, at, free)
 
@@ -114,8 +114,8 @@ def test_a_fit_with_frozen_jacobians_reaches_the_same_minimum(clean):
 class Misleading(Counting):
     """Its slopes have the wrong sign, so that no step reduces the cost."""
 
-    def slopes(self, segments, at, free):
-        return -super().slopes(segments, at, free)
+    def slopes(self, segments, at, free, predicted=None):
+        return -super().slopes(segments, at, free, predicted)
 
 
 def test_a_step_that_failed_is_not_tried_again_because_of_a_little_damping(clean):
@@ -155,6 +155,25 @@ def test_far_from_the_noise_a_preliminary_fit_ends_at_the_first_small_reduction(
     assert far.stop is StopReason.PRELIMINARY
     assert far.iterations == 1
     assert not far.converged
+
+
+class LosesASegment(Counting):
+    """Its first swing cannot be followed in one segment."""
+
+    def predict(self, segments, at):
+        read = super().predict(segments, at).copy()
+        if self.predicted == 1:
+            read[: segments.offsets[1]] = np.inf
+        return read
+
+
+def test_a_fit_goes_on_after_a_step_that_regains_a_lost_segment(clean):
+    problem, base = clean
+    start = base.fit.estimate.changed(ratios=base.fit.estimate.ratios * 1.002)
+    losing = replace(problem, model=LosesASegment(problem.model))
+    found = fit(losing, start, free_parameters(start, (), problem))
+    assert found.iterations > 1
+    assert found.chi2 == pytest.approx(base.fit.chi2, rel=1e-3)
 
 
 def test_eliminating_initial_states_changes_no_step(clean):

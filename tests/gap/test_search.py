@@ -1,6 +1,7 @@
 """The search for the set of effects: its answer depends on the recordings, not on any order, and its trace is whole."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.gauss_newton import StopReason, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
@@ -16,9 +17,9 @@ from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep
 from dpr_lab.gap.screen.recordings import LENGTHS
 from dpr_lab.gap.which.fitted_sets import Effort, FittedSets
 from dpr_lab.gap.which.forward import forward_selection
-from dpr_lab.gap.which.moves import MOVES
+from dpr_lab.gap.which.moves import MOVES, START
 from dpr_lab.gap.which.replacements import with_alternatives
-from dpr_lab.gap.which.search import SearchState, apply, run
+from dpr_lab.gap.which.search import Decision, Proposal, SearchState, apply, run
 from dpr_lab.gap.which.select import short_segments
 from dpr_lab.report.gap.trials_of_search import TRIAL_COLUMNS, trial_rows
 from dpr_lab.rig import Rig, load_rig
@@ -221,6 +222,15 @@ def test_the_trace_leads_from_the_bare_model_to_the_chosen_set(paper: Rig, recor
     rows = trial_rows(diagnosis)
     assert {len(row) for row in rows} == {len(TRIAL_COLUMNS)}
     assert any("+ Coulomb friction, joint 2" in row[1] for row in rows if "accepted" in row)
+
+
+def test_a_set_whose_fit_ended_without_descent_says_so(sets: FittedSets) -> None:
+    state = SearchState.bare(sets, 1)
+    stuck = replace(sets.bare, fit=replace(sets.bare.fit, stop=StopReason.NO_DESCENT))
+    reasons = [
+        state.after(START, Proposal(model), Decision(False, "no")).trace[-1].reason for model in (sets.bare, stuck)
+    ]
+    assert reasons == ["no", "no; its fit may have ended above the minimum that the criterion assumes"]
 
 
 def test_the_documentation_lists_every_move() -> None:

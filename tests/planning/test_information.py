@@ -80,7 +80,8 @@ def test_the_distance_of_two_causes_is_the_residual_of_a_least_squares_fit(known
     apart = pairs.distances(F)[0, 1]
     problem, states = laid_out([CALM], known.model)
     at = known.model.estimate.changed(initial=states)
-    A, _ = linearise(problem, at, known.model.columns, predicted=problem.measured).flat
+    slopes = problem.slopes(at, known.model.columns)
+    A, _ = linearise(problem, at, known.model.columns, problem.measured, slopes).flat
     (signal,), (other,) = (known.places[name] for name in pairs.names)
     change, fitted = A[:, signal] * pairs.sizes[0][0], A[:, [*pairs.fitted, other]]
     fitted = fitted / np.maximum(np.linalg.norm(fitted, axis=0), 1e-30)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
+from dpr_lab.fitting.gauss_newton import StopReason
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import ScoreTest
 from dpr_lab.gap.hypothesis.thresholds import follows_remainder
@@ -73,10 +74,16 @@ class SearchState:
             criterion=model.cost,
             change=model.cost - self.current.cost,
             accepted=decision.accepted,
-            reason=decision.reason,
+            reason=decision.reason + _caveat(model),
         )
         trace = (*self.trace, *proposal.trials, trial)
         return replace(self, current=model if decision.accepted else self.current, trace=trace)
+
+
+def _caveat(model: Hypothesis) -> str:
+    """Note on a set whose criterion contains a linear prediction that its fit did not reach; else empty."""
+    stuck = model.fit.stop is StopReason.NO_DESCENT
+    return "; its fit may have ended above the minimum that the criterion assumes" if stuck else ""
 
 
 def run(moves: Sequence[Move], sets: FittedSets, state: SearchState) -> SearchState:
