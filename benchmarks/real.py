@@ -33,6 +33,7 @@ from dpr_lab.report.words import in_words, named
 from dpr_lab.rig import PARAMETERS, Rig, load_rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.workflows.rig_drive import MotorMeasures
 from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
 from dpr_lab.workflows.rig_toml import Measure
 
@@ -100,6 +101,8 @@ def rigs(folder: Path) -> Iterator[RealRig]:
     yield _dfki(folder / "dfki_design_a")
     yield from _one_rod(folder)
     yield from _driven(folder / "dfki_driven")
+    yield _closed_loop(folder / "dfki_leaderboard")
+    yield from _rotary(folder / "furuta_odrive")
 
 
 def _multiarm(folder: Path) -> RealRig:
@@ -174,18 +177,71 @@ def _driven(folder: Path) -> Iterator[RealRig]:
     for design in ("A.0", "C.0", "C.1"):
         files = sorted(folder.glob(f"{design}_*.csv"))
         sidecar = json.loads(files[0].with_suffix(".json").read_text(encoding="utf-8"))
-        model, lengths = sidecar["authors_model"], sidecar["lengths"]
-        inner, outer = Measure(model["m1"]), Measure(model["m2"])
-        drafted = draft_rig(RigMeasures(f"dfki {design}", lengths["l1_m"], lengths["l2_m"], inner, outer))
-        rig = geared(rezeroed(parse_rig(drafted)))
-        options = replace(HANGING, angles="relative", torque="measured")
-        yield RealRig(
+        lengths = sidecar["lengths"]["l1_m"], sidecar["lengths"]["l2_m"]
+        yield _with_drives(
             f"DFKI double pendulum, design {design}, driven",
             "dfki-ric-underactuated-lab/double_pendulum, BSD-3-Clause. Geared motors drive both joints and measure"
             " their torques. The encoders are zeroed before each recording.",
-            rig,
-            [import_csv(file, rig, options) for file in files],
+            lengths,
+            sidecar["authors_model"],
+            files,
+            replace(HANGING, angles="relative", torque="measured"),
         )
+
+
+def _closed_loop(folder: Path) -> RealRig:
+    files = sorted(folder.glob("*.csv"))
+    sidecar = json.loads(files[0].with_suffix(".json").read_text(encoding="utf-8"))
+    return _with_drives(
+        "DFKI double pendulum, design C.1, closed loop",
+        "dfki-ric-underactuated-lab/double_pendulum, BSD-3-Clause. Swing-up and balance by a controller, as an acrobot"
+        " and as a pendubot; the drives measure their torques, 400 to 500 Hz.",
+        sidecar["lengths_m"],
+        sidecar["authors_model"],
+        files,
+        replace(HANGING, torque="measured"),
+    )
+
+
+def _with_drives(
+    title: str,
+    known: str,
+    lengths: tuple[float, float],
+    model: Mapping[str, float],
+    files: list[Path],
+    options: ImportOptions,
+) -> RealRig:
+    """A rig with geared drives, of which lengths and masses are known."""
+    masses = Measure(model["m1"]), Measure(model["m2"])
+    name = title.replace("double pendulum, design", "").lower().split(",")[0]
+    rig = geared(rezeroed(parse_rig(draft_rig(RigMeasures(name, *lengths, *masses)))))
+    return RealRig(title, known, rig, [import_csv(file, rig, options) for file in files])
+
+
+def _rotary(folder: Path) -> Iterator[RealRig]:
+    """Arm, rod and motor of a Furuta pendulum; the two recordings have different inputs, so each is cut into parts."""
+    files = {name: folder / f"{name}.csv" for name in ("free_rod_2023", "sine_4V")}
+    known = json.loads(files["sine_4V"].with_suffix(".json").read_text(encoding="utf-8"))["parameters"]
+    motor = MotorMeasures("voltage", kt=Measure(known["motor_Kt_Nm_A"]), R=Measure(known["motor_R_ohm"]))
+    measures = RigMeasures(
+        "odrive", known["rod_length_m"], None, Measure(known["rod_mass_kg"]), None, L0=known["arm_length_m"]
+    )
+    rig = parse_rig(draft_rig(replace(measures, counts_per_rev=8192, mounted="inner", arm="driven", motor=motor)))
+    source = (
+        "macstepien/furuta_pendulum, GPL-3.0. One rod on an arm with a direct-drive motor, 500 Hz, host time stamps"
+    )
+    yield RealRig(
+        "Furuta pendulum, free rod",
+        f"{source}. Cogging of the motor holds the arm.",
+        rig,
+        [import_csv(files["free_rod_2023"], rig, replace(HANGING, arm="clamped"))],
+    )
+    yield RealRig(
+        "Furuta pendulum, arm driven by a sine",
+        f"{source}. The input is a sine of 4 V and 1 Hz for 3 s; rods and arm are counted in opposite directions.",
+        rig,
+        [import_csv(files["sine_4V"], rig, replace(HANGING, scale={"theta1": -1.0}))],
+    )
 
 
 def diagnosed(real: RealRig) -> Iterator[Fold]:
