@@ -62,7 +62,8 @@ def test_the_result_has_the_keys_of_the_interface(two_found: Diagnosis):
         said["gap"]
     )
     assert {"name", "class", "probability", "parameters", "share"} <= set(said["effects"][0])
-    assert set(said["detectable"]) == set(OF_FREE_SWINGS) - {"arm_compliance"}  # encoder 0 saw the arm stand still
+    # encoder 0 read the same angle throughout, and no reading is off by two counts or more
+    assert set(said["detectable"]) == set(OF_FREE_SWINGS) - {"arm_compliance", "missed_counts"}
 
 
 @pytest.mark.long

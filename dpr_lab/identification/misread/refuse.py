@@ -38,7 +38,7 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
     if moves(runs):
         return  # signs and units of arm and input are tested in `gap.screen.input` and `moving_arm.doubts`
     ratio_fit, refused = _as_read(runs, rig)
-    contradiction = "" if ratio_fit is None else impossible_fit(ratio_fit, rig)
+    contradiction = "" if ratio_fit is None else impossible_fit(ratio_fit, runs, rig)
     possible = ratio_fit is not None and not contradiction
     if ratio_fit is not None and possible and residual(ratio_fit) < SETTINGS.suspicious:
         return
@@ -93,7 +93,7 @@ def refuse_impossible_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> No
         IdentificationError: the rig cannot have them; the message names the probable cause.
     """
     ratios, inertia = unknown[:SCALE], float(unknown[SCALE])
-    wrong = impossible(ratios, rig) if ratios[:3].min() <= 0 else impossible_scale(inertia, rig)
+    wrong = impossible(ratios, rig) if ratios[:3].min() <= 0 else impossible_scale(inertia, runs, rig)
     if not wrong:
         return
     hint = "" if moves(runs) else second_look(runs, rig).sentence

@@ -220,13 +220,16 @@ def impossible(ratios: Array, rig: Rig) -> str:
     return ""
 
 
-def impossible_scale(inertia: float, rig: Rig) -> str:
-    """Reason why the rig cannot have the inertia b, kg m^2, of a fit to known torques or masses; empty if it can.
+def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
+    """Reason why the rig cannot have the inertia b, kg m^2, of a fit; empty if it can.
 
-    A wrong unit of the torques changes only b, so that the residual does not show it.
+    A wrong unit of known torques changes only b, so that the residual does not show it. Without known torques, b is
+    not determined by the motion, and only its sign can contradict the rig.
     """
     nominal = float(unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))[SCALE])
-    if nominal / SETTINGS.wrong_inertia < inertia < nominal * SETTINGS.wrong_inertia:
+    known = any(run.torques is not None or run.arm_input is not None for run in runs)
+    factor = SETTINGS.wrong_inertia if known else np.inf
+    if nominal / factor < inertia < nominal * factor:
         return ""
     kind = "a negative" if inertia < 0 else "an impossibly small" if inertia < nominal else "an impossibly large"
     return (
@@ -235,10 +238,10 @@ def impossible_scale(inertia: float, rig: Rig) -> str:
     )
 
 
-def impossible_fit(ratio_fit: RatioFit, rig: Rig) -> str:
+def impossible_fit(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> str:
     """Reason why the rig cannot have the ratios or the inertia b of a fit; empty if it can."""
     inertia = float(ratio_fit.fit.estimate.ratios[SCALE])
-    return impossible(ratio_fit.ratios, rig) or impossible_scale(inertia, rig)
+    return impossible(ratio_fit.ratios, rig) or impossible_scale(inertia, runs, rig)
 
 
 def fitted(
@@ -307,7 +310,7 @@ def _otherwise(
             other = fitted(alike, rig, quick=True, worst=worst, time_factor=factor)
         except RunError:  # without motion or samples in this interpretation
             continue
-        if other is not None and other.chi2_per_dof < worst and not impossible_fit(other, rig):
+        if other is not None and other.chi2_per_dof < worst and not impossible_fit(other, alike, rig):
             yield reading, other
 
 
