@@ -78,17 +78,13 @@ def disturbance(
             shared_std = noise[problem.segments.run[problem.owner]] / float(np.median(np.diff(problem.t))) ** 0.5
             shared += np.einsum("nja,na->nj", reference.out, _at(slope, reference.at)) * shared_std[:, None]
     shared[inner[problem.segments.run[problem.owner]] > 0.0, 0] = 0.0
-    return Disturbance(random_walk(reference, rate), reference.out, shared)
-
-
-def random_walk(reference: Trajectory, rate: Array) -> Array:
-    """(samples, 4, 4) covariance added since the previous sample, from its rate (n, 4, 4) along a trajectory, 1/s."""
     between = np.diff(reference.motion.t)[:, None, None] * 0.5 * (rate[1:] + rate[:-1])
     between[reference.edges[1:-1] - 1] = 0.0
-    total = _at(np.concatenate([np.zeros((1, 4, 4)), np.cumsum(between, axis=0)]), reference.at)
-    walk = np.diff(total, axis=0, prepend=0.0)
-    walk[reference.first[:-1]] = 0.0  # earlier noise is part of the initial state
-    return np.ascontiguousarray(walk)
+    walk = np.diff(
+        _at(np.concatenate([np.zeros((1, 4, 4)), np.cumsum(between, axis=0)]), reference.at), axis=0, prepend=0.0
+    )
+    walk[problem.segments.offsets[:-1]] = 0.0  # earlier noise is part of the initial state
+    return Disturbance(np.ascontiguousarray(walk), reference.out, shared)
 
 
 def most_noise(problem: Problem) -> Array:

@@ -21,7 +21,7 @@ a smaller effect may compensate for the inexact form of a large one.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -140,7 +140,14 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
     prior = np.array([plausibility(chosen.fit.estimate.params, name), *plausibilities.values()])
     rest = {other: score for other, score in others.items() if other not in plausibilities}
     alternatives = _alternatives(selection, without, test, named_score, rest)
-    scaled = _log_odds(selection, name, alternatives, calibration)
+    added_cost = np.array(
+        [
+            0.0,
+            *(_added_cost(selection, name, alternative) for alternative in alternatives),
+            selection.without_substitute[name].cost - chosen.cost,
+        ]
+    )
+    scaled = -added_cost / (2 * chosen.residuals.inflation * calibration.temperature)
     weights = np.exp(np.clip(scaled, -NEGLIGIBLE, NEGLIGIBLE))
     weights[1:-1] *= [_prior_odds(selection, without, alternative, calibration) for alternative in alternatives]
     of_outside = outside(selection, name, calibration, members=plausibilities)
@@ -154,26 +161,8 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
         ),
         probability=float(weights[0]),
         odds=tuple((prior / prior.sum()).tolist()),
-        outside=of_outside + float(weights[-1]),
+        outside=of_outside,
     )
-
-
-def _log_odds(selection: Selection, name: str, alternatives: Sequence[Alternative], calibration: Calibration) -> Array:
-    """Log odds of the selected set, of the set with each alternative, and of the set without the effect.
-
-    While a residual remains, fitted sets are compared under torques that do not repeat (`Wandering`). The set without
-    the effect then stands for such a torque in its place.
-    """
-    chosen, without, smaller = selection.chosen, selection.without[name], selection.without_substitute[name]
-    added = [_added_cost(selection, name, alternative) for alternative in alternatives]
-    odds = -np.array([0.0, *added, smaller.cost - chosen.cost]) / chosen.residuals.inflation
-    if (torques := selection.wandering) is not None:
-        least = torques.cost(chosen)
-        for i, alternative in enumerate(alternatives, 1):
-            if (instead := selection.fitted.get(without.key | {alternative.name})) is not None:
-                odds[i] = -max(torques.least_cost(instead) - least, 0.0)
-        odds[-1] = least - torques.least_cost(smaller)
-    return odds / (2 * calibration.temperature)
 
 
 def _class_members(

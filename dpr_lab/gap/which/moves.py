@@ -23,7 +23,6 @@ from dpr_lab.gap.which.replacements import (
     SIMPLER_FORM,
 )
 from dpr_lab.gap.which.search import Decision, Move, Proposal
-from dpr_lab.gap.which.wandering_torque import WANDERING_TORQUE
 
 
 def _with_known_effects(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -94,7 +93,6 @@ MOVES = (
     CONVERGE,
     BETTER_ALTERNATIVE,
     MORE_PLAUSIBLE,
-    WANDERING_TORQUE,
     HELD_OUT,
 )
 """All moves except `forward.forward_selection` and `select.short_segments`, which depend on the number of effects."""

@@ -22,12 +22,11 @@ from dpr_lab.gap.hypothesis.thresholds import (
     far_from_noise,
     indifference,
 )
-from dpr_lab.gap.hypothesis.wandering import wandering
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.which.fitted_sets import FittedSets, Progress
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.forward import forward_selection, refutes_process_noise
-from dpr_lab.gap.which.moves import CONVERGE, HELD_OUT, REFINE, REVISIONS, SHORT, START, WANDERING_TORQUE
+from dpr_lab.gap.which.moves import HELD_OUT, REFINE, REVISIONS, SHORT, START
 from dpr_lab.gap.which.replacements import with_alternatives
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply, run
 from dpr_lab.gap.which.selected import Selection
@@ -113,7 +112,6 @@ def _refined(draft: Draft) -> Selection:
         state = _revised(sets, state)
         if state.current is before:
             break
-    state = run((WANDERING_TORQUE, CONVERGE), sets, state)
     final = apply(HELD_OUT, sets, state)
     misleading = tuple(name for name in state.current.effects if name not in final.current.effects)
     return _selection(sets, final, misleading)
@@ -188,7 +186,6 @@ def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]
         impossible=frozenset(key for key, model in fits.items() if not sets.possible(model)),
         oversized=sets.oversized(chosen),
         misleading=misleading,
-        wandering=wandering(sets.problem, chosen) if chosen.effects else None,
         trace=state.trace,
     )
 

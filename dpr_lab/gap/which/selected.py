@@ -2,15 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import ScoreTest
-
-if TYPE_CHECKING:
-    from dpr_lab.gap.hypothesis.wandering import Wandering
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +59,6 @@ class Selection:
     """Effects of the selected set with sizes that no rig has, or with those of another cause."""
     misleading: tuple[str, ...] = ()
     """Effects that worsen the prediction of held-out runs and are therefore not in the selected set."""
-    wandering: "Wandering | None" = None
-    """Torques that wander beyond the selected set; None if only noise remains."""
     trace: tuple[TracedTrial, ...] = ()
     """All trials of the search, in order."""
 
