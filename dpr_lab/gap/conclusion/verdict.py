@@ -223,7 +223,7 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
         )
     if at_noise_floor(chosen):
         return UNCERTAIN
-    size = f"{_in_noise(chosen.residuals.noise_ratio)}"
+    size = _in_noise(chosen.residuals.noise_ratio)
     small = chosen.residuals.noise_ratio < 1.0
     remainder = f"A small but significant remainder, {size}," if small else f"A remainder of {size}"
     return f"{remainder} has another cause or another form."
@@ -242,7 +242,7 @@ def _no_gap(base: Hypothesis) -> str:
     if at_noise_floor(base):
         return "No gap visible at this noise. The bare model explains the recordings down to the noise floor."
     return (
-        f"No gap above the noise. No effect of the library explains the remainder of"
+        "No gap above the noise. No effect of the library explains the remainder of"
         f" {_in_noise(base.residuals.noise_ratio)}."
     )
 
