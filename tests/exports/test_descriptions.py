@@ -71,8 +71,8 @@ def test_sdf_has_the_elements_of_its_specification(paper: Rig, bent: dict):
     assert about == pytest.approx(z["J1"] + z["m1"] * z["l1"] ** 2 + z["mb"] * paper.rig.L1**2)
 
 
-@pytest.mark.parametrize("told", ["tilted", "bent and wound"])
-def test_sdf_in_drake_agrees_with_dpr_lab(paper: Rig, told: str):
+@pytest.mark.parametrize("case", ["tilted", "bent and wound"])
+def test_sdf_in_drake_agrees_with_dpr_lab(paper: Rig, case: str):
     """Drake reads SDFormat with the format's own library; gravity of the world and dry friction it leaves to others."""
     # Imported by name, or the type checker would read all of Drake's stubs.
     parsing, plants, analysis = (
@@ -80,7 +80,7 @@ def test_sdf_in_drake_agrees_with_dpr_lab(paper: Rig, told: str):
         for module in ("multibody.parsing", "multibody.plant", "systems.analysis")
     )
     wound = {"spring_joint2": {"stiffness_Nm_per_rad": 2e-3, "constant_Nm": 1e-3}}
-    effects = typical("base_tilt") if told == "tilted" else typical("com_offset_link2") | wound
+    effects = typical("base_tilt") if case == "tilted" else typical("com_offset_link2") | wound
     file, t = sdf(model_of(paper, effects), paper, {}), np.linspace(0, 2.0, 41)
     plant = plants.MultibodyPlant(0.0)
     parsing.Parser(plant).AddModelsFromString(file, "sdf")

@@ -71,10 +71,10 @@ def frame_of(happening, last: Frame) -> Frame:
 @pytest.mark.slow
 @settings(max_examples=30, suppress_health_check=[HealthCheck.too_slow])
 @given(st.booleans(), st.lists(happenings, max_size=25))
-def test_both_firmwares_send_the_same_at_every_step(begun: bool, sequence: list):
+def test_both_firmwares_send_the_same_at_every_step(after_usual: bool, sequence: list):
     python, c = both()
     steps, last = 0, encode(KeepAlive())
-    for happening in (usual if begun else []) + sequence:
+    for happening in (usual if after_usual else []) + sequence:
         if isinstance(happening, int):
             steps += happening
         else:

@@ -74,7 +74,7 @@ def _direction(space: ColumnSpace, inside: list[int], k: int, inward: float) -> 
     direction = np.zeros(len(space))
     direction[k] = inward
     across = space.H[inside][:, [k]] / space.scale[k] * inward
-    direction[inside] = (space.chosen(inside).covariance() @ (across[:, 0] / space.scale[inside])) * -1.0
+    direction[inside] = -space.chosen(inside).covariance() @ (across[:, 0] / space.scale[inside])
     return direction
 
 

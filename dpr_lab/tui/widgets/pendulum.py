@@ -1,6 +1,7 @@
 """Drawing of the arm and the rods in Braille dots."""
 
 import math
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -34,8 +35,9 @@ class _Drawing(PlainCanvas):
         event.stop()
         self._draw()
 
+    @abstractmethod
     def _draw(self) -> None:
-        raise NotImplementedError
+        """Draw the whole picture again, in the present size."""
 
     def _colour(self, name: str) -> str:
         """Colour of the theme, or grey."""
