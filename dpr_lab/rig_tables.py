@@ -3,9 +3,9 @@
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import printable
 from dpr_lab.joint_angles import JointAngles
 from dpr_lab.shown import listed
@@ -111,7 +111,7 @@ class Pose(RigTable):
     """Permitted deviation of a rod at the release, rad."""
 
     @property
-    def theta(self) -> NDArray[np.float64]:
+    def theta(self) -> Array:
         """(3,) angles of arm, inner and outer rod, rad."""
         return np.array([self.theta0, self.theta1, self.theta2])
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.acceptance.limits import RATIO_UNITS
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.identification.model import ALONE
 from dpr_lab.report.angles import RADIANS, AngleUnit
@@ -336,11 +336,11 @@ def _held_out(multiples: Sequence[float]) -> str:
     return f"1 run held out: {worst}" if len(multiples) == 1 else f"{len(multiples)} runs held out: at most {worst}"
 
 
-def _worst(rms: Sequence[float] | NDArray[np.float64], noise: Sequence[float] | NDArray[np.float64]) -> float:
+def _worst(rms: Sequence[float] | Array, noise: Sequence[float] | Array) -> float:
     return float(np.max(_noise_ratio(np.asarray(rms), np.asarray(noise))))
 
 
-def _noise_ratio(rms: NDArray[np.float64], noise: NDArray[np.float64]) -> NDArray[np.float64]:
+def _noise_ratio(rms: Array, noise: Array) -> Array:
     """Residual / noise floor by axis; NaN where the noise floor is unknown."""
     return np.divide(rms, noise, out=np.full(len(rms), np.nan), where=noise > 0)
 

@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from dpr_lab.arrays import Array
 from dpr_lab.search.crossover import cross
 from dpr_lab.search.feedback_mutation import near_duplicates, replacements
 from dpr_lab.search.fitness import cost, fitness
@@ -21,7 +22,7 @@ from dpr_lab.search.mutation import mutate
 from dpr_lab.search.orthogonal import Levels, array_for, experiment
 from dpr_lab.search.population import Population, merged, ranked
 from dpr_lab.search.population_fitness import population_fitness
-from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, SearchProblem
+from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import IgaSettings
 
 
@@ -61,7 +62,7 @@ def _populations(
         population = merged(population, offspring).best(settings.population)  # (9), (10)
 
 
-def _fitness(population: Population, settings: IgaSettings) -> Floats:
+def _fitness(population: Population, settings: IgaSettings) -> Array:
     return fitness(population.cost, settings.fitness_scale, settings.delta)
 
 

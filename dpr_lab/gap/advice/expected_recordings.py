@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.prediction import PAD, predict
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.effects import EFFECTS
@@ -17,8 +17,6 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.record import RATE_HZ
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig_tables import AddedMass
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

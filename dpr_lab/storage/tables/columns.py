@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.options import AXES
 from dpr_lab.storage.tables.table import Table
@@ -72,7 +72,7 @@ def counter(table: Table) -> str:
     return ""
 
 
-def numbers(table: Table) -> NDArray[np.float64]:
+def numbers(table: Table) -> Array:
     """(n,) number of each row in the recording, from 0; where frames were lost, numbers are missing.
 
     A column that counts every k-th frame counts the rows in steps of k.
@@ -192,7 +192,7 @@ def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[
     return (varying, clock) if len(varying) == 1 else ([], {})
 
 
-def _varies(column: NDArray[np.float64]) -> bool:
+def _varies(column: Array) -> bool:
     known = column[np.isfinite(column)]
     return bool(len(known) and np.ptp(known) > 0.0)
 
@@ -286,7 +286,7 @@ def _of_joint_states(names: Sequence[str], given: Mapping[str, str]) -> dict[str
     return {}
 
 
-def runs(column: NDArray[np.float64]) -> bool:
+def runs(column: Array) -> bool:
     """Whether a column increases in nearly equal steps."""
     steps = np.diff(column)
     return bool(len(steps) and (steps > 0).all() and np.median(steps) > 0.5 * np.mean(steps))
