@@ -266,7 +266,8 @@ def _check_rig(stored: Scan, rig: Rig) -> None:
     ]
     if differing:
         raise RunError(
-            f"{stored.path}: run of another rig: {'; '.join(differing)}; give the rig file that it was recorded with"
+            f"{stored.path}: run of another rig: {'; '.join(differing)}; give the rig file that it was recorded with,"
+            " or leave this run out"
         )
 
 

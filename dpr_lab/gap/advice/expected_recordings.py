@@ -32,10 +32,10 @@ class PossibleRelease:
 
 MENU = (
     PossibleRelease(
-        "a release of 5 degrees from hanging, recorded for 30 s until it rests", (np.pi - 0.09, np.pi - 0.09), 30.0
+        "a release 5 degrees from hanging, for 30 s until the rods rest", (np.pi - 0.09, np.pi - 0.09), 30.0
     ),
     PossibleRelease("a release with both rods horizontal", (np.pi / 2, np.pi / 2), 10.0),
-    PossibleRelease("its mirror image, both rods horizontal on the other side", (1.5 * np.pi, 1.5 * np.pi), 10.0),
+    PossibleRelease("a release with both rods horizontal on the other side", (1.5 * np.pi, 1.5 * np.pi), 10.0),
     PossibleRelease("a release from near upright", (0.1, 0.1), 10.0),
     PossibleRelease(
         "a release with both rods horizontal and 100 g clamped to the outer rod 0.2 m from its pivot",

@@ -346,7 +346,8 @@ def _rows_to_keep(
     refuse_missing(path, instants[inside] - known[0], whole)
     rows = inside[whole]
     if len(rows) == 0:
-        raise RunError(f"{path}: no rows between {start:g} s and {stop:g} s; the table ends at {known[-1]:g} s")
+        part = f"after {start:g} s" if options.duration_s is None else f"between {start:g} s and {stop:g} s"
+        raise RunError(f"{path}: no rows {part}; the table ends at {known[-1]:g} s")
     doubled = np.diff(t[rows], prepend=-np.inf) == 0
     _refuse_coarse_times(path, readings, rows, doubled)
     distinct = rows[~doubled]
