@@ -1,9 +1,10 @@
 """The improved genetic algorithm (IGA), in the ten steps of docs/theory.md, section 2.
 
-(1) initialise by hybrid coding, (2) sort by fitness, (3) population fitness, (4) dynamic encoding and feedback mutation
-once the population has converged, then for M Pc / 2 offspring (5) pairing and crossover, (6) orthogonal experiment,
-(7) hybrid mutation, (8) all of them at once; (9) merge and sort, (10) keep the best M; again from (3).
-Until then step (4) of the publication requires "traditional mutation", interpreted here as the mutation of step (7).
+(1) Initialise by hybrid coding. (2) Sort by fitness. (3) Compute the population fitness. (4) Once the population has
+converged: dynamic encoding and feedback mutation. (5) Pairing and crossover. (6) Orthogonal experiment. (7) Hybrid
+mutation. (8) Steps (5) to (7) for M Pc / 2 offspring, all at once. (9) Merge and sort. (10) Keep the best M and repeat
+from (3). Before convergence, step (4) of the publication requires "traditional mutation", interpreted here as the
+mutation of step (7).
 """
 
 from collections.abc import Iterator

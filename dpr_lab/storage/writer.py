@@ -51,8 +51,8 @@ class WriterSettings:
     flush_s: float = 0.2
     """Maximum age of a chunk, s; with a call every 50 ms it reaches the operating system within 250 ms."""
     sync_s: float = 5.0
-    """Whether to sync to disk. A killed process loses nothing that was flushed, only a power failure does, and
-    syncing can block for 100 ms.
+    """Interval at which the file is synchronised with the disk, s. Only a power failure loses flushed data; a killed
+    process does not, and each synchronisation can block for 100 ms.
     """
     messages_a_chunk: int = 500
     """Maximum number of events of each kind, and of states, between two flushes; further ones are only counted."""

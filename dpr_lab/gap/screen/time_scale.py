@@ -37,11 +37,11 @@ RULES = TimeScaleRules()
 
 
 def with_time_scale(recordings: Recordings, ratios: Array) -> Recordings:
-    """The recordings with a finding at the first one, if gravity contradicts their time stamps.
+    """Add a finding to the first recording whose time stamps contradict gravity.
 
     Args:
         recordings: the runs
-        ratios: (7,) as fitted to them
+        ratios: (7,) ratios that were fitted to them
     """
     for number, record in enumerate(recordings.records):
         if evidence := _contradiction(record, recordings.rig, ratios):
