@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from dpr_lab.arrays import Array, Flags
 from dpr_lab.rig_tables import AddedMass, Mounting
 
 
@@ -17,13 +16,13 @@ from dpr_lab.rig_tables import AddedMass, Mounting
 class Torques:
     """Known joint torques; each value holds until the next instant, the first and the last beyond the record."""
 
-    t: Array
+    t: NDArray[np.float64]
     """(n,) increasing, s since the release."""
-    joints: Array
+    joints: NDArray[np.float64]
     """(n, 2) torque of joint 1 on the inner rod, and of joint 2 on the outer one, N m."""
     kind: str = ""
     """`measured` or `commanded`, if known."""
-    on_arm: Array | None = None
+    on_arm: NDArray[np.float64] | None = None
     """(n,) torque on a driven arm, N m; None if it is unknown."""
     scaled: bool = True
     """Whether they are known in N m and thus determine the scale of all torques; False: known up to a factor."""
@@ -34,12 +33,12 @@ class Torques:
         return _on_joints(self)
 
     @property
-    def arm_knots(self) -> tuple[Array, Array]:
+    def arm_knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(n + 2,) instants and (n + 2,) impulse on the arm until each, N m s; none without a torque on it."""
         return _arm_knots(self)
 
     @property
-    def knots(self) -> tuple[Array, Array]:
+    def knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(n + 2,) instants and (n + 2, 2) impulse on theta1, theta2 up to each, N m s; linear in between."""
         return _knots(self)
 
@@ -67,7 +66,7 @@ class Torques:
         means = np.vstack([np.diff(impulse, axis=0) / np.diff(t)[:, None], values[-1:]])
         return replace(self, t=t, joints=means[:, :2], on_arm=None if self.on_arm is None else means[:, 2])
 
-    def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
+    def mean_before(self, instants: ArrayLike, first: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """(m, 2) mean generalised torques on theta1, theta2 between each of (m,) instants and the previous one, N m.
 
         Zero without a previous instant: at the first one, and where `first` (m,) is true.
@@ -81,7 +80,7 @@ class Torques:
 
 
 @lru_cache(maxsize=32)  # used by every prediction
-def _knots(torques: Torques) -> tuple[Array, Array]:
+def _knots(torques: Torques) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     onward = np.concatenate([torques.t[:1] - 1.0, torques.t, torques.t[-1:] + 1e6])
     joints = np.concatenate([torques.joints[:1], torques.joints])
     held = np.stack([joints[:, 0] - joints[:, 1], joints[:, 1]], axis=1)
@@ -95,7 +94,7 @@ def _on_joints(torques: Torques) -> bool:
 
 
 @lru_cache(maxsize=32)
-def _arm_knots(torques: Torques) -> tuple[Array, Array]:
+def _arm_knots(torques: Torques) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     if torques.on_arm is None:
         return np.zeros(0), np.zeros(0)
     onward = np.concatenate([torques.t[:1] - 1.0, torques.t, torques.t[-1:] + 1e6])
@@ -107,16 +106,16 @@ def _arm_knots(torques: Torques) -> tuple[Array, Array]:
 class ArmMotion:
     """Known motion of an arm: its speed is linear between instants and constant outside them."""
 
-    t: Array
+    t: NDArray[np.float64]
     """(n,) increasing, s since the release."""
-    theta: Array
+    theta: NDArray[np.float64]
     """(n,) theta0, rad."""
-    omega: Array
+    omega: NDArray[np.float64]
     """(n,) speed of the arm, rad/s."""
     noise: float = 0.0
     """Standard deviation of the readings from which it was estimated, rad."""
 
-    def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
+    def mean_before(self, instants: ArrayLike, first: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """(m, 2) mean acceleration and squared speed between each of (m,) instants and the previous one, rad, s.
 
         Without a previous instant, at the first one and where `first` (m,) is true, the speed is that of the instant.
@@ -127,7 +126,7 @@ class ArmMotion:
         return np.stack([(v - u) / passed, (u * u + u * v + v * v) / 3.0], axis=1)
 
 
-def _since_before(instants: Array, first: Flags | None) -> Array:
+def _since_before(instants: NDArray[np.float64], first: NDArray[np.bool_] | None) -> NDArray[np.float64]:
     """(m,) time since the previous instant; infinite without one."""
     passed = np.diff(instants, prepend=-np.inf)
     return passed if first is None else np.where(first, np.inf, passed)

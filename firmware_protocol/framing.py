@@ -34,10 +34,11 @@ def cobs_encode(data: bytes) -> bytes:
     """
     out = bytearray()
     for run in data.split(b"\0"):
-        for start in range(0, len(run) - 253, 254):
-            out += b"\xff" + run[start : start + 254]
-        tail = run[len(run) - len(run) % 254 :]
-        out += bytes([len(tail) + 1]) + tail
+        while len(run) >= 254:
+            out += b"\xff" + run[:254]
+            run = run[254:]
+        out.append(len(run) + 1)
+        out += run
     return bytes(out)
 
 

@@ -92,6 +92,7 @@ for module in ("assemble", "serve", "options", "plant.plant", "links.open_link")
     import_module(f"sim_device.{module}")
 import_module("tests.one_compiler")
 import_module("tests.valid_files")
+import_module("tests.blank_figures")
 for starts in (child_process, sealing):
     starts.subprocess = SimpleNamespace(  # pyright: ignore[reportAttributeAccessIssue]
         Popen=started,

@@ -4,8 +4,7 @@ Rows of parameters are in the order of `dpr_lab.rig.PARAMETERS`, SI.
 """
 
 import numpy as np
-
-from dpr_lab.arrays import Array
+from numpy.typing import NDArray
 
 TRUE = np.array([0.2, 0.2, 0.1, 0.1, 0.208, 0.001, 0.001, 0.00133, 0.00133])
 """(9,) the "actual" parameters of section 4.1 of the publication."""
@@ -42,7 +41,7 @@ _TABLE_3 = """
 """
 
 
-def _numbers(text: str) -> Array:
+def _numbers(text: str) -> NDArray[np.float64]:
     return np.array([[float(word) for word in line.split()] for line in text.strip().splitlines()])
 
 

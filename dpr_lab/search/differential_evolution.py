@@ -7,12 +7,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from dpr_lab.arrays import Array
 from dpr_lab.search.fitness import FAILED_ABOVE, cost
 from dpr_lab.search.generations import generations
 from dpr_lab.search.latin_hypercube import latin_hypercube
 from dpr_lab.search.population import Population, ranked
-from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
+from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import NotNegative, SearchSettings, Share
 
 
@@ -60,7 +59,7 @@ def _populations(
 
 def _trials(
     population: Population, box: Bounds, settings: DifferentialEvolutionSettings, rng: np.random.Generator
-) -> Array:
+) -> Floats:
     """(size, n) one trial for each individual.
 
     scipy has no function for one generation. It gets the population and its known costs, and runs one iteration, in
@@ -68,9 +67,9 @@ def _trials(
     """
     from scipy import optimize
 
-    evaluated: list[Array] = []
+    evaluated: list[Floats] = []
 
-    def known_then_none(columns: Array) -> Array:
+    def known_then_none(columns: Floats) -> Floats:
         evaluated.append(columns.T)
         return np.minimum(population.cost, FAILED_ABOVE) if len(evaluated) == 1 else np.zeros(len(population.cost))
 

@@ -4,10 +4,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dpr_lab.arrays import Array
-
-Vector = Array
+Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

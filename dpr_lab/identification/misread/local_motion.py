@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyvander
 from numpy.typing import NDArray
 
-from dpr_lab.arrays import Array
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dpr_lab.arrays import Array
+Array = NDArray[np.float64]
 
 
 def per_degree() -> float:

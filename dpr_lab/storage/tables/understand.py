@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import refuse_still_arm
 from dpr_lab.estimation.held_rods import FreePart, RodMotion, free_part, rest_fault
@@ -47,13 +46,13 @@ from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, torque
 class Understood:
     """Interpretation of a table."""
 
-    since_first_s: Array
+    since_first_s: NDArray[np.float64]
     """(n,) times since the first kept row, s."""
     release: int
     """Row of the release; earlier rows are the rest."""
-    theta: Array
+    theta: NDArray[np.float64]
     """(n, 3) absolute angles, 0 = upright, rad."""
-    counts: Integers | None
+    counts: NDArray[np.int64] | None
     t_offset_s: float
     """Time in the table at the release, s."""
     columns: Mapping[str, str]
@@ -62,7 +61,7 @@ class Understood:
     options: ImportOptions
     """Options including the detected units."""
     kind: str
-    torques: Mapping[str, Array] = field(default_factory=dict)
+    torques: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     """(n, 2) torques by kind, `measured` first; the kind is empty if the columns do not state it; no entry for a
     free swing.
     """
@@ -76,7 +75,7 @@ class Understood:
     """Noise of angles from points in a video."""
 
     @property
-    def t(self) -> Array:
+    def t(self) -> NDArray[np.float64]:
         """(n,) times since the release, s; negative in the rest before it."""
         return self.since_first_s - self.since_first_s[self.release]
 
@@ -136,7 +135,7 @@ def _read(path: Path, rig: Rig, options: ImportOptions, on_progress: OnImport) -
 
 def _readings(
     table: Table, names: Mapping[str, str], rig: Rig, options: ImportOptions
-) -> tuple[Array, dict[str, Array], list[str]]:
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], list[str]]:
     """(rows,) times, s, (rows,) readings of each recorded axis with NaN for outliers, and notes."""
     t = _times(table, names, options)
     readings, empty = _recorded(table, {axis: table.column(names[axis]) for axis in AXES if axis in names})
@@ -153,19 +152,19 @@ class _Rows:
 
     path: Path
     kept: NDArray[np.intp]
-    t: Array
+    t: NDArray[np.float64]
     """(all rows,) times, s."""
-    values: Mapping[str, Array]
-    torques: Mapping[str, Array]
+    values: Mapping[str, NDArray[np.float64]]
+    torques: Mapping[str, NDArray[np.float64]]
     columns: Mapping[str, str]
     options: ImportOptions
-    ignored: tuple[str, Array] | None
+    ignored: tuple[str, NDArray[np.float64]] | None
     """Kind and (kept rows, 2) torques that `--torque none` ignores, N m; None if there are none."""
 
 
 def _ignored(
     table: Table, names: list[str], options: ImportOptions, rows: NDArray[np.intp]
-) -> tuple[str, Array] | None:
+) -> tuple[str, NDArray[np.float64]] | None:
     if options.torque != "none" or options.arm != "clamped":
         return None
     with suppress(RunError):
@@ -237,7 +236,7 @@ def _seems_held(motion: RodMotion, whole: FreePart) -> bool:
         return True
 
 
-def _cut_notes(t: Array, part: FreePart, fault: str) -> list[str]:
+def _cut_notes(t: NDArray[np.float64], part: FreePart, fault: str) -> list[str]:
     """Notes on rows removed because the rods were held, and on a first row before t = 0 treated as the release."""
     notes = []
     if part.start == 0 and t[0] < 0 < t[-1]:
@@ -269,7 +268,7 @@ def _refuse_conventions(table: Table, options: ImportOptions) -> None:
         )
 
 
-def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> Array:
+def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> NDArray[np.float64]:
     if options.rate_hz is not None:
         return numbers(table) / options.rate_hz
     assert options.time_unit is not None
@@ -279,12 +278,12 @@ def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> 
     return times * TO_SECONDS[options.time_unit]
 
 
-def _scaled(column: Array, axis: str, options: ImportOptions) -> Array:
+def _scaled(column: NDArray[np.float64], axis: str, options: ImportOptions) -> NDArray[np.float64]:
     """A column of readings with wraps removed, multiplied by the scale and shifted by the offset."""
     return _unwrapped(column, options) * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)
 
 
-def _unwrapped(column: Array, options: ImportOptions) -> Array:
+def _unwrapped(column: NDArray[np.float64], options: ImportOptions) -> NDArray[np.float64]:
     """A column with its wraps removed; missing values remain missing."""
     if options.wrap is None:
         return column
@@ -293,7 +292,9 @@ def _unwrapped(column: Array, options: ImportOptions) -> Array:
     return turned
 
 
-def _recorded(table: Table, readings: dict[str, Array]) -> tuple[dict[str, Array], list[str]]:
+def _recorded(
+    table: Table, readings: dict[str, NDArray[np.float64]]
+) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
     """Axes whose column contains numbers, and a note for an empty column; both rods are required."""
     silent = [axis for axis, column in readings.items() if not np.isfinite(column).any()]
     for axis in silent:
@@ -303,7 +304,9 @@ def _recorded(table: Table, readings: dict[str, Array]) -> tuple[dict[str, Array
     return recorded, [f"{axis}: its column is empty, so this axis was not recorded" for axis in silent]
 
 
-def _check_forwards(table: Table, t: Array, options: ImportOptions, readings: Mapping[str, Array]) -> None:
+def _check_forwards(
+    table: Table, t: NDArray[np.float64], options: ImportOptions, readings: Mapping[str, NDArray[np.float64]]
+) -> None:
     known = np.flatnonzero(np.isfinite(t))
     backwards = np.flatnonzero(np.diff(t[known]) < 0)
     if len(backwards):
@@ -331,7 +334,7 @@ def _line(table: Table, row: int) -> str:
 
 
 def _rows_to_keep(
-    path: Path, t: Array, readings: Mapping[str, Array], options: ImportOptions
+    path: Path, t: NDArray[np.float64], readings: Mapping[str, NDArray[np.float64]], options: ImportOptions
 ) -> tuple[NDArray[np.intp], list[str]]:
     known = t[np.isfinite(t)]
     if not len(known):
@@ -346,8 +349,7 @@ def _rows_to_keep(
     refuse_missing(path, instants[inside] - known[0], whole)
     rows = inside[whole]
     if len(rows) == 0:
-        part = f"after {start:g} s" if options.duration_s is None else f"between {start:g} s and {stop:g} s"
-        raise RunError(f"{path}: no rows {part}; the table ends at {known[-1]:g} s")
+        raise RunError(f"{path}: no rows between {start:g} s and {stop:g} s; the table ends at {known[-1]:g} s")
     doubled = np.diff(t[rows], prepend=-np.inf) == 0
     _refuse_coarse_times(path, readings, rows, doubled)
     distinct = rows[~doubled]
@@ -357,7 +359,9 @@ def _rows_to_keep(
     return distinct[new], _counted_notes(empty, int(doubled.sum())) + ([note] if note else [])
 
 
-def _refuse_coarse_times(path: Path, readings: Mapping[str, Array], rows: NDArray[np.intp], doubled: Flags) -> None:
+def _refuse_coarse_times(
+    path: Path, readings: Mapping[str, NDArray[np.float64]], rows: NDArray[np.intp], doubled: NDArray[np.bool_]
+) -> None:
     """Refuse a table with many rows of equal time and different readings: the time column has too few digits."""
     later, before = rows[doubled], rows[np.flatnonzero(doubled) - 1]
     changed = np.logical_or.reduce([column[later] != column[before] for column in readings.values()])
