@@ -11,30 +11,41 @@ PAGE = Path(__file__).with_suffix(".md")
 
 HEAD = """# The effect library
 
-What `dpr-lab diagnose` can name. Each effect is one file in `dpr_lab/effects`; a parameter of zero switches it off.
-Twins look alike in a free swing; the bench check tells them apart. Numbers of equations are those
-of [theory.md](theory.md). This page is written by `docs/effects.py`.
+The effects that `dpr-lab diagnose` can name, each with its symptom at the rig and a bench check that confirms it.
+Effects that a free swing cannot distinguish, or hardly, are listed as "indistinguishable from"; the bench check
+distinguishes them. Each effect is defined in one file in `dpr_lab/effects`; an amplitude of zero switches it off.
+Numbers of equations are those of [theory.md](theory.md). `dpr-lab effects show NAME` prints one effect. This page is
+written by `docs/effects.py`.
 
 No fit gives an amplitude beyond its limit, which follows from the best known values of the rig file: gravity torques,
 inertias, lengths, counts per turn. A third of the limit is the standard deviation of a normal prior about zero. An
 amplitude that recordings cannot distinguish from the ratios, the zeros or the initial states is not fitted; the
 diagnosis lists it in `absorbed`. An effect with an amplitude at its limit has another cause and is not named.
+
+| site | effects |
+|---|---|
 """
 
 
 def page() -> str:
     """The whole page, as Markdown."""
     families = ["## Effects of one component\n", *map(together, FAMILIES)]
-    return "\n".join([HEAD, *map(section, EFFECTS.values()), *families, ""])
+    sites: dict[str, list[str]] = {}
+    for effect in EFFECTS.values():
+        sites.setdefault(effect.site, []).append(f"`{effect.name}`")
+    overview = [f"| {site} | {', '.join(names)} |" for site, names in sites.items()]
+    return "\n".join([HEAD + "\n".join(overview), "", *map(section, EFFECTS.values()), *families, ""])
 
 
 def section(effect: Effect) -> str:
-    """One effect: equation, parameters, twins, bench check, source."""
+    """One effect: symptom, equation, parameters, indistinguishable effects, bench check, source."""
     equation = effect.equation.replace("`", "")  # it stands in code marks itself
     lines = [
         f"## {effect.words[0].upper()}{effect.words[1:]}: `{effect.name}`",
         "",
-        f"Site: {effect.site}. {'Only takes energy out. ' if effect.dissipative else ''}`{equation}`",
+        effect.symptom,
+        "",
+        f"Site: {effect.site}{', dissipative' if effect.dissipative else ''}. Equation: `{equation}`",
         "",
         "| parameter | unit | typical | limit | sign | role |",
         "|---|---|---|---|---|---|",
@@ -49,7 +60,7 @@ def section(effect: Effect) -> str:
 
 
 def together(family: Family) -> str:
-    """What several effects together are."""
+    """One component that causes several effects."""
     marks, rest = (", ".join(f"`{name}`" for name in names) for names in (family.marks, family.parts))
     words = f"{family.words[0].upper()}{family.words[1:]}"
     return f"- {words}, `{family.name}`: two or more of {rest}, one at least of {marks}."
@@ -63,8 +74,12 @@ def row(parameter: EffectParameter) -> str:
 
 
 def related(effect: Effect) -> tuple[tuple[str, tuple[str, ...]], ...]:
-    """What else looks like it, and what hides it."""
-    return ("Twins", effect.twins), ("Simpler forms", effect.nested), ("Taken up exactly by", effect.absorbed_by)
+    """Effects with the same signature, simpler forms, and parameters that absorb it."""
+    return (
+        ("Indistinguishable from", effect.twins),
+        ("Simpler forms", effect.nested),
+        ("Absorbed by the parameter", effect.absorbed_by),
+    )
 
 
 if __name__ == "__main__":

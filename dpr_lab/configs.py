@@ -1,6 +1,7 @@
 """Find and read TOML configuration files; errors name file, key and value."""
 
 import hashlib
+import re
 import tomllib
 from collections.abc import Sequence
 from itertools import chain, pairwise
@@ -35,11 +36,14 @@ def find_config(kind: str, name: str | Path) -> Path:
     path = regular(Path(name), ConfigError)
     if path.is_file():
         return path
+    if path.is_dir():
+        raise ConfigError(f"{name}: is a folder: give a file in it")
     builtin = BUILTIN / kind / f"{name}.toml"
     if path.name == str(name) and builtin.is_file():
         return builtin
     known = sorted(p.stem for p in (BUILTIN / kind).glob("*.toml"))
-    raise ConfigError(unknown_name(f"{name}: no such file, and no built-in name of {kind}", str(name), known))
+    problem = f"{name}: is neither a file nor the name of a built-in {kind.removesuffix('s')}"
+    raise ConfigError(unknown_name(problem, str(name), known))
 
 
 def read_config(path: Path, model: type[Model]) -> Model:
@@ -50,11 +54,11 @@ def read_config(path: Path, model: type[Model]) -> Model:
             one line for each fault, naming the file, the key and the value.
     """
     try:
-        text = regular(path, ConfigError).read_text(encoding="utf-8")
+        text = regular(path, ConfigError).read_text(encoding="utf-8-sig")
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: is not text in UTF-8, byte {error.start}") from error
+        raise ConfigError(f"{path}: is not text in UTF-8, byte {error.start}: save it with this encoding") from error
     return parse_config(text, str(path), model)
 
 
@@ -69,11 +73,19 @@ def parse_config(text: str, source: str, model: type[Model]) -> Model:
     except RecursionError as error:
         raise ConfigError(f"{source}: is nested too deeply") from error
     except ValueError as error:  # such as a number with thousands of digits
-        raise ConfigError(f"{source}: is not valid TOML: {error}") from error
+        raise ConfigError(f"{source}: is not valid TOML: {error}{_line_of(error, text)}") from error
     try:
         return model.model_validate(table)
     except ValidationError as error:
         raise ConfigError("\n".join(_sentence(source, fault, model) for fault in error.errors())) from error
+
+
+def _line_of(error: ValueError, text: str) -> str:
+    """The line of a syntax error, with the correction of a decimal comma; empty if the error names no line."""
+    if (place := re.search(r"at line (\d+)", str(error))) is None:
+        return ""
+    line = text.splitlines()[int(place[1]) - 1].strip()
+    return f": {line[:60]}" + ("; write numbers with a decimal point" if re.search(r"=\s*-?\d+,\d", line) else "")
 
 
 def _sentence(path: str, fault: "ErrorDetails", model: type[BaseModel]) -> str:

@@ -9,7 +9,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from dpr_lab.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,21 +22,21 @@ class JointAngles:
     """Whether encoder 2 reads theta2 - theta1; else theta2 itself."""
 
     @property
-    def to_rods_matrix(self) -> NDArray[np.float64]:
+    def to_rods_matrix(self) -> Array:
         """(2, 2) J of theta = J joint."""
         return np.array([[1.0, 0.0], [float(self.relative2), 1.0]])
 
     @property
-    def hanging(self) -> NDArray[np.float64]:
+    def hanging(self) -> Array:
         """(2,) joint angles at the hanging rest, rad."""
         return self.of_rods([math.pi, math.pi])
 
-    def of_rods(self, theta: ArrayLike) -> NDArray[np.float64]:
+    def of_rods(self, theta: ArrayLike) -> Array:
         """(..., 2) joint angles for theta (..., 2): theta1, theta2; also for other quantities linear in the angles."""
         inner, outer = np.moveaxis(np.asarray(theta, dtype=np.float64), -1, 0)
         return np.stack([inner, outer - self.relative2 * inner], axis=-1)
 
-    def to_rods(self, joint: ArrayLike) -> NDArray[np.float64]:
+    def to_rods(self, joint: ArrayLike) -> Array:
         """(..., 2) theta1, theta2 for joint angles (..., 2); the inverse of `of_rods`."""
         inner, turned = np.moveaxis(np.asarray(joint, dtype=np.float64), -1, 0)
         return np.stack([inner, turned + self.relative2 * inner], axis=-1)

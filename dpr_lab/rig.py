@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field, PrivateAttr, model_validator
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.configs import find_config, parse_config, read_config, sha256_of
 from dpr_lab.rig_tables import (
     AddedMass,
@@ -229,32 +230,32 @@ class Rig(Shown, RigTable):
         return self._sha256
 
     @property
-    def nominal(self) -> NDArray[np.float64]:
+    def nominal(self) -> Array:
         """(9,) best known value of each parameter: the measured value if there is one, SI."""
         return np.array([p.measured or p.nominal for p in self._ordered()])
 
     @property
-    def searched(self) -> NDArray[np.bool_]:
+    def searched(self) -> Flags:
         """(9,) mask of the parameters without a measured value, which the search varies."""
         return np.array([p.measured is None for p in self._ordered()])
 
     @property
-    def bounds(self) -> NDArray[np.float64]:
+    def bounds(self) -> Array:
         """(2, 9) lower and upper bound of each parameter; both equal a measured value, SI."""
         pairs = [(p.measured, p.measured) if p.measured is not None else (p.lower, p.upper) for p in self._ordered()]
         return np.array(pairs, dtype=np.float64).T
 
     @property
-    def radians_per_count(self) -> NDArray[np.float64]:
+    def radians_per_count(self) -> Array:
         """(3,) angle of one count, signed by the direction, rad."""
         return 2 * np.pi * np.array(self.encoders.direction) / np.array(self.encoders.counts_per_rev)
 
     @property
-    def reading_std(self) -> NDArray[np.float64]:
+    def reading_std(self) -> Array:
         """(3,) standard deviation of a reading, rad: noise and rounding, of variance noise_counts^2 + 1/12 counts^2."""
         return np.abs(self.radians_per_count) * np.sqrt(self.encoders.noise_counts**2 + 1 / 12)
 
-    def theta(self, counts: ArrayLike) -> NDArray[np.float64]:
+    def theta(self, counts: ArrayLike) -> Array:
         """Absolute angles from counts.
 
         Args:
@@ -267,12 +268,12 @@ class Rig(Shown, RigTable):
         rods = np.pi + self.encoders.joint_angles.to_rods(turned[..., 1:])
         return np.concatenate([turned[..., :1], rods], axis=-1)
 
-    def mounted_theta(self, counts: ArrayLike) -> NDArray[np.float64]:
+    def mounted_theta(self, counts: ArrayLike) -> Array:
         """Like `theta`, but theta2 of a single rod equals theta1: the reading of encoder 2 is ignored."""
         theta = self.theta(counts)
         return theta if self.rods.number == 2 else theta[..., [0, 1, 1]]
 
-    def positions(self, theta: ArrayLike) -> NDArray[np.float64]:
+    def positions(self, theta: ArrayLike) -> Array:
         """Readings of ideal encoders at given absolute angles; the inverse of `theta`, not rounded.
 
         Args:

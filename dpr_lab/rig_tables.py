@@ -1,11 +1,12 @@
 """Tables of a rig file with the range and meaning of each key."""
 
-from typing import Annotated, Literal
+import math
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import printable
 from dpr_lab.joint_angles import JointAngles
 from dpr_lab.shown import listed
@@ -21,10 +22,24 @@ def _shown(name: str) -> str:
 
 
 Name = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_shown)]
-Length = Annotated[float, Field(gt=0, le=10, strict=True)]
-"""Largest accepted length, m; detects lengths in millimetres."""
-Angle = Annotated[float, Field(ge=-100, le=100, strict=True)]
-"""Largest accepted angle, rad: several turns."""
+
+
+def _in_metres(value: Any) -> Any:
+    if isinstance(value, int | float) and value > 10:
+        raise ValueError(f"is too long for a length in m; {value:g} mm are {value / 1000:g} m")
+    return value
+
+
+def _in_radians(value: Any) -> Any:
+    if isinstance(value, int | float) and abs(value) > 100:
+        raise ValueError(f"is too large for an angle in rad; {value:g} degrees are {math.radians(value):.4g} rad")
+    return value
+
+
+Length = Annotated[float, Field(gt=0, le=10, strict=True), BeforeValidator(_in_metres)]
+"""Length, m, of at most 10 m."""
+Angle = Annotated[float, Field(ge=-100, le=100, strict=True), BeforeValidator(_in_radians)]
+"""Angle, rad: at most several turns."""
 
 
 class RigTable(BaseModel):
@@ -111,7 +126,7 @@ class Pose(RigTable):
     """Permitted deviation of a rod at the release, rad."""
 
     @property
-    def theta(self) -> NDArray[np.float64]:
+    def theta(self) -> Array:
         """(3,) angles of arm, inner and outer rod, rad."""
         return np.array([self.theta0, self.theta1, self.theta2])
 

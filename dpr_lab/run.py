@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.errors import RunError
 from dpr_lab.rig_tables import AddedMass, ArmMode, Mounting
 from dpr_lab.setup import ArmMotion, Setup, Torques, inner_torques
@@ -43,11 +43,11 @@ class Run(Shown):
 
     name: str
     """Short name for tables and figures; the stem of the file if there is one."""
-    t: NDArray[np.float64]
+    t: Array
     """(n,) device time since the release, s, strictly increasing."""
-    theta: NDArray[np.float64]
+    theta: Array
     """(n, 3) measured absolute angles of arm, inner and outer rod, rad; 0 = upright, pi = hanging."""
-    counts: NDArray[np.int64] | None
+    counts: Integers | None
     """(n, 3) complete position counts; None for an imported table of angles."""
     pose: str | None
     """Name of the requested pose."""
@@ -61,11 +61,11 @@ class Run(Shown):
     """The attached known mass, if any."""
     mounting: Mounting = "both"
     """Mounted rods; for a single rod theta2 equals theta1."""
-    torques: NDArray[np.float64] | None = None
+    torques: Array | None = None
     """(n, 2) known torques of joint 1 and 2, N m, each held until the next sample; None for a free swing."""
     torque_kind: str = ""
     """Kind of `torques` or `arm_input`, `measured` or `commanded`, if known."""
-    commanded: NDArray[np.float64] | None = None
+    commanded: Array | None = None
     """(n, 2) commanded torques, if `torques` are the measured ones and both are known."""
     input_delay_s: float = 0.0
     """Delay between the logged and the acting torque, s, as far as known."""
@@ -77,9 +77,9 @@ class Run(Shown):
     """Mode of the arm."""
     inner: ArmMotion | None = None
     """Motion of the inner rod if joint 1 is prescribed; None for a free inner rod."""
-    arm_input: NDArray[np.float64] | None = None
+    arm_input: Array | None = None
     """(n,) input of a driven arm in the unit of the rig's `[motor]` input, each held until the next sample."""
-    commanded_input: NDArray[np.float64] | None = None
+    commanded_input: Array | None = None
     """(n,) commanded input of the arm, if `arm_input` is the measured one and both are known."""
     complete: bool = True
     """Whether the recording was completed; false for a recovered or cut one."""
@@ -156,7 +156,7 @@ class Run(Shown):
         return torques.as_samples() if self.continuous and len(torques.t) > 1 else torques
 
     @property
-    def rest(self) -> NDArray[np.float64]:
+    def rest(self) -> Array:
         """(m, 3) angles before the release, rad; m = 0 when none were recorded."""
         return self.theta[self.t < 0]
 
@@ -194,7 +194,7 @@ class Run(Shown):
                     digest.update(_bytes(part))
         return digest.hexdigest()
 
-    def only(self, keep: NDArray[np.bool_]) -> Run:
+    def only(self, keep: Flags) -> Run:
         """Indices of the samples (n,) to keep."""
         counts = None if self.counts is None else self.counts[keep]
         torques = None if self.torques is None else self.torques[keep]
@@ -286,9 +286,7 @@ class MountingSettings:
 MOUNTED = MountingSettings()
 
 
-def as_mounted(
-    theta: NDArray[np.float64], mounting: Mounting, name: str, settings: MountingSettings = MOUNTED
-) -> NDArray[np.float64]:
+def as_mounted(theta: Array, mounting: Mounting, name: str, settings: MountingSettings = MOUNTED) -> Array:
     """(n, 3) angles of a run with this mounting: for a single rod theta2 equals theta1.
 
     Raises:
@@ -304,7 +302,7 @@ def as_mounted(
     return theta[:, [0, 1, 1]] if mounting in ("inner", "outer") else theta
 
 
-def elbow_turn(theta: NDArray[np.float64], mounting: Mounting, settings: MountingSettings = MOUNTED) -> float:
+def elbow_turn(theta: Array, mounting: Mounting, settings: MountingSettings = MOUNTED) -> float:
     """Impossible range of joint 2 for this mounting, rad; zero for both rods. Angles (n, 3)."""
     if mounting == "both" or not len(theta):
         return 0.0

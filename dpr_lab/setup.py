@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.rig_tables import AddedMass, Mounting
 
 
@@ -16,13 +17,13 @@ from dpr_lab.rig_tables import AddedMass, Mounting
 class Torques:
     """Known joint torques; each value holds until the next instant, the first and the last beyond the record."""
 
-    t: NDArray[np.float64]
+    t: Array
     """(n,) increasing, s since the release."""
-    joints: NDArray[np.float64]
+    joints: Array
     """(n, 2) torque of joint 1 on the inner rod, and of joint 2 on the outer one, N m."""
     kind: str = ""
     """`measured` or `commanded`, if known."""
-    on_arm: NDArray[np.float64] | None = None
+    on_arm: Array | None = None
     """(n,) torque on a driven arm, N m; None if it is unknown."""
     scaled: bool = True
     """Whether they are known in N m and thus determine the scale of all torques; False: known up to a factor."""
@@ -33,12 +34,12 @@ class Torques:
         return _on_joints(self)
 
     @property
-    def arm_knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def arm_knots(self) -> tuple[Array, Array]:
         """(n + 2,) instants and (n + 2,) impulse on the arm until each, N m s; none without a torque on it."""
         return _arm_knots(self)
 
     @property
-    def knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def knots(self) -> tuple[Array, Array]:
         """(n + 2,) instants and (n + 2, 2) impulse on theta1, theta2 up to each, N m s; linear in between."""
         return _knots(self)
 
@@ -66,7 +67,7 @@ class Torques:
         means = np.vstack([np.diff(impulse, axis=0) / np.diff(t)[:, None], values[-1:]])
         return replace(self, t=t, joints=means[:, :2], on_arm=None if self.on_arm is None else means[:, 2])
 
-    def mean_before(self, instants: ArrayLike, first: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+    def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
         """(m, 2) mean generalised torques on theta1, theta2 between each of (m,) instants and the previous one, N m.
 
         Zero without a previous instant: at the first one, and where `first` (m,) is true.
@@ -80,7 +81,7 @@ class Torques:
 
 
 @lru_cache(maxsize=32)  # used by every prediction
-def _knots(torques: Torques) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _knots(torques: Torques) -> tuple[Array, Array]:
     onward = np.concatenate([torques.t[:1] - 1.0, torques.t, torques.t[-1:] + 1e6])
     joints = np.concatenate([torques.joints[:1], torques.joints])
     held = np.stack([joints[:, 0] - joints[:, 1], joints[:, 1]], axis=1)
@@ -94,7 +95,7 @@ def _on_joints(torques: Torques) -> bool:
 
 
 @lru_cache(maxsize=32)
-def _arm_knots(torques: Torques) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _arm_knots(torques: Torques) -> tuple[Array, Array]:
     if torques.on_arm is None:
         return np.zeros(0), np.zeros(0)
     onward = np.concatenate([torques.t[:1] - 1.0, torques.t, torques.t[-1:] + 1e6])
@@ -106,16 +107,16 @@ def _arm_knots(torques: Torques) -> tuple[NDArray[np.float64], NDArray[np.float6
 class ArmMotion:
     """Known motion of an arm: its speed is linear between instants and constant outside them."""
 
-    t: NDArray[np.float64]
+    t: Array
     """(n,) increasing, s since the release."""
-    theta: NDArray[np.float64]
+    theta: Array
     """(n,) theta0, rad."""
-    omega: NDArray[np.float64]
+    omega: Array
     """(n,) speed of the arm, rad/s."""
     noise: float = 0.0
     """Standard deviation of the readings from which it was estimated, rad."""
 
-    def mean_before(self, instants: ArrayLike, first: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+    def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
         """(m, 2) mean acceleration and squared speed between each of (m,) instants and the previous one, rad, s.
 
         Without a previous instant, at the first one and where `first` (m,) is true, the speed is that of the instant.
@@ -126,7 +127,7 @@ class ArmMotion:
         return np.stack([(v - u) / passed, (u * u + u * v + v * v) / 3.0], axis=1)
 
 
-def _since_before(instants: NDArray[np.float64], first: NDArray[np.bool_] | None) -> NDArray[np.float64]:
+def _since_before(instants: Array, first: Flags | None) -> Array:
     """(m,) time since the previous instant; infinite without one."""
     passed = np.diff(instants, prepend=-np.inf)
     return passed if first is None else np.where(first, np.inf, passed)

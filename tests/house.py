@@ -140,11 +140,11 @@ def effects_named(trees: Mapping[str, ast.Module], effects: Iterable[str]) -> li
 
 
 def folder_sizes() -> dict[str, int]:
-    """Folder -> its Python files, `__init__` aside."""
+    """Folder -> its Python files, except `__init__` and `__main__`."""
     found: dict[str, int] = defaultdict(int)
     for package in PACKAGES:
         for path in (ROOT / package).rglob("*.py"):
-            if path.name != "__init__.py":
+            if path.name not in ("__init__.py", "__main__.py"):
                 found[path.parent.relative_to(ROOT).as_posix()] += 1
     return found
 

@@ -17,7 +17,9 @@ def changed(old: str, new: str) -> str:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("L1 = 0.4", "L1 = 172.7", "rig.L1 = 172.7"),
+        ("L1 = 0.4", "L1 = 172.7", "rig.L1 = 172.7: is too long for a length in m; 172.7 mm are 0.1727 m"),
+        ("L1 = 0.4", "L1 = 0,4", "(at line 6, column 7): L1 = 0,4; write numbers with a decimal point"),
+        ("theta1 = 0.1", "theta1 = 160", "is too large for an angle in rad; 160 degrees are 2.793 rad"),
         ("g = 9.81", "g = true", "rig.g = True"),
         ("g = 9.81", 'g = "9.81"', "rig.g = '9.81'"),
         ("g = 9.81", "g = 1e308", "rig.g = 1e+308"),
@@ -31,6 +33,19 @@ def test_values_that_no_bench_has_are_refused(old: str, new: str, said: str) -> 
         parse_rig(changed(old, new))
     assert said in str(error.value)
     assert len(str(error.value)) < 400
+
+
+def test_a_file_of_windows_may_begin_with_a_byte_order_mark(tmp_path) -> None:
+    (tmp_path / "rig.toml").write_text(PAPER, encoding="utf-8-sig")
+    assert load_rig(tmp_path / "rig.toml").name == "paper"
+    (tmp_path / "rig.toml").write_text(PAPER, encoding="utf-16")
+    with pytest.raises(ConfigError, match="save it with this encoding"):
+        load_rig(tmp_path / "rig.toml")
+
+
+def test_a_folder_is_not_a_rig_file(tmp_path) -> None:
+    with pytest.raises(ConfigError, match="is a folder: give a file in it"):
+        load_rig(tmp_path)
 
 
 def test_text_and_file_are_the_same_rig(tmp_path) -> None:

@@ -9,7 +9,8 @@ from array import array
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from dpr_lab.arrays import Array, Integers
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,13 +85,13 @@ class Arrivals:
         return ArrivalFit((1 / period - 1) * 1e6, margin / period * 1e6)
 
 
-def _quickest(delay: NDArray[np.float64], block: NDArray[np.int64]) -> NDArray[np.int64]:
+def _quickest(delay: Array, block: Integers) -> Integers:
     """Index of the read with the shortest delay in each non-empty block."""
     order = np.lexsort((delay, block))
     return order[np.flatnonzero(np.diff(block[order], prepend=-1))]
 
 
-def _median_slope(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+def _median_slope(x: Array, y: Array) -> float:
     """Median of the slopes between all pairs of points (Theil-Sen)."""
     first, second = np.triu_indices(len(x), 1)
     run = x[second] - x[first]

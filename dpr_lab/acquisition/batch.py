@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.rig import JOINTS
 from firmware_protocol.messages import Message
 from firmware_protocol.stream import Row
@@ -29,7 +29,7 @@ class Batch:
     """Losses of the device before this batch, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
 
 
-def torques_of(rows: Sequence[AnyRow], unit_uNm: int) -> NDArray[np.float64] | None:
+def torques_of(rows: Sequence[AnyRow], unit_uNm: int) -> Array | None:
     """(kinds, n, 2) torques of joint 1 and 2, N m, of samples with torques; None if their unit is unknown.
 
     For a driven arm: its input, N m, A or V, and 0.
@@ -40,7 +40,7 @@ def torques_of(rows: Sequence[AnyRow], unit_uNm: int) -> NDArray[np.float64] | N
     return np.round(np.array(driven).swapaxes(0, 1) * (unit_uNm * 1e-6), 6) if driven else None
 
 
-def arrays(rows: Sequence[AnyRow]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def arrays(rows: Sequence[AnyRow]) -> tuple[Integers, Integers]:
     """Ticks (n,) and position counts (n, 3) of samples."""
     ticks = np.array([row.tick for row in rows], dtype=np.int64)
     return ticks, np.array([row.counts for row in rows], dtype=np.int64).reshape(-1, JOINTS)

@@ -9,10 +9,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.acquisition.rest import pose_error, rest_motion
 from dpr_lab.acquisition.settings import QUALITY_LIMITS, QualityLimits
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Pose
@@ -116,7 +116,7 @@ def judge(
     return QualityReport(tuple(check for question in CHECKS if (check := question(judged)) is not None))
 
 
-def fastest_possible(rig: Rig) -> NDArray[np.float64]:
+def fastest_possible(rig: Rig) -> Array:
     """(2,) maximum speeds of the rods after a release at rest from any pose, rad/s.
 
     All potential energy E = 2 (e1 + e2) in one rod: omega_i^2 = 2 E (M^-1)_ii, largest with the rods in line, where
@@ -127,7 +127,7 @@ def fastest_possible(rig: Rig) -> NDArray[np.float64]:
     return np.sqrt(2 * energy * np.array([b, a]) / (a * b - d * d))
 
 
-def _rest(judged: JudgedRun) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def _rest(judged: JudgedRun) -> tuple[Array, Array] | None:
     run = judged.run
     window = (run.t < 0) & (run.t >= -judged.limits.rest.window_s)
     return (run.t[window], run.theta[window]) if np.count_nonzero(window) >= judged.limits.fewest_samples else None

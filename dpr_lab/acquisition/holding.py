@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.acquisition.batch import Batch, arrays
 from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.rest import arm_restless, elbow_error, pose_error, rest_motion
 from dpr_lab.acquisition.settings import CaptureSettings
+from dpr_lab.arrays import Array
 from dpr_lab.errors import DeviceFault, LinkError, SafetyStop
 from dpr_lab.rig import JOINTS, Rig
 from dpr_lab.rig_tables import Pose
@@ -90,7 +90,7 @@ class RestWindow:
         while len(self.batches) > 1 and _last_tick(self.batches[0]) < newest - self._ticks:
             self.batches.popleft()
 
-    def motion(self, rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    def motion(self, rig: Rig) -> tuple[Array, Array] | None:
         """Times (n,), s, and angles (n, 3), rad, of the window; None until it is full."""
         ticks, counts = arrays([row for batch in self.batches for row in batch.rows])
         if len(ticks) < 2 or ticks[-1] - ticks[0] < 0.9 * self._ticks:
@@ -138,7 +138,7 @@ def look_at_hanging(
     """
     if rig.rods.mounting == "clamped":
         return None
-    readings: list[NDArray[np.float64]] = []
+    readings: list[Array] = []
     deadline = time.monotonic() + settings.hang_timeout_s
     spread = np.sqrt(12) * settings.limits.rest.spread(rig)
     for theta in _positions(device, rig, deadline, settings.poll_s):
@@ -155,7 +155,7 @@ def look_at_hanging(
     return None
 
 
-def _positions(device: Device, rig: Rig, deadline: float, poll_s: float) -> Iterator[NDArray[np.float64]]:
+def _positions(device: Device, rig: Rig, deadline: float, poll_s: float) -> Iterator[Array]:
     """(3,) angles from POSITION messages until the deadline, rad."""
     counts: dict[int, int] = {}
     while time.monotonic() < deadline:
@@ -186,7 +186,7 @@ def guide(
     raise SafetyStop(_not_placed(pose, reading, timeout, rig))
 
 
-def _check_elbow(theta: NDArray[np.float64], pose: Pose, rig: Rig, settings: CaptureSettings) -> None:
+def _check_elbow(theta: Array, pose: Pose, rig: Rig, settings: CaptureSettings) -> None:
     """Compare a clamped elbow with the pose, because no rod can be moved to another angle of it."""
     if rig.rods.mounting != "clamped" or abs(error := elbow_error(theta, pose)) <= settings.elbow_error:
         return
@@ -198,13 +198,13 @@ def _check_elbow(theta: NDArray[np.float64], pose: Pose, rig: Rig, settings: Cap
     )
 
 
-def _pose_reading(theta: NDArray[np.float64], pose: Pose, rig: Rig) -> PoseReading:
+def _pose_reading(theta: Array, pose: Pose, rig: Rig) -> PoseReading:
     angles, error = _placed(theta, pose)
     worst = max(map(abs, error[: rig.rods.placed]))
     return PoseReading(angles, error, pose.tolerance, worst <= pose.tolerance)
 
 
-def _placed(theta: NDArray[np.float64], pose: Pose) -> tuple[tuple[float, float, float], tuple[float, float]]:
+def _placed(theta: Array, pose: Pose) -> tuple[tuple[float, float, float], tuple[float, float]]:
     theta0, theta1, theta2 = theta.tolist()
     error1, error2 = pose_error(theta, pose).tolist()
     return (theta0, theta1, theta2), (error1, error2)
@@ -273,7 +273,7 @@ class HeldPose:
             return f"the device reported {status.state.name} instead of streaming with the latch closed"
         return ""
 
-    def _reading(self, t: NDArray[np.float64], theta: NDArray[np.float64]) -> RestReading:
+    def _reading(self, t: Array, theta: Array) -> RestReading:
         speed, spread = rest_motion(t, theta)
         rest = self._settings.limits.rest
         limit = rest.spread(self._rig)

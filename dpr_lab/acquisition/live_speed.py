@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.estimation.live_velocity import LIVE, VelocityFilter
 from dpr_lab.rig import Rig
 
@@ -26,7 +26,7 @@ class LiveSpeed:
         self._skipped = 0
         self._omega = (0.0, 0.0)
 
-    def after(self, t: NDArray[np.float64], theta: NDArray[np.float64]) -> tuple[float, float]:
+    def after(self, t: Array, theta: Array) -> tuple[float, float]:
         """Speeds of the inner and outer rod after new samples of the swing, rad/s; unchanged without new samples.
 
         Args:

@@ -6,7 +6,6 @@ from dataclasses import asdict, replace
 from types import TracebackType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.acquisition.arrivals import Arrivals
 from dpr_lab.acquisition.batch import AnyRow, Batch, arrays, torques_of
@@ -14,6 +13,7 @@ from dpr_lab.acquisition.gate import DeviceWord, QualityReport, judge
 from dpr_lab.acquisition.interrupts import unbroken
 from dpr_lab.acquisition.rest import pose_error
 from dpr_lab.acquisition.settings import QUALITY_LIMITS, QualityLimits
+from dpr_lab.arrays import Array
 from dpr_lab.errors import DeviceFault
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -62,7 +62,7 @@ class Recording:
         self._lost_before = dict(lost)
         self._lost = dict(lost)
         self._to_epoch = time.time() - time.monotonic()
-        self._inputs: list[NDArray[np.float64]] = []
+        self._inputs: list[Array] = []
         self._motor: list[tuple[int, int]] = []
 
     def __enter__(self) -> "Recording":
@@ -131,7 +131,7 @@ class Recording:
         """Stop accepting samples."""
         self._end_tick, self._duration = self.samples.last_tick, self.t
 
-    def tail(self, seconds: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def tail(self, seconds: float) -> tuple[Array, Array]:
         """Time (n,), s, and angles (n, 3), rad, of the newest samples."""
         rate_hz = self._writer.metadata.rate_hz
         ticks, counts = self.samples.newest(round(seconds * rate_hz))
@@ -175,12 +175,12 @@ class Recording:
     def _word(self) -> DeviceWord:
         return DeviceWord(self._in_real_time, self._no_clock_fit, self._statuses, self._latched)
 
-    def since(self, first: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def since(self, first: int) -> tuple[Array, Array]:
         """Time from the release (n,), s, and angles (n, 3), rad, of all samples from index `first` on."""
         ticks, counts = self.samples.newest(len(self.samples) - first)
         return (ticks - (self.release_tick or 0)) / self._writer.metadata.rate_hz, self.rig.mounted_theta(counts)
 
-    def new_inputs(self) -> NDArray[np.float64] | None:
+    def new_inputs(self) -> Array | None:
         """(n,) input of the arm's drive at the samples since the last call, N m, A or V; None without a drive."""
         inputs, self._inputs = self._inputs, []
         return np.concatenate(inputs) if inputs else None

@@ -1,14 +1,14 @@
 """Motion of the held rods, and their distance from a pose."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.acquisition.settings import RestLimits
+from dpr_lab.arrays import Array
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Pose
 
 
-def rest_motion(t: NDArray[np.float64], theta: NDArray[np.float64]) -> tuple[float, float]:
+def rest_motion(t: Array, theta: Array) -> tuple[float, float]:
     """Motion of the rods while held.
 
     Args:
@@ -25,13 +25,13 @@ def rest_motion(t: NDArray[np.float64], theta: NDArray[np.float64]) -> tuple[flo
     return float(np.abs(slope).max()), float(spread.max())
 
 
-def at_rest(t: NDArray[np.float64], theta: NDArray[np.float64], rig: Rig, limits: RestLimits) -> bool:
+def at_rest(t: Array, theta: Array, rig: Rig, limits: RestLimits) -> bool:
     """Whether the rods are at rest; arguments as for `rest_motion`."""
     speed, spread = rest_motion(t, theta)
     return speed <= limits.speed and spread <= limits.spread(rig)
 
 
-def arm_restless(t: NDArray[np.float64], theta: NDArray[np.float64], rig: Rig, limits: RestLimits) -> str:
+def arm_restless(t: Array, theta: Array, rig: Rig, limits: RestLimits) -> str:
     """Reason why an arm that can move forbids a release; empty if it does not. Arguments as for `rest_motion`."""
     if rig.arm.mode == "clamped":
         return ""
@@ -45,7 +45,7 @@ def arm_restless(t: NDArray[np.float64], theta: NDArray[np.float64], rig: Rig, l
     return ""
 
 
-def pose_error(theta: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
+def pose_error(theta: Array, pose: Pose) -> Array:
     """Distance of the rods from a pose, without whole turns.
 
     Args:
@@ -58,7 +58,7 @@ def pose_error(theta: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
     return (theta[..., 1:] - pose.theta[1:] + np.pi) % (2 * np.pi) - np.pi
 
 
-def elbow_error(theta: NDArray[np.float64], pose: Pose) -> float:
+def elbow_error(theta: Array, pose: Pose) -> float:
     """Deviation of theta2 - theta1 from a pose, in [-pi, pi), rad; `theta`: (3,) absolute angles, rad."""
     inner, outer = pose_error(theta, pose)
     return float((outer - inner + np.pi) % (2 * np.pi) - np.pi)

@@ -6,9 +6,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dpr_lab.acquisition.batch import Batch
 from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.gate import QualityReport
@@ -17,6 +14,7 @@ from dpr_lab.acquisition.live_speed import LiveSpeed
 from dpr_lab.acquisition.recording import Recording
 from dpr_lab.acquisition.rest import at_rest
 from dpr_lab.acquisition.settings import CaptureSettings
+from dpr_lab.arrays import Array
 from dpr_lab.errors import DeviceLost, DprError, LinkError, RunError
 from dpr_lab.storage.metadata import RunMetadata
 from dpr_lab.storage.writer import RunWriter
@@ -44,9 +42,9 @@ class SwingReading:
     omega: tuple[float, float]
     """Newest speeds of the inner and outer rod from a Kalman filter, rad/s."""
     samples: int
-    fresh: tuple[NDArray[np.float64], NDArray[np.float64]]
+    fresh: tuple[Array, Array]
     """Time since the release (n,), s, and absolute angles (n, 3), rad, of the samples since the last report."""
-    inputs: NDArray[np.float64] | None = None
+    inputs: Array | None = None
     """(n,) input of the arm's drive at these samples, N m, A or V; None without a drive."""
 
 

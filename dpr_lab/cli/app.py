@@ -60,6 +60,19 @@ COMMANDS = {
 }
 """Name -> module of `dpr_lab.cli`, and in it the function of the command or the `Typer` of a group of commands."""
 
+_REFUSALS = {
+    "Input should be a valid number": "must be a number with a decimal point and without a unit, such as 0.25",
+    "Input should be a valid integer": "must be a whole number",
+}
+
+
+def refusal(message: str) -> str:
+    """Reason for a refused option: `must be a number: 0.25, without a unit`."""
+    for start, words in _REFUSALS.items():
+        if message.startswith(start):
+            return words
+    return message.removeprefix("Value error, ").replace("Input should be", "must be", 1)
+
 
 class LazyCommands(UserDict[str, Any]):
     """Name -> command, imported when it is looked up."""
@@ -84,11 +97,11 @@ class Program(Listing):
         self.commands = LazyCommands(COMMANDS)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; the reason for a refused option is without the words that pydantic puts before it."""
+        """Run the command; the reason for a refused option is put in plain words instead of pydantic's."""
         try:
             return super().invoke(ctx)
         except typer.BadParameter as error:
-            error.message = error.message.removeprefix("Value error, ")
+            error.message = refusal(error.message)
             raise
 
 

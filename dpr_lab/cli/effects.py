@@ -61,6 +61,7 @@ def show_effect(
         emit(described)
         return
     line(f"{described['words']} [{name}], {described['package']}")
+    line(f"symptom: {described['symptom']}")
     line(f"equation: {described['equation']}")
     rows = [(p["name"], p["unit"], p["typical"], p["role"], p["limit"]) for p in described["parameters"]]
     table("Parameters", ("parameter", "unit", "typical", "role", "limit"), rows)
@@ -94,6 +95,7 @@ def _described(effect: "Effect") -> dict[str, Any]:
         "name": effect.name,
         "words": effect.words,
         "package": _package(effect.name),
+        "symptom": effect.symptom,
         "equation": effect.equation,
         "stage": effect.stage,
         "parameters": parameters,

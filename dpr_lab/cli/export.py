@@ -232,7 +232,7 @@ def show_replays(name: str, replays: "Sequence[FileReplay]") -> None:
 
 
 def _show(done: "ExportResult") -> None:
-    from dpr_lab.report.digits import scaled_unit
+    from dpr_lab.report.digits import superscripts
     from dpr_lab.report.words import in_words
 
     if done.lab is not None and done.bare_rad is not None:
@@ -249,7 +249,7 @@ def _show(done: "ExportResult") -> None:
             line(f"{name}: without {in_words(effect)}: {reason}")
         if name in done.instead:
             line(f"{name}: refitted with {in_words(', '.join(done.instead[name])) or 'no effect'} instead")
-    line(scaled_unit(done.scale_sentence))
+    line(superscripts(done.scale_sentence))
     for sentence in done.refused.values():
         say(sentence)
     for name, path in done.files.items():

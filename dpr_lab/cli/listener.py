@@ -25,6 +25,7 @@ class Listener:
         self._bar: Bar = no_bar
         self._title = ""
         self._rods = 2
+        self._notes: dict[str, list[str]] = {}
 
     def __enter__(self) -> "Listener":
         self._watch.__enter__()
@@ -35,9 +36,12 @@ class Listener:
     ) -> None:
         self._watch.__exit__(kind, error, trace)
         self._close()
+        self._say_notes()
 
     def __call__(self, event: events.Event) -> None:
         """Show an event."""
+        if not isinstance(event, events.RunRead):
+            self._say_notes()
         match event:
             case events.JobBegan():
                 self._close()
@@ -46,7 +50,7 @@ class Listener:
                 say(event.sentence)
             case events.RunRead():
                 for note in event.notes:
-                    say(f"{event.name}: {note}")
+                    self._notes.setdefault(note, []).append(event.name)
             case events.ImportProgress():
                 self._at(f"{event.step} the table", event.done, event.of)
             case events.GenerationDone():
@@ -91,6 +95,13 @@ class Listener:
                 say(f"{event.name}: {event.captured.run_file.name}: {event.captured.quality.sentence}")
             case events.RunCompared() | events.ArmRunCompared() | events.RunLeftOut():
                 pass
+
+    def _say_notes(self) -> None:
+        """Print the notes of the runs that were read, each once with the names of its runs."""
+        for note, names in self._notes.items():
+            more = f" and {len(names) - 3} more" if len(names) > 4 else ""
+            say(f"{', '.join(names[:3] if more else names)}{more}: {note}")
+        self._notes.clear()
 
     def _at(self, title: str, done: float, total: float | None, text: str = "") -> None:
         """Show progress on a bar of this listener."""

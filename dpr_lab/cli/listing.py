@@ -1,12 +1,26 @@
 """List of the commands of a group."""
 
+from pathlib import Path
 from typing import Any
 
+import typer
 from typer.core import TyperGroup
 
 
 class Listing(TyperGroup):
     """Commands with the complete first sentence of their help, wrapped over several lines."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the command; a file in its place is refused with the commands that take one.
+
+        Raises:
+            BadParameter: the first argument is a file.
+        """
+        names = self.list_commands(ctx)
+        if args[0] not in names and Path(args[0]).is_file():
+            commands = ", ".join(names) if len(names) < 10 else f"{ctx.command_path} --help lists them"
+            raise typer.BadParameter(f"{args[0]} is a file: write a command before it ({commands})", ctx)
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the list."""

@@ -136,7 +136,9 @@ def layout(
             help="foxglove or plotjuggler.", callback=VIEWER_NAMES.check, autocompletion=VIEWER_NAMES.complete
         ),
     ],
-    out: Annotated[Path | None, typer.Option(help="File to write; default: dpr-lab.foxglove.json or the like.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="File to write; default: dpr-lab.foxglove.json for Foxglove.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Write a layout of Foxglove or PlotJuggler that shows the angles, torques and losses of run files.

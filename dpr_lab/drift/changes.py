@@ -24,10 +24,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.drift.estimates import Estimates
 from dpr_lab.errors import RunError
-
-Array = NDArray[np.float64]
 
 Basis = Literal["runs of one group", "neighbouring runs", "the noise of each run"]
 """Source of the standard deviation of a run."""

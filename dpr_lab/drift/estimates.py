@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.motion import refuse_without_motion
@@ -20,8 +20,6 @@ from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.setup import only_inner
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -85,6 +85,10 @@ AIR_DRAG_OUTER = Effect(
     quantities=(
         BenchQuantity("drag coefficient of a rod", "k", ("coefficient_kg_per_m2",), definition="rho C_d width / 2"),
     ),
+    symptom=(
+        "Large swings lose a larger share of their amplitude per cycle than small ones; the last small swings last"
+        " long."
+    ),
     bench_check=_BENCH_CHECK.format(rod="outer"),
     source=_SOURCE,
 )
@@ -103,6 +107,7 @@ AIR_DRAG_BOTH = Effect(
     quantities=(
         BenchQuantity("drag coefficient of a rod", "k", ("coefficient_kg_per_m2",), definition="rho C_d width / 2"),
     ),
+    symptom="As air drag of the outer rod; a large swing of the inner rod alone is damped too.",
     bench_check=_BENCH_CHECK.format(rod="inner"),
     source=_SOURCE,
 )
@@ -120,6 +125,10 @@ AIR_DRAG_JOINT0 = Effect(
     twins=("friction_curve_joint0",),
     quantities=(
         BenchQuantity("drag coefficient of the arm", "k", ("coefficient_kg_m2",), definition="rho C_d width L0^4 / 8"),
+    ),
+    symptom=(
+        "At large speeds the arm is slower than the input would drive it; after the input is switched off, it loses"
+        " high speeds quickly and low speeds slowly."
     ),
     bench_check=(
         "Tape a light card to the arm and repeat: the drag increases several times. Or remove the rods and turn the arm"

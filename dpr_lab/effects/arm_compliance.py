@@ -60,6 +60,10 @@ ARM_COMPLIANCE = Effect(
             definition="L0^2 over the inertia of the arm with all masses at its tip",
         ),
     ),
+    symptom=(
+        "A decaying oscillation that is faster than the swing appears after quick reversals of the rods; the arm or"
+        " its support can be felt to move."
+    ),
     bench_check=(
         "Read the arm's encoder while the rods swing, clamp the arm to the table and repeat; tap the arm"
         " with the rods at rest and measure its frequency."

@@ -93,6 +93,10 @@ def _of_encoder(joint: int, stage: StageName, bench_check: str) -> Effect:
         hides_step=_hidden,
         remedy=_tightened,
         quantities=(BenchQuantity("backlash of the encoder", "x", ("play_rad",)),),
+        symptom=(
+            f"The reading of joint {joint} stands still for a moment at each turning point, so that its curve has flat"
+            " tops."
+        ),
         bench_check=bench_check,
         source=_SOURCE,
     )
@@ -131,6 +135,10 @@ BACKLASH_JOINT0 = Effect(
     hides_step=_hidden,
     remedy=_tightened,
     quantities=(BenchQuantity("backlash of the gear", "x", ("play_rad",), definition="as an angle of the arm"),),
+    symptom=(
+        "After each reversal of the motor the arm follows late, with a small impact; the encoder at the motor moves"
+        " first."
+    ),
     bench_check=(
         "Hold the arm and turn the motor's shaft by hand to either side: the encoder counts through the backlash."
         " Friction, in contrast, resists the motion of the arm but the encoder counts it at once."

@@ -44,6 +44,10 @@ BASE_VIBRATION = Effect(
     stage="torque",
     kernel=shaken,
     quantities=(BenchQuantity("peak acceleration of the base", "A", ("cos_m_per_s2", "sin_m_per_s2")),),
+    symptom=(
+        "Both rods oscillate at one frequency that does not depend on the swing; it is also visible while they hang"
+        " at rest."
+    ),
     bench_check=(
         "Put the accelerometer of a phone on the base and look for a peak in the spectrum. Switch off machines"
         " nearby (fans, pumps), or put the rig on the floor, and repeat."

@@ -47,6 +47,7 @@ COM_OFFSET_LINK1 = Effect(
     joints=(0,),
     twins=("detent_joint1",),
     quantities=(BenchQuantity("offset of the centre of mass across the inner rod", "y", ("offset_m",)),),
+    symptom="The inner rod rests away from the vertical although its encoder is zeroed correctly.",
     bench_check=(
         "Mount the inner rod alone and compare its rest position with a plumb line. Attach a known mass on"
         " its axis and repeat: neither the moment of the centre of mass nor cogging changes; without the motor,"
@@ -70,6 +71,10 @@ COM_OFFSET_LINK2 = Effect(
     joints=(1,),
     twins=("encoder_offset_joint2",),
     quantities=(BenchQuantity("offset of the centre of mass across the outer rod", "y", ("offset_m",)),),
+    symptom=(
+        "The outer rod rests away from the vertical although its encoder is zeroed correctly; turned over, it rests"
+        " on the other side."
+    ),
     bench_check="Lay the outer rod on a knife edge along its axis: an offset centre of mass tips it to that side.",
     source=_SOURCE,
 )

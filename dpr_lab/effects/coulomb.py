@@ -23,6 +23,10 @@ COULOMB = pair(
     dry=True,
     dissipative=True,
     quantities=(BenchQuantity("Coulomb friction torque", "F", ("torque_Nm",)),),
+    symptom=(
+        "The amplitude of joint {j} decreases by equal amounts per cycle; small swings end suddenly, often away"
+        " from the vertical."
+    ),
     bench_check=(
         "Let joint {j} alone swing by a few degrees until it rests: with Coulomb friction the peaks"
         " decrease along a straight line and the rod stops away from the vertical; viscous friction gives a"
@@ -37,6 +41,7 @@ COULOMB = pair(
 COULOMB_JOINT0 = at_arm(
     COULOMB[0],
     twins=("hysteresis_joint0", "dead_zone_joint0"),
+    symptom="The arm does not follow small torques, and stops abruptly when the input ends.",
     bench_check=(
         "Remove the rods, disconnect the motor, and turn the arm slowly with a spring scale at its tip: force"
         " times length is the Coulomb friction torque, equal in both directions."

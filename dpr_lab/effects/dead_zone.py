@@ -21,6 +21,7 @@ DEAD_ZONE_JOINT0 = Effect(
     joints=(ARM,),
     twins=("coulomb_joint0",),
     quantities=(BenchQuantity("half width of the dead zone", "x", ("width_Nm",), definition="as a torque on the arm"),),
+    symptom="The arm does not respond to inputs below a threshold; each reversal of the input causes a short pause.",
     bench_check=(
         "Measure the motor's current while the command rises slowly from zero: the command at which the"
         " current starts is the half width of the dead zone. With friction, in contrast, the current flows but"

@@ -40,6 +40,10 @@ _JOINT1, DETENT_JOINT2 = pair(
     stage="torque",
     potential=True,
     quantities=(BenchQuantity("peak cogging torque, first harmonic", "A1", ("cos1_Nm", "sin1_Nm")),),
+    symptom=(
+        "The rod rests at one of several evenly spaced angles of joint {j}; the period of small swings depends on"
+        " the angle about which they occur."
+    ),
     bench_check=(
         "Turn joint {j} slowly by hand with the rod balanced: cogging is felt at evenly spaced angles."
         " Remove the motor and repeat: cogging vanishes, an offset of the centre of mass remains."
@@ -63,6 +67,7 @@ at order two.
 
 DETENT_JOINT0 = at_arm(
     DETENT_JOINT2,
+    symptom="The arm rests at evenly spaced angles, and moves in steps if the input rises slowly.",
     bench_check=(
         "Disconnect the motor and turn the arm slowly by hand: cogging is felt at evenly spaced angles of the"
         " motor's shaft; with a gear, they are closer together at the arm."

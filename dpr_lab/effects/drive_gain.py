@@ -20,6 +20,7 @@ DRIVE_GAIN = Effect(
     kernel=regained,
     joints=(ARM,),
     quantities=(BenchQuantity("gain of the drive over the assumed one, minus 1", "x", ("excess",)),),
+    symptom="The arm responds to every input too strongly or too weakly, by the same factor.",
     bench_check=(
         "Hold the arm's tip against a spring scale and command a steady input: force times length over the input is"
         " the gain."

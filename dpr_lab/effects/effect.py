@@ -225,6 +225,8 @@ class Effect:
     bench_check: str
     """Check on the rig that confirms it, or distinguishes it from its twins."""
     source: str
+    symptom: str = ""
+    """What it looks like at the rig or in a recording; every effect of the library has one."""
     joints: tuple[int, ...] = (0, 1)
     """The joints (0, 1, `ARM`) whose angle and speed it may depend on; both joints of the rods if it belongs to
     none.
@@ -313,6 +315,7 @@ def pair(
     words: str,
     equation: str,
     bench_check: str,
+    symptom: str = "",
     nested: tuple[str, ...] = (),
     twins: tuple[str, ...] = (),
     site: Site = "joint torque",
@@ -325,6 +328,7 @@ def pair(
         words: title with {j} for the number of the joint
         equation: equation with {j}
         bench_check: check with {j}
+        symptom: symptom with {j}
         nested: families of simpler effects at the same joint
         twins: families of similar effects at the same joint
         site: as in `Effect`
@@ -340,6 +344,7 @@ def pair(
             words=words.replace("{j}", str(j)),
             equation=equation.replace("{j}", str(j)),
             bench_check=bench_check.replace("{j}", str(j)),
+            symptom=symptom.replace("{j}", str(j)),
             **fields,
         )
         for j in (1, 2)
@@ -355,12 +360,13 @@ ARM_STAGES: dict[StageName, StageName] = {
 """Stage of an effect at a rod's joint -> that of the same effect at the arm."""
 
 
-def at_arm(effect: Effect, *, bench_check: str, equation: str = "", **fields: Any) -> Effect:
+def at_arm(effect: Effect, *, bench_check: str, symptom: str = "", equation: str = "", **fields: Any) -> Effect:
     """Copy of an effect of a rod for joint 0, the joint of a free or driven arm.
 
     Args:
         effect: at joint 1 or 2
         bench_check: the check at the arm
+        symptom: the symptom at the arm
         equation: None: that of the other joint with another number
         fields: other fields of `Effect` that differ
     """
@@ -381,6 +387,7 @@ def at_arm(effect: Effect, *, bench_check: str, equation: str = "", **fields: An
             "stage": ARM_STAGES[effect.stage],
             "twins": tuple(map(renamed, effect.twins)),
             "nested": tuple(map(renamed, effect.nested)),
+            "symptom": symptom,
             "bench_check": bench_check,
             **fields,
         },

@@ -60,6 +60,10 @@ ENCODER_ECCENTRICITY = pair(
     site="sensor",
     stage="encoder",
     quantities=(BenchQuantity("peak encoder error, one cycle per turn", "A_1", ("cos1_rad", "sin1_rad")),),
+    symptom=(
+        "The residual of joint {j} repeats with its angle, one or several times per turn, in the same way in every"
+        " recording and at every speed."
+    ),
     bench_check=(
         "Remove encoder {j}, turn its disc or magnet by 90 degrees on its shaft and repeat: the error turns"
         " by the same angle."
@@ -72,5 +76,6 @@ ENCODER_ECCENTRICITY = pair(
 
 ENCODER_ECCENTRICITY_JOINT0 = at_arm(
     ENCODER_ECCENTRICITY[0],
+    symptom="The residual of the arm repeats with its angle, one or several times per turn, at every speed.",
     bench_check="Turn the disc or magnet of encoder 0 by 90 degrees on its shaft and repeat: the error turns too.",
 )

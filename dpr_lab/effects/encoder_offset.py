@@ -39,6 +39,10 @@ ENCODER_OFFSET_JOINT1 = Effect(
     quantities=(
         BenchQuantity("zero error of the encoder", "x", ("offset_rad",), definition="angle read minus true angle"),
     ),
+    symptom=(
+        "The reading of encoder 1 is not that of a hanging rod while the rods hang at rest; swings to both sides"
+        " differ."
+    ),
     bench_check=(
         "Read encoder 1 with the rods at rest, turn the base by 180 degrees and read it again: half the sum is the zero"
         " error; a tilt of the base changes sign and cancels."
@@ -63,6 +67,7 @@ ENCODER_OFFSET_JOINT2 = Effect(
     quantities=(
         BenchQuantity("zero error of the encoder", "x", ("offset_rad",), definition="angle read minus true angle"),
     ),
+    symptom="The reading of encoder 2 is not zero while the rods hang at rest, by the same amount in every recording.",
     bench_check=(
         "Remove the outer rod and turn it by 180 degrees about its long axis: the zero of the encoder does"
         " not change, an offset of the centre of mass changes its side."
@@ -77,5 +82,6 @@ ENCODER_OFFSET_JOINT0 = at_arm(
         f"subtract {1e3 * params['offset_rad']:.3g} mrad from the readings of the arm's encoder; it matters"
         " only if a cable or a stop acts on the arm"
     ),
+    symptom="The reading of encoder 0 is not zero at the mark of the arm.",
     bench_check="Turn the arm to its mark and read encoder 0: the reading is the zero error.",
 )

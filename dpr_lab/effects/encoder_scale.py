@@ -57,6 +57,10 @@ ENCODER_SCALE = pair(
     quantities=(
         BenchQuantity("scale error of the encoder", "x", ("excess",), definition="angle read over true angle, minus 1"),
     ),
+    symptom=(
+        "After whole turns, rod {j} hangs at a reading that is not a whole number of turns; large angles are too"
+        " large or too small by the same factor."
+    ),
     bench_check="Turn rod {j} by hand through ten whole turns to the same mark: the counts give the scale.",
     source="Definition of counts per turn, `dpr_lab.rig_tables.Encoders`; counters are zero where the rods hang.",
 )
@@ -64,5 +68,6 @@ ENCODER_SCALE = pair(
 ENCODER_SCALE_JOINT0 = at_arm(
     ENCODER_SCALE[0],
     equation="encoder 0 reads (1 + x) q0, q0 the angle of the arm",
+    symptom="All angles of the arm are too large or too small by the same factor.",
     bench_check="Turn the arm by hand through whole turns to the same mark, as far as its cable allows.",
 )

@@ -30,6 +30,10 @@ FREE_ARM = Effect(
         BenchQuantity("total inertia about the arm's axis", "A", ("inertia_kgm2",)),
         BenchQuantity("viscous friction of the arm with back-EMF", "c0", ("viscous_Nms",)),
     ),
+    symptom=(
+        "The arm turns against the rods, although the rig file describes it as clamped; the rods swing faster than"
+        " simulated."
+    ),
     bench_check=(
         "Accelerate the arm by a known weight on a string over a pulley and measure the time: torque over"
         " acceleration is A."

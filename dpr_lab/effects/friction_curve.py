@@ -59,6 +59,10 @@ FRICTION_CURVE = pair(
         BenchQuantity("friction torque at low speed, backward", "F backward", ("backward_Nm",)),
         BenchQuantity("rise of the friction torque from 0 to 0.3 rad/s", "rise_1", ("rise1_Nm",)),
     ),
+    symptom=(
+        "No constant and proportional friction fits large and small swings together: the loss at joint {j} depends"
+        " on the speed in another way, or differs between the directions."
+    ),
     bench_check=(
         "Drive joint {j} at constant speeds with a falling weight, or compare the decay of swings of"
         " different amplitudes: the energy loss at each speed gives the curve directly."
@@ -72,5 +76,9 @@ FRICTION_CURVE = pair(
 FRICTION_CURVE_JOINT0 = at_arm(
     FRICTION_CURVE[0],
     twins=("stribeck_joint0", "air_drag_joint0"),
+    symptom=(
+        "The torque that keeps the arm at a constant speed is not a constant plus a part proportional to the speed,"
+        " or differs between the directions."
+    ),
     bench_check="Remove the rods and drive the arm at constant speeds: the torque at each speed is the curve.",
 )

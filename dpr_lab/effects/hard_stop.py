@@ -38,6 +38,7 @@ HARD_STOP_JOINT0 = Effect(
         f"keep the arm within {params['range_rad']:.3g} rad of its zero, or give the simulator's arm a range"
     ),
     quantities=(BenchQuantity("stiffness of the stop", "K", ("stiffness_Nm_per_rad",)),),
+    symptom="The arm stops or bounces back at the same angle each time.",
     bench_check="Turn the arm by hand to either side: it hits the stop, or its cable tightens, at the stated range.",
     source="Penalty contact: Gilardi & Sharf (2002), Literature survey of contact dynamics modelling, MMT 37.",
 )

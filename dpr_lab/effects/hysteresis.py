@@ -49,6 +49,10 @@ HYSTERESIS = pair(
     stage="torque",
     dissipative=True,
     quantities=(BenchQuantity("friction torque at which presliding ends", "F", ("torque_Nm",)),),
+    symptom=(
+        "The last swings become faster as they become smaller; a light push at rest springs back instead of moving"
+        " joint {j}."
+    ),
     bench_check=(
         "Record the last small swings until joint {j} rests: with presliding the frequency increases as the"
         " amplitude decreases, and the rod oscillates before it stops; after a light push at rest it springs back."
@@ -58,6 +62,7 @@ HYSTERESIS = pair(
 
 HYSTERESIS_JOINT0 = at_arm(
     HYSTERESIS[0],
+    symptom="After a light push the arm springs back; at reversals its torque changes gradually instead of suddenly.",
     bench_check=(
         "Disconnect the motor, push the arm lightly and let it go: with presliding it springs back, and only a"
         " stronger push moves it permanently. With Coulomb friction alone it stays where it is."

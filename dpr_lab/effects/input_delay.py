@@ -19,6 +19,7 @@ INPUT_DELAY = Effect(
     stage="input",
     kernel=later,
     quantities=(BenchQuantity("delay of the torques", "x", ("delay_s",)),),
+    symptom="Every response to a step of the torque begins earlier or later than simulated, by the same time.",
     bench_check=(
         "Command a torque step on a hanging rod at rest and log its encoder at the highest rate: the rod starts to"
         " move a delay after the step."

@@ -24,6 +24,10 @@ LATENCY_JOINT2 = Effect(
         " encoder 2"
     ),
     quantities=(BenchQuantity("delay of encoder 2 after encoder 1", "x", ("delay_s",)),),
+    symptom=(
+        "The residual of joint 2 is proportional to its speed: largest at the lowest point of the swing, zero at"
+        " the turning points."
+    ),
     bench_check=(
         "Swap the two encoder cables at the board and repeat: a delay of the electronics changes its sign; or"
         " latch both counters on one edge."
@@ -47,5 +51,6 @@ LATENCY_JOINT0 = at_arm(
         " encoder 0"
     ),
     quantities=(BenchQuantity("delay of encoder 0 after encoder 1", "x", ("delay_s",)),),
+    symptom="The residual of the arm is proportional to its speed, and zero where it reverses.",
     bench_check="Swap the cables of encoders 0 and 1 at the board and repeat: a delay of the board changes its sign.",
 )

@@ -28,6 +28,10 @@ LOAD_FRICTION = pair(
             "friction radius", "mu r", ("friction_radius_m",), definition="friction coefficient times bearing radius"
         ),
     ),
+    symptom=(
+        "Fast swings lose more than Coulomb friction explains, because the centripetal force loads the bearing of"
+        " joint {j}."
+    ),
     bench_check="Attach a known mass to the rod and repeat: load-dependent friction of joint {j} increases with it.",
     source=(
         "Duclos et al. (2024), BAM: better actuator models, arXiv 2410.08650, load-dependent friction; the"

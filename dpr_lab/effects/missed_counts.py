@@ -40,6 +40,10 @@ MISSED_COUNTS = Effect(
         f" release {params['run'] + 1:.0f}, and repair that encoder's shield or connector"
     ),
     quantities=(BenchQuantity("counts that the encoder missed", "n", ("counts",)),),
+    symptom=(
+        "The reading of one joint jumps by some counts at one instant of one recording and stays shifted; the rods"
+        " then hang at another reading than before."
+    ),
     bench_check=(
         "Compare the angle at which the rods hang before and after the run: it has moved by whole counts. Check shield"
         " and connector of that encoder, and that its edge rate is below the maximum of the counter."

@@ -36,6 +36,7 @@ ROTOR_INERTIA_JOINT1 = Effect(
     exported=armature,
     absorbed_by=("a",),
     quantities=(BenchQuantity("inertia of the rotor", "J", ("inertia_kgm2",)),),
+    symptom="The inner rod swings more slowly than its mass and length predict.",
     bench_check=(
         "Indistinguishable from the inner rod's own inertia by free swings: remove the rotor, or swing the inner rod"
         " alone with and without it, and compare the periods."
@@ -54,6 +55,7 @@ ROTOR_INERTIA_JOINT2 = Effect(
     joints=(1,),
     exported=armature,
     quantities=(BenchQuantity("inertia of the rotor", "J", ("inertia_kgm2",)),),
+    symptom="The rods swing more slowly relative to each other than their masses and lengths predict.",
     bench_check=(
         "Clamp the inner rod and swing the outer one with and without the rotor of joint 2 (motor, gear, disc): the"
         " period gives its inertia."

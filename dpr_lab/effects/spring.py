@@ -83,6 +83,10 @@ SPRING = pair(
         BenchQuantity("stiffness of the spring", "k", ("stiffness_Nm_per_rad",)),
         BenchQuantity("constant torque of the spring", "C", ("constant_Nm",)),
     ),
+    symptom=(
+        "The rest angle of rod {j} or its period differs from that of gravity alone, and may depend on the number"
+        " of whole turns that wind up the cable."
+    ),
     bench_check="Remove the cable of joint {j} (or add a second one) and repeat: its torque vanishes (or doubles).",
     source="Elastic restoring torque with Duffing's cubic term, e.g. Nayfeh & Mook (1979), Nonlinear Oscillations.",
 )
@@ -91,6 +95,10 @@ SPRING_JOINT0 = at_arm(
     SPRING[0],
     twins=("encoder_scale_joint0", "encoder_offset_joint0", "hard_stop_joint0"),
     equation="tau = C - k q - k3 q^3 with q the angle of the arm including full turns; the rest angle is where tau = 0",
+    symptom=(
+        "With the motor off the arm returns towards one angle, or the rest angle depends on how far the cable is"
+        " wound up."
+    ),
     bench_check=(
         "Turn the arm by hand to several angles and let it go with the motor off: a cable pulls it back."
         " Remove the cable, or route it along the axis, and repeat."

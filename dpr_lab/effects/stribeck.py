@@ -36,6 +36,10 @@ STRIBECK = pair(
         BenchQuantity("Coulomb friction torque while sliding", "F", ("torque_Nm",)),
         BenchQuantity("extra friction torque at rest", "S", ("extra_at_rest_Nm",)),
     ),
+    symptom=(
+        "Joint {j} sticks at its turning points and breaks loose suddenly; the last small swings end earlier than"
+        " with Coulomb friction."
+    ),
     bench_check=(
         "Pull the rod beyond joint {j} slowly with a spring scale: the torque at which it breaks loose, minus the"
         " torque while it slides, is the extra friction at rest."
@@ -45,6 +49,7 @@ STRIBECK = pair(
 
 STRIBECK_JOINT0 = at_arm(
     STRIBECK[0],
+    symptom="The arm starts with a jerk when the input rises slowly, and sticks at reversals.",
     bench_check=(
         "Pull the arm's tip with a spring scale: the torque at which it breaks loose, minus the torque while it slides,"
         " is the extra friction at rest."

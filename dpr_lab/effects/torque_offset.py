@@ -19,6 +19,10 @@ TORQUE_OFFSET = pair(
     site="drive",
     stage="drive",
     quantities=(BenchQuantity("offset torque", "C", ("offset_Nm",)),),
+    symptom=(
+        "The driven rod of joint {j} hangs away from the vertical while the drive is on, although its commanded"
+        " torque is zero."
+    ),
     bench_check=(
         "Record joint {j} with the drive on and the rod hanging at rest: the mean of its torque is the"
         " offset. An offset that remains with the drive off is due to a cable or a tilt."
@@ -30,6 +34,7 @@ TORQUE_OFFSET_JOINT0 = at_arm(
     TORQUE_OFFSET[0],
     nested=(),
     equation="tau + C acts on the arm where its torque, current or voltage is known, while the drive is on",
+    symptom="The arm creeps or leans to one side while the drive is on with an input of zero.",
     bench_check=(
         "Command zero and measure the motor's current or voltage: it is the offset. A torque that remains with"
         " the motor disconnected is due to a cable."

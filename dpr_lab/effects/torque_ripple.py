@@ -29,6 +29,10 @@ TORQUE_RIPPLE = pair(
     quantities=(
         BenchQuantity("peak torque ripple", "A", ("cos_share", "sin_share"), definition="as a share of the torque"),
     ),
+    symptom=(
+        "Under a constant torque the acceleration varies with the angle of joint {j} at even spacing; without"
+        " torque it does not."
+    ),
     bench_check=(
         "Turn joint {j} slowly under a constant command against a spring scale: ripple varies with the"
         " angle and increases with the command; cogging remains without a command."
@@ -42,6 +46,10 @@ TORQUE_RIPPLE = pair(
 TORQUE_RIPPLE_JOINT0 = at_arm(
     TORQUE_RIPPLE[0],
     equation="tau (1 + A cos(N q) + B sin(N q)) acts on the arm where its input is known, q its angle",
+    symptom=(
+        "Under a constant input the arm's acceleration varies with its angle at even spacing; without an input it"
+        " does not."
+    ),
     bench_check=(
         "Turn the arm slowly under a constant command against a spring scale: ripple varies with the angle and"
         " increases with the command; cogging remains without a command."

@@ -31,6 +31,7 @@ _JOINT1, _JOINT2 = pair(
             "gain error of the torque", "x", ("excess",), definition="acting torque over known torque, minus 1"
         ),
     ),
+    symptom="The residual of joint {j} is proportional to the torque of its drive, and vanishes in free swings.",
     bench_check=(
         "Hold the rod after joint {j} horizontal against a spring scale and command a torque: force times"
         " lever arm is the torque of the drive. Or attach a known mass: the scale of all torques is then"
@@ -46,6 +47,7 @@ TORQUE_SCALE_JOINT0 = at_arm(
     _JOINT1,
     twins=(),
     equation="(1 + x) tau acts on the arm where its torque, current or voltage is known",
+    symptom="The residual of the arm is proportional to the input, and vanishes without an input.",
     bench_check=(
         "Hold the arm's tip against a spring scale and command a steady input: force times length over the input is"
         " the gain. With a voltage drive measure the winding's resistance too: the gain is kt gear / R."

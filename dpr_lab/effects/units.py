@@ -44,6 +44,8 @@ def split_quantity(text: str) -> tuple[float, str]:
     match = _NUMBER.fullmatch(text.strip())
     if match is None:
         raise ValueError(f"{text!r} is not a number with its unit")
+    if re.match(r",\d", match[2]):
+        raise ValueError(f"{text!r}: write the number with a decimal point")
     return float(match[1]), match[2].strip()
 
 

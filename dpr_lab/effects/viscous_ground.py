@@ -25,6 +25,7 @@ VISCOUS_GROUND = Effect(
     quantities=(
         BenchQuantity("viscous friction coefficient of the outer rod relative to the ground", "c", ("friction_Nms",)),
     ),
+    symptom="The outer rod loses energy by its absolute speed, also while joint 2 does not turn.",
     bench_check=(
         "Tape a light card to the outer rod: air drag increases several times, joint friction does not. A"
         " release from upright covers the speeds at which linear and quadratic drag differ."

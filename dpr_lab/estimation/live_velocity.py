@@ -47,7 +47,13 @@ class FilterUnits:
 
     @classmethod
     def of(cls, period: float, covariance: NDArray[np.float64], snap: ArrayLike) -> "FilterUnits":
-        """Units for a sampling period (s), a noise (2, 2) (rad^2) and a process noise, one or (2,) (rad^2/s^7)."""
+        """Units for a filter.
+
+        Args:
+            period: sampling period, s
+            covariance: (2, 2) covariance of a reading, rad^2
+            snap: process noise of both rods, one number or (2,), rad^2/s^7
+        """
         strengths = np.broadcast_to(np.asarray(snap, dtype=np.float64), 2)
         angle = np.sqrt(np.diag(covariance))
         memory = (angle**2 * period / strengths) ** (1 / (2 * CHAIN))

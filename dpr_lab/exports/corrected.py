@@ -9,8 +9,8 @@ are fitted to every rig of this kind are omitted if they are insignificant and n
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
@@ -137,7 +137,7 @@ def _alone(diagnosis: Diagnosis, five: Sequence[EstimatedValue], rig: Rig) -> di
     }
 
 
-def significant_values(diagnosis: Diagnosis) -> tuple[NDArray[np.float64], dict[str, dict[str, float]]]:
+def significant_values(diagnosis: Diagnosis) -> tuple[Array, dict[str, dict[str, float]]]:
     """(7,) ratios, b and p/b, and the effects, without insignificant amplitudes."""
     unknown = diagnosis.unknowns
     fitted = dict(zip(UNKNOWN_RATIOS, unknown.tolist(), strict=True)) | {

@@ -10,16 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.exports import sdf
 from dpr_lab.exports.bodies import AnyModel, in_words
 from dpr_lab.exports.fmu import ports_of
 from dpr_lab.exports.mjcf import CALLBACK, XML, mjcf, passive
 from dpr_lab.rig import Rig
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

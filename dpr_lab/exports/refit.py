@@ -7,9 +7,7 @@ was estimated as zero. Ratios, simpler effects and all effects that the program 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS, effect_params, named_params
 from dpr_lab.effects.effect import Effect
@@ -30,8 +28,6 @@ from dpr_lab.identification.moving_arm.engine import OF_ARM, engine_values
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-
-Array = NDArray[np.float64]
 
 MOVING = ("torque", "load", "arm", "torque0", "drive0", "whole0", "input")
 """Stages of effects that move the rods; the others act between the rods and the readings."""

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.exports import FORMATS
 from dpr_lab.exports.bodies import AnyModel
@@ -17,8 +17,6 @@ from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-
-Array = NDArray[np.float64]
 
 
 def release(run: Run, rig: Rig, model: Model, until: float | None = None) -> Replay:

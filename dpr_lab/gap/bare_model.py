@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import whole_parameters
 from dpr_lab.errors import RunError
 from dpr_lab.fitting.cut import carried
@@ -21,8 +21,6 @@ from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.screen.tracking_noise import tracking_noise
 from dpr_lab.identification.prior_update import assumed_b
 from dpr_lab.rig import Rig
-
-Array = NDArray[np.float64]
 
 
 def nominal_ratios(rig: Rig) -> Array:

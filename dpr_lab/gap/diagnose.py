@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Effect
 from dpr_lab.effects.families import expected_of
@@ -69,7 +69,7 @@ def diagnose(
     held_out: Run | Sequence[Run] = (),
     library: Mapping[str, Effect] | None = None,
     max_effects: int = 4,
-    start: NDArray[np.float64] | None = None,
+    start: Array | None = None,
     seed: int = 0,
     on_progress: Callable[[Event], None] | None = None,
 ) -> Diagnosis:

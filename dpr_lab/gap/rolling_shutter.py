@@ -38,9 +38,9 @@ ORDINARY = (*COULOMB, AIR_DRAG_BOTH, BASE_TILT)
 
 
 def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesis) -> Shutter | None:
-    """The rolling shutter that explains most of a model's residual; None for readings of encoders, or if it is little.
+    """The rolling shutter that explains most of a model's residual; None for encoders, or if none explains enough.
 
-    A delay for which the readings are already corrected changes if the residual contradicts it.
+    If the readings are already corrected for a delay, only this delay is refined.
 
     Args:
         recordings: the runs

@@ -19,8 +19,8 @@ from dataclasses import dataclass, fields
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Effect
 from dpr_lab.estimation.noise import NORMAL_Q90
@@ -47,8 +47,6 @@ from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.setup import only_inner
-
-Array = NDArray[np.float64]
 
 Event = StageBegan | FitBegan | ScoreTestBegan
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.schedule import MAX_STEP
@@ -43,25 +43,25 @@ class Comparison(Shown):
     """Name of its pose."""
     held_out: bool
     """Whether the run was not fitted."""
-    t: NDArray[np.float64]
+    t: Array
     """(n,) times since the release, s."""
-    measured: NDArray[np.float64]
+    measured: Array
     """(n, 2) measured theta1, theta2, rad."""
-    free_run: NDArray[np.float64]
+    free_run: Array
     """(n, 2) simulated from the initial state fitted on the first segment, rad."""
-    tracked: NDArray[np.float64]
+    tracked: Array
     """(n, 2) simulated by segment with free initial states, rad."""
     horizon_s: float
     """Time until the uncertainty of the initial state alone moves the free run by 0.1 rad, s. Beyond it a comparison
     of free runs does not test the model.
     """
-    noise_rad: NDArray[np.float64]
+    noise_rad: Array
     """(2,) noise floor by axis, rad."""
     segments: int
     """Number of segments with free initial states."""
-    segment_rms_rad: NDArray[np.float64]
+    segment_rms_rad: Array
     """(2,) root mean square of measured - tracked, rad."""
-    free_run_rms_rad: NDArray[np.float64]
+    free_run_rms_rad: Array
     """(2,) root mean square of measured - free_run up to the horizon, rad."""
     torque_kind: str = ""
     """Kind of known torques, `measured` or `commanded`, if known."""
@@ -76,12 +76,12 @@ class Comparison(Shown):
         return [("mrad rms", "theta1", "theta2"), *rows]
 
     @property
-    def free_run_error(self) -> NDArray[np.float64]:
+    def free_run_error(self) -> Array:
         """(n, 2) measured - free_run, rad; Figure 3 of the publication."""
         return self.measured - self.free_run
 
     @property
-    def segment_residual(self) -> NDArray[np.float64]:
+    def segment_residual(self) -> Array:
         """(n, 2) measured - tracked, rad."""
         return self.measured - self.tracked
 
@@ -90,9 +90,9 @@ class Comparison(Shown):
 class FreeRun:
     """One simulation from a fitted initial state to the end of the record."""
 
-    t: NDArray[np.float64]
+    t: Array
     """(n,) times since the release, s."""
-    theta: NDArray[np.float64]
+    theta: Array
     """(n, 2) simulated theta1, theta2, rad."""
     horizon_s: float
     """Predictability horizon as in `Comparison`, s."""
@@ -110,7 +110,7 @@ class Followed:
     """The model with its effects; `bare` if it has none."""
     step: float
     """Runge-Kutta step of a free run, s."""
-    tracked: NDArray[np.float64]
+    tracked: Array
     """(n, 2) simulated by segment, rad."""
     held_out: bool
     """Whether the run was not fitted."""
@@ -166,7 +166,7 @@ def follow_preprocessed(preprocessed: PreprocessedRun, rig: Rig, model: Model, s
     return Followed(preprocessed, bare, fitted, STEP, fitted.predicted, held_out)
 
 
-def _with_effects(bare: RatioFit, measured: NDArray[np.float64], rig: Rig, model: Model) -> RatioFit:
+def _with_effects(bare: RatioFit, measured: Array, rig: Rig, model: Model) -> RatioFit:
     """Prediction of the run by the model with its effects and refitted initial states.
 
     A segment whose fit is worse than without effects has converged to a wrong minimum, for example if a torque is 20 %
@@ -194,7 +194,7 @@ def _with_effects(bare: RatioFit, measured: NDArray[np.float64], rig: Rig, model
     return RatioFit(problem, best)
 
 
-def _continued(problem: Problem, estimate: Estimate) -> NDArray[np.float64]:
+def _continued(problem: Problem, estimate: Estimate) -> Array:
     """(segments, 4) initial states at which the segment before each of them ends; the first one keeps its own."""
     laid_out = problem.segments
     if len(laid_out) == 1:
@@ -260,5 +260,5 @@ def compare_followed(followed: Followed) -> Comparison:
     )
 
 
-def _rms(error: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rms(error: Array) -> Array:
     return np.sqrt(np.mean(error**2, axis=0))

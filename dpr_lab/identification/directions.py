@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.identification.prior_update import UNREACHED
 from dpr_lab.rig import PARAMETERS
 
@@ -17,34 +17,34 @@ SEEN = 1.0
 """Singular value, standard deviations per 100 % of change, above which a direction is determined."""
 
 
-def _decompose(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _decompose(rows: Array) -> tuple[Array, Array]:
     """(..., n) singular values of rows (..., m, n), one for each column, and the (..., n, n) right singular vectors."""
     _, s, Vt = np.linalg.svd(rows)
     missing = np.zeros((*s.shape[:-1], Vt.shape[-1] - s.shape[-1]))
     return np.concatenate([s, missing], axis=-1), Vt
 
 
-def free_directions(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def free_directions(rows: Array) -> Array:
     """(n, k) orthonormal directions that the rows do not determine."""
     s, Vt = _decompose(rows)
     return Vt[s < SEEN].T
 
 
-def spread(rows: NDArray[np.float64], least: float = SEEN) -> NDArray[np.float64]:
+def spread(rows: Array, least: float = SEEN) -> Array:
     """(n,) relative standard deviation of each column; inf if it has a component in a free direction."""
     s, Vt = _decompose(rows)
     std = np.linalg.norm(Vt[s >= least].T / s[s >= least], axis=1)
     return np.where(np.linalg.norm(Vt[s < least], axis=0) > UNREACHED, np.inf, std)
 
 
-def simple_basis(free: NDArray[np.float64], names: Sequence[str] = PARAMETERS) -> list[dict[str, float]]:
+def simple_basis(free: Array, names: Sequence[str] = PARAMETERS) -> list[dict[str, float]]:
     """Sparse directions that span the free ones, each scaled to a largest change of 1 %.
 
     Repeatedly choosing the sparsest direction that is independent of the previous ones gives the sparsest basis.
 
     Source: T. F. Coleman & A. Pothen (1986), The null space problem I.
     """
-    basis: list[NDArray[np.float64]] = []
+    basis: list[Array] = []
     for direction in _simple_directions(free, names):
         if np.linalg.matrix_rank(np.array([*basis, direction]), tol=1e-6) > len(basis):
             basis.append(direction)
@@ -53,7 +53,7 @@ def simple_basis(free: NDArray[np.float64], names: Sequence[str] = PARAMETERS) -
     return [_readable(direction, names) for direction in basis]
 
 
-def _simple_directions(free: NDArray[np.float64], names: Sequence[str]) -> Iterator[NDArray[np.float64]]:
+def _simple_directions(free: Array, names: Sequence[str]) -> Iterator[Array]:
     """Candidates: the common scale of masses, inertias and friction, then directions of few parameters."""
     scaled = np.array([name[0] in "mcJAf" or name in ("k0", "kt") for name in names], dtype=np.float64)
     scale = scaled / np.linalg.norm(scaled)
@@ -66,7 +66,7 @@ def _simple_directions(free: NDArray[np.float64], names: Sequence[str]) -> Itera
     yield from free.T
 
 
-def _readable(direction: NDArray[np.float64], names: Sequence[str]) -> dict[str, float]:
+def _readable(direction: Array, names: Sequence[str]) -> dict[str, float]:
     largest = np.max(np.abs(direction))
     takes_part = np.abs(direction) > 1e-6 * largest
     sign = np.sign(direction[takes_part][0])

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS, added_base, ratios, whole_parameters
 from dpr_lab.dynamics.schedule import MAX_STEP
 from dpr_lab.dynamics.segments import segments
@@ -35,7 +36,7 @@ class Releases:
 RELEASES = Releases()
 
 
-def expected_information(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) -> NDArray[np.float64]:
+def expected_information(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) -> Array:
     """Fisher information of the ratios, and of b with an attached mass, in one release from each pose.
 
     Args:
@@ -53,9 +54,7 @@ def expected_information(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) 
     return determined.T @ ratio_information(base, rig, list(rig.poses.values()), releases) @ determined
 
 
-def ratio_information(
-    base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES
-) -> NDArray[np.float64]:
+def ratio_information(base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES) -> Array:
     """(5, 5) Fisher information of one release from each pose on the ratios of these base parameters, (6,)."""
     if not poses:
         return np.zeros((len(RATIOS), len(RATIOS)))
@@ -84,7 +83,7 @@ def expected_releases(
     return problem, rods_estimate(unknown_ratios(base), initial)
 
 
-def information_root(information: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
+def information_root(information: Array, scale: Array) -> Array:
     """F with F^T F = information: sensitivity of whitened readings to the unknowns.
 
     Args:

@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS, base_parameters, whole_parameters
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS, unknown_ratios
@@ -159,9 +159,9 @@ class Identifiability(Shown):
 
 
 def identifiability(
-    information: NDArray[np.float64],
+    information: Array,
     rig: Rig,
-    Z: NDArray[np.float64] | None = None,
+    Z: Array | None = None,
     *,
     lengths: bool = True,
     visible: Sequence[int] | None = None,
@@ -184,9 +184,7 @@ def identifiability(
     known = np.vstack([data, _measured_rows(rig, Z)])
     bounds = _bound_rows(rig, Z)
     singular_values = np.linalg.svd(data, compute_uv=False)
-    answers: dict[Measurement, NDArray[np.float64]] = {
-        i: i.rows(Z, rig) * Z for i in INSTRUMENTS if not already_made(i, rig)
-    }
+    answers: dict[Measurement, Array] = {i: i.rows(Z, rig) * Z for i in INSTRUMENTS if not already_made(i, rig)}
     return Identifiability(
         rank=int(np.sum(singular_values >= SEEN)),
         singular_values=tuple(singular_values.tolist()),
@@ -210,12 +208,12 @@ def summary(analysis: Identifiability) -> dict[str, Any]:
     }
 
 
-def _measured_rows(rig: Rig, Z: NDArray[np.float64]) -> NDArray[np.float64]:
+def _measured_rows(rig: Rig, Z: Array) -> Array:
     std = np.array([rig.parameters[name].std or np.inf for name in PARAMETERS])
     return np.diag(Z / std)[~rig.searched]
 
 
-def _bound_rows(rig: Rig, Z: NDArray[np.float64]) -> NDArray[np.float64]:
+def _bound_rows(rig: Rig, Z: Array) -> Array:
     lower, upper = rig.bounds
     return np.diag(Z * np.sqrt(12) / np.where(rig.searched, upper - lower, 1.0))[rig.searched]
 
@@ -228,15 +226,15 @@ def already_made(instrument: Instrument, rig: Rig) -> bool:
     return std is not None and std <= instrument.std[0]
 
 
-def _bounded_spread(known: NDArray[np.float64], bounds: NDArray[np.float64]) -> NDArray[np.float64]:
+def _bounded_spread(known: Array, bounds: Array) -> Array:
     return spread(np.vstack([known, bounds]), least=0.0)
 
 
 def _parameters(
-    known: NDArray[np.float64],
-    bounds: NDArray[np.float64],
+    known: Array,
+    bounds: Array,
     rig: Rig,
-    Z: NDArray[np.float64],
+    Z: Array,
     visible: Sequence[int],
 ) -> dict[str, ParameterValue]:
     loose, std = np.isinf(spread(known)), Z * _bounded_spread(known, bounds)
@@ -253,9 +251,7 @@ def _parameters(
     }
 
 
-def _helps(
-    data: NDArray[np.float64], bounds: NDArray[np.float64], rig: Rig, Z: NDArray[np.float64]
-) -> dict[str, tuple[str, ...]]:
+def _helps(data: Array, bounds: Array, rig: Rig, Z: Array) -> dict[str, tuple[str, ...]]:
     measured = _measured_rows(rig, Z)
     names = [name for name in PARAMETERS if rig.parameters[name].measured is not None]
     with_all = _bounded_spread(np.vstack([data, measured]), bounds)
@@ -270,9 +266,9 @@ def _helps(
 
 
 def bench_advice(
-    answers: Mapping[Measurement, NDArray[np.float64]],
-    known: NDArray[np.float64],
-    bounds: NDArray[np.float64],
+    answers: Mapping[Measurement, Array],
+    known: Array,
+    bounds: Array,
     names: Sequence[str] = PARAMETERS,
 ) -> tuple[Advice, ...]:
     """Expected gain of each bench measurement, best first.
@@ -287,9 +283,9 @@ def bench_advice(
 
 
 def _advice(
-    answers: Mapping[Measurement, NDArray[np.float64]],
-    known: NDArray[np.float64],
-    bounds: NDArray[np.float64],
+    answers: Mapping[Measurement, Array],
+    known: Array,
+    bounds: Array,
     names: Sequence[str],
 ) -> dict[Measurement, Advice]:
     loose, before = np.isinf(spread(known)), _bounded_spread(known, bounds)
@@ -310,9 +306,9 @@ def _worth(advice: Advice) -> tuple[int, float]:
 
 
 def bench_sequence(
-    answers: Mapping[Measurement, NDArray[np.float64]],
-    known: NDArray[np.float64],
-    bounds: NDArray[np.float64],
+    answers: Mapping[Measurement, Array],
+    known: Array,
+    bounds: Array,
     names: Sequence[str] = PARAMETERS,
 ) -> tuple[Advice, ...]:
     """Sequence of best measurements until all parameters are determined; arguments as above."""
@@ -327,7 +323,7 @@ def bench_sequence(
     return tuple(taken)
 
 
-def _length_error(rig: Rig, Z: NDArray[np.float64], error: float = 1e-3) -> LengthError:
+def _length_error(rig: Rig, Z: Array, error: float = 1e-3) -> LengthError:
     problem, estimate = expected_releases(base_parameters(Z, rig.L1, rig.g), rig, list(rig.poses.values()))
     wrong = problem.model.with_constants(problem.model.constants._replace(L1=rig.L1 + error))
     refitted = fit_ratios(replace(problem, model=wrong), estimate)
@@ -335,5 +331,5 @@ def _length_error(rig: Rig, Z: NDArray[np.float64], error: float = 1e-3) -> Leng
     return LengthError(error, _named(RATIOS, shift), float(np.sqrt(1 + refitted.chi2_per_dof)))
 
 
-def _named(names: Sequence[str], values: NDArray[np.float64]) -> dict[str, float]:
+def _named(names: Sequence[str], values: Array) -> dict[str, float]:
     return dict(zip(names, values.tolist(), strict=False))

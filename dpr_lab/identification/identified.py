@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.errors import IdentificationError
 from dpr_lab.estimation.noise import NORMAL_Q90
@@ -142,7 +142,7 @@ def _of_alone(sentences: list[str], alone: bool) -> list[str]:
     return [sentence.replace("e1/b", "e1/a").replace("c1/b", "c1/a") for sentence in remaining]
 
 
-def _of_ratios(names: Sequence[str], values: NDArray[np.float64]) -> dict[str, float]:
+def _of_ratios(names: Sequence[str], values: Array) -> dict[str, float]:
     return {name: value for name, value in zip(names, values.tolist(), strict=True) if name in RATIOS}
 
 
@@ -183,9 +183,7 @@ def _profile(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: in
     return low if np.isfinite(low) else None, high if np.isfinite(high) else None
 
 
-def _identifiable(
-    ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, Z: NDArray[np.float64]
-) -> Identifiable:
+def _identifiable(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, Z: Array) -> Identifiable:
     relative = ratio_uncertainty.information / max(
         1.0, ratio_fit.chi2_per_dof
     )  # a residual above the noise is treated as noise of that size

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import ConfigError, IdentificationError, RunError, unknown_name
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.identification.expected import expected_information
@@ -101,7 +101,7 @@ def identify(
     return identified_model(polish(history[-1].best, prepared_runs, rig), prepared_runs, rig, record, profile)
 
 
-def polish(Z: NDArray[np.float64], runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
+def polish(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
     """Least squares with segments from 0.25 s to the longest that the model follows.
 
     Args:

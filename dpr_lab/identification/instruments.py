@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import added_base, base_jacobian, base_parameters, ratio_slopes, ratios
 from dpr_lab.identification.expected import information_root, ratio_information
 from dpr_lab.rig import PARAMETERS, Rig
@@ -59,19 +59,19 @@ class Instrument:
     answer: "Answer"
     """(self, Z, rig) -> (k, 9) derivative of its whitened readings with respect to the nine parameters, 1/SI."""
 
-    def rows(self, Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+    def rows(self, Z: Array, rig: Rig) -> Array:
         """(k, 9) derivative of its whitened readings with respect to the nine parameters at Z, 1/SI."""
         return self.answer(self, Z, rig)
 
 
-Answer = Callable[[Instrument, NDArray[np.float64], Rig], NDArray[np.float64]]
+Answer = Callable[[Instrument, Array, Rig], Array]
 
 
-def _one_parameter(instrument: Instrument, Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+def _one_parameter(instrument: Instrument, Z: Array, rig: Rig) -> Array:
     return np.array([[float(name == instrument.parameters[0]) for name in PARAMETERS]]) / instrument.std[0]
 
 
-def _rod_alone(instrument: Instrument, Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+def _rod_alone(instrument: Instrument, Z: Array, rig: Rig) -> Array:
     """Small swings of one rod about its pivot: T = 2 pi sqrt(h / g) gives h = J / (m l) + l."""
     columns = [PARAMETERS.index(name) for name in instrument.parameters]
     centroid, m, J = Z[columns]
@@ -80,17 +80,17 @@ def _rod_alone(instrument: Instrument, Z: NDArray[np.float64], rig: Rig) -> NDAr
     return row / instrument.std[0]
 
 
-def _loaded_inner(instrument: Instrument, Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+def _loaded_inner(instrument: Instrument, Z: Array, rig: Rig) -> Array:
     return _loaded_release(instrument, Z, rig, "inner", rig.L1 / 2)
 
 
-def _loaded_outer(instrument: Instrument, Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+def _loaded_outer(instrument: Instrument, Z: Array, rig: Rig) -> Array:
     return _loaded_release(instrument, Z, rig, "outer", rig.L2 or 2 * Z[PARAMETERS.index("l2")])
 
 
 def _loaded_release(
-    instrument: Instrument, Z: NDArray[np.float64], rig: Rig, rod: Literal["inner", "outer"], position: float
-) -> NDArray[np.float64]:
+    instrument: Instrument, Z: Array, rig: Rig, rod: Literal["inner", "outer"], position: float
+) -> Array:
     """Release with a known attached mass: the ratios then determine the scale of all masses.
 
     The accuracy is limited by the uncertainties of the mass and of its position. Readings F dratios whose sensitivity
@@ -99,7 +99,7 @@ def _loaded_release(
     L1, g = rig.L1, rig.g
     mass, (mass_std, position_std) = Z[PARAMETERS.index("m2")] / 2, instrument.std
 
-    def load(more_mass: float = 0.0, further: float = 0.0) -> NDArray[np.float64]:
+    def load(more_mass: float = 0.0, further: float = 0.0) -> Array:
         return added_base(AddedMass(rod=rod, mass=mass + more_mass, position=position + further), L1, g)
 
     base = base_parameters(Z, L1, g) + load()

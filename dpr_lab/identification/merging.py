@@ -8,14 +8,12 @@ discarded and repeated in smaller steps: the free run must then stay nearer.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.fitting.cut import MIN_SAMPLES
 from dpr_lab.fitting.rods import followed
 from dpr_lab.identification.ratio_fit import RatioFit, driving_noise, fit_ratios
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from dpr_lab.arrays import Array
 from dpr_lab.configs import first_fault
 from dpr_lab.dynamics.base import BASE, RATIOS, base_from_ratios
 from dpr_lab.effects import EFFECTS
@@ -303,7 +303,7 @@ class Model(Shown, _Record):
         return [("", "value", "std", "determined by"), *rows]
 
     @property
-    def ratio_values(self) -> NDArray[np.float64]:
+    def ratio_values(self) -> Array:
         """(5,) the ratios in the order a/b, d/b, e1/b, c1/b, c2/b."""
         return np.array([estimate.value for estimate in self.all_ratios.values()])
 
@@ -319,13 +319,13 @@ class Model(Shown, _Record):
         )
 
     @property
-    def unknowns(self) -> NDArray[np.float64]:
+    def unknowns(self) -> Array:
         """(7,) the ratios, b and p/b."""
         b = self.base["b"].value
         p_over_b = self.p_over_b or self.parameters["m2"].value * self.rig.L1**2 / b
         return np.append(self.ratio_values, [b, p_over_b])
 
-    def starting_point(self, rig: Rig) -> NDArray[np.float64]:
+    def starting_point(self, rig: Rig) -> Array:
         """(7,) `unknowns` as initial values of a fit for this rig.
 
         Raises:

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.dynamics.base import base_of_run, rows, whole_parameters
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.fitting.cut import partition
@@ -74,7 +74,7 @@ def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
         whitening = np.diag(1 / prepared.noise.std_joint) if run.setup.held else prepared.noise.whitening
         parts.append((run, swings, initial, targets, whitening))
 
-    def errors(candidates: NDArray[np.float64]) -> NDArray[np.float64]:
+    def errors(candidates: Array) -> Array:
         columns = [
             segment_errors(_rows(candidates, run, rig), swings, initial, targets, whitening).sum(axis=1) / targets.size
             for run, swings, initial, targets, whitening in parts
@@ -109,7 +109,7 @@ def paper_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
             )
         )
 
-    def errors(candidates: NDArray[np.float64]) -> NDArray[np.float64]:
+    def errors(candidates: Array) -> Array:
         columns = [segment_errors(_rows(candidates, run, rig), *part) for run, *part in parts]
         return np.hstack(columns)
 
@@ -128,22 +128,20 @@ def objective_words(name: str) -> str:
     return f"{OBJECTIVES[name].words} [{name}]" if name in OBJECTIVES else name
 
 
-def _thinned(t: NDArray[np.float64]) -> NDArray[np.int64]:
+def _thinned(t: Array) -> Integers:
     """Indices of samples about a step apart: more samples take time and do not help a search."""
     ticks = np.floor((t - t[0]) / SETTINGS.step + 1e-6)
     return np.flatnonzero(np.diff(ticks, prepend=-1.0) > 0)
 
 
-def _rows(candidates: NDArray[np.float64], run: Run, rig: Rig) -> NDArray[np.float64]:
+def _rows(candidates: Array, run: Run, rig: Rig) -> Array:
     """Rows of the kernel for the candidates, with the mounting of the run."""
     L1, g = rig.L1, rig.g
     bases = base_of_run(whole_parameters(candidates, L1, g), run.setup, L1, g)
     return rows(_as_one(bases, run.elbow, L1, g)[0] if run.setup.held else bases, L1, g)
 
 
-def _as_one(
-    bases: NDArray[np.float64], elbow: float, L1: float, g: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _as_one(bases: Array, elbow: float, L1: float, g: float) -> tuple[Array, Array]:
     """(n, 6) base parameters of one rod that moves like two rods with a clamped elbow, and (n,) its phase lead, rad.
 
     A = a + b + 2 d cos(delta) and E exp(i phi) = e1 + e2 exp(i delta), for theta1 + phi. The other rod is fixed.

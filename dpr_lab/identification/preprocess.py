@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.estimation.motion import refuse_without_motion
 from dpr_lab.estimation.noise import NoiseFloor, noise_floor
 from dpr_lab.estimation.velocity import smooth
@@ -18,7 +18,7 @@ class PreprocessedRun:
 
     run: Run
     noise: NoiseFloor
-    states: NDArray[np.float64]
+    states: Array
     """(n, 4) smoothed theta1, theta2, omega1, omega2 at each sample, rad and rad/s."""
 
 

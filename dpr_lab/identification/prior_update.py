@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import BASE, RATIOS, base_jacobian, base_parameters, ratio_jacobian, whole_parameters
 from dpr_lab.fitting.estimate import ON_ELBOW, unknown_ratios
 from dpr_lab.fitting.prior import parameter_std, unknown_jacobian
@@ -30,8 +30,8 @@ _RELATIVE = (*range(len(RATIOS)), ON_ELBOW)
 
 
 def update_prior(
-    estimated: NDArray[np.float64],
-    covariance: NDArray[np.float64],
+    estimated: Array,
+    covariance: Array,
     rig: Rig,
     visible: Sequence[int] | None = None,
 ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
@@ -64,14 +64,14 @@ UNSURE = np.array([1e-3, 1e-3, 1e-3, 0.3, 0.3])
 """Relative standard deviation with which bare ratios determine the scale, because friction may hide much."""
 
 
-def assumed_b(unknown: NDArray[np.float64], rig: Rig) -> ParameterValue:
+def assumed_b(unknown: Array, rig: Rig) -> ParameterValue:
     """b, kg m^2, the scale of all torques, from the rig file and an unknown vector that starts with the five ratios."""
     values = unknown[: len(UNSURE)]
     _, base = update_prior(values, np.diag((UNSURE * np.maximum(values, 1e-3)) ** 2), rig)
     return base["b"]
 
 
-def _origin(moved: NDArray[np.float64]) -> Literal["data", "bound"]:
+def _origin(moved: Array) -> Literal["data", "bound"]:
     return "bound" if np.any(np.abs(moved) > UNREACHED) else "data"
 
 
@@ -80,7 +80,7 @@ def _value(value: np.float64, variance: np.float64, fixed_by: Literal["data", "m
     return ParameterValue(value=float(value), std=std, fixed_by=fixed_by)
 
 
-def _loose(Z: NDArray[np.float64], observed: list[int], rig: Rig) -> NDArray[np.float64]:
+def _loose(Z: Array, observed: list[int], rig: Rig) -> Array:
     """(9, k) relative changes of the searched parameters that leave all observations unchanged."""
     scaled = unknown_jacobian(Z, rig)[observed] * Z / np.maximum(_unknowns(Z, rig)[observed], 1e-12)[:, None]
     directions = np.zeros((len(PARAMETERS), 0))
@@ -92,9 +92,7 @@ def _loose(Z: NDArray[np.float64], observed: list[int], rig: Rig) -> NDArray[np.
     return directions
 
 
-def _update(
-    estimated: NDArray[np.float64], covariance: NDArray[np.float64], rig: Rig, places: list[int]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _update(estimated: Array, covariance: Array, rig: Rig, places: list[int]) -> tuple[Array, Array]:
     prior, P0 = rig.nominal, np.diag(parameter_std(rig) ** 2)
     given = [] if set(range(len(RATIOS))) <= set(places) else [i for i in _RELATIVE if i not in places]
     estimated = np.append(estimated, _unknowns(prior, rig)[given])
@@ -113,7 +111,7 @@ def _update(
     return Z, P
 
 
-def _unknowns(Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+def _unknowns(Z: Array, rig: Rig) -> Array:
     return unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
 
 

@@ -9,8 +9,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS, whole_parameters
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.schedule import MAX_STEP
@@ -33,8 +33,6 @@ from dpr_lab.fitting.rods import RodsAlone, by_start, followed
 from dpr_lab.fitting.whitening import Disturbance
 from dpr_lab.identification.preprocess import PreprocessedRun
 from dpr_lab.rig import Rig
-
-Array = NDArray[np.float64]
 
 TO_THE_MINIMUM = GaussNewton(converged=1e-8)
 """Settings of a fit whose ratios are reported: for 6e4 readings, 1e-8 of chi2 corresponds to a fortieth of a

@@ -3,16 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.fitting.estimate import ON_ELBOW, UNKNOWN_RATIOS, ratio_parameters
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.identification.ratio_fit import RatioFit
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +136,7 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     return RatioUncertainty(ratio_fit.unknowns, H.sum(axis=0), covariance, len(free_scores), names, prior, assumed)
 
 
-def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: NDArray[np.bool_]) -> Array:
+def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: Flags) -> Array:
     """(free, free) covariance due to one prior standard deviation of each ratio that the runs do not determine.
 
     Source: consider covariance, S. F. Schmidt (1966), as in `dpr_lab.fitting.covariance`.

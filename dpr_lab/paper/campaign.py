@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.child_process import worker_pool
 from dpr_lab.dynamics.base import base_parameters, ratios
 from dpr_lab.paper.printed import BEST_H, TRUE
@@ -19,7 +19,7 @@ from dpr_lab.search.settings import IgaSettings
 
 Grid = Literal["on", "off"]
 
-TRUTHS: dict[Grid, NDArray[np.float64]] = {
+TRUTHS: dict[Grid, Array] = {
     "on": TRUE,
     "off": TRUE * np.random.default_rng(2012).uniform(0.85, 1.15, len(TRUE)),
 }
@@ -45,11 +45,11 @@ class Found:
     """Result of one search."""
 
     case: SearchCase
-    best: NDArray[np.float64]
+    best: Array
     """(9,) parameters, SI."""
     H: float
     """H in the interpretation of the search."""
-    E: dict[str, NDArray[np.float64]]
+    E: dict[str, Array]
     """(3,) E from X1, X2, X3 for each name in `TERMS`."""
     generations: int
     evaluations: int
@@ -61,11 +61,11 @@ class Found:
     """Columns `HISTORY` over the generations."""
 
     @property
-    def percent(self) -> NDArray[np.float64]:
+    def percent(self) -> Array:
         """(9,) signed errors of the nine parameters, %."""
         return 100 * (self.best / TRUTHS[self.case.grid] - 1)
 
-    def ratio_percent(self, rig: Rig) -> NDArray[np.float64]:
+    def ratio_percent(self, rig: Rig) -> Array:
         """(5,) signed errors of the five ratios a/b, d/b, e1/b, c1/b, c2/b, %."""
         return ratio_percent(self.best, TRUTHS[self.case.grid], rig)
 
@@ -91,7 +91,7 @@ class Found:
         )
 
 
-def ratio_percent(Z: NDArray[np.float64], truth: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+def ratio_percent(Z: Array, truth: Array, rig: Rig) -> Array:
     """(5,) signed errors of the five ratios of one set of nine parameters, %."""
     L1, g = rig.L1, rig.g
     return 100 * (ratios(base_parameters(Z, L1, g)) / ratios(base_parameters(truth, L1, g)) - 1)

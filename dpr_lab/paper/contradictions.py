@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.paper.campaign import ratio_percent
 from dpr_lab.paper.printed import POSES, TABLE_1, TABLE_3, TRUE
 from dpr_lab.paper.swings import STEP, errors, swings
@@ -69,7 +69,7 @@ def _pose_of_H(ours: Recomputed) -> Contradiction:
     )
 
 
-def _misprints(truth: NDArray[np.float64], rig: Rig) -> Contradiction:
+def _misprints(truth: Array, rig: Rig) -> Contradiction:
     evidence = ", ".join(
         _tenth(label, table[row, :9], parameter, truth, rig)
         for label, table, row, parameter in (("Table 1 row 3", TABLE_1, 2, "c2"), ("Table 3 row 6", TABLE_3, 5, "c1"))
@@ -81,7 +81,7 @@ def _misprints(truth: NDArray[np.float64], rig: Rig) -> Contradiction:
     )
 
 
-def _tenth(label: str, Z: NDArray[np.float64], parameter: str, truth: NDArray[np.float64], rig: Rig) -> str:
+def _tenth(label: str, Z: Array, parameter: str, truth: Array, rig: Rig) -> str:
     corrected = Z.copy()
     corrected[PARAMETERS.index(parameter)] /= 10
     before, after = (errors(z, truth, rig)["angles"][0] for z in (Z, corrected))
@@ -101,7 +101,7 @@ def _order_of_H(ours: Recomputed, rig: Rig) -> Contradiction:
     )
 
 
-def _scale_family(truth: NDArray[np.float64], rig: Rig, scale: float = 1.1) -> Contradiction:
+def _scale_family(truth: Array, rig: Rig, scale: float = 1.1) -> Contradiction:
     scaled = TRUE * np.where([name in ("l1", "l2") for name in PARAMETERS], 1.0, scale)
     E = errors(scaled, truth, rig)["angles"]
     return Contradiction(
@@ -115,7 +115,7 @@ def _scale_family(truth: NDArray[np.float64], rig: Rig, scale: float = 1.1) -> C
     )
 
 
-def _step(truth: NDArray[np.float64], rig: Rig, fine: float = STEP / 32) -> Contradiction:
+def _step(truth: Array, rig: Rig, fine: float = STEP / 32) -> Contradiction:
     worst = np.abs(swings(TRUE, rig, fine) - truth)[..., :2].max(axis=(1, 2))
     return Contradiction(
         "E is summed over 10 s with a Runge-Kutta step of 5 ms, also from X2 and X3, which are chaotic.",

@@ -4,7 +4,8 @@ Rows of parameters are in the order of `dpr_lab.rig.PARAMETERS`, SI.
 """
 
 import numpy as np
-from numpy.typing import NDArray
+
+from dpr_lab.arrays import Array
 
 TRUE = np.array([0.2, 0.2, 0.1, 0.1, 0.208, 0.001, 0.001, 0.00133, 0.00133])
 """(9,) the "actual" parameters of section 4.1 of the publication."""
@@ -41,7 +42,7 @@ _TABLE_3 = """
 """
 
 
-def _numbers(text: str) -> NDArray[np.float64]:
+def _numbers(text: str) -> Array:
     return np.array([[float(word) for word in line.split()] for line in text.strip().splitlines()])
 
 

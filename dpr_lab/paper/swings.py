@@ -4,8 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import base_parameters, rows
 from dpr_lab.dynamics.rollout import trajectory_errors
 from dpr_lab.dynamics.simulate import simulate
@@ -21,15 +22,15 @@ INSTANTS = STEP * np.arange(2001)
 """(2001,) sampling instants of the 10 s, s."""
 
 
-def _angles(error: NDArray[np.float64]) -> NDArray[np.float64]:
+def _angles(error: Array) -> Array:
     return error[..., :2]
 
 
-def _with_speeds(error: NDArray[np.float64]) -> NDArray[np.float64]:
+def _with_speeds(error: Array) -> Array:
     return error
 
 
-TERMS: dict[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
+TERMS: dict[str, Callable[[Array], Array]] = {
     "angles": _angles,
     "relative angles": lambda error: JointAngles(relative2=True).of_rods(_angles(error)),
     "angles and speeds": _with_speeds,
@@ -58,12 +59,12 @@ READINGS = {
 }
 
 
-def start_states(rig: Rig) -> NDArray[np.float64]:
+def start_states(rig: Rig) -> Array:
     """(3, 4) theta1, theta2, omega1, omega2 of X1, X2, X3 at the release, rad and rad/s."""
     return np.array([[rig.poses[pose].theta1, rig.poses[pose].theta2, 0.0, 0.0] for pose in POSES])
 
 
-def swings(Z: ArrayLike, rig: Rig, step: float = STEP) -> NDArray[np.float64]:
+def swings(Z: ArrayLike, rig: Rig, step: float = STEP) -> Array:
     """Zero-input responses of one set of parameters.
 
     Args:
@@ -79,7 +80,7 @@ def swings(Z: ArrayLike, rig: Rig, step: float = STEP) -> NDArray[np.float64]:
     return np.stack([simulate(base, L1, g, state, INSTANTS, step) for state in start_states(rig)])
 
 
-def errors(Z: ArrayLike, truth: NDArray[np.float64], rig: Rig) -> dict[str, NDArray[np.float64]]:
+def errors(Z: ArrayLike, truth: Array, rig: Rig) -> dict[str, Array]:
     """E(Z) of one set of parameters in every interpretation of `TERMS`.
 
     Args:
@@ -94,7 +95,7 @@ def errors(Z: ArrayLike, truth: NDArray[np.float64], rig: Rig) -> dict[str, NDAr
     return {name: np.sum(term(error) ** 2, axis=(1, 2)) for name, term in TERMS.items()}
 
 
-def objective(reading: Reading, truth: NDArray[np.float64], rig: Rig) -> Objective:
+def objective(reading: Reading, truth: Array, rig: Rig) -> Objective:
     """Cost of a population in one interpretation of H.
 
     Args:

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.paper.campaign import TRUTHS, Found, ratio_percent
 from dpr_lab.paper.printed import BEST_H, POSES, TABLE_1, TABLE_2, TABLE_3, TRUE
@@ -27,9 +27,9 @@ class PaperTable:
 class Recomputed:
     """E of all printed rows of parameters."""
 
-    table1: dict[str, NDArray[np.float64]]
+    table1: dict[str, Array]
     """(7, 3) rows and poses, by the names of `TERMS`."""
-    table3: dict[str, NDArray[np.float64]]
+    table3: dict[str, Array]
     """(10, 3) rows and poses, by the names of `TERMS`."""
 
 
@@ -174,7 +174,7 @@ def _signed(percent: Iterable[float]) -> tuple[str, ...]:
     return tuple(f"{value:+.2f}" for value in percent)
 
 
-def _by_term(rows: Sequence[dict[str, NDArray[np.float64]]]) -> dict[str, NDArray[np.float64]]:
+def _by_term(rows: Sequence[dict[str, Array]]) -> dict[str, Array]:
     return {term: np.array([row[term] for row in rows]) for term in TERMS}
 
 

@@ -4,16 +4,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from dpr_lab.arrays import Array
 from dpr_lab.planning.acting import allowed_rods, arm_states
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.release import CandidateRelease, MountedParts
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import AddedMass
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

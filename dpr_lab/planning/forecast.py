@@ -36,10 +36,10 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from dpr_lab.acceptance.judge import SURE
+from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
@@ -48,8 +48,6 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.planning.knowledge import Causes, causes_of
 from dpr_lab.planning.worth.criteria import OpenPairs
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.prediction import PAD, predict, predict_batch
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.fitting.estimate import Estimate, FreeParameter
@@ -27,8 +27,6 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods_with_effects import ENCODER_AMPLITUDES, RodsWithEffects
 from dpr_lab.gap.screen.recordings import LENGTHS
 from dpr_lab.planning.release import CandidateRelease
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

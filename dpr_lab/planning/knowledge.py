@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
@@ -39,8 +39,6 @@ from dpr_lab.planning.information import PresentModel, informed
 from dpr_lab.planning.release import ArmState, CandidateRelease
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-
-Array = NDArray[np.float64]
 
 RATIO_COLUMNS = len(UNKNOWN_RATIOS)
 """The unknowns begin with the ratios, b and p/b; amplitudes of effects follow."""

@@ -33,10 +33,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from dpr_lab.acceptance.limits import Limits, refuse_other_limits
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.configs import read_config
 from dpr_lab.errors import ConfigError
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
@@ -74,7 +74,7 @@ class ReachablePoses(RigTable):
                 )
         return self
 
-    def reachable(self, theta: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def reachable(self, theta: Array) -> Flags:
         """(n,) whether (n, 2) start angles are reachable, modulo full turns."""
         inside = _within(theta[:, 0], self.theta1_rad) & _within(theta[:, 1], self.theta2_rad)
         if self.elbow_rad is not None:
@@ -83,7 +83,7 @@ class ReachablePoses(RigTable):
         return inside
 
 
-def _within(angles: NDArray[np.float64], ends: Range) -> NDArray[np.bool_]:
+def _within(angles: Array, ends: Range) -> Flags:
     low, high = ends
     return (angles - low) % (2 * np.pi) <= high - low + 1e-12
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.rig_tables import AddedMass, Mounting
 from dpr_lab.setup import Setup, Torques
 
@@ -55,7 +55,7 @@ class CandidateRelease:
         return Setup(self.mounting, self.added, elbow, self.torques, arm_moves=self.arm != "held")
 
     @property
-    def start(self) -> NDArray[np.float64]:
+    def start(self) -> Array:
         """(4,) state at the release: theta1, theta2, speeds of zero, rad and rad/s; (6,) with a moving arm, at 0."""
         theta2 = self.theta1 if self.setup.alone else self.theta2
         return np.array([self.theta1, theta2, 0.0, 0.0, *([] if self.arm == "held" else [0.0, 0.0])])

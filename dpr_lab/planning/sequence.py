@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.planning.candidates import (
     SEARCH,
     minutes,
@@ -20,8 +20,6 @@ from dpr_lab.planning.information import Informed, informed
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.release import CandidateRelease, MountedParts
 from dpr_lab.planning.worth.objective import Objective
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import ConfigError
 from dpr_lab.identification.moving_arm.setup import drive_gain, rods_measured
 from dpr_lab.planning.acting import arm_states
@@ -29,8 +29,6 @@ from dpr_lab.planning.release import ArmState, CandidateRelease
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Torques
 from dpr_lab.shown import percent
-
-Array = NDArray[np.float64]
 
 COLUMNS = ("t_s", "tau1_Nm", "tau2_Nm")
 """Columns of the file: time since the release, then the torque of each joint, which holds until the next row."""

@@ -12,8 +12,8 @@ where p* is the best fit of the other cause to the runs recorded so far. The min
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects import without_effect
 from dpr_lab.fitting.estimate import EFFECTS_BEGIN, Estimate, moved
 from dpr_lab.fitting.linearise import linearise
@@ -21,8 +21,6 @@ from dpr_lab.planning.information import laid_out
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.worth.criteria import OpenPairs
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,9 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.acceptance.judge import SURE
+from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.planning.forecast import STOPPING, decided, decision_probability, possible
@@ -20,8 +20,6 @@ from dpr_lab.planning.worth.goals import limit_forecasts
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.planning.worth.reasons import Expected, Reason, only_ratios_sentence, reason
 from dpr_lab.shown import listed, percent
-
-Array = NDArray[np.float64]
 
 State = Literal["first", "record", "enough", "bench check"]
 

@@ -56,7 +56,7 @@ def pair(numbers: Iterable[float]) -> str:
     return ", ".join(three(number) for number in numbers)
 
 
-def scaled_unit(text: str) -> str:
+def superscripts(text: str) -> str:
     """Write powers as superscripts: `kg m²` for `kg m^2`."""
     return _POWER.sub(lambda power: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(power[1])], text)
 

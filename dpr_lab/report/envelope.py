@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
+
 POINTS = 2400
 """Maximum number of points per line; about four per pixel column of a panel."""
 
 
-def trace(
-    t: NDArray[np.float64], y: NDArray[np.float64], points: int = POINTS, gap_steps: float = 10.0
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def trace(t: Array, y: Array, points: int = POINTS, gap_steps: float = 10.0) -> tuple[Array, Array]:
     """Reduce a record for drawing: short records are unchanged, long ones keep their extremes, gaps become NaN.
 
     The record is divided into `points` / 2 blocks of equal length. Each keeps its smallest and its largest sample at
@@ -31,7 +31,7 @@ def trace(
     return np.insert(t[points_kept], positions, middle), np.insert(y[points_kept], positions, np.nan)
 
 
-def _extremes(y: NDArray[np.float64], points: int) -> NDArray[np.intp]:
+def _extremes(y: Array, points: int) -> NDArray[np.intp]:
     n = len(y)
     if n <= points:
         return np.arange(n)
@@ -44,7 +44,7 @@ def _extremes(y: NDArray[np.float64], points: int) -> NDArray[np.intp]:
     return np.unique(np.concatenate([[0, n - 1], lowest, highest]))
 
 
-def _gaps(t: NDArray[np.float64], gap_steps: float) -> NDArray[np.intp]:
+def _gaps(t: Array, gap_steps: float) -> NDArray[np.intp]:
     """Indices of the last sample before each gap."""
     if len(t) < 3:
         return np.empty(0, dtype=np.intp)
@@ -52,7 +52,7 @@ def _gaps(t: NDArray[np.float64], gap_steps: float) -> NDArray[np.intp]:
     return np.flatnonzero(steps > gap_steps * np.median(steps))
 
 
-def signal_scale(value: NDArray[np.float64], half_width: NDArray[np.float64]) -> tuple[tuple[float, float], bool]:
+def signal_scale(value: Array, half_width: Array) -> tuple[tuple[float, float], bool]:
     """Axis range of a curve with intervals of typical width, and whether something is clipped.
 
     The curve itself takes at least a quarter of the range.

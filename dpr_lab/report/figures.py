@@ -19,6 +19,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 from numpy.typing import NDArray
 from PIL import Image
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import DprError
 from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.model import Model
@@ -281,9 +282,7 @@ def _draw_errors(panels: NDArray[np.object_], comparison: Comparison) -> None:
     panels[1, 1].set_xlabel("segments with free initial states: time since release (s)")
 
 
-def _draw_error(
-    axes: Axes, t: NDArray[np.float64], error: NDArray[np.float64], rms_rad: float, noise_rad: float
-) -> None:
+def _draw_error(axes: Axes, t: Array, error: Array, rms_rad: float, noise_rad: float) -> None:
     band = NOISE_SIGMAS * 1e3 * noise_rad
     axes.axhspan(-band, band, label=f"noise floor, ±{NOISE_SIGMAS}σ", **style.NOISE_BAND)
     axes.plot(*trace(t, 1e3 * error), label="measured − simulated", **style.RESIDUAL)
@@ -317,18 +316,18 @@ def legend_above(figure: Figure) -> None:
     figure.legend(handles.values(), handles.keys(), loc="outside upper center", ncols=len(handles))
 
 
-def _time_range(axes: Axes, t: NDArray[np.float64]) -> None:
+def _time_range(axes: Axes, t: Array) -> None:
     if len(t) > 1:
         axes.set_xlim(float(t[0]), float(t[-1]))
 
 
-def _symmetric_range(axes: Axes, values: NDArray[np.float64]) -> None:
+def _symmetric_range(axes: Axes, values: Array) -> None:
     largest = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
     if largest > 0:
         axes.set_ylim(-1.1 * largest, 1.1 * largest)
 
 
-def _angle_range(axes: Axes, values: NDArray[np.float64]) -> None:
+def _angle_range(axes: Axes, values: Array) -> None:
     """Set an axis range for `values`, with ticks at multiples of π/2 if they span more than π."""
     finite = values[np.isfinite(values)]
     if not len(finite):

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.acceptance.limits import RATIO_UNITS
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.identification.model import ALONE
 from dpr_lab.report.angles import RADIANS, AngleUnit
-from dpr_lab.report.digits import NONE, interval, pair, plus_minus, scaled_unit, three
+from dpr_lab.report.digits import NONE, interval, pair, plus_minus, superscripts, three
 from dpr_lab.shown import FIXED_BY
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def ratio_rows(model: "Model") -> list[list[str]]:
             name,
             plus_minus(ratio.value, ratio.std),
             interval(*ratio.interval90, ratio.value, ratio.std),
-            scaled_unit(RATIO_UNITS[name]),
+            superscripts(RATIO_UNITS[name]),
         ]
         for name, ratio in model.ratios.items()
         if ratio.fixed_by == "data"
@@ -148,7 +148,7 @@ def ratio_std_rows(made: "Plan", release: "PlannedRelease") -> list[tuple[str, .
             name,
             "unknown" if made.state == "first" and name not in (*RATIOS, *ALONE) else f"{std:.2g}",
             f"{release.ratio_std[name]:.2g}",
-            scaled_unit(RATIO_UNITS[name]),
+            superscripts(RATIO_UNITS[name]),
         )
         for name, std in made.ratio_std.items()
     ]
@@ -206,7 +206,7 @@ def parameter_rows(model: "Model") -> list[list[str]]:
 
 def parameter_note(model: "Model") -> str:
     """Origin of the nine values, and the b that they assume if only ratios are identified."""
-    return f"{PARAMETER_NOTE} {scaled_unit(model.scale_sentence)}" if model.scale else PARAMETER_NOTE
+    return f"{PARAMETER_NOTE} {superscripts(model.scale_sentence)}" if model.scale else PARAMETER_NOTE
 
 
 def comparison_rows(comparisons: "Sequence[Comparison]", angles: AngleUnit = RADIANS) -> list[list[str]]:
@@ -336,11 +336,11 @@ def _held_out(multiples: Sequence[float]) -> str:
     return f"1 run held out: {worst}" if len(multiples) == 1 else f"{len(multiples)} runs held out: at most {worst}"
 
 
-def _worst(rms: Sequence[float] | NDArray[np.float64], noise: Sequence[float] | NDArray[np.float64]) -> float:
+def _worst(rms: Sequence[float] | Array, noise: Sequence[float] | Array) -> float:
     return float(np.max(_noise_ratio(np.asarray(rms), np.asarray(noise))))
 
 
-def _noise_ratio(rms: NDArray[np.float64], noise: NDArray[np.float64]) -> NDArray[np.float64]:
+def _noise_ratio(rms: Array, noise: Array) -> Array:
     """Residual / noise floor by axis; NaN where the noise floor is unknown."""
     return np.divide(rms, noise, out=np.full(len(rms), np.nan), where=noise > 0)
 

@@ -1,15 +1,14 @@
 """Curves as braille characters, for terminals without graphics."""
 
 import numpy as np
-from numpy.typing import NDArray
+
+from dpr_lab.arrays import Array
 
 DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 """Bit of each dot of a braille character, by row and column (Unicode 2800 to 28FF)."""
 
 
-def text_chart(
-    t: NDArray[np.float64], y: NDArray[np.float64], unit: str = "rad", width: int = 64, height: int = 6
-) -> list[str]:
+def text_chart(t: Array, y: Array, unit: str = "rad", width: int = 64, height: int = 6) -> list[str]:
     """Draw a curve with `text_plot`, with its largest and smallest value on the left and a time axis below.
 
     Args:
@@ -31,7 +30,7 @@ def text_chart(
     return [*lines, f"{left} └{'─' * width}", f"{left}  {first}{last:>{width - len(first)}}"]
 
 
-def text_plot(t: NDArray[np.float64], y: NDArray[np.float64], width: int = 64, height: int = 6) -> list[str]:
+def text_plot(t: Array, y: Array, width: int = 64, height: int = 6) -> list[str]:
     """Draw a curve as lines of braille characters of 2 x 4 dots each; extremes are kept.
 
     Args:

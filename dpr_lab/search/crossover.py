@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from dpr_lab.arrays import Array
 from dpr_lab.search.hybrid_coding import STEPS
-from dpr_lab.search.problem import Floats
 
 
-def cross(x: Floats, y: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def cross(x: Array, y: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """Cross each pair at one random gene and swap the following genes.
 
         x_i' = beta x_i + (1 - beta) y_i,   y_i' = (1 - beta) x_i + beta y_i,   beta in {0, 0.1, ..., 1}
@@ -34,6 +34,6 @@ def cross(x: Floats, y: Floats, rng: np.random.Generator) -> tuple[Floats, Float
     )
 
 
-def _between(x: Floats, y: Floats, beta: Floats) -> Floats:
+def _between(x: Array, y: Array, beta: Array) -> Array:
     # Rounding must neither leave the box nor make equal genes differ.
     return np.clip(beta * x + (1 - beta) * y, np.minimum(x, y), np.maximum(x, y))

@@ -7,11 +7,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from dpr_lab.arrays import Array
 from dpr_lab.search.fitness import FAILED_ABOVE, cost
 from dpr_lab.search.generations import generations
 from dpr_lab.search.latin_hypercube import latin_hypercube
 from dpr_lab.search.population import Population, ranked
-from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, SearchProblem
+from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import NotNegative, SearchSettings, Share
 
 
@@ -59,7 +60,7 @@ def _populations(
 
 def _trials(
     population: Population, box: Bounds, settings: DifferentialEvolutionSettings, rng: np.random.Generator
-) -> Floats:
+) -> Array:
     """(size, n) one trial for each individual.
 
     scipy has no function for one generation. It gets the population and its known costs, and runs one iteration, in
@@ -67,9 +68,9 @@ def _trials(
     """
     from scipy import optimize
 
-    evaluated: list[Floats] = []
+    evaluated: list[Array] = []
 
-    def known_then_none(columns: Floats) -> Floats:
+    def known_then_none(columns: Array) -> Array:
         evaluated.append(columns.T)
         return np.minimum(population.cost, FAILED_ABOVE) if len(evaluated) == 1 else np.zeros(len(population.cost))
 

@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from dpr_lab.arrays import Array
 from dpr_lab.search.hybrid_coding import STEPS
-from dpr_lab.search.problem import Bounds, Floats
+from dpr_lab.search.problem import Bounds
 
 
-def around(best: Floats, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Floats:
+def around(best: Array, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Array:
     """Chromosomes around the best one, within 5 % of each of its genes at the published settings.
 
         y_i = (mu + nu beta) x_i,   beta uniform on {0, 0.1, ..., 1}, clipped to the bounds

@@ -1,15 +1,15 @@
 """Feedback mutation: replacement of near-duplicates in the population by new chromosomes, step (4)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.search.dynamic_encoding import around
 from dpr_lab.search.hamming_pairing import inbred
 from dpr_lab.search.hybrid_coding import fresh
-from dpr_lab.search.problem import Bounds, Floats
+from dpr_lab.search.problem import Bounds
 
 
-def near_duplicates(genes: Floats, tolerance: Floats) -> NDArray[np.bool_]:
+def near_duplicates(genes: Array, tolerance: Array) -> Flags:
     """Mask of chromosomes that nearly equal a previous one.
 
     Args:
@@ -23,7 +23,7 @@ def near_duplicates(genes: Floats, tolerance: Floats) -> NDArray[np.bool_]:
     return np.any(np.tril(alike, k=-1), axis=1)
 
 
-def replacements(best: Floats, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Floats:
+def replacements(best: Array, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Array:
     """New chromosomes, with equal probability near the best (dynamic encoding) or anywhere (hybrid coding).
 
     Args:

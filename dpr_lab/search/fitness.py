@@ -4,14 +4,14 @@ from typing import Literal
 
 import numpy as np
 
-from dpr_lab.search.problem import Floats
+from dpr_lab.arrays import Array
 
 FAILED_ABOVE = 1e100
 """E above which a swing counts as diverged; sums of such costs would overflow."""
 AGGREGATES = {"sum": np.sum, "max": np.max, "min": np.min}
 
 
-def cost(errors: Floats, aggregate: Literal["sum", "max", "min"]) -> Floats:
+def cost(errors: Array, aggregate: Literal["sum", "max", "min"]) -> Array:
     """H(Z): one cost from the errors of all poses.
 
     Args:
@@ -27,7 +27,7 @@ def cost(errors: Floats, aggregate: Literal["sum", "max", "min"]) -> Floats:
     return AGGREGATES[aggregate](np.where(failed, np.inf, errors), axis=1)
 
 
-def fitness(costs: Floats, scale: float, delta: float) -> Floats:
+def fitness(costs: Array, scale: float, delta: float) -> Array:
     """Fitness of each individual, in the form of a signal-to-noise ratio; 0 for a failed one.
 
         f = M / (H + delta)

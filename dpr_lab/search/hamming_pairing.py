@@ -3,14 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.search.hybrid_coding import fresh
-from dpr_lab.search.problem import Bounds, Floats
+from dpr_lab.search.problem import Bounds
 
 INBREEDING_BELOW = 2
 """Minimum number of different genes of parents: docs/theory.md (4)."""
 
 
-def hamming_distance(x: Floats, y: Floats, tolerance: Floats | float = 0.0) -> NDArray[np.int_]:
+def hamming_distance(x: Array, y: Array, tolerance: Array | float = 0.0) -> NDArray[np.int_]:
     """Number of genes in which chromosomes differ.
 
     Args:
@@ -26,12 +27,12 @@ def hamming_distance(x: Floats, y: Floats, tolerance: Floats | float = 0.0) -> N
     return np.count_nonzero(np.abs(x - y) > tolerance, axis=-1)
 
 
-def inbred(x: Floats, y: Floats, tolerance: Floats | float = 0.0) -> NDArray[np.bool_]:
+def inbred(x: Array, y: Array, tolerance: Array | float = 0.0) -> Flags:
     """Whether chromosomes are too close to each other: a Hamming distance below 2 (below 1 for a single gene)."""
     return hamming_distance(x, y, tolerance) < min(INBREEDING_BELOW, x.shape[-1])
 
 
-def pair(genes: Floats, fitness: Floats, pairs: int, box: Bounds, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def pair(genes: Array, fitness: Array, pairs: int, box: Bounds, rng: np.random.Generator) -> tuple[Array, Array]:
     """Draw parents with probability proportional to fitness; replace the second of an inbred pair by a new one.
 
     Args:

@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from dpr_lab.search.problem import Bounds, Floats
+from dpr_lab.arrays import Array
+from dpr_lab.search.problem import Bounds
 
 STEPS = np.arange(11) / 10
 """Values of beta: 0, 0.1, ..., 1."""
 
 
-def fresh(size: int, box: Bounds, rng: np.random.Generator) -> Floats:
+def fresh(size: int, box: Bounds, rng: np.random.Generator) -> Array:
     """New chromosomes, each gene on the grid of eleven values over its range.
 
         x_i = L_i + beta (U_i - L_i),   beta uniform on {0, 0.1, ..., 1}

@@ -1,9 +1,10 @@
 """The improved genetic algorithm (IGA), in the ten steps of docs/theory.md, section 2.
 
-(1) initialise by hybrid coding, (2) sort by fitness, (3) population fitness, (4) dynamic encoding and feedback mutation
-once the population has converged, then for M Pc / 2 offspring (5) pairing and crossover, (6) orthogonal experiment,
-(7) hybrid mutation, (8) all of them at once; (9) merge and sort, (10) keep the best M; again from (3).
-Until then step (4) of the publication requires "traditional mutation", interpreted here as the mutation of step (7).
+(1) Initialise by hybrid coding. (2) Sort by fitness. (3) Compute the population fitness. (4) Once the population has
+converged: dynamic encoding and feedback mutation. (5) Pairing and crossover. (6) Orthogonal experiment. (7) Hybrid
+mutation. (8) Steps (5) to (7) for M Pc / 2 offspring, all at once. (9) Merge and sort. (10) Keep the best M and repeat
+from (3). Before convergence, step (4) of the publication requires "traditional mutation", interpreted here as the
+mutation of step (7).
 """
 
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from functools import partial
 
 import numpy as np
 
+from dpr_lab.arrays import Array
 from dpr_lab.search.crossover import cross
 from dpr_lab.search.feedback_mutation import near_duplicates, replacements
 from dpr_lab.search.fitness import cost, fitness
@@ -21,7 +23,7 @@ from dpr_lab.search.mutation import mutate
 from dpr_lab.search.orthogonal import Levels, array_for, experiment
 from dpr_lab.search.population import Population, merged, ranked
 from dpr_lab.search.population_fitness import population_fitness
-from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, SearchProblem
+from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import IgaSettings
 
 
@@ -61,7 +63,7 @@ def _populations(
         population = merged(population, offspring).best(settings.population)  # (9), (10)
 
 
-def _fitness(population: Population, settings: IgaSettings) -> Floats:
+def _fitness(population: Population, settings: IgaSettings) -> Array:
     return fitness(population.cost, settings.fitness_scale, settings.delta)
 
 

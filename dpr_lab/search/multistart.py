@@ -7,11 +7,12 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from dpr_lab.arrays import Array
 from dpr_lab.search.fitness import cost
 from dpr_lab.search.generations import generations
 from dpr_lab.search.latin_hypercube import latin_hypercube
 from dpr_lab.search.population import Population, merged
-from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, SearchProblem
+from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import Count, Positive, SearchSettings
 
 MAX_POWER = 16
@@ -60,7 +61,7 @@ def _populations(
             yield merged(ends, waiting).best(settings.population)
 
 
-def _descended(problem: SearchProblem, start: Floats, start_cost: float, settings: MultistartSettings) -> Population:
+def _descended(problem: SearchProblem, start: Array, start_cost: float, settings: MultistartSettings) -> Population:
     """One individual: end of the local search from a start, or the start itself if it failed."""
     if not np.isfinite(start_cost):
         return Population(start[None], np.array([start_cost]))
@@ -68,7 +69,7 @@ def _descended(problem: SearchProblem, start: Floats, start_cost: float, setting
 
     lower, upper = problem.box
 
-    def value_and_slope(share: Floats) -> tuple[float, Floats]:
+    def value_and_slope(share: Array) -> tuple[float, Array]:
         """Cost and gradient from one batch: the point and a neighbour along each gene."""
         inward = np.where(share < 0.5, settings.difference, -settings.difference)
         batch = np.vstack([share, share + np.diag(inward)])
@@ -85,7 +86,7 @@ def _descended(problem: SearchProblem, start: Floats, start_cost: float, setting
     return Population(genes, problem.costs(genes))
 
 
-def _smooth_cost(errors: Floats, settings: MultistartSettings) -> Floats:
+def _smooth_cost(errors: Array, settings: MultistartSettings) -> Array:
     """(n,) smooth H for the descent: `max` has kinks at which a quasi-Newton method stalls; a power mean has none."""
     combined = cost(errors, settings.aggregate)
     if settings.aggregate != "max":

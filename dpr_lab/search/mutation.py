@@ -1,13 +1,13 @@
 """Hybrid mutation: at one gene or at several, step (7)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.search.hybrid_coding import fresh
-from dpr_lab.search.problem import Bounds, Floats
+from dpr_lab.search.problem import Bounds
 
 
-def mutate(genes: Floats, rate: float, box: Bounds, rng: np.random.Generator) -> tuple[Floats, NDArray[np.bool_]]:
+def mutate(genes: Array, rate: float, box: Bounds, rng: np.random.Generator) -> tuple[Array, Flags]:
     """Give some chromosomes new values on the grid of hybrid coding.
 
     Each chromosome mutates with probability `rate`. With equal probability one gene or several genes (a random number

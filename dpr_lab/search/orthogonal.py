@@ -3,12 +3,11 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.errors import ConfigError
-from dpr_lab.search.problem import Floats
 
-Levels = NDArray[np.bool_]
+Levels = Flags
 
 
 def _plackett_burman() -> Levels:
@@ -54,7 +53,7 @@ def array_for(name: str, genes: int) -> Levels:
     return levels[:, :genes]
 
 
-def experiment(x: Floats, y: Floats, levels: Levels, costs: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
+def experiment(x: Array, y: Array, levels: Levels, costs: Callable[[Array], Array]) -> tuple[Array, Array]:
     """Best of all trials of each pair and of the combination predicted by their main effects.
 
     Args:
@@ -78,7 +77,7 @@ def experiment(x: Floats, y: Floats, levels: Levels, costs: Callable[[Floats], F
     return everything[winner], every_cost[winner]
 
 
-def better_levels(tried: Floats, levels: Levels) -> Levels:
+def better_levels(tried: Array, levels: Levels) -> Levels:
     """Level of each gene with the lower mean cost of its trials; exact if the cost is a sum over genes.
 
     Args:

@@ -7,10 +7,11 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from dpr_lab.arrays import Array
 from dpr_lab.search.fitness import cost
 from dpr_lab.search.generations import generations
 from dpr_lab.search.population import Population, merged, ranked
-from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, SearchProblem
+from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import Count, Positive, SearchSettings, Share
 
 
@@ -57,7 +58,7 @@ def _populations(problem: SearchProblem, settings: PlainGaSettings, rng: np.rand
         population = merged(population.best(settings.elite), offspring).best(settings.population)
 
 
-def _crossed(genes: Floats, settings: PlainGaSettings, rng: np.random.Generator) -> Floats:
+def _crossed(genes: Array, settings: PlainGaSettings, rng: np.random.Generator) -> Array:
     """(size, n) children; `genes` come best first, so the winner of a tournament is its lowest index."""
     size, n = genes.shape
     mothers, fathers = rng.integers(size, size=(2, size, settings.tournament)).min(axis=2)
@@ -66,7 +67,7 @@ def _crossed(genes: Floats, settings: PlainGaSettings, rng: np.random.Generator)
     return np.where(swaps, genes[fathers], genes[mothers])
 
 
-def _mutated(genes: Floats, box: Bounds, settings: PlainGaSettings, rng: np.random.Generator) -> Floats:
+def _mutated(genes: Array, box: Bounds, settings: PlainGaSettings, rng: np.random.Generator) -> Array:
     lower, upper = box
     step = rng.normal(0, settings.mutation_std, genes.shape) * (upper - lower)
     mutates = rng.random(genes.shape) < settings.mutation_rate

@@ -4,16 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dpr_lab.search.problem import Floats
+from dpr_lab.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)
 class Population:
     """Chromosomes with their costs, best first."""
 
-    genes: Floats
+    genes: Array
     """(size, n) free genes."""
-    cost: Floats
+    cost: Array
     """(size,) cost H of each chromosome."""
 
     def best(self, size: int) -> "Population":
@@ -21,7 +21,7 @@ class Population:
         return Population(self.genes[:size], self.cost[:size])
 
 
-def ranked(genes: Floats, cost: Floats) -> Population:
+def ranked(genes: Array, cost: Array) -> Population:
     """Sort chromosomes by cost into a population; the sort is stable."""
     order = np.argsort(cost, kind="stable")
     return Population(genes[order], cost[order])

@@ -1,9 +1,9 @@
 """Population fitness: mean fitness of the population relative to its best, docs/theory.md (8)."""
 
-from dpr_lab.search.problem import Floats
+from dpr_lab.arrays import Array
 
 
-def population_fitness(fitness: Floats) -> float:
+def population_fitness(fitness: Array) -> float:
     """Mean fitness of the population as a share of the best one.
 
         f_pop = (1/M) sum_i f_i / f_optimal

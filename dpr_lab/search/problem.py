@@ -5,17 +5,17 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.search.settings import SearchSettings
 
-Floats = NDArray[np.float64]
 Settings = TypeVar("Settings", bound=SearchSettings)
 
-Objective = Callable[[Floats], Floats]
+Objective = Callable[[Array], Array]
 """(n, d) candidates -> (n, poses) E(Z) >= 0 of each candidate and pose, docs/theory.md (2); `inf` where one failed."""
 
-Bounds = Floats
+Bounds = Array
 """(2, d) lower and upper bound of every gene; a gene whose bounds coincide is fixed."""
 
 
@@ -26,16 +26,16 @@ class Generation:
     number: int
     evaluations: int
     """Candidates evaluated so far."""
-    best: Floats
+    best: Array
     """(d,) best candidate so far."""
     best_cost: float
     """H of the best candidate, `inf` as long as every candidate failed."""
     best_fitness: float
     population_fitness: float
     """f_pop of docs/theory.md (8): 1 when the whole population is as good as its best."""
-    population: Floats
+    population: Array
     """(size, d) candidates, best first."""
-    cost: Floats
+    cost: Array
     """(size,) H of each candidate of the population."""
 
 
@@ -61,9 +61,9 @@ class SearchProblem:
     objective: Objective
     bounds: Bounds
     """(2, d) lower and upper bounds of all genes."""
-    cost: Callable[[Floats], Floats]
+    cost: Callable[[Array], Array]
     """(n, poses) E -> (n,) H."""
-    free: NDArray[np.bool_] = field(init=False)
+    free: Flags = field(init=False)
     """(d,) mask of the free genes."""
     evaluations: int = field(init=False, default=0)
 
@@ -78,17 +78,17 @@ class SearchProblem:
         """(2, n) bounds of the free genes."""
         return self.bounds[:, self.free]
 
-    def candidates(self, genes: Floats) -> Floats:
+    def candidates(self, genes: Array) -> Array:
         """(size, n) free genes -> (size, d) with the fixed genes inserted."""
         genes_of_all = np.tile(self.bounds[0], (len(genes), 1))
         genes_of_all[:, self.free] = genes
         return genes_of_all
 
-    def costs(self, genes: Floats) -> Floats:
+    def costs(self, genes: Array) -> Array:
         """(size, n) free genes -> (size,) H, `inf` for a candidate that failed; raises as `errors` does."""
         return self.cost(self.errors(genes)) if len(genes) else np.empty(0)
 
-    def errors(self, genes: Floats) -> Floats:
+    def errors(self, genes: Array) -> Array:
         """(size, n) free genes, at least one -> (size, poses) E of the objective.
 
         Raises:

@@ -4,9 +4,10 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from dpr_lab.arrays import Array
+
+Vector = Array
 
 
 @dataclass(frozen=True, slots=True)

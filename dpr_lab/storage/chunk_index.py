@@ -12,6 +12,8 @@ from mcap.records import ChunkIndex, MessageIndex
 from mcap.writer import Writer
 from numpy.typing import NDArray
 
+from dpr_lab.arrays import Integers
+
 
 class ChunkIndices:
     """Index of the chunks that `mcap.writer.Writer` writes at the end, kept as bytes in a temporary file.
@@ -50,7 +52,7 @@ class ChunkIndices:
 class RowIndex(MessageIndex):
     """Position of each message in a chunk: (n, 2) times and offsets, as written."""
 
-    def __init__(self, channel: int, entries: NDArray[np.int64]) -> None:
+    def __init__(self, channel: int, entries: Integers) -> None:
         super().__init__(channel, [])
         self._entries = entries
 
@@ -63,7 +65,7 @@ class RowIndex(MessageIndex):
         stream.finish_record()
 
 
-def write_rows(writer: Writer, channel: int, log_ns: NDArray[np.int64], records: NDArray[np.uint8]) -> None:
+def write_rows(writer: Writer, channel: int, log_ns: Integers, records: NDArray[np.uint8]) -> None:
     """Write (n, width) message records of (n,) increasing times as one chunk."""
     writer.flush()
     chunk: Any = getattr(writer, "_Writer__chunk_builder")  # noqa: B009

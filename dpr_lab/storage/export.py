@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.errors import DprError, RunError
 from dpr_lab.run import Run
 from dpr_lab.storage.layout import NANOSECONDS
@@ -27,7 +27,7 @@ INPUT_COLUMN = "arm_input"
 """Input of the arm's drive, in the SI unit of its kind in the rig file."""
 BOTH_KINDS: tuple[str, ...] = ("tau1_measured_Nm", "tau2_measured_Nm", "tau1_commanded_Nm", "tau2_commanded_Nm")
 
-Columns = dict[str, NDArray[np.float64] | NDArray[np.int64]]
+Columns = dict[str, Array | Integers]
 """Column name -> (n,) values."""
 
 UNITS = {"t_s": "s", **dict.fromkeys(COLUMNS[1:], "rad"), **dict.fromkeys(COUNT_COLUMNS, "counts")}

@@ -146,7 +146,7 @@ def _input(stored: Scan) -> str:
 
 
 def holds_both_torques(path: Path) -> bool:
-    """Whether a run contains measured and commanded torques, according to its first sample; empty if unreadable."""
+    """Whether a run contains measured and commanded torques, according to its first sample; False if unreadable."""
     try:
         with closing(stored_messages(path)) as messages:
             first = next((message.data for message in messages if message.topic == SAMPLES), b"")

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import prescribed_arm, prescribed_inner
 from dpr_lab.estimation.held_rods import free_part_of
@@ -148,7 +148,7 @@ def released(run: Run) -> Run:
     return replace(cut, t=cut.t - release, arm=arm, inner=inner, notes=(*run.notes, f"{note}: left out of the swing"))
 
 
-def _torques(samples: Samples) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
+def _torques(samples: Samples) -> tuple[Array | None, Array | None]:
     """The torques, and the commanded torques if both are known; None without drives."""
     if not any(torques.any() for torques in samples.torques):
         return None, None
@@ -215,7 +215,7 @@ def lost_by_gaps(stored: Scan, samples: Samples) -> dict[str, int]:
     return {"tick_gap": samples.missing} if stored.metadata.time_source == "ticks" else {}
 
 
-def _time(stored: Scan, samples: Samples) -> NDArray[np.float64]:
+def _time(stored: Scan, samples: Samples) -> Array:
     if stored.metadata.time_source == "table":
         return samples.t - samples.t[release_row(stored.release_tick, samples.ticks)]
     release = stored.release_tick
@@ -228,13 +228,13 @@ def _time(stored: Scan, samples: Samples) -> NDArray[np.float64]:
     return (samples.ticks - release) / stored.metadata.rate_hz
 
 
-def release_row(release: int | None, ticks: NDArray[np.int64]) -> int:
+def release_row(release: int | None, ticks: Integers) -> int:
     """Row of an imported table at which the rods were released; the first row if the file does not name a valid one."""
     row = 0 if release is None else int(np.searchsorted(ticks, release))
     return row if row < len(ticks) and ticks[row] == release else 0
 
 
-def full_turns(rig: Rig, pose: str | None, t: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.float64]:
+def full_turns(rig: Rig, pose: str | None, t: Array, theta: Array) -> Array:
     """(3,) whole turns to subtract, rad, so that each rod lies within pi of the pose at t = 0; zero without a pose.
 
     Without a pose, whole turns between recordings may be what shows a wrong number of counts per turn: they are kept.
@@ -266,7 +266,8 @@ def _check_rig(stored: Scan, rig: Rig) -> None:
     ]
     if differing:
         raise RunError(
-            f"{stored.path}: run of another rig: {'; '.join(differing)}; give the rig file that it was recorded with"
+            f"{stored.path}: run of another rig: {'; '.join(differing)}; give the rig file that it was recorded with,"
+            " or leave this run out"
         )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.rig import JOINTS
 from dpr_lab.storage.layout import TORQUE_KEYS
 
@@ -36,7 +37,7 @@ _BLANK, _MINUS, _POINT, _ZERO = b" -.0"
 _HEAD = np.dtype([("kind", "u1"), ("length", "<u8"), ("channel", "<u2"), ("number", "<u4"), ("log", "<u8", 2)])
 
 
-def message_records(channel: int, log_ns: NDArray[np.int64], texts: Bytes) -> Bytes:
+def message_records(channel: int, log_ns: Integers, texts: Bytes) -> Bytes:
     """(n, 31 + w) MCAP message records of (n,) times and (n, w) texts."""
     head = np.zeros(len(texts), dtype=_HEAD)
     head["kind"], head["length"] = Opcode.MESSAGE, _HEAD.itemsize - 9 + texts.shape[1]
@@ -60,11 +61,11 @@ def message_texts(records: bytes) -> tuple[int, Bytes] | None:
 
 
 def sample_texts(
-    tick: NDArray[np.int64],
-    t: NDArray[np.float64],
-    theta: NDArray[np.float64],
-    counts: NDArray[np.int64] | None,
-    torques: NDArray[np.float64],
+    tick: Integers,
+    t: Array,
+    theta: Array,
+    counts: Integers | None,
+    torques: Array,
 ) -> Bytes | None:
     """(n, w) samples as JSON; None if a number has no text of fixed width.
 
@@ -89,7 +90,7 @@ def sample_texts(
     return np.hstack([np.broadcast_to(column, (len(tick), np.shape(column)[-1])) for column in columns])  # pyright: ignore[reportCallIssue, reportArgumentType]
 
 
-def _decimals(values: NDArray[np.int64] | NDArray[np.float64]) -> Bytes | None:
+def _decimals(values: Integers | Array) -> Bytes | None:
     """(n, w) decimal text of (n,) numbers, with leading blanks; None if no number of decimals is sufficient."""
     if values.dtype == np.int64:
         return _fixed(values.astype(np.int64), 0) if np.abs(values).max() < SETTINGS.largest else None
@@ -102,7 +103,7 @@ def _decimals(values: NDArray[np.int64] | NDArray[np.float64]) -> Bytes | None:
     return None
 
 
-def _fixed(scaled: NDArray[np.int64], decimals: int) -> Bytes:
+def _fixed(scaled: Integers, decimals: int) -> Bytes:
     """(n, w) text of integers with a point before the last `decimals` digits."""
     size = np.abs(scaled)
     digits = max(len(str(size.max())), decimals + 1)
@@ -135,7 +136,7 @@ _SAMPLE = re.compile(
 )  # fmt: skip
 
 
-def sample_columns(texts: Bytes) -> list[NDArray[np.float64] | NDArray[np.int64] | None] | None:
+def sample_columns(texts: Bytes) -> list[Array | Integers | None] | None:
     """Numbers of (n, w) texts from `sample_texts`, in its order: tick, t, counts, theta, torques; each (n,).
 
     A column is None if the texts do not contain its name. The result for other texts is None.
@@ -161,7 +162,7 @@ def _with_blanks(row: Bytes, start: int, stop: int) -> tuple[int, int]:
     return start, stop
 
 
-def _numbers(texts: Bytes) -> NDArray[np.float64] | NDArray[np.int64] | None:
+def _numbers(texts: Bytes) -> Array | Integers | None:
     """(n,) numbers of (n, w) texts with all points in one column; None for other texts."""
     points = np.flatnonzero(texts[0] == _POINT)
     decimals = texts.shape[1] - 1 - int(points[0]) if len(points) else 0

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.errors import RunError
 from dpr_lab.rig import JOINTS
 from dpr_lab.storage.layout import CLOCK, EVENTS, LIMITS, RELEASED, SAMPLES, TORQUE_KEYS, Stored
@@ -21,15 +22,15 @@ STRANGE = (ValueError, KeyError, TypeError, OverflowError, RecursionError, Attri
 class Samples:
     """Content of the `/samples` channel as arrays."""
 
-    ticks: NDArray[np.int64]
+    ticks: Integers
     """(n,) ticks."""
-    t: NDArray[np.float64]
+    t: Array
     """(n,) s since tick 0"""
-    theta: NDArray[np.float64]
+    theta: Array
     """(n, 3) angles computed during the recording, rad."""
-    counts: NDArray[np.int64] | None
+    counts: Integers | None
     """(n, 3) position counts."""
-    torques: tuple[NDArray[np.float64], ...] = ()
+    torques: tuple[Array, ...] = ()
     """(n, 2) N m, in the order of `TORQUE_KEYS`."""
 
     @property
@@ -145,14 +146,14 @@ def _stacked(columns: Sequence[NDArray[Any] | None]) -> NDArray[Any] | None:
     return np.column_stack(present) if present else None
 
 
-def _whole(values: list[Any], shape: tuple[int, ...]) -> NDArray[np.int64]:
+def _whole(values: list[Any], shape: tuple[int, ...]) -> Integers:
     read = np.array(values if values else np.zeros(shape, dtype=np.int64))
     if read.shape != shape or read.dtype != np.int64:
         raise ValueError(f"a value is not a 64-bit integer, or there are not {shape[1:] or 'one'} of them")
     return read
 
 
-def _finite(values: list[Any], shape: tuple[int, ...]) -> NDArray[np.float64]:
+def _finite(values: list[Any], shape: tuple[int, ...]) -> Array:
     read = np.array(values if values else np.zeros(shape), dtype=np.float64)
     if read.shape != shape or not np.isfinite(read).all():
         raise ValueError(f"a value that is not a finite number, or not {shape[1:] or 'one'} of them")

@@ -5,8 +5,8 @@ from tempfile import TemporaryFile
 from types import TracebackType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Integers
 from dpr_lab.errors import RunError
 from dpr_lab.rig import JOINTS
 
@@ -58,7 +58,7 @@ class Spool:
         """Number of missing ticks between the first and the last."""
         return self._last_tick - self._first_tick + 1 - self._used if self._used else 0
 
-    def extend(self, ticks: NDArray[np.int64], counts: NDArray[np.int64]) -> None:
+    def extend(self, ticks: Integers, counts: Integers) -> None:
         """Append newer samples: ticks (n,) and position counts (n, 3)."""
         rows = np.column_stack([ticks, counts]).astype(np.int64, copy=False).tobytes()
         try:
@@ -72,15 +72,15 @@ class Spool:
         self._last_tick = int(ticks[-1])
         self._used += len(ticks)
 
-    def newest(self, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def newest(self, count: int) -> tuple[Integers, Integers]:
         """Ticks (n,) and counts (n, 3) of the last `count` samples, or of all if there are fewer."""
         return self._read(max(0, self._used - count), self._used)
 
-    def oldest(self, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def oldest(self, count: int) -> tuple[Integers, Integers]:
         """Ticks (n,) and counts (n, 3) of the first `count` samples, or of all if there are fewer."""
         return self._read(0, min(count, self._used))
 
-    def _read(self, start: int, stop: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _read(self, start: int, stop: int) -> tuple[Integers, Integers]:
         self._file.seek(start * _ROW.itemsize)
         rows = np.frombuffer(self._file.read((stop - start) * _ROW.itemsize), dtype=np.int64).reshape(-1, 1 + JOINTS)
         return rows[:, 0], rows[:, 1:]

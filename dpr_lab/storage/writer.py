@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 from mcap.writer import CompressionType, Writer
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.errors import RunError
 from dpr_lab.rig import JOINTS
 from dpr_lab.storage.chunk_index import keep_on_disk, write_rows
@@ -50,8 +51,8 @@ class WriterSettings:
     flush_s: float = 0.2
     """Maximum age of a chunk, s; with a call every 50 ms it reaches the operating system within 250 ms."""
     sync_s: float = 5.0
-    """Whether to sync to disk. A killed process loses nothing that was flushed, only a power failure does, and
-    syncing can block for 100 ms.
+    """Interval at which the file is synchronised with the disk, s. Only a power failure loses flushed data; a killed
+    process does not, and each synchronisation can block for 100 ms.
     """
     messages_a_chunk: int = 500
     """Maximum number of events of each kind, and of states, between two flushes; further ones are only counted."""
@@ -248,11 +249,11 @@ class RunWriter:
 
     def _append(
         self,
-        tick: NDArray[np.int64],
-        t: NDArray[np.float64],
-        theta: NDArray[np.float64],
-        counts: NDArray[np.int64] | None,
-        torques: NDArray[np.float64],
+        tick: Integers,
+        t: Array,
+        theta: Array,
+        counts: Integers | None,
+        torques: Array,
     ) -> None:
         n = len(tick)
         if len(torques) and (torques.shape not in ((1, n, 2), (2, n, 2)) or not np.isfinite(torques).all()):
@@ -277,7 +278,7 @@ class RunWriter:
         self.samples_written += n
         self._flush_when_due()
 
-    def _add_rows(self, log_ns: NDArray[np.int64], *rows: Any) -> None:
+    def _add_rows(self, log_ns: Integers, *rows: Any) -> None:
         """Add samples, many at once if they have a text of fixed width."""
         channel = self._channels[SAMPLES]
         texts = sample_texts(*rows) if len(log_ns) >= SETTINGS.many_rows else None
@@ -361,16 +362,16 @@ def _create(path: Path) -> BufferedWriter:
         raise RunError(f"{path}: cannot be created: {error.strerror}") from error
 
 
-def _by_kind(torques: ArrayLike | None) -> NDArray[np.float64]:
+def _by_kind(torques: ArrayLike | None) -> Array:
     return np.zeros((0, 0, 2)) if torques is None else np.asarray(torques, dtype=np.float64)
 
 
 def _sample_messages(
-    tick: NDArray[np.int64],
-    t: NDArray[np.float64],
-    theta: NDArray[np.float64],
-    counts: NDArray[np.int64] | None,
-    torques: NDArray[np.float64],
+    tick: Integers,
+    t: Array,
+    theta: Array,
+    counts: Integers | None,
+    torques: Array,
 ) -> Iterator[bytes]:
     """Each row as JSON, formatted directly: three times as fast as `json.dumps`."""
     rows = zip(tick.tolist(), t.tolist(), theta.tolist(), strict=True)

@@ -1,11 +1,18 @@
 """Link URLs: scheme://place?option=value, with a message for every error."""
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
 from dpr_lab.errors import LinkUrlError
+
+_LINKS = {
+    re.compile("/dev/|COM[0-9]"): "serial://{}?baud=921600",
+    re.compile("v?can[0-9]"): "can://socketcan/{}?bitrate=1000000",
+}
+"""Form of the name of a port or an interface -> link URL with this name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +63,10 @@ def parse_url(text: str) -> LinkUrl:
     except ValueError as error:
         raise LinkUrlError(f"{text}: is not a link URL ({error}); use scheme://place?option=value") from error
     if "://" not in text:
+        link = next((link for kind, link in _LINKS.items() if kind.match(text)), "serial:///dev/ttyUSB0")
         raise LinkUrlError(
-            f"{text or 'empty text'}: is not a link URL; use for example serial:///dev/ttyUSB0 or sim://"
+            f"{text or 'empty text'}: is not a link URL; use for example {link.format(text)}, or sim:// for a simulated"
+            " device"
         )
     return LinkUrl(text, split.scheme, split.netloc, split.path, query)
 

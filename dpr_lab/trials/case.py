@@ -8,8 +8,8 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import DprError
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.run import Run, as_mounted
@@ -78,5 +78,5 @@ def run_of(recording: dict[str, Any], rig: Rig) -> Run:
     )
 
 
-def _rows(values: list[Any] | None) -> NDArray[np.float64] | None:
+def _rows(values: list[Any] | None) -> Array | None:
     return None if values is None else np.array(values)

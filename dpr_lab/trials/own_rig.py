@@ -13,8 +13,8 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.child_process import worker_pool
 from dpr_lab.dynamics.prediction import predict, segment_start
 from dpr_lab.dynamics.rig_constants import rig_constants
@@ -34,7 +34,6 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.trials.summary import wilson90
 
-Array = NDArray[np.float64]
 Effects = Mapping[str, Params]
 
 

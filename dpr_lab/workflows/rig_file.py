@@ -272,7 +272,8 @@ def check_rig(name: str | Path) -> list[RigFinding]:
     try:
         rig = load_rig(name)
     except ConfigError as error:
-        return [RigFinding("wrong", "", line) for line in str(error).splitlines()]
+        problems = [line.removeprefix(f"{name}: ") for line in str(error).splitlines()]
+        return [RigFinding("wrong", "", problem) for problem in problems]
     return [*_missing(rig), *_odd_geometry(rig), *_odd_parameters(rig), *_odd_poses(rig)]
 
 
@@ -350,6 +351,8 @@ def _odd_rod(rig: "Rig", rod: int, length: float | None) -> Iterator[RigFinding]
 def _odd_poses(rig: "Rig") -> Iterator[RigFinding]:
     for name, pose in rig.poses.items():
         key = f"poses.{name}"
+        if (largest := max(map(abs, pose.theta))) > math.tau:
+            yield RigFinding("odd", key, f"{largest:g} rad is more than one turn: is the angle in degrees?")
         if max(map(math.cos, pose.theta[1:])) < -0.99:
             yield RigFinding("odd", key, "both rods hang: there is no swing after the release (0 = upright)")
         if pose.tolerance > USUAL.tolerance:

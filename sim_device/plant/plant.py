@@ -235,7 +235,7 @@ class Plant:
         return theta2 - self._constants.relative2 * theta1
 
     def with_joint2(self, theta: Theta, angle2: Theta) -> Theta:
-        """(n, 3) absolute angles with another angle of joint 2, (n,) as read by its encoder, rad."""
+        """(n, 3) absolute angles, rad, whose joint 2 has the angles `angle2`, (n,) as read by its encoder."""
         return np.column_stack([theta[:, :2], angle2 + self._constants.relative2 * theta[:, 1]])
 
     def held(self, angles: Theta, hold: Theta) -> Theta:

@@ -153,7 +153,11 @@ def _start(piece: Array, rig: Rig) -> Array:
 def _linearised(
     values: Array, starts: Array, laid_out: Segments, constants: RigConstants, moving: tuple[list[int], list[int]]
 ) -> tuple[Array, Array]:
-    """(N, 3) readings and (N, 3, k) their derivatives by ln of some parameters and by some states of each segment."""
+    """(N, 3) readings and their (N, 3, k) derivatives.
+
+    The derivatives are with respect to ln of the parameters and to the initial states of each segment whose indices are
+    in `moving`.
+    """
     parameters, states = moving
     count = 1 + len(parameters) + len(states)
     candidates, initial = np.tile(values, (count, 1)), np.tile(starts, (count, 1, 1))

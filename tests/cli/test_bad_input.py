@@ -46,6 +46,21 @@ def test_a_wrong_rig_file_names_file_key_and_value(tmp_path: Path, cli, old: str
     assert "Traceback" not in done.err
 
 
+@pytest.mark.parametrize("text", ["0,3", "30cm"])
+def test_a_number_that_cannot_be_read_has_an_example(cli, text: str) -> None:
+    done = cli("rig", "new", "--name", "b", "--l1", text, "--m1", "0.2")
+    assert done.code == 2
+    assert "must be a number with a decimal point and without a unit, such as 0.25" in done.err
+
+
+def test_a_file_in_the_place_of_a_command_is_refused_with_the_commands(cli, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(GOOD)
+    done = cli("import", tmp_path / "a.csv")
+    assert done.code == 2
+    assert "is a file: write a command before it (table, csv)" in done.err
+    assert "dpr-lab --help lists them" in cli(tmp_path / "a.csv").err
+
+
 def test_no_such_rig_lists_those_there_are(tmp_path: Path, cli) -> None:
     done = capture(cli, "sim://", tmp_path, "nonesuch")
     assert done.code == 3

@@ -14,6 +14,7 @@ def test_the_command_asks_for_the_unit_and_shows_before_and_after(tmp_path: Path
         (("--value", "0.5", "--std", "0.01"), 3, "the unit is missing. Accepted units: %, ppm, 1. Example: 0.1 %"),
         (("--value", "0.5 mN m", "--std", "0.01"), 3, "'mN m' is not a unit of this quantity"),
         (("--value", "fast", "--std", "1 %"), 3, "'fast' is not a number with its unit"),
+        (("--value", "0,5 %", "--std", "1 %"), 3, "write the number with a decimal point"),
         (("--value", "nan %", "--std", "1 %"), 3, "must be a finite number, not nan"),
         (("--value", "1e308 %", "--std", "1 %"), 3, "is impossible for the rate error"),
         (("--value", "1e999 %", "--std", "1 %"), 3, "must be a finite number, not inf"),

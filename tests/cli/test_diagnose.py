@@ -185,7 +185,7 @@ def test_bad_input_is_answered_with_a_sentence_and_a_code(worn: list[Path], mode
         ((*worn, "--rig", "paper", "--held-out", worn[0]), 3, "the same recording"),
         ((*worn, worn[1], "--rig", "paper"), 3, "give each run once"),
         ((*worn, "--rig", rig), 3, "run of another rig"),
-        ((*worn, "--rig", "nonesuch"), 3, "no built-in name of rigs"),
+        ((*worn, "--rig", "nonesuch"), 3, "nor the name of a built-in rig"),
         ((*worn, "--rig", "paper", "--model", no_model), 3, str(no_model)),
         ((*worn, "--rig", "paper", "--model", tmp_path / "none.json"), 3, "none.json"),
         ((no_run, "--rig", "paper"), 3, str(no_run)),

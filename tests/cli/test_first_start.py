@@ -9,6 +9,7 @@ import pytest
 from dpr_lab.cli.listener import Listener
 from dpr_lab.kernel_cache import COMPILING
 from dpr_lab.progress import compiling
+from dpr_lab.workflows.events import RunRead
 
 CLI = Path(__file__).parents[2] / "dpr_lab" / "cli"
 CAPTURE = ("capture", "--rig", "paper", "--pose", "X1", "--duration", "1", "--link", "sim://?clock=fast&seed=3")
@@ -20,6 +21,17 @@ def test_the_compilation_is_announced_once(capsys: pytest.CaptureFixture[str]) -
         compiling()
     compiling()
     assert capsys.readouterr().err == f"{COMPILING}\n"
+
+
+def test_a_note_of_several_runs_is_printed_once(capsys: pytest.CaptureFixture[str]) -> None:
+    with Listener() as listener:
+        for number in range(6):
+            listener(RunRead(Path("r"), f"X{number}", ("uses the measured torques",)))
+        listener(RunRead(Path("s"), "S", ("starts at 1 s",)))
+    assert capsys.readouterr().err.splitlines() == [
+        "X0, X1, X2 and 3 more: uses the measured torques",
+        "S: starts at 1 s",
+    ]
 
 
 def test_every_command_that_may_compile_listens() -> None:

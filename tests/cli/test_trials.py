@@ -117,11 +117,11 @@ def test_wrong_words_are_refused(tmp_path: Path, cli) -> None:
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        (("draw", "--rig", "nonesuch", "--out", "t"), 3, "no built-in name of rigs"),
-        (("draw", "--plant", "nonesuch", "--out", "t"), 3, "no built-in name of plants"),
+        (("draw", "--rig", "nonesuch", "--out", "t"), 3, "nor the name of a built-in rig"),
+        (("draw", "--plant", "nonesuch", "--out", "t"), 3, "nor the name of a built-in plant"),
         (("run", "nowhere"), 3, "contains no finished trial"),
         (("open", "nowhere"), 3, "contains no finished trial"),
-        (("campaign", "--rig", "nonesuch", "--out", "t"), 3, "no built-in name of rigs"),
+        (("campaign", "--rig", "nonesuch", "--out", "t"), 3, "nor the name of a built-in rig"),
         (
             ("campaign", "--arm", "free", "--kind", "form", "--n", "1", "--out", "t"),
             3,

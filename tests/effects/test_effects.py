@@ -151,7 +151,8 @@ def test_describes_itself(effect):
     assert effect.equation
     assert all(parameter.name.isidentifier() for parameter in effect.parameters)  # a key in TOML and JSON
     assert effect.bench_check.endswith(".")
-    assert "{" not in effect.bench_check + effect.equation
+    assert effect.symptom.endswith(".")
+    assert "{" not in effect.symptom + effect.bench_check + effect.equation
     assert len(effect.source) > 20
     assert set(effect.absorbed_by) <= set(BASE)
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dpr_lab.report.digits import interval, pair, plus_minus, scaled_unit, three, with_interval, with_unit
+from dpr_lab.report.digits import interval, pair, plus_minus, superscripts, three, with_interval, with_unit
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def test_a_pair_names_inner_before_outer():
 
 
 def test_only_powers_of_one_digit_are_superscripts() -> None:
-    assert scaled_unit("N m (s/rad)^0.5 / (kg m^2). 1/m^4.") == "N m (s/rad)^0.5 / (kg m²). 1/m⁴."
+    assert superscripts("N m (s/rad)^0.5 / (kg m^2). 1/m^4.") == "N m (s/rad)^0.5 / (kg m²). 1/m⁴."
 
 
 @pytest.mark.parametrize(

@@ -67,8 +67,8 @@ def test_reveal_prints_the_truth_of_the_same_arguments(program):
     ("arguments", "code", "said"),
     [
         (("--link", "tcp:0.0.0.0:5000"), 4, "on this machine only"),
-        (("--plant", "none"), 3, "no built-in name of plants"),
-        (("--rig", "none"), 3, "no built-in name of rigs"),
+        (("--plant", "none"), 3, "nor the name of a built-in plant"),
+        (("--rig", "none"), 3, "nor the name of a built-in rig"),
         (("--fault", "drop=2"), 3, "write drop=VALUE"),
         (("--seed", "-1"), 2, "not a whole number"),
         (("--uid", "xyz"), 2, "not a hexadecimal number"),

@@ -1,5 +1,6 @@
 """Bags of ROS 2: joint states as a recording, and a run as joint states."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,13 @@ def test_bags_that_cannot_be_understood(tmp_path: Path, suffix: str) -> None:
     ):
         with pytest.raises(RunError, match=said):
             read(write(tmp_path / f"{len(said)}{suffix}", topics))
+
+
+def test_a_run_is_recognised_without_the_library_of_ros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mcap_ros2.decoder", None)
+    import_csv(text(tmp_path / "a.csv", ROWS, head="t,theta1,theta2\n"), RIG, out=tmp_path / "run.mcap")
+    with pytest.raises(RunError, match="is already a run of dpr-lab"):
+        read(tmp_path / "run.mcap")
 
 
 def test_a_run_is_exported_as_joint_states_and_comes_back(tmp_path: Path) -> None:

@@ -199,7 +199,7 @@ def test_a_slice_starts_at_zero(tmp_path):
     assert len(run.t) == pytest.approx(60, abs=1)
     assert run.t[0] == 0
     assert run.theta[0, 1] == pytest.approx(THETA1[40], abs=1e-9)
-    with pytest.raises(RunError, match=r"no rows between 105 s and inf s; the table ends at 100.995 s"):
+    with pytest.raises(RunError, match=r"no rows after 105 s; the table ends at 100.995 s"):
         read(file, start_s=5)
 
 
@@ -268,12 +268,36 @@ def test_bad_tables_are_refused_in_a_sentence(tmp_path, content, sentence):
     assert not (tmp_path / "a.mcap").exists()
 
 
+def test_a_column_that_is_named_for_a_rod_is_not_also_taken_for_the_arm(tmp_path):
+    file = table(tmp_path / "a.csv", ("Time [s]", "Arm angle (rad)", "Tip angle (rad)"), T, THETA1, THETA2)
+    assert_the_swing(read(file, columns={"theta1": "Arm angle (rad)", "theta2": "Tip angle (rad)"}))
+
+
+def test_the_message_on_unknown_columns_names_the_columns_of_the_table_in_its_example(tmp_path):
+    file = table(tmp_path / "a.csv", ("t", "angle a", "angle b"), T, THETA1, THETA2)
+    with pytest.raises(RunError, match="Name them, for example --columns 'theta1=angle a,theta2=angle b'"):
+        read(file)
+    assert_the_swing(read(file, columns={"theta1": "angle a", "theta2": "angle b"}))
+    more = table(tmp_path / "b.csv", ("t", "u", "v", "w"), T, THETA1, THETA2, THETA2)
+    with pytest.raises(RunError, match="for example --columns theta1=NAME,theta2=NAME"):
+        read(more)
+
+
+@pytest.mark.parametrize(("name", "sentence"), [("a.mp4", "track the pivot"), ("a.png", "is a picture")])
+def test_videos_and_pictures_are_refused_with_the_step_before_the_import(tmp_path, name, sentence):
+    (tmp_path / name).write_bytes(bytes(range(256)))
+    with pytest.raises(RunError, match=sentence):
+        read(tmp_path / name)
+
+
 def test_missing_files_columns_and_poses_are_named(tmp_path):
     with pytest.raises(RunError, match=r"no.csv: cannot be read: No such file"):
         read(tmp_path / "no.csv")
     file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, THETA2)
     with pytest.raises(RunError, match=r"no columns are named 'angle' \(--columns theta1=angle\)"):
         read(file, columns={"theta1": "angle"})
+    with pytest.raises(RunError, match=r"no rows after 20 s; the table ends at 0.995 s"):
+        read(file, start_s=20.0)
     with pytest.raises(RunError, match="pose 'X9' is not one of the rig's: X1, X2, X3"):
         read(file, pose="X9")
     with pytest.raises(ValueError, match="not for omega1"):

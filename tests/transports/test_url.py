@@ -40,6 +40,21 @@ def test_the_message_on_an_invalid_url_contains_an_example(text: str) -> None:
         parse_url(text)
 
 
+@pytest.mark.parametrize(
+    ("name", "link"),
+    [
+        ("/dev/ttyS0", "serial:///dev/ttyS0?baud=921600"),
+        ("COM3", "serial://COM3?baud=921600"),
+        ("can0", "can://socketcan/can0?bitrate=1000000"),
+    ],
+)
+def test_the_link_of_a_port_or_interface_is_in_the_message(name: str, link: str) -> None:
+    with pytest.raises(LinkError) as caught:
+        parse_url(name)
+    assert f"use for example {link}," in str(caught.value)
+    assert parse_url(link).scheme in link
+
+
 def test_readers_of_values() -> None:
     assert seconds("0.5") == 0.5
     for text in ("-1", "nan", "inf", "soon"):

@@ -12,16 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.exports.ensemble.bands import BANDS, PredictiveBand
 from dpr_lab.gap.screen.disturbances import energies
 from dpr_lab.identification.compare import follow
 from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

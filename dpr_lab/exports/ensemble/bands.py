@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.segments import Segments, segments
 from dpr_lab.errors import RunError
 from dpr_lab.exports.ensemble.starts import drawn_starts
@@ -22,8 +22,6 @@ from dpr_lab.identification.model import Model
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS, base_from_ratios
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
@@ -23,8 +23,6 @@ from dpr_lab.exports.ensemble.scatter import RatioScatter
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.identification.model import Model
-
-Array = NDArray[np.float64]
 
 
 def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: int, seed: int) -> list[Model]:

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS
 from dpr_lab.gap.conclusion.scatter import between_recordings, left_out_values
 from dpr_lab.identification.model import Model
@@ -21,9 +21,9 @@ class RatioScatter:
 
     names: tuple[str, ...]
     """Fitted ratios, and the scale b if the recordings determine it."""
-    between: NDArray[np.float64]
+    between: Array
     """(n, n) covariance of their values in another recording about the common ones."""
-    left_out: NDArray[np.float64]
+    left_out: Array
     """(recordings, n) values fitted without each recording."""
 
 

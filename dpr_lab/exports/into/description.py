@@ -199,7 +199,7 @@ def _with_moved_joint(file: _File, edit: XmlEdit, joint: str, shift: Vector) -> 
 
 
 def _change(file: _File, edit: XmlEdit, joint: str, target: RodTarget | ArmTarget) -> BodyChange:
-    """Change of the link of a joint that reaches the target."""
+    """Change of the body at a joint that gives it the values of the target."""
     model = file.model(edit)
     chain = file.chain(model)
     if isinstance(target, ArmTarget):

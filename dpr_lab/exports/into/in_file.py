@@ -51,8 +51,8 @@ class ModelCause:
     effect: str = ""
     """Named effect that it represents; empty for a base parameter."""
     share: float = 0.0
-    """Growth of the mean square error over segments if this cause alone keeps its value of the file, relative to the
-    growth if no cause is corrected. All numbers of one body share it; the first cause has the largest value.
+    """Growth of the mean square error over segments if this cause alone is not corrected in the file, relative to the
+    growth if no cause is corrected. It is the same for all numbers of one body. The first cause has the largest share.
     """
 
     def with_share(self, share: float) -> "ModelCause":

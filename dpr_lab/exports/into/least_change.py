@@ -15,8 +15,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.base import BASE, base_parameters, ratios
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.exports.bodies import AnyModel, words_of
@@ -39,9 +39,6 @@ from dpr_lab.identification.model import Model, ParameterValue
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.simulator_models.chain import ModelChain
-
-Array = NDArray[np.float64]
-
 
 BODY_TERMS = (("a", "e1"), ("b", "d"))
 """Base parameters that the inertia and the centre of mass of each rod's body determine."""
@@ -148,7 +145,7 @@ def _base(of_file: Array, rotor: Array, model: Model, diagnosis: Diagnosis, gear
     scales: list[float] = [] if scale is not None and scale.known and not len(gears) else (x / u)[:4].tolist()
     scales += [] if scale is None or not scale.known else [b, *(b / gears).tolist()]
 
-    def stays(s: float) -> NDArray[np.bool_]:
+    def stays(s: float) -> Flags:
         return np.abs(s * u / x - 1) < tolerance
 
     def unchanged(s: float) -> int:

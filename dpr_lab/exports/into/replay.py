@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.into.target import PatchedModel
@@ -33,8 +33,6 @@ from dpr_lab.simulator_models import read_model
 from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.simulator_models.mjcf import compile_mjcf
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,7 +34,7 @@ class PatchSettings:
     digits: int = 9
     """Significant digits of a written number."""
     rounding: float = 1e-12
-    """Part of the largest number of a vector below which another one is zero."""
+    """Numbers of a vector below this fraction of its largest number count as zero."""
     negligible: float = 1e-9
     """Relative change, or shift in m, that is ignored."""
     reached: float = 1e-5

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.errors import RunError
 from dpr_lab.exports.ensemble.bands import BANDS, PredictiveBand, quantiles_of
 from dpr_lab.exports.ensemble.starts import drawn_starts
@@ -23,8 +23,6 @@ from dpr_lab.identification.moving_arm.engine import engine_constants, engine_va
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +75,7 @@ def _readings(
     started: Problem,
     initial: Array,
     rig: Rig,
-    compared: NDArray[np.bool_],
+    compared: Flags,
     rng: np.random.Generator,
 ) -> Array:
     """(n, 3) readings of one model from drawn initial states, without noise, rad."""

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects import EFFECTS, effect_params, named_params
 from dpr_lab.effects.free_arm import FREE_ARM
@@ -31,7 +31,7 @@ def has_moving_arm(diagnosis: Diagnosis) -> bool:
 
 def corrected_arm_model(
     diagnosis: Diagnosis,
-    unknown: NDArray[np.float64],
+    unknown: Array,
     effects: Mapping[str, Mapping[str, float]],
     runs: Sequence[Run],
     rig: Rig,
@@ -91,9 +91,7 @@ def with_estimate(model: MovingArmModel, estimate: Estimate, rig: Rig) -> Moving
     return with_engine_values(model, estimate.ratios, estimate.params, rig)
 
 
-def with_engine_values(
-    model: MovingArmModel, unknown: NDArray[np.float64], params: NDArray[np.float64], rig: Rig
-) -> MovingArmModel:
+def with_engine_values(model: MovingArmModel, unknown: Array, params: Array, rig: Rig) -> MovingArmModel:
     """The model with other values (7,) of the unknowns of the fitting engine, and other effects (SIZE,)."""
     swing, inertia = swing_of(unknown, params, model.mounted, bool(model.input), rig)
     changed = with_swing(model, swing, inertia)

@@ -9,7 +9,6 @@ the swing. Otherwise the scale is drawn log-normally within its interval.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
@@ -24,8 +23,6 @@ from dpr_lab.identification.moving_arm.engine import engine_values
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.unknowns import GAINS
 from dpr_lab.rig import Rig
-
-Array = NDArray[np.float64]
 
 KNOWN_TORQUE = ("torque", "current")
 """Inputs from which the scale follows."""

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.errors import RunError
 from dpr_lab.exports.programs import REPLAY, Replay
@@ -20,8 +20,6 @@ from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +48,7 @@ class FollowedSegments:
     """(n, 3) readings of joints 0, 1 and 2, rad; nan where nothing is read."""
     simulated: Array
     """(n, 3) simulated joint angles, rad."""
-    offsets: NDArray[np.int64]
+    offsets: Integers
     """(segments + 1,) first sample of each segment."""
     initial: Array
     """(segments, 6) states theta0, theta1, theta2 and their speeds where segments start."""

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.gap.advice.expected_recordings import ExpectedRecording
 from dpr_lab.gap.advice.next_step import NextStep
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
@@ -13,8 +13,6 @@ from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

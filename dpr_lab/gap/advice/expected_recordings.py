@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.prediction import PAD, predict
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.effects import EFFECTS
@@ -17,8 +17,6 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.record import RATE_HZ
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig_tables import AddedMass
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +32,10 @@ class PossibleRelease:
 
 MENU = (
     PossibleRelease(
-        "a release of 5 degrees from hanging, recorded for 30 s until it rests", (np.pi - 0.09, np.pi - 0.09), 30.0
+        "a release 5 degrees from hanging, for 30 s until the rods rest", (np.pi - 0.09, np.pi - 0.09), 30.0
     ),
     PossibleRelease("a release with both rods horizontal", (np.pi / 2, np.pi / 2), 10.0),
-    PossibleRelease("its mirror image, both rods horizontal on the other side", (1.5 * np.pi, 1.5 * np.pi), 10.0),
+    PossibleRelease("a release with both rods horizontal on the other side", (1.5 * np.pi, 1.5 * np.pi), 10.0),
     PossibleRelease("a release from near upright", (0.1, 0.1), 10.0),
     PossibleRelease(
         "a release with both rods horizontal and 100 g clamped to the outer rod 0.2 m from its pivot",

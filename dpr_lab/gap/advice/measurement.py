@@ -20,15 +20,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.saved import Interval
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

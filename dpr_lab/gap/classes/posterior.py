@@ -25,7 +25,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.effects import EFFECTS, effect_params, param_index, plausibility
 from dpr_lab.effects.effect import Effect
@@ -42,8 +41,6 @@ from dpr_lab.gap.hypothesis.thresholds import (
     substitute_curve,
 )
 from dpr_lab.gap.which.selected import Selection
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS, named_params
@@ -11,8 +10,6 @@ from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.fitting.disturbance import most_noise
 from dpr_lab.gap.state import Advised
 from dpr_lab.shown import listed
-
-Array = NDArray[np.float64]
 
 SURELY = 3.0
 """Standard uncertainties of L1 beyond which the value in the rig file is wrong."""

@@ -18,14 +18,12 @@ with its own error, do not cancel. Every value is treated with the others at the
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import Fit, bounds
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
-
-Array = NDArray[np.float64]
 
 
 def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.effect import Effect, Params
@@ -12,8 +11,6 @@ from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.result.causes import EffectSize, NamedEffect, RivalEffect
 from dpr_lab.gap.state import Advised
 from dpr_lab.identification.scaling.scale import Scale
-
-Array = NDArray[np.float64]
 
 
 def named_effect(state: Advised, posterior: EffectPosterior) -> NamedEffect:

@@ -4,7 +4,6 @@ import hashlib
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
@@ -29,8 +28,6 @@ from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.where.locate import Place, where_sentence
 from dpr_lab.gap.which.selected import TracedTrial
 from dpr_lab.setup import only_inner
-
-Array = NDArray[np.float64]
 
 PLACES_SHOWN = 6
 """Maps in a diagnosis, the one with the largest share first."""

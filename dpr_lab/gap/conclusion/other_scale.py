@@ -8,8 +8,8 @@ show their scale, as do those of a rod on an arm that moves; those of one degree
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects import without_effect
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import Problem
@@ -17,8 +17,6 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypot
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.rig import Rig
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,8 @@
 """The ratios to b with their intervals: all of them, and those that the recordings determine."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import FRICTION
@@ -11,8 +11,6 @@ from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Advised
 from dpr_lab.setup import only_inner
-
-Array = NDArray[np.float64]
 
 
 def ratios(state: Advised) -> dict[str, Interval]:
@@ -51,7 +49,7 @@ def determined(state: Advised) -> tuple[dict[str, Interval], Array]:
     return parameter_of, state.covariance[np.ix_(places, places)] / np.outer(divisors, divisors)
 
 
-def ratio_covariance(state: Advised) -> NDArray[np.float64]:
+def ratio_covariance(state: Advised) -> Array:
     """(5, 5) covariance; zero for ratios that no run determines and that are taken from the rig file."""
     free = state.selection.chosen.fit.free
     column_of = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}

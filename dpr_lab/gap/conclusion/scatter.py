@@ -23,11 +23,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import folds
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +108,7 @@ def left_out_values(problem: Problem, fit: Fit) -> Array:
     return np.clip(values, lower, upper)
 
 
-def _masks(fold: NDArray[np.intp], followed: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
+def _masks(fold: NDArray[np.intp], followed: Flags) -> list[Flags]:
     """Followed segments of each recording that has any."""
     masks = [(fold == r) & followed for r in range(int(fold.max()) + 1)]
     return [mask for mask in masks if mask.any()]

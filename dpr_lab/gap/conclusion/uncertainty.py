@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.fitting.covariance import considered, shifted
 from dpr_lab.fitting.estimate import ON_ELBOW, Estimate
@@ -24,8 +24,6 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.where.discrepancy import Discrepancy
 from dpr_lab.identification.prior_update import prior_ratio_std
 from dpr_lab.rig import MASSES, Rig
-
-Array = NDArray[np.float64]
 
 
 def covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrepancy | None = None) -> Array:

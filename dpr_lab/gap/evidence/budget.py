@@ -21,8 +21,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.covariance import considered, shifted
 from dpr_lab.fitting.problem import Problem
@@ -32,8 +32,6 @@ from dpr_lab.rig import MASSES, Rig
 
 if TYPE_CHECKING:
     from dpr_lab.gap.transfer.free_swing import FreeSwings
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +160,7 @@ def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tu
             yield name, f"{1e3 * weighed:.2g} g, from the rig file", changed
 
 
-def mean_squares(parts: Sequence[_Source], swings: "FreeSwings", compared: Sequence[NDArray[np.bool_]]) -> Array:
+def mean_squares(parts: Sequence[_Source], swings: "FreeSwings", compared: Sequence[Flags]) -> Array:
     """(sources, swings) mean variance of each source over the compared readings, (n, 2), rad^2."""
     by_source = [
         [values[samples] for values, samples in zip(source.variance(swings), compared, strict=True)] for source in parts

@@ -4,13 +4,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.gap.result.evidence import Occupancy
 from dpr_lab.gap.screen.record import THINNING, Record
 from dpr_lab.gap.screen.recordings import Recordings
-
-Array = NDArray[np.float64]
 
 RODS = ("inner", "outer")
 

@@ -15,8 +15,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
 from dpr_lab.effects import effect_params, param_index
 from dpr_lab.effects.effect import Effect
@@ -27,7 +27,6 @@ from dpr_lab.fitting.response import TRAJECTORY, trajectory
 from dpr_lab.gap.hypothesis.detectable import SEEN
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 
-Array = NDArray[np.float64]
 Interval = tuple[float, float]
 
 

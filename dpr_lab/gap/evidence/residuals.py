@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import ResidualLook, Whiteness
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +63,7 @@ def _look(problem: Problem, model: Hypothesis, joint: int, chances: Array) -> Wh
     )
 
 
-def _autocorrelation(r: Array, read: NDArray[np.bool_], owner: NDArray[np.int64], lags: int) -> Array:
+def _autocorrelation(r: Array, read: Flags, owner: Integers, lags: int) -> Array:
     """(lags + 1,) autocorrelation of the residuals of one segment."""
     power = float(np.sum(r**2)) / max(int(read.sum()), 1)
     correlations = [1.0]

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.evidence.budget import mean_squares, sources, uncertainty_sources
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
@@ -27,7 +27,6 @@ from dpr_lab.gap.transfer.free_run import FREE_RUN, FreeRuns
 from dpr_lab.gap.transfer.free_swing import FreeSwing, free_swings, growth_rate, horizon
 from dpr_lab.rig_tables import INPUT_UNITS
 
-Array = NDArray[np.float64]
 Pairs = Mapping[str, FreeSwing]
 
 
@@ -94,14 +93,14 @@ def validation(
     return budget, [_curves(recordings, pair, run) for pair, run in zip(swings, runs, strict=True)]
 
 
-def _compared(pair: Pairs, until: float) -> NDArray[np.bool_]:
+def _compared(pair: Pairs, until: float) -> Flags:
     """(n, 2) compared readings: after those of the initial state, before the horizon, simulated by both models."""
     after = pair["after"]
     followed = np.all([np.isfinite(swing.predicted) for swing in pair.values()], axis=0)
     return np.asarray(after.compared & (after.t <= until)[:, None] & followed)
 
 
-def _error(swing: FreeSwing, compared: NDArray[np.bool_]) -> float:
+def _error(swing: FreeSwing, compared: Flags) -> float:
     """Mean square of the compared readings, rad^2."""
     errors = (swing.predicted - swing.measured)[compared]
     return float(np.mean(errors**2)) if len(errors) else 0.0
@@ -111,7 +110,7 @@ def _by_model(what: str, squares: Mapping[str, float]) -> dict[str, float]:
     return {f"{what}_{name}_rad": float(np.sqrt(value)) for name, value in squares.items()}
 
 
-def _areas(pair: Pairs, compared: NDArray[np.bool_]) -> dict[str, float]:
+def _areas(pair: Pairs, compared: Flags) -> dict[str, float]:
     """Areas of both models, and of noise alone; mean over the joints."""
     after = pair["after"]
     noise = np.random.default_rng(0).standard_normal(after.measured.shape) / np.where(compared, after.weight, 1.0)

@@ -21,12 +21,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
-
-Array = NDArray[np.float64]
 
 PRIOR = 10.0
 """Standard deviation of the prior of an effect, in typical sizes: wide enough for any rig, and finite."""
@@ -45,7 +43,7 @@ class FoldSettings:
 FOLDS = FoldSettings()
 
 
-def folds(problem: Problem) -> NDArray[np.int64]:
+def folds(problem: Problem) -> Integers:
     """(segments,) fold of each segment: its run, or its quarter of a single run.
 
     Quarters have equally many segments. If a known input drives the run, the joints cover equal paths in each: a
@@ -67,7 +65,7 @@ def folds(problem: Problem) -> NDArray[np.int64]:
 class _Fold:
     """Normal equations of one fold, in units of the prior."""
 
-    segments: NDArray[np.bool_]
+    segments: Flags
     H: Array
     gradient: Array
     chi2: float
@@ -76,7 +74,7 @@ class _Fold:
 class _Folds:
     """Normal equations of a fit, of all segments and of each fold, in units of the prior."""
 
-    def __init__(self, fit: Fit, fold: NDArray[np.int64]) -> None:
+    def __init__(self, fit: Fit, fold: Integers) -> None:
         free = _within_bounds(fit)
         self.A = fit.linear.A[:, :, free] * np.array([PRIOR * fit.free[i].size for i in free])
         self.zeros = np.array([fit.free[i].block == "zeros" for i in free], dtype=np.bool_)
@@ -94,7 +92,7 @@ class _Folds:
         k = self.A.shape[2]
         return sum((part.H for part in parts), np.eye(k)), sum((part.gradient for part in parts), np.zeros(k))
 
-    def seen_by_one_alone(self, fold: _Fold, V: Array) -> NDArray[np.bool_]:
+    def seen_by_one_alone(self, fold: _Fold, V: Array) -> Flags:
         """(free,) parameters that are free in a held-out run, like its initial state.
 
         They are the zeros that are set before that run, and shape parameters whose variance V grows too much without
@@ -105,7 +103,7 @@ class _Folds:
             return zeros
         return zeros | (self.shapes & (np.diag(V) > FOLDS.alone * np.diag(np.linalg.inv(self.H))))
 
-    def _fold(self, segments: NDArray[np.bool_]) -> _Fold:
+    def _fold(self, segments: Flags) -> _Fold:
         A, e = self.A[segments].reshape(-1, self.A.shape[2]), self.e[segments].ravel()
         return _Fold(segments, A.T @ A, A.T @ e, float(e @ e))
 
@@ -129,7 +127,7 @@ def _within_bounds(fit: Fit) -> list[int]:
     return free
 
 
-def left_out_chi2(fit: Fit, fold: NDArray[np.int64]) -> Array:
+def left_out_chi2(fit: Fit, fold: Integers) -> Array:
     """(segments,) chi2 of each segment as predicted from the other folds."""
     parts = _Folds(fit, fold)
     chi2 = np.sum(parts.e**2, axis=1)
@@ -147,7 +145,7 @@ def left_out_chi2(fit: Fit, fold: NDArray[np.int64]) -> Array:
     return chi2
 
 
-def predictive_loss(fit: Fit, fold: NDArray[np.int64], inflation: float) -> Array:
+def predictive_loss(fit: Fit, fold: Integers, inflation: float) -> Array:
     """(folds,) -2 log predictive density of each fold given the others, up to a constant, in units of chi2."""
     parts = _Folds(fit, fold)
     chi2 = sum(left_out.chi2 for left_out in parts.folds)

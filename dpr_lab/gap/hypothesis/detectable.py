@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS, param_index
 from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.fitting.prior import prior_of
@@ -13,8 +13,6 @@ from dpr_lab.fitting.projection import TINY
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import ScoreTest
 from dpr_lab.rig import load_rig
-
-Array = NDArray[np.float64]
 
 SIGMAS = 5.0
 """Standard deviations from which an effect is detectable: beyond chance among some 600 shapes."""

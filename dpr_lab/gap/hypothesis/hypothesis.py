@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS, without_effect
 from dpr_lab.effects.friction_drift import FRICTION_DRIFT
 from dpr_lab.effects.limits import relative_size
@@ -27,8 +27,6 @@ from dpr_lab.gap.hypothesis.cross_validation import folds, predictive_loss
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics, residual_statistics
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.hypothesis.swing_lines import on_swing_line
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

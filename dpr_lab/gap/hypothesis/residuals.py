@@ -4,13 +4,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +114,7 @@ def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
     )
 
 
-def lone_readings(problem: Problem, estimate: Estimate) -> NDArray[np.bool_]:
+def lone_readings(problem: Problem, estimate: Estimate) -> Flags:
     """(samples, 2) isolated outliers: readings with a wrong value, up to three in a row.
 
     The residual of an outlier is far from the robust straight line through the seven residuals around it (Theil and

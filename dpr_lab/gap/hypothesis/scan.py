@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
 from dpr_lab.effects import SLICES, effect_params, param_index, proposed_shapes
 from dpr_lab.effects.effect import Effect, Recorded, Shape
@@ -17,8 +17,6 @@ from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects.effect import Effect, Recorded, Shape
 from dpr_lab.fitting.estimate import FreeParameter, effect_parameters
 from dpr_lab.fitting.gauss_newton import Fit, RigPrior, bounds
@@ -22,8 +22,6 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, trajectory
 from dpr_lab.gap.hypothesis.scan import shapes
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,8 +11,8 @@ from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects.effect import Recorded
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.gauss_newton import Fit
@@ -135,6 +135,6 @@ def _steps(problem: Problem, fit: Fit) -> list[ReadingStep]:
     return sorted(steps, reverse=True)
 
 
-def _from_end(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _from_end(values: Array) -> Array:
     """Cumulative sums from the last sample backwards, of (segments, samples, ...)."""
     return np.cumsum(values[:, ::-1], axis=1)[:, ::-1]

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from dpr_lab.arrays import Array
 from dpr_lab.configs import first_fault
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
@@ -173,7 +173,7 @@ class Diagnosis(Shown, Saved):
         return self.determined or self.all_ratios
 
     @property
-    def unknowns(self) -> NDArray[np.float64]:
+    def unknowns(self) -> Array:
         """(7,) the ratios, b and p/b (nan if no run contains a single rod), as initial values of another fit."""
         p_over_b = np.nan if self.p_over_b is None else self.p_over_b
         return np.array([*(ratio.value for ratio in self.all_ratios.values()), self.scale_b, p_over_b])

@@ -3,8 +3,9 @@
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
+
+from dpr_lab.arrays import Array
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -35,7 +36,7 @@ class PosteriorComponent(BaseModel):
     """
 
     @property
-    def predictive(self) -> NDArray[np.float64]:
+    def predictive(self) -> Array:
         """(free, free) covariance of the values of another recording."""
         shape = len(self.free), len(self.free)
         return np.reshape(self.covariance, shape) + (np.reshape(self.between, shape) if self.between else 0.0)

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.estimation.noise import ORDER, difference_weights
 from dpr_lab.fitting.spread import NORMAL_MAD
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +65,7 @@ def noise_by_speed(
     joints: Array,
     floor: Array,
     period: float,
-    keep: NDArray[np.bool_] | None = None,
+    keep: Flags | None = None,
 ) -> tuple[float, float]:
     """Timing error s of sigma^2 = sigma_0^2 + (s omega)^2, and the significance of s^2 in standard errors.
 

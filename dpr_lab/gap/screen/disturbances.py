@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import base_of_run
 from dpr_lab.effects import effect_params
 from dpr_lab.fitting.cut import MIN_SAMPLES
@@ -29,8 +29,6 @@ from dpr_lab.fitting.spread import NORMAL_MAD
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.screen.sensor_faults import Finding
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

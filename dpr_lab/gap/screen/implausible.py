@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from dpr_lab.arrays import Array, Flags
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,14 +28,14 @@ class ImplausibleSettings:
 IMPLAUSIBLE = ImplausibleSettings()
 
 
-def too_fast(t: Array, joints: Array) -> NDArray[np.bool_]:
+def too_fast(t: Array, joints: Array) -> Flags:
     """(n, 2) readings, single or in bursts, that are too far from both neighbours for a rod."""
     jumps = np.abs(np.diff(joints, axis=0)) > IMPLAUSIBLE.fastest * np.diff(t)[:, None]
     edge = np.zeros((1, joints.shape[1]), dtype=bool)
     return np.concatenate([edge, jumps]) & np.concatenate([jumps, edge])
 
 
-def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) -> NDArray[np.bool_]:
+def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) -> Flags:
     """Readings equal to the previous one although the rod moves by many standard deviations per sample.
 
     Wrong instants may make the readings of one axis equal by chance, but hardly of both; and at a turning point, two
@@ -77,7 +76,7 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
     return alone | (all_axes & (highest[last_new] > IMPLAUSIBLE.moved))[:, None]
 
 
-def _catches_up(joints: Array, travelled: Array, held: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _catches_up(joints: Array, travelled: Array, held: Flags) -> Flags:
     """(n,) rows whose next new reading contains most of the motion since the last new one."""
     n = np.arange(len(held))
     last_new = np.maximum.accumulate(np.where(held, 0, n))

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import BASE, base_of_run
 from dpr_lab.effects import param_index
 from dpr_lab.effects.coulomb import COULOMB_JOINT0
@@ -27,8 +27,6 @@ from dpr_lab.identification.misread.moving_arm_description import (
 from dpr_lab.identification.misread.scaled_readings import TURNED_RODS, ScaledReadings
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.run import Run
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,13 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.estimation.noise import ORDER, difference_weights
 from dpr_lab.fitting.spread import NORMAL_MAD
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +209,7 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
     return best if abs(best.delay_s) >= INSTANTS.least * period else None
 
 
-def _ticks(t: Array, period: float) -> NDArray[np.int64]:
+def _ticks(t: Array, period: float) -> Integers:
     """(n,) number of each sample, lost ones included: a short interval follows a late stamp, but not a loss."""
     spacing = np.diff(t)
     around = np.convolve(np.pad(spacing, 1, mode="edge"), np.ones(3), mode="valid")
@@ -235,7 +232,7 @@ def _delayed(cycle: int, late: Flags, usable: list[tuple[Array, Array]], weights
     return PeriodicDelay(cycle, delay, known**-0.5, late)
 
 
-def _by_place(position: NDArray[np.int64], cycle: int, score: Array, information: Array) -> Array:
+def _by_place(position: Integers, cycle: int, score: Array, information: Array) -> Array:
     """(cycle,) delay at each position of a cycle, in standard errors."""
     known = np.maximum(np.bincount(position, information, cycle), np.finfo(float).tiny)
     return np.bincount(position, score, cycle) / np.sqrt(known)

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from dpr_lab.arrays import Array, Flags, Integers
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +50,7 @@ LOCAL_FAULTS = LocalFaultSettings()
 class LocalFaults:
     """Faults of one encoder, by indices of its readings."""
 
-    outliers: Indices
+    outliers: Integers
     """Isolated outliers."""
     steps: tuple[tuple[int, float], ...]
     """First reading after each step, and the size of the step, rad."""
@@ -61,7 +59,7 @@ class LocalFaults:
 def local_faults(
     t: Array,
     angle: Array,
-    keep: NDArray[np.bool_],
+    keep: Flags,
     noise: tuple[float, float],
     period: float,
 ) -> LocalFaults:
@@ -136,13 +134,13 @@ def _highest(values: Array, half: int) -> Array:
     return highest
 
 
-def _peaks(z: Array, half: int) -> Indices:
+def _peaks(z: Array, half: int) -> Integers:
     """Local maxima that exceed zero and their surroundings significantly."""
     highest = np.flatnonzero((z > LOCAL_FAULTS.stands_out) & (z >= _highest(z, half)))
     return highest[z[highest] > LOCAL_FAULTS.above_surroundings * _usual(z, highest, half, LOCAL_FAULTS.usual)]
 
 
-def _usual(z: Array, centres: Indices, half: int, share: float) -> Array:
+def _usual(z: Array, centres: Integers, half: int, share: float) -> Array:
     """(places,) quantile of the values 2 to 10 half windows from each place; zero if there are none."""
     reach = 10 * half
     away = np.concatenate([np.arange(-reach, -2 * half), np.arange(2 * half + 1, reach)])

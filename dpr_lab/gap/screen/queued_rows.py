@@ -20,10 +20,8 @@ turning point, it is repeated at the turning point.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from dpr_lab.arrays import Array, Flags, Integers
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +127,7 @@ def sent_at_counts(joints: Array) -> bool:
     return changes is not None and float(np.mean(np.abs(changes).sum(axis=1) == 1)) > 1.0 - QUEUE.repeats
 
 
-def _whole_changes(joints: Array) -> NDArray[np.int64] | None:
+def _whole_changes(joints: Array) -> Integers | None:
     """(n - 1, m) changes from row to row in units of the smallest one; None if they are not whole."""
     moved = np.diff(joints, axis=0)
     size = np.abs(moved)

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.segments import STEP
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.errors import RunError
@@ -26,8 +26,6 @@ from dpr_lab.identification.moving_arm.setup import setup_of
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.setup import Setup
-
-Array = NDArray[np.float64]
 
 RATE_HZ = 200.0
 """Rate of a thinned record: blocks of 5 ms, over which most swings are a parabola."""
@@ -72,13 +70,13 @@ class Record:
 
     run: Run
     screened: Screened
-    t: NDArray[np.float64]
+    t: Array
     """(n,) time since the release, s."""
-    joints: NDArray[np.float64]
+    joints: Array
     """(n, 2) readings of the encoders of joints 1 and 2, rad; nan where a reading is not trusted."""
-    sigma: NDArray[np.float64]
+    sigma: Array
     """(n, 2) standard deviation of each reading, rad."""
-    breaks: NDArray[np.float64]
+    breaks: Array
     """Instants that no segment may contain, s."""
     arm_moves: bool | None
     """Whether the arm moved according to encoder 0; None if it was not recorded."""
@@ -88,7 +86,7 @@ class Record:
     """Maximum step of an integrator for these rods, s."""
     setup: Setup
     """Mounted rods, known torques, and motion of the arm."""
-    kicks: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    kicks: Array = field(default_factory=lambda: np.zeros(0))
     """Breaks at which the rods were kicked, so that no free run continues across them, s."""
     shown: Array | None = None
     """(n, 2) readings before the correction of a rolling shutter, rad; None without one."""
@@ -127,7 +125,7 @@ class Record:
         finding = Finding(name, self.run.name, None, None, evidence)
         return replace(self, screened=replace(self.screened, findings=(*others, finding)))
 
-    def without(self, t: Array, off: NDArray[np.bool_]) -> "Record":
+    def without(self, t: Array, off: Flags) -> "Record":
         """The record without the readings of some axes at some instants t (n,), each with a finding."""
         evidence = "an outlier: the model fits all other readings"
         findings = [
@@ -137,7 +135,7 @@ class Record:
         remaining = self.only(~np.isin(self.t, t[off.any(axis=1)]))
         return replace(remaining, screened=replace(self.screened, findings=(*self.screened.findings, *findings)))
 
-    def only(self, samples: slice | NDArray[np.bool_]) -> "Record":
+    def only(self, samples: slice | Flags) -> "Record":
         """Some of its readings."""
         shown = None if self.shown is None else self.shown[samples]
         return replace(self, t=self.t[samples], joints=self.joints[samples], sigma=self.sigma[samples], shown=shown)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
@@ -23,8 +23,6 @@ from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.screen.shutter import Shutter
 from dpr_lab.identification.moving_arm.setup import arm_start, drive_gain
 from dpr_lab.rig import MASSES, Rig
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,7 +233,7 @@ class Recordings:
             problem = replace(problem, disturbance=disturbance(problem, estimate, most_Nm=self.torque_noise_Nm))
         return problem, initial
 
-    def without(self, problem: Problem, off: NDArray[np.bool_]) -> "Recordings":
+    def without(self, problem: Problem, off: Flags) -> "Recordings":
         """Recordings without some readings (samples, 2): faults that are only detectable with a model."""
         if not off.any():
             return self
@@ -289,7 +287,7 @@ def _with_arm(record: Record, slices: Sequence[slice], relative2: bool) -> Array
     return np.column_stack([states, np.full(len(states), held), np.zeros(len(states))])
 
 
-def _near(record: Record, start: int, begin: float) -> NDArray[np.int64]:
+def _near(record: Record, start: int, begin: float) -> Integers:
     """Indices of readings near an instant, between the breaks around it.
 
     If there are too few, those near the first reading of the segment.

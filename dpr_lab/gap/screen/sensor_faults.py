@@ -18,8 +18,8 @@ A swing is smooth over a few milliseconds, so an encoder fault is visible in nei
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.estimation.noise import arm_noise, noise_floor, rest_correlation, same_rounding
 from dpr_lab.gap.screen.differences import noise_by_speed, stride_ratio
@@ -30,8 +30,6 @@ from dpr_lab.gap.screen.queued_rows import queued_rows, sent_at_counts
 from dpr_lab.identification.misread.balance import periods
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-
-Array = NDArray[np.float64]
 
 AXES = ("joint1", "joint2")
 """Encoders of the rods, as named in findings and results."""
@@ -113,7 +111,7 @@ class Screened:
     """(n,) instants since the release, s."""
     joints: Array
     """(n, 2) readings of the encoders of joints 1 and 2, rad."""
-    keep: NDArray[np.bool_]
+    keep: Flags
     """(n, 2) whether a reading is trusted."""
     breaks: tuple[tuple[float, int], ...]
     """Instants of a step (s) and its axis (0 or 1): no segment may contain it."""
@@ -123,11 +121,11 @@ class Screened:
     """Standard deviation of the sampling instants, s."""
     count: Array
     """(2,) smallest change of a reading, rad; zero for a table of angles."""
-    dithered: NDArray[np.bool_]
+    dithered: Flags
     """(2,) whether rounding errors of neighbouring readings are independent."""
     shared: Array
     """(n, 2) number of readings with the same rounding error: 1 unless the readings stay within one step."""
-    on_grid: NDArray[np.bool_]
+    on_grid: Flags
     """(2,) whether readings are on the grid of the encoder's counts, so that counts can be missed."""
     findings: tuple[Finding, ...]
 
@@ -234,7 +232,7 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
     return replace(run, t=even), [Finding("stamp_jitter", run.name, None, None, evidence)]
 
 
-def _queued(run: Run, rig: Rig) -> tuple[NDArray[np.bool_], list[Finding]]:
+def _queued(run: Run, rig: Rig) -> tuple[Flags, list[Finding]]:
     """(n,) readings of the swing that waited in the queue of a saturated link, and the finding."""
     swing, waited = run.t >= 0.0, np.zeros(len(run.t), dtype=np.bool_)
     queue = queued_rows(run.t[swing], _read_joints(run, rig)[swing])
@@ -244,7 +242,7 @@ def _queued(run: Run, rig: Rig) -> tuple[NDArray[np.bool_], list[Finding]]:
     return waited, [Finding("queued_rows", run.name, None, float(run.t[waited][0]), queue.evidence)]
 
 
-def _late(run: Run, t: Array, joints: Array) -> tuple[NDArray[np.bool_], list[Finding]]:
+def _late(run: Run, t: Array, joints: Array) -> tuple[Flags, list[Finding]]:
     """(n,) readings that are late or repeated in a cycle, perhaps in a part of the recording only."""
     read = joints[:, :1] if run.setup.alone else joints
     delay, repeated = periodic_delay(t, read), np.append(False, (read[1:] == read[:-1]).all(axis=1))
@@ -322,7 +320,7 @@ def _count_size(run: Run, rig: Rig) -> Array:
     return np.asarray(np.maximum(steps, 1) * np.abs(rig.radians_per_count[1:]), dtype=np.float64)
 
 
-def _on_grid(run: Run, rig: Rig, joints: Array) -> NDArray[np.bool_]:
+def _on_grid(run: Run, rig: Rig, joints: Array) -> Flags:
     """Whether the readings of each joint differ by whole counts; an interpolated or fused table contains no counts."""
     if run.counts is not None:
         return np.ones(2, dtype=bool)
@@ -330,7 +328,7 @@ def _on_grid(run: Run, rig: Rig, joints: Array) -> NDArray[np.bool_]:
     return np.asarray(np.abs(turns.mean(axis=0)) > SCREEN.on_grid)
 
 
-def _dithered(run: Run, rig: Rig, count: Array, still: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _dithered(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
     """Whether rounding errors are independent: the noise before rounding reaches a fifth of a count at rest.
 
     Without a rest this is assumed, except for a table of which most readings equal the one before.
@@ -345,14 +343,14 @@ def _dithered(run: Run, rig: Rig, count: Array, still: NDArray[np.bool_]) -> NDA
     return moved > SCREEN.still_counts * count
 
 
-def _changing(readings: Array, still: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _changing(readings: Array, still: Flags) -> Flags:
     """(m,) whether most readings (n, m) that do not stay within one step differ from the one before."""
     changes = np.where(still[1:], np.nan, np.abs(np.diff(readings, axis=0)))
     moves = np.isfinite(changes).any(axis=0)
     return np.asarray(np.nanmedian(np.where(moves, changes, 0.0), axis=0) > 1e-12, dtype=np.bool_)
 
 
-def _levels(run: Run, rig: Rig, std: Array, dithered: NDArray[np.bool_]) -> list[Finding]:
+def _levels(run: Run, rig: Rig, std: Array, dithered: Flags) -> list[Finding]:
     if run.counts is None:
         return []
     nominal = np.sqrt(rig.encoders.noise_counts**2 + 1 / 12)

@@ -13,12 +13,10 @@ Source: Meingast, Geyer & Sastry (2005), Geometric models of rolling-shutter cam
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.joint_angles import JointAngles
-
-Array = NDArray[np.float64]
 
 NORMALS = {"horizontal": (0.0, -1.0), "vertical": (1.0, 0.0)}
 """Direction of the lines of a picture -> their normal, downwards or to the right."""

@@ -11,9 +11,7 @@ Source: Huygens (1673), Horologium oscillatorium, part 4.
 import math
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import base_of_run, whole_parameters
 from dpr_lab.fitting.estimate import whole_of
 from dpr_lab.gap.screen.record import Record
@@ -21,8 +19,6 @@ from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.sensor_faults import Finding
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Setup
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +37,11 @@ RULES = TimeScaleRules()
 
 
 def with_time_scale(recordings: Recordings, ratios: Array) -> Recordings:
-    """The recordings with a finding at the first one, if gravity contradicts their time stamps.
+    """Add a finding to the first recording whose time stamps contradict gravity.
 
     Args:
         recordings: the runs
-        ratios: (7,) as fitted to them
+        ratios: (7,) ratios that were fitted to them
     """
     for number, record in enumerate(recordings.records):
         if evidence := _contradiction(record, recordings.rig, ratios):

@@ -16,15 +16,13 @@ Source: Rasmussen & Williams (2006), Gaussian Processes for Machine Learning, se
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.estimation.noise import ORDER
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.screen.differences import sixth
 from dpr_lab.gap.screen.recordings import Recordings, TrackingNoise
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,8 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects import without_events
 from dpr_lab.fitting.cut import MIN_SAMPLES, cut
 from dpr_lab.fitting.estimate import Estimate
@@ -14,8 +14,6 @@ from dpr_lab.fitting.gauss_newton import descend
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.screen.recordings import Recordings
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,16 +12,14 @@ remains, which `settled` returns.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.linearise import slow_starts
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.transfer.free_run import FREE_RUN, FreeRunError, FreeRuns
 from dpr_lab.setup import Setup
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,12 +43,12 @@ class FreeSwing:
     """Mounted rods, and motion of the arm."""
 
     @property
-    def head(self) -> NDArray[np.bool_]:
+    def head(self) -> Flags:
         """(n,) whether the initial state was fitted to the reading."""
         return self.t < FREE_RUN.settle_s
 
     @property
-    def compared(self) -> NDArray[np.bool_]:
+    def compared(self) -> Flags:
         """(n, 2) readings that are compared, before the horizon is applied."""
         return (self.weight > 0) & ~self.head[:, None]
 

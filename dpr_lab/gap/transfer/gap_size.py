@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import GaussNewton, fit
 from dpr_lab.fitting.problem import Problem
@@ -15,8 +15,6 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics, bounded_residual, residual_statistics
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
-
-Array = NDArray[np.float64]
 
 HORIZONS_S = (0.25, 0.5, 1.0, 2.0)
 """Segment lengths for which the gap is given: from lengths at which every model fits to the onset of chaos."""
@@ -57,7 +55,7 @@ def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
     return _by_axis(np.sqrt(np.maximum(above.reshape(problem.axes, TORQUE_HATS).mean(axis=1), 0.0)))
 
 
-def _hats(edges: NDArray[np.int64], axes: int) -> Array:
+def _hats(edges: Integers, axes: int) -> Array:
     """(n, axes, axes TORQUE_HATS) generalised torques of each joint, in every segment alike."""
     torque = np.zeros((edges[-1], axes, axes * TORQUE_HATS))
     for first, last in pairwise(edges):

@@ -5,16 +5,14 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.effects import without_events
 from dpr_lab.fitting.gauss_newton import descend
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import folds, left_out_chi2
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.recordings import Recordings
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +51,9 @@ class OutOfSample:
 
     names: tuple[str, ...]
     """Names of the runs."""
-    run: NDArray[np.int64]
+    run: Integers
     """(segments,) run of each segment."""
-    dof: NDArray[np.int64]
+    dof: Integers
     """(segments,) number of readings minus the number of initial-state parameters."""
     noise_rad: float
     """Noise of a reading, rad."""
@@ -65,7 +63,7 @@ class OutOfSample:
     """Number of neighbouring segments that count as one independent value."""
 
     @property
-    def runs(self) -> list[tuple[str, NDArray[np.bool_]]]:
+    def runs(self) -> list[tuple[str, Flags]]:
         """Names of the runs, and the segments of each."""
         return [(self.names[r], self.run == r) for r in np.unique(self.run)]
 

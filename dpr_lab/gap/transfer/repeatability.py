@@ -28,8 +28,8 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
@@ -45,8 +45,6 @@ from dpr_lab.gap.where.discrepancy import RULES as DISCREPANCY
 from dpr_lab.gap.where.discrepancy import discrepancy_columns
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.setup import only_inner
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +203,7 @@ class _Parts:
     """(segments, m, k) columns, whitened."""
     e: Array
     """(segments, m) residuals, whitened."""
-    fold: NDArray[np.int64]
+    fold: Integers
     precision: Array
     """(k,) inverse prior variance of each column."""
     own: tuple[int, ...]
@@ -216,7 +214,7 @@ class _Parts:
     """Number of neighbouring segments that count as one independent value."""
 
     @classmethod
-    def of(cls, problem: Problem, fit: Fit, fold: NDArray[np.int64], followed: NDArray[np.bool_]) -> Self:
+    def of(cls, problem: Problem, fit: Fit, fold: Integers, followed: Flags) -> Self:
         """The model alone, for segments that can be simulated."""
         inside = [fit.free[i] for i in fit.inside]
         A = fit.linear.A[:, :, fit.inside] * np.array([PRIOR * parameter.size for parameter in inside])
@@ -227,7 +225,7 @@ class _Parts:
         return cls(A, e, fold, np.ones(len(inside)), columns, others, block(problem))
 
     @property
-    def by_fold(self) -> list[tuple[NDArray[np.bool_], Array, Array]]:
+    def by_fold(self) -> list[tuple[Flags, Array, Array]]:
         """Segments of each recording, and its normal matrix and gradient."""
         parts = []
         for r in range(int(self.fold.max()) + 1):
@@ -312,6 +310,6 @@ def _without(H: Array, gradient: Array, removed: Sequence[int]) -> tuple[Array, 
     return H - taken @ H[removed], gradient - taken @ gradient[removed]
 
 
-def _used(values: Array) -> NDArray[np.bool_]:
+def _used(values: Array) -> Flags:
     """(segments,) whether (segments, m) values contain any that is not zero."""
     return np.asarray(np.abs(values).sum(axis=1) > 0)

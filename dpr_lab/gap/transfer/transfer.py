@@ -23,8 +23,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.classes.posterior import EffectPosterior
@@ -34,8 +34,6 @@ from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FreeRunError, FreeRuns
 from dpr_lab.gap.transfer.out_of_sample import GapReduction, OutOfSample, left_out, reduction, share
 from dpr_lab.gap.which.selected import Selection
-
-Array = NDArray[np.float64]
 
 Basis = Literal["one release", "releases left out", "held-out runs"]
 

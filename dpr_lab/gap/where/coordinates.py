@@ -3,14 +3,12 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.effects.effect import ARM
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.response import Trajectory
-
-Array = NDArray[np.float64]
 
 BINS = 10
 """Number of hat functions over a coordinate: enough to resolve a friction curve, few enough to determine each."""

@@ -21,8 +21,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
@@ -30,8 +30,6 @@ from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.where.coordinates import angle_hats, encoder_angle, speed_hats, time_hats, under_torque
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

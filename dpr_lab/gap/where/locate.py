@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects.quantities import SMOOTHING
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
@@ -28,8 +28,6 @@ from dpr_lab.gap.where.coordinates import (
     under_torque,
 )
 from dpr_lab.shown import percent
-
-Array = NDArray[np.float64]
 
 CONVINCING = 0.6
 """Share of the excess chi-square from which a location explains the gap."""

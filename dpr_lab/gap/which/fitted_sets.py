@@ -11,9 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import reduce
 from types import MappingProxyType
 
-import numpy as np
-from numpy.typing import NDArray
-
+from dpr_lab.arrays import Array
 from dpr_lab.effects import named_params, param_index, without_effect
 from dpr_lab.effects.effect import Effect
 from dpr_lab.fitting.cut import carried
@@ -204,7 +202,7 @@ class FittedSets:
         best = min(previews, key=lambda preview: preview.chi2)
         return refit_with(self.problem, model, test, score, EFFORT.thorough, best)
 
-    def short(self) -> tuple[Problem, NDArray[np.float64]]:
+    def short(self) -> tuple[Problem, Array]:
         """The recordings cut into short segments, with the initial states of the bare model."""
         cut, bare = self._in_short_segments()
         return cut, bare.fit.estimate.initial
@@ -232,7 +230,7 @@ class FittedSets:
         long = self._lengthened(short.fit, self.bare.fit.estimate.initial, iterations=2 * EFFORT.fine)
         return self.escaped(hypothesis(self.problem, short.effects, long))
 
-    def _lengthened(self, near: Fit, initial: NDArray[np.float64], iterations: int) -> Fit:
+    def _lengthened(self, near: Fit, initial: Array, iterations: int) -> Fit:
         """Continue a fit to short segments; missing initial states are taken from `initial`."""
         cut, _ = self.short()
         initial_states = carried(cut.segments, near.estimate.initial, self.problem.segments, initial)

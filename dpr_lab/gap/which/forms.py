@@ -13,8 +13,8 @@ library (`friction_curve`), with which the search compares both.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
 from dpr_lab.effects import EFFECTS, SLICES, without_effect
 from dpr_lab.effects.effect import Effect
@@ -33,8 +33,6 @@ from dpr_lab.gap.where.coordinates import (
     time_hats,
     under_torque,
 )
-
-Array = NDArray[np.float64]
 
 READINGS_PER_FORM = 8
 """Minimum number of readings for each column of the other forms; with fewer, free functions follow any residual."""

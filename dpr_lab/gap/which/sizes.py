@@ -8,15 +8,13 @@ from collections.abc import Mapping
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.effect import Effect, Params
 from dpr_lab.effects.limits import oversized
 from dpr_lab.fitting.covariance import considered
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-
-Array = NDArray[np.float64]
 
 
 def significantly_oversized(model: Hypothesis, limits: Array | None, deviations: float = 2.0) -> tuple[str, ...]:

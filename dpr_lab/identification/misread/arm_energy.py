@@ -13,15 +13,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.identification.misread.balance import periods
 from dpr_lab.identification.misread.local_motion import LocalMotionSettings, local_motion
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.shown import percent
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,15 +20,14 @@ from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import base_of_run, whole_parameters
 from dpr_lab.fitting.projection import RIDGE, bounded_solution
 from dpr_lab.identification.misread.local_motion import LocalMotion, LocalMotionSettings, local_motion
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Setup
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

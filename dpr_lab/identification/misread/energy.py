@@ -12,12 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.identification.preprocess import PreprocessedRun
 from dpr_lab.rig import Rig
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyvander
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from dpr_lab.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,16 +16,14 @@ from dataclasses import dataclass
 from math import log, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.identification.misread.balance import periods
 from dpr_lab.identification.misread.local_motion import local_motion
 from dpr_lab.identification.misread.scaled_readings import ScaledReadings, per_degree
 from dpr_lab.identification.misread.torque_balance import TORQUES
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

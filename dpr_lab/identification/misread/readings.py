@@ -4,15 +4,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.estimation.arm_motion import FEWEST, arm_motion
 from dpr_lab.estimation.noise import ORDER, difference_std
 from dpr_lab.identification.misread.balance import energy_zeros
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-
-Array = NDArray[np.float64]
 
 Angles = Callable[[Array, Array], tuple[Array, Array]]
 """Function from the given angles to (theta1, theta2), rad."""

@@ -7,8 +7,8 @@ explains the recordings ten times better is then the probable cause.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import IdentificationError, RunError
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.identification.misread.tried import (
@@ -24,8 +24,6 @@ from dpr_lab.identification.misread.tried import (
 from dpr_lab.identification.ratio_fit import RatioFit
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, moves
-
-Array = NDArray[np.float64]
 
 
 def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:

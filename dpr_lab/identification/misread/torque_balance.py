@@ -17,14 +17,13 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array
 from dpr_lab.fitting.projection import RIDGE, bounded_solution
 from dpr_lab.identification.misread.balance import ENERGY, best_zeros, mounted_base, periods
 from dpr_lab.identification.misread.local_motion import LocalMotion, LocalMotionSettings, local_motion
 from dpr_lab.rig import Rig
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

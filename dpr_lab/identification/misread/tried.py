@@ -4,8 +4,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS, whole_parameters
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.noise import noise_floor
@@ -19,8 +19,6 @@ from dpr_lab.identification.ratio_fit import RatioFit, first_fit, short_fit
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.shown import percent
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

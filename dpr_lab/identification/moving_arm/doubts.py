@@ -5,8 +5,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.errors import DprError
 from dpr_lab.identification.misread.arm_energy import undescribed_drive
@@ -25,8 +25,6 @@ from dpr_lab.identification.moving_arm.soft_stop import soft_stop
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

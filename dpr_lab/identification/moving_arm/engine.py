@@ -5,8 +5,8 @@ The engine has ratios to b of a whole rig, b and p/b; of an inner rod alone only
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import BASE, RATIOS, base_parameters, ratios
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.dynamics.rig_constants import rig_constants
@@ -18,8 +18,6 @@ from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import PARAMETERS, Rig
-
-Array = NDArray[np.float64]
 
 OF_ARM = (FREE_ARM.name, DRIVE_GAIN.name)
 """Effects of the engine that are part of every model with a moving arm and are not faults."""

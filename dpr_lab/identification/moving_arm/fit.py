@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.errors import IdentificationError
 from dpr_lab.identification.moving_arm.merge import merged
 from dpr_lab.identification.moving_arm.problem import ArmProblem, ArmRecording, arm_problem, problem_of
 from dpr_lab.identification.moving_arm.search import searched_start
 from dpr_lab.rig import Rig
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.arm import DRIVEN
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS, swing_segments
 from dpr_lab.errors import ConfigError
@@ -26,8 +26,6 @@ from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.rig_tables import Parameter, Pose
 from dpr_lab.run import Run
 from dpr_lab.shown import Row, Shown
-
-Array = NDArray[np.float64]
 
 SINGLE_ROD = ("l1", "m1", "c1", "J1")
 """Parameters of the inner rod alone."""

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import IdentificationError, RunError
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
@@ -19,8 +19,6 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.shown import Row, Shown
 from dpr_lab.version import __version__
-
-Array = NDArray[np.float64]
 
 JOINTS_READ = ("joint 0", "joint 1", "joint 2")
 

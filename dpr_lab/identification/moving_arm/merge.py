@@ -5,12 +5,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.identification.moving_arm.problem import ArmProblem, ArmRecording, Cut, problem_of
 from dpr_lab.rig import Rig
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.arm import CLAMPED, DRIVEN
 from dpr_lab.dynamics.moving_arm.swing import ArmSegments, arm_segments, swing_segments
 from dpr_lab.dynamics.schedule import MAX_STEP
@@ -20,7 +20,6 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.setup import Torques
 
-Array = NDArray[np.float64]
 Cut = tuple[int, slice]
 """Index of a recording, and the samples of a segment of it."""
 
@@ -74,7 +73,7 @@ class ArmProblem:
     """(samples, 3) readings of joints 0, 1, 2, rad; joint 2 as its encoder reads it."""
     weight: Array
     """(samples, 3) reciprocal noise, zero for ignored joints, 1/rad."""
-    moves: NDArray[np.bool_]
+    moves: Flags
     """(segments, 6) mask of the free entries of the initial state."""
     frame: tuple[float, float]
     """Lengths L1 (m) and gravity g (m/s^2)."""

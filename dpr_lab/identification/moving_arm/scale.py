@@ -4,16 +4,14 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.identification.model import EstimatedValue
 from dpr_lab.identification.moving_arm.fit import ArmFit
 from dpr_lab.identification.moving_arm.unknowns import best, rod_inertias
 from dpr_lab.rig import PARAMETERS, Rig
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

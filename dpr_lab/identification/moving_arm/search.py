@@ -8,16 +8,14 @@ the readings. The search is the improved genetic algorithm of `dpr_lab.search`.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.identification.moving_arm.problem import ArmProblem
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain, rod_inertias
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Parameter
 from dpr_lab.search import ALGORITHMS, load_search
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +70,7 @@ def searched_start(problem: ArmProblem, initial: Array, rig: Rig, seed: int = 0)
     return p
 
 
-def _owner(problem: ArmProblem) -> NDArray[np.int64]:
+def _owner(problem: ArmProblem) -> Integers:
     """(samples,) segment of each sample."""
     return np.repeat(np.arange(len(problem.cuts)), np.diff(problem.segments.offsets))
 

@@ -17,15 +17,13 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.identification.misread.balance import periods
 from dpr_lab.identification.misread.local_motion import LocalMotion, local_motion
 from dpr_lab.identification.misread.torque_balance import TORQUES
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +71,7 @@ class _Trial:
 
     end: str
     angle: float
-    beyond: NDArray[np.bool_]
+    beyond: Flags
     column: Array
     """(k,) torque of the stop without the part that other terms explain."""
 

@@ -14,8 +14,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import BASE, RATIOS, base_jacobian, base_parameters, whole_parameters
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, unknown_ratios
@@ -23,8 +23,6 @@ from dpr_lab.fitting.prior import unknown_jacobian
 from dpr_lab.identification.model import EstimatedValue, ParameterValue
 from dpr_lab.identification.scaling.scale import Interval90, Scale, lognormal90
 from dpr_lab.rig import PARAMETERS, Rig
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,8 +26,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.estimate import SCALE
@@ -35,8 +35,6 @@ from dpr_lab.gap.advice.check_kind import expected_bits
 from dpr_lab.gap.classes.posterior import CALIBRATION, HIDDEN
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.planning.knowledge import RATIO_COLUMNS, Causes, Knowledge
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

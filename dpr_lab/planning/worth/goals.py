@@ -8,17 +8,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.acceptance.limits import Limits
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.result import LimitForecast
 from dpr_lab.planning.worth.criteria import WORTH, detectable, given, shown_ratio_std
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,16 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.acceptance.limits import Limits
+from dpr_lab.arrays import Array
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.simulation import SIMULATED_FIT, simulated_distance
 from dpr_lab.planning.worth.criteria import WORTH, OpenPairs, cause_bits, library_bits, ratio_bits
 from dpr_lab.planning.worth.goals import goal_bits
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.planning.worth.objective import Gain
 from dpr_lab.shown import listed, percent
 
@@ -27,7 +27,7 @@ class Expected:
     """Expected results of a sequence of releases."""
 
     gain: Gain
-    ratio_std: NDArray[np.float64]
+    ratio_std: Array
     """(5,) standard deviations of the ratios."""
 
 

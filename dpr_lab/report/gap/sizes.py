@@ -6,7 +6,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.angles import RADIANS, AngleUnit
-from dpr_lab.report.digits import NONE, scaled_unit, three, with_interval, with_unit
+from dpr_lab.report.digits import NONE, superscripts, three, with_interval, with_unit
 from dpr_lab.report.words import negative_words, size_words
 from dpr_lab.shown import parameter_words
 
@@ -21,12 +21,12 @@ def only_ratios(diagnosis: Diagnosis) -> bool:
 
 def assumed(diagnosis: Diagnosis) -> str:
     """`assuming b = 0.00534 kg m² (not measured)`; empty where the scale is known."""
-    return scaled_unit(diagnosis.scale.assumption) if diagnosis.scale and not diagnosis.scale.known else ""
+    return superscripts(diagnosis.scale.assumption) if diagnosis.scale and not diagnosis.scale.known else ""
 
 
 def scale_note(diagnosis: Diagnosis) -> str:
     """The assumption behind all absolute sizes of a diagnosis; empty in a diagnosis of an older version."""
-    return scaled_unit(diagnosis.scale.sentence) if diagnosis.scale else ""
+    return superscripts(diagnosis.scale.sentence) if diagnosis.scale else ""
 
 
 def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RADIANS, *, brief: bool = False) -> str:
@@ -88,6 +88,6 @@ def _inertia(diagnosis: Diagnosis) -> str:
 def _ratio(name: str, unit: str, inertia: str, ratio: float, *interval90: float) -> str:
     """`torque / b = 0.1472 1/s² (0.1467 to 0.1476)`, or without the interval."""
     operator = f"{'·' if unit == 'm^2' else '/'} {inertia}"  # a size in 1/kg falls as the scale rises
-    shown = "" if unit == "1" else scaled_unit(unit)
+    shown = "" if unit == "1" else superscripts(unit)
     size = with_unit(with_interval(ratio, *interval90) if interval90 else three(ratio), shown)
     return f"{parameter_words(name)} {operator} = {size}"

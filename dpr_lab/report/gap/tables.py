@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.result.causes import PROBABLE, NamedEffect, RivalEffect
@@ -296,9 +296,7 @@ def place_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
     ]
 
 
-def place_map(
-    place: Where, angles: AngleUnit = RADIANS, unknown: float = 1e3
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def place_map(place: Where, angles: AngleUnit = RADIANS, unknown: float = 1e3) -> tuple[Array, Array, Array]:
     """Knots of a residual map, its values and the half widths of their 90 % intervals, in displayed units.
 
     Value and half width are NaN at a knot outside the recorded range, where the standard deviation exceeds `unknown`

@@ -6,6 +6,7 @@ import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -63,7 +64,7 @@ def read_sqlite(path: Path, take: Sequence[str]) -> Table:
 def read_bag(folder: Path, take: Sequence[str]) -> Table:
     """Read the joint positions of a ROS 2 bag, a folder with `metadata.yaml`; as `read_mcap`."""
     if not (folder / "metadata.yaml").is_file():
-        raise RunError(f"{folder}: is a folder without metadata.yaml and thus not a ROS 2 bag: give the file in it")
+        raise RunError(f"{folder}: is a folder without metadata.yaml, so it is not a ROS 2 bag: give a file in it")
     files = sorted((p for p in folder.iterdir() if p.suffix in (".mcap", ".db3")), key=_by_number)
     if not files:
         raise RunError(f"{folder}: is a ROS 2 bag without a .mcap or .db3 file; decompress a compressed bag first")
@@ -76,14 +77,8 @@ def _by_number(path: Path) -> list[tuple[int, str]]:
 
 
 def _table(path: Path, kind: str, messages: Callable[[], Iterable[Stamped]], take: Sequence[str]) -> Table:
-    with extra("ros2"):
-        from mcap_ros2.decoder import DecoderFactory
-    # The layout of the message in the file is not needed, and not read.
-    schema = Schema(id=1, name=JOINT_STATE, encoding="ros2msg", data=JOINT_STATE_DEFINITION.encode())
-    decode = DecoderFactory().decoder_for("cdr", schema)
-    assert decode is not None
     try:
-        times, names, rows, topic = _gathered(path, messages(), decode, take)
+        times, names, rows, topic = _gathered(path, messages(), take)
     except _BROKEN as error:
         raise broken(path, kind, error) from error
     values = np.full((len(rows), len(names)), np.nan)
@@ -101,8 +96,24 @@ def _table(path: Path, kind: str, messages: Callable[[], Iterable[Stamped]], tak
     )
 
 
+@cache
+def _decoder() -> Callable[[bytes], Any]:
+    """Decoder of a JointState from CDR.
+
+    Raises:
+        DprError: mcap-ros2-support is not installed.
+    """
+    with extra("ros2"):
+        from mcap_ros2.decoder import DecoderFactory
+    # The layout of the message in the file is not needed, and not read.
+    schema = Schema(id=1, name=JOINT_STATE, encoding="ros2msg", data=JOINT_STATE_DEFINITION.encode())
+    decode = DecoderFactory().decoder_for("cdr", schema)
+    assert decode is not None
+    return decode
+
+
 def _gathered(
-    path: Path, messages: Iterable[Stamped], decode: Callable[[bytes], Any], take: Sequence[str]
+    path: Path, messages: Iterable[Stamped], take: Sequence[str]
 ) -> tuple[list[int], list[str], list[dict[int, float]], str]:
     """Times in ns, joint names, and positions by joint of every message on the single topic."""
     logged: list[int] = []
@@ -119,7 +130,7 @@ def _gathered(
             raise RunError(f"{path}: contains JointState on several topics: choose one with --take: {available}")
         if len(data) > LIMITS.message_bytes:
             raise RunError(f"{path}: a JointState of {len(data):,} bytes; the maximum is {LIMITS.message_bytes:,}")
-        message = decode(data)
+        message = _decoder()(data)
         rows.append(_positions(path, message, joints))
         refuse_large(path, len(rows) * (len(joints) + 1))
         logged.append(log_time)

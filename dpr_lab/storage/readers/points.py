@@ -14,8 +14,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.errors import RunError
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.run import FilmNoise
@@ -78,7 +78,7 @@ _INTERPOLATED = (
 @dataclass(frozen=True, slots=True)
 class _Point:
     name: str
-    at: NDArray[np.float64]
+    at: Array
     """(n, 2) x to the right, y upwards, NaN if the point was not detected."""
 
 
@@ -231,7 +231,7 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     )
 
 
-def _repeats(ends: list[_Point]) -> NDArray[np.bool_]:
+def _repeats(ends: list[_Point]) -> Flags:
     """(n,) frames that repeat the frame before them, apart from the noise of the tracker; none if they are few.
 
     The points hardly move in such a frame, although they move in the same direction before and after it.
@@ -246,7 +246,7 @@ def _repeats(ends: list[_Point]) -> NDArray[np.bool_]:
     return again if again.mean() > SETTINGS.share_of_repeats else np.zeros_like(again)
 
 
-def _interpolated(ends: list[_Point]) -> NDArray[np.bool_]:
+def _interpolated(ends: list[_Point]) -> Flags:
     """(n,) frames in which a moving point is interpolated linearly between other frames.
 
     Both coordinates of the point have equal steps before and after such a frame, to the last digits. Points that are
@@ -272,7 +272,7 @@ def _interpolated(ends: list[_Point]) -> NDArray[np.bool_]:
     return unreal
 
 
-def _upside_down(rods: list[NDArray[np.float64]]) -> bool:
+def _upside_down(rods: list[Array]) -> bool:
     """Whether y points downwards instead of upwards, because points that fall become faster.
 
     Over an interval too short for friction, the increments of squared speed and of height of the ends of the rods are
@@ -287,7 +287,7 @@ def _upside_down(rods: list[NDArray[np.float64]]) -> bool:
     return largest > 0 if largest else bool(np.nanmedian(points[:, :, 1]) > 0)
 
 
-def _falling(points: NDArray[np.float64], lag: int) -> float:
+def _falling(points: Array, lag: int) -> float:
     """Correlation of the increments of squared speed and of height over an interval in frames."""
     half = max(1, lag // SETTINGS.frames_of_speed)
     speed2 = ((points[:, 2 * half :] - points[:, : -2 * half]) ** 2).sum(axis=2)
@@ -349,7 +349,7 @@ def _pivot_of(table: Table, end: _Point) -> _Point:
     return _Point(f"(centre of the circle of {end.name})", np.broadcast_to(centre, end.at.shape))
 
 
-def _direction(rod: NDArray[np.float64]) -> NDArray[np.float64]:
+def _direction(rod: Array) -> Array:
     """(n,) absolute angle of a rod, 0 = upright, pi = hanging, unwrapped, rad."""
     swung = np.arctan2(rod[:, 0], -rod[:, 1])
     valid = np.isfinite(swung)

@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.shown import percent
-
-Array = NDArray[np.float64]
 
 WANTED = "pivot, elbow and tip (the pivot may be omitted if it does not move); for a single rod its tip"
 

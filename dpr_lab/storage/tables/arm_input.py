@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig, refuse_impossible_arm, refuse_impossible_inner
 from dpr_lab.rig_tables import MotorTable
@@ -43,9 +44,7 @@ class KnownInputs:
     rods: int = 2
     """Number of mounted rods."""
 
-    def torques(
-        self, columns: Mapping[str, NDArray[np.float64]], t: NDArray[np.float64], rows: NDArray[np.intp]
-    ) -> dict[str, NDArray[np.float64]]:
+    def torques(self, columns: Mapping[str, Array], t: Array, rows: NDArray[np.intp]) -> dict[str, Array]:
         """Kind -> (k, 2) inputs of the kept rows (k,), SI, from all rows of the columns and the times t, s."""
         return {
             kind: np.stack([held_torque(t, columns[name], rows) for name in pair], axis=1) * self.factors
@@ -53,7 +52,7 @@ class KnownInputs:
         }
 
     def refuse_silent(
-        self, columns: Mapping[str, NDArray[np.float64]], rows: NDArray[np.intp], path: object, least: float = 1e-9
+        self, columns: Mapping[str, Array], rows: NDArray[np.intp], path: object, least: float = 1e-9
     ) -> None:
         """Check that the input of a driven arm is not zero throughout, and exceeds `least`, SI, somewhere.
 

@@ -5,15 +5,15 @@ import io
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
+
 NOT_A_VALUE = frozenset(("", "nan", "na", "n/a", "null", "none", "-"))
 """Fields for a missing value, in small letters."""
 
 _NEWLINE, _BLANK = ord("\n"), ord(" ")
 
 
-def clean_rows(
-    text: str, width: int, delimiter: str | None, decimal_comma: bool, line_length: int
-) -> NDArray[np.float64] | None:
+def clean_rows(text: str, width: int, delimiter: str | None, decimal_comma: bool, line_length: int) -> Array | None:
     """The numbers of a block whose lines are all rows of numbers; None for any other block.
 
     The result is the same, to the last bit, as that of `float` on each field. A missing value is NaN.
@@ -57,7 +57,7 @@ def _all_wide(raw: NDArray[np.uint8], ends: NDArray[np.intp], width: int, delimi
     return bool((between[:, -1] < ends).all() and (between[1:, 0] > ends[:-1]).all())
 
 
-def _numbers(fields: list[str]) -> NDArray[np.float64] | None:
+def _numbers(fields: list[str]) -> Array | None:
     """Fields as numbers; None if a field is neither a number nor a missing value."""
     try:
         known = ("nan" if field.strip().lower() in NOT_A_VALUE else field for field in fields)

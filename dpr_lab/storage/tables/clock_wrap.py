@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 
 
@@ -31,7 +31,7 @@ class CounterSettings:
 SETTINGS = CounterSettings()
 
 
-def unwrapped_times(times: NDArray[np.float64], wrap: float, name: str) -> NDArray[np.float64]:
+def unwrapped_times(times: Array, wrap: float, name: str) -> Array:
     """(n,) times with wraps removed, NaN unchanged; `name` is used in messages.
 
     Raises:
@@ -67,7 +67,7 @@ def wrap_behind(before: float, after: float, step: float = 0.0, continues: bool 
     return min((other for other in near if abs(other - width) < step / 2), key=lambda x: abs(x - width), default=width)
 
 
-def continues_across(row: int, columns: Iterable[NDArray[np.float64]]) -> bool:
+def continues_across(row: int, columns: Iterable[Array]) -> bool:
     """Whether moving readings continue from one row to the next as in the rows about them: the clock wrapped there.
 
     Args:

@@ -2,12 +2,13 @@
 
 import math
 import re
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.options import AXES
 from dpr_lab.storage.tables.table import Table
@@ -72,7 +73,7 @@ def counter(table: Table) -> str:
     return ""
 
 
-def numbers(table: Table) -> NDArray[np.float64]:
+def numbers(table: Table) -> Array:
     """(n,) number of each row in the recording, from 0; where frames were lost, numbers are missing.
 
     A column that counts every k-th frame counts the rows in steps of k.
@@ -132,6 +133,7 @@ def find_columns(
     unit = unit or _said_unit(names, given)
     time_unit = time_unit or _said_time_unit(names, given)
     named, notes = guess_columns(names, unit, time_unit) | dict(given), ()
+    named = {quantity: name for quantity, name in named.items() if quantity in given or name not in given.values()}
     if joints := _of_joint_states(names, given):
         named = {quantity: name for quantity, name in named.items() if name not in joints.values()} | joints
         notes = (f"columns {', '.join(joints.values())} are interpreted as {', '.join(joints)}",)
@@ -192,7 +194,7 @@ def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[
     return (varying, clock) if len(varying) == 1 else ([], {})
 
 
-def _varies(column: NDArray[np.float64]) -> bool:
+def _varies(column: Array) -> bool:
     known = column[np.isfinite(column)]
     return bool(len(known) and np.ptp(known) > 0.0)
 
@@ -228,7 +230,7 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
         points = "; for points of a video add a first line with their names, for example t,x,y" if unnamed else ""
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {available}."
-            f" Name it, for example --columns {','.join(f'{quantity}=NAME' for quantity in missing)}{needed}{rate}"
+            f" Name {'them' if len(missing) > 1 else 'it'}, for example {_example(names, named, missing)}{needed}{rate}"
             f"{points}"
         )
     other = [name for name in named.values() if name in table.other_lengths]
@@ -237,6 +239,15 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
         raise RunError(
             f"{table.path}: columns of different length: {lengths} values, but the others have {len(table.lines):,}"
         )
+
+
+def _example(names: Sequence[str], named: Mapping[str, str], missing: Sequence[str]) -> str:
+    """Option that names the missing columns: the remaining columns in their order if there is one for each."""
+    rest = [name for name in names if name not in named.values() and name != NO_ROD]
+    complete = len(rest) == len(missing) and not any(re.search(r"[,=]", name) for name in rest)
+    pairs = zip(missing, rest if complete else ["NAME"] * len(missing), strict=True)
+    text = ",".join(f"{quantity}={name}" for quantity, name in pairs)
+    return f"--columns {shlex.quote(text)}"
 
 
 def _said_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
@@ -286,7 +297,7 @@ def _of_joint_states(names: Sequence[str], given: Mapping[str, str]) -> dict[str
     return {}
 
 
-def runs(column: NDArray[np.float64]) -> bool:
+def runs(column: Array) -> bool:
     """Whether a column increases in nearly equal steps."""
     steps = np.diff(column)
     return bool(len(steps) and (steps > 0).all() and np.median(steps) > 0.5 * np.mean(steps))

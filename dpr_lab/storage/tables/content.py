@@ -3,6 +3,7 @@
 import codecs
 import gzip
 import io
+import mimetypes
 import zlib
 from collections import deque
 from collections.abc import Iterator
@@ -167,13 +168,26 @@ def _coding(path: Path, limits: TableLimits) -> str:
         while block := file.read(limits.block_bytes):
             something = something or bool(block.strip())
             if len(block.translate(None, _CONTROL)) != len(block):
-                instruction = "export it as CSV (UTF-8) from its program" if file is packed else "unpack it with gunzip"
-                raise RunError(f"{path}: is not a text table but a binary file: {instruction} first")
+                raise RunError(f"{path}: {_no_text(path, compressed=file is not packed)}")
             utf8 = utf8 and (block.isascii() or _decodes(decoder, block))
         utf8 = utf8 and _decodes(decoder, b"", final=True)
     if not something:
         raise RunError(f"{path}: is empty")
     return "utf-8-sig" if utf8 else "latin-1"  # affects at most a degree sign in a header
+
+
+def _no_text(path: Path, *, compressed: bool) -> str:
+    """Why a file is not a text table, and what to do."""
+    kind = str(mimetypes.guess_type(path)[0]).partition("/")[0]
+    if kind == "video":
+        return (
+            "is a video: track the pivot, the elbow and the tip of the rods in it first (Tracker, DeepLabCut), then"
+            " import the table of these points (docs/how-to/video.md)"
+        )
+    if kind == "image":
+        return "is a picture: a recording is a table of times and angles"
+    instruction = "unpack it with gunzip" if compressed else "export it as CSV (UTF-8) from its program"
+    return f"is not a text table but a binary file: {instruction} first"
 
 
 def _decodes(decoder: codecs.IncrementalDecoder, block: bytes, final: bool = False) -> bool:

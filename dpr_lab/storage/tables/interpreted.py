@@ -4,16 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from dpr_lab.arrays import Array
 from dpr_lab.estimation.held_rods import FreePart
 from dpr_lab.gap.screen.instants import even_instants
 from dpr_lab.rig import Rig
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.readings import ReadTable, Values
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
 from dpr_lab.storage.tables.columns import AXES, TO_RADIANS
@@ -58,7 +58,7 @@ class Plausible:
 PLAUSIBLE = Plausible()
 
 
-def check_spacing(path: Path, t: NDArray[np.float64]) -> None:
+def check_spacing(path: Path, t: Array) -> None:
     """Refuse rows that are too far apart, or a table that is too long, for (n,) times in seconds.
 
     Raises:
@@ -80,7 +80,7 @@ def check_spacing(path: Path, t: NDArray[np.float64]) -> None:
         )
 
 
-def refuse_missing(path: Path, t: NDArray[np.float64], whole: NDArray[np.bool_]) -> None:
+def refuse_missing(path: Path, t: Array, whole: Flags) -> None:
     """Refuse a table with too many rows without a value; `--start-s` and `--duration-s` of its longest good part help.
 
     Args:
@@ -109,7 +109,7 @@ def refuse_missing(path: Path, t: NDArray[np.float64], whole: NDArray[np.bool_])
     )
 
 
-def unwrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+def unwrapped(angles: Array) -> Array:
     """Unwrap the angles of a logger that wraps: all within one turn, with jumps of nearly one turn.
 
     Other angles are returned unchanged.
@@ -119,7 +119,7 @@ def unwrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.unwrap(angles, discont=PLAUSIBLE.jump)
 
 
-def turn_of_hanging(angle: NDArray[np.float64]) -> float:
+def turn_of_hanging(angle: Array) -> float:
     """Whole turns, rad, by which a rod hangs away from pi; 0 if it also hangs at pi, or never.
 
     Args:
@@ -129,12 +129,12 @@ def turn_of_hanging(angle: NDArray[np.float64]) -> float:
     return 2 * np.pi * float(turns[0]) if len(turns) and turns.all() else 0.0
 
 
-def wrap_notes(angles: Mapping[str, NDArray[np.float64]]) -> list[str]:
+def wrap_notes(angles: Mapping[str, Array]) -> list[str]:
     """A note for each axis, (n,) angles in rad, that the logger wrapped."""
     return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in angles.items() if unwrapped(x) is not x]
 
 
-def outliers(angles: NDArray[np.float64]) -> NDArray[np.bool_]:
+def outliers(angles: Array) -> Flags:
     """(n,) mask of angles beyond all turns, or that jump away and back within a few rows without a wrap."""
     wild = np.abs(angles) > PLAUSIBLE.angle
     if not wild.any() and not _jumps(angles):
@@ -147,7 +147,7 @@ def outliers(angles: NDArray[np.float64]) -> NDArray[np.bool_]:
     return wild
 
 
-def drop_outliers(readings: dict[str, NDArray[np.float64]], rig: Rig, options: ImportOptions) -> list[str]:
+def drop_outliers(readings: dict[str, Array], rig: Rig, options: ImportOptions) -> list[str]:
     """Replace outliers by NaN and note their number."""
     notes = []
     for axis, column in readings.items():
@@ -162,11 +162,11 @@ def drop_outliers(readings: dict[str, NDArray[np.float64]], rig: Rig, options: I
     return notes
 
 
-def _jumps(angles: NDArray[np.float64]) -> bool:
+def _jumps(angles: Array) -> bool:
     return bool((np.abs(np.diff(angles)) >= PLAUSIBLE.jump).any())
 
 
-def _leaps(angles: NDArray[np.float64], rows: int) -> NDArray[np.bool_]:
+def _leaps(angles: Array, rows: int) -> Flags:
     """(n,) mask of angles in this number of rows that jump away and back, unless caused by a wrap."""
     # The ends are extended, so that the first and the last row can be outliers.
     x = np.concatenate([angles[rows : rows + 1], angles, angles[-rows - 1 : -rows]])
@@ -185,14 +185,14 @@ def _leaps(angles: NDArray[np.float64], rows: int) -> NDArray[np.bool_]:
     return leaping & ~(wrapped & (top - bottom <= turn))
 
 
-def gap_notes(t: NDArray[np.float64]) -> list[str]:
+def gap_notes(t: Array) -> list[str]:
     """Note on gaps between (n,) times, s, if there are any."""
     steps = np.diff(t)
     gaps = steps[steps > PLAUSIBLE.gap_steps * np.median(steps)]
     return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []
 
 
-def odd_notes(t: NDArray[np.float64], theta: NDArray[np.float64], upright: bool, rods: int) -> list[str]:
+def odd_notes(t: Array, theta: Array, upright: bool, rods: int) -> list[str]:
     """Notes on (n, 3) angles of 1 or 2 rods, rad, that are impossible, or that point upwards most of the time."""
     rows = np.linspace(0, len(t) - 2, min(len(t) - 1, PLAUSIBLE.typical_rows)).astype(np.intp)
     steps, moved = t[rows + 1] - t[rows], np.abs(theta[rows + 1, 1:] - theta[rows, 1:])

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import INPUT_UNITS
@@ -53,9 +53,9 @@ class Preview:
     """Duration of the rest before the release, s."""
     recorded_at: str
     """ISO 8601 date, or date and time in UTC; empty if unknown."""
-    t: NDArray[np.float64]
+    t: Array
     """(n,) s since the release; negative in the rest before it."""
-    theta: NDArray[np.float64]
+    theta: Array
     """(n, 3) absolute angles of the run, 0 = upright, rad."""
 
     def facts(self) -> dict[str, str]:
@@ -161,5 +161,5 @@ def chart_title(joint: int) -> str:
     return AXES[joint] if joint == 0 else f"{AXES[joint]}, 0 = upright"
 
 
-def _range(theta: NDArray[np.float64]) -> str:
+def _range(theta: Array) -> str:
     return f"{theta.min():.3f} to {theta.max():.3f} rad"

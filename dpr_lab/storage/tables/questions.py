@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, other_pace, periods, residual_near
 from dpr_lab.identification.misread.moving_arm_balance import arm_balance, is_unit, wrong_unit
@@ -24,8 +24,6 @@ from dpr_lab.storage.tables.readings import (
     with_zeros,
 )
 from dpr_lab.storage.tables.torques import better_torques, coarse_torques, idle_torques, other_torques
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

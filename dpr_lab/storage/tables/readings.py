@@ -6,8 +6,9 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, energy_zeros
 from dpr_lab.identification.misread.torque_balance import TorqueBalance, torque_balance
@@ -16,7 +17,6 @@ from dpr_lab.storage.tables.columns import AXES, TO_RADIANS, TO_SECONDS
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import unwrapped
 
-Array = NDArray[np.float64]
 Values = Mapping[str, Array]
 """By axis, (n,) values in the unit of the table."""
 
@@ -107,7 +107,7 @@ class OtherReading:
         return replace(self, causes=causes, values={**self.values, **turned}, scale=signs, offset=offset)
 
 
-def angles(values: Values, options: ImportOptions, rig: Rig, path: Path) -> tuple[Array, NDArray[np.int64] | None]:
+def angles(values: Values, options: ImportOptions, rig: Rig, path: Path) -> tuple[Array, Integers | None]:
     """(n, 3) absolute angles, rad, each axis contiguous, and the counts, if any.
 
     Raises:
@@ -386,7 +386,7 @@ def _changed(
     return OtherReading(tuple(causes), tuple(words), changed, options, scale=(1.0, -1.0 if sign else 1.0))
 
 
-def _counts(path: Path, values: Values, rig: Rig) -> NDArray[np.int64]:
+def _counts(path: Path, values: Values, rig: Rig) -> Integers:
     n = len(values["theta1"])
     still = (np.full(n, float(zero)) for zero in rig.encoders.zero_counts)
     columns = np.column_stack([values.get(axis, zero) for axis, zero in zip(AXES, still, strict=True)])

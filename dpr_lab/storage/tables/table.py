@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.errors import RunError, printable
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.run import FilmNoise
@@ -30,11 +30,11 @@ class Table:
     path: Path
     names: tuple[str, ...]
     """Column names; `1`, `2`, ... if the table has no header."""
-    values: tuple[NDArray[np.float64], ...]
+    values: tuple[Array, ...]
     """Values of each column; NaN if a value is missing or not a number."""
     strange: tuple[str, ...]
     """First field of each column that is neither a number nor missing, with its line; empty without such a field."""
-    lines: NDArray[np.int64]
+    lines: Integers
     """Line number in the file of each row (row number if the file has no lines), from 1."""
     notes: tuple[str, ...] = ()
     kind: str = "text table"
@@ -47,10 +47,10 @@ class Table:
     """Whether the angles are absolute, 0 = upright, rad, independent of the options."""
     film_noise: FilmNoise | None = None
     """Noise of angles from points in a video."""
-    frames: NDArray[np.float64] | None = None
+    frames: Array | None = None
     """(n,) number of each row in a video of which frames were removed, from 0; None for consecutive rows."""
 
-    def column(self, name: str) -> NDArray[np.float64]:
+    def column(self, name: str) -> Array:
         """(n,) values of one column; NaN for missing values.
 
         Raises:
@@ -126,11 +126,11 @@ class _Columns:
         self._short: tuple[int, int] | None = None
 
     @property
-    def arrays(self) -> tuple[NDArray[np.float64], ...]:
+    def arrays(self) -> tuple[Array, ...]:
         return tuple(np.frombuffer(column, dtype=np.float64) for column in self._values)
 
     @property
-    def line_numbers(self) -> NDArray[np.int64]:
+    def line_numbers(self) -> Integers:
         return np.frombuffer(self._lines, dtype=np.int64)
 
     def take(self, rows: Iterable[tuple[int, list[str]]]) -> None:

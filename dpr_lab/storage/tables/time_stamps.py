@@ -12,9 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from dpr_lab.arrays import Array, Flags
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +47,7 @@ class StampSettings:
 SETTINGS = StampSettings()
 
 
-def shares_times(t: Array, readings: Mapping[str, Array]) -> NDArray[np.bool_]:
+def shares_times(t: Array, readings: Mapping[str, Array]) -> Flags:
     """(n - 1,) whether a row has the time of the previous row but different readings."""
     changed = np.logical_or.reduce([np.diff(column) != 0 for column in readings.values()])
     return np.asarray(changed & (np.diff(t) == 0))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit
 from dpr_lab.identification.misread.torque_balance import torque_balance
@@ -16,8 +17,6 @@ from dpr_lab.storage.tables.columns import bare
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.readings import SETTINGS as READ
 from dpr_lab.storage.tables.table import Table
-
-Array = NDArray[np.float64]
 
 KINDS = ("measured", "commanded")
 JOINTS = ("tau1", "tau2")

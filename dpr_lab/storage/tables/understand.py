@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import refuse_still_arm
 from dpr_lab.estimation.held_rods import FreePart, RodMotion, free_part, rest_fault
@@ -46,13 +47,13 @@ from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, torque
 class Understood:
     """Interpretation of a table."""
 
-    since_first_s: NDArray[np.float64]
+    since_first_s: Array
     """(n,) times since the first kept row, s."""
     release: int
     """Row of the release; earlier rows are the rest."""
-    theta: NDArray[np.float64]
+    theta: Array
     """(n, 3) absolute angles, 0 = upright, rad."""
-    counts: NDArray[np.int64] | None
+    counts: Integers | None
     t_offset_s: float
     """Time in the table at the release, s."""
     columns: Mapping[str, str]
@@ -61,7 +62,7 @@ class Understood:
     options: ImportOptions
     """Options including the detected units."""
     kind: str
-    torques: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    torques: Mapping[str, Array] = field(default_factory=dict)
     """(n, 2) torques by kind, `measured` first; the kind is empty if the columns do not state it; no entry for a
     free swing.
     """
@@ -75,7 +76,7 @@ class Understood:
     """Noise of angles from points in a video."""
 
     @property
-    def t(self) -> NDArray[np.float64]:
+    def t(self) -> Array:
         """(n,) times since the release, s; negative in the rest before it."""
         return self.since_first_s - self.since_first_s[self.release]
 
@@ -135,7 +136,7 @@ def _read(path: Path, rig: Rig, options: ImportOptions, on_progress: OnImport) -
 
 def _readings(
     table: Table, names: Mapping[str, str], rig: Rig, options: ImportOptions
-) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], list[str]]:
+) -> tuple[Array, dict[str, Array], list[str]]:
     """(rows,) times, s, (rows,) readings of each recorded axis with NaN for outliers, and notes."""
     t = _times(table, names, options)
     readings, empty = _recorded(table, {axis: table.column(names[axis]) for axis in AXES if axis in names})
@@ -152,19 +153,19 @@ class _Rows:
 
     path: Path
     kept: NDArray[np.intp]
-    t: NDArray[np.float64]
+    t: Array
     """(all rows,) times, s."""
-    values: Mapping[str, NDArray[np.float64]]
-    torques: Mapping[str, NDArray[np.float64]]
+    values: Mapping[str, Array]
+    torques: Mapping[str, Array]
     columns: Mapping[str, str]
     options: ImportOptions
-    ignored: tuple[str, NDArray[np.float64]] | None
+    ignored: tuple[str, Array] | None
     """Kind and (kept rows, 2) torques that `--torque none` ignores, N m; None if there are none."""
 
 
 def _ignored(
     table: Table, names: list[str], options: ImportOptions, rows: NDArray[np.intp]
-) -> tuple[str, NDArray[np.float64]] | None:
+) -> tuple[str, Array] | None:
     if options.torque != "none" or options.arm != "clamped":
         return None
     with suppress(RunError):
@@ -236,7 +237,7 @@ def _seems_held(motion: RodMotion, whole: FreePart) -> bool:
         return True
 
 
-def _cut_notes(t: NDArray[np.float64], part: FreePart, fault: str) -> list[str]:
+def _cut_notes(t: Array, part: FreePart, fault: str) -> list[str]:
     """Notes on rows removed because the rods were held, and on a first row before t = 0 treated as the release."""
     notes = []
     if part.start == 0 and t[0] < 0 < t[-1]:
@@ -268,7 +269,7 @@ def _refuse_conventions(table: Table, options: ImportOptions) -> None:
         )
 
 
-def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> NDArray[np.float64]:
+def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> Array:
     if options.rate_hz is not None:
         return numbers(table) / options.rate_hz
     assert options.time_unit is not None
@@ -278,12 +279,12 @@ def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> 
     return times * TO_SECONDS[options.time_unit]
 
 
-def _scaled(column: NDArray[np.float64], axis: str, options: ImportOptions) -> NDArray[np.float64]:
+def _scaled(column: Array, axis: str, options: ImportOptions) -> Array:
     """A column of readings with wraps removed, multiplied by the scale and shifted by the offset."""
     return _unwrapped(column, options) * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)
 
 
-def _unwrapped(column: NDArray[np.float64], options: ImportOptions) -> NDArray[np.float64]:
+def _unwrapped(column: Array, options: ImportOptions) -> Array:
     """A column with its wraps removed; missing values remain missing."""
     if options.wrap is None:
         return column
@@ -292,9 +293,7 @@ def _unwrapped(column: NDArray[np.float64], options: ImportOptions) -> NDArray[n
     return turned
 
 
-def _recorded(
-    table: Table, readings: dict[str, NDArray[np.float64]]
-) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
+def _recorded(table: Table, readings: dict[str, Array]) -> tuple[dict[str, Array], list[str]]:
     """Axes whose column contains numbers, and a note for an empty column; both rods are required."""
     silent = [axis for axis, column in readings.items() if not np.isfinite(column).any()]
     for axis in silent:
@@ -304,9 +303,7 @@ def _recorded(
     return recorded, [f"{axis}: its column is empty, so this axis was not recorded" for axis in silent]
 
 
-def _check_forwards(
-    table: Table, t: NDArray[np.float64], options: ImportOptions, readings: Mapping[str, NDArray[np.float64]]
-) -> None:
+def _check_forwards(table: Table, t: Array, options: ImportOptions, readings: Mapping[str, Array]) -> None:
     known = np.flatnonzero(np.isfinite(t))
     backwards = np.flatnonzero(np.diff(t[known]) < 0)
     if len(backwards):
@@ -334,7 +331,7 @@ def _line(table: Table, row: int) -> str:
 
 
 def _rows_to_keep(
-    path: Path, t: NDArray[np.float64], readings: Mapping[str, NDArray[np.float64]], options: ImportOptions
+    path: Path, t: Array, readings: Mapping[str, Array], options: ImportOptions
 ) -> tuple[NDArray[np.intp], list[str]]:
     known = t[np.isfinite(t)]
     if not len(known):
@@ -349,7 +346,8 @@ def _rows_to_keep(
     refuse_missing(path, instants[inside] - known[0], whole)
     rows = inside[whole]
     if len(rows) == 0:
-        raise RunError(f"{path}: no rows between {start:g} s and {stop:g} s; the table ends at {known[-1]:g} s")
+        part = f"after {start:g} s" if options.duration_s is None else f"between {start:g} s and {stop:g} s"
+        raise RunError(f"{path}: no rows {part}; the table ends at {known[-1]:g} s")
     doubled = np.diff(t[rows], prepend=-np.inf) == 0
     _refuse_coarse_times(path, readings, rows, doubled)
     distinct = rows[~doubled]
@@ -359,9 +357,7 @@ def _rows_to_keep(
     return distinct[new], _counted_notes(empty, int(doubled.sum())) + ([note] if note else [])
 
 
-def _refuse_coarse_times(
-    path: Path, readings: Mapping[str, NDArray[np.float64]], rows: NDArray[np.intp], doubled: NDArray[np.bool_]
-) -> None:
+def _refuse_coarse_times(path: Path, readings: Mapping[str, Array], rows: NDArray[np.intp], doubled: Flags) -> None:
     """Refuse a table with many rows of equal time and different readings: the time column has too few digits."""
     later, before = rows[doubled], rows[np.flatnonzero(doubled) - 1]
     changed = np.logical_or.reduce([column[later] != column[before] for column in readings.values()])

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.acquisition.holding import PoseReading, RestReading
 from dpr_lab.acquisition.swing import Captured, Released, SwingReading
+from dpr_lab.arrays import Array
 from dpr_lab.rig_tables import Pose
 from dpr_lab.tui.recorder.messages import AttemptFinished, AttemptSeen, GoAheadAsked
 
@@ -42,19 +42,19 @@ class Attempt:
     recorded: SwingReading | None = None
     captured: Captured | None = None
     _asked: bool = False
-    _t: list[NDArray[np.float64]] = field(default_factory=list)
-    _theta: list[NDArray[np.float64]] = field(default_factory=list)
-    _inputs: list[NDArray[np.float64]] = field(default_factory=list)
+    _t: list[Array] = field(default_factory=list)
+    _theta: list[Array] = field(default_factory=list)
+    _inputs: list[Array] = field(default_factory=list)
 
     @property
-    def trace(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def trace(self) -> tuple[Array, Array]:
         """Time since the release (n,), s, and absolute angles (n, 3), rad, for display."""
         if not self._t:
             return np.empty(0), np.empty((0, 3))
         return np.concatenate(self._t), np.concatenate(self._theta)
 
     @property
-    def inputs(self) -> NDArray[np.float64]:
+    def inputs(self) -> Array:
         """(n,) input of the arm's drive at the samples of `trace`, N m, A or V; empty without a drive."""
         inputs = np.concatenate(self._inputs) if self._inputs else np.empty(0)
         return inputs if len(inputs) == len(self.trace[0]) else np.empty(0)

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from dpr_lab.report import moving_arm
 from dpr_lab.report.angles import AngleUnit
-from dpr_lab.report.digits import pair, scaled_unit
+from dpr_lab.report.digits import pair, superscripts
 from dpr_lab.tui.steps.compare_charts import SETTINGS
 from dpr_lab.tui.texts import sentences, table
 from dpr_lab.tui.widgets.chart import Band, Chart, Series
@@ -49,7 +49,7 @@ def absolute(model: "MovingArmModel") -> Group:
 def identifiability(model: "MovingArmModel") -> Group:
     """What the recordings do not determine, and combinations that they cannot separate."""
     undetermined = [f"{name}: {reason}" for name, reason in model.undetermined.items()]
-    notes = [scaled_unit(note) for note in model.notes]
+    notes = [superscripts(note) for note in model.notes]
     known = "" if undetermined or model.notes else "The recordings determine all values of this rig."
     return Group(
         sentences("Not determined by the recordings:", undetermined),

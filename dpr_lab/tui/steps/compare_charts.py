@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.tui.widgets.chart import Band, Chart, Mark, Series
 
@@ -111,7 +111,7 @@ def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
     )
 
 
-def _range_of(angle: NDArray[np.float64]) -> tuple[float, float]:
+def _range_of(angle: Array) -> tuple[float, float]:
     """Range of the measurement, so that a free run that diverges leaves the chart."""
     low, high = float(np.nanmin(angle)), float(np.nanmax(angle))
     room = max(0.06 * (high - low), 0.01)

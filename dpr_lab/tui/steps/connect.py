@@ -88,7 +88,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         self._draw()
 
     def hear(self, report: RecorderReport) -> None:
-        """Follow the connection."""
+        """Update the page for a report of the connection."""
         match report:
             case Connected():
                 self._exercised = ""

@@ -18,9 +18,10 @@ from textual.widgets import Static
 from textual_plot import HiResMode, PlotWidget
 from textual_plot.plot_widget import Legend
 
+from dpr_lab.arrays import Array
 from dpr_lab.tui import FRAMES_PER_S
 from dpr_lab.tui.widgets.canvas import PlainCanvas
-from dpr_lab.tui.widgets.chart_scale import Array, even_ticks, moved, pieces, range_of, visible, zoomed
+from dpr_lab.tui.widgets.chart_scale import even_ticks, moved, pieces, range_of, visible, zoomed
 from dpr_lab.tui.widgets.cursors import Cursors, first_cursors, readings
 
 Tone = Literal["primary", "secondary", "accent", "foreground", "success", "warning", "error"]

@@ -5,11 +5,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.report.envelope import trace
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

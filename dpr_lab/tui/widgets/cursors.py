@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from rich.text import Text
 
-from dpr_lab.tui.widgets.chart_scale import Array
+from dpr_lab.arrays import Array
 
 NAMES = ("A", "B")
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Curves
 from dpr_lab.report import style
@@ -18,7 +18,7 @@ from dpr_lab.report.gap.tables import run_words
 LINES = {"bare model": style.SIMULATED, "corrected model": style.RESIDUAL | {"linewidth": 1.1, "zorder": 4}}
 CURVE_NAMES = ("measured", *LINES)
 
-Angles = dict[str, NDArray[np.float64]]
+Angles = dict[str, Array]
 """Part -> (n, 3) its angle: measured, by the bare model, and by the corrected model, rad."""
 
 
@@ -58,7 +58,7 @@ def curves_figure(diagnosis: Diagnosis) -> Figure:
         return figure
 
 
-def _draw_part(rows: Sequence[Axes], curves: Curves, part: tuple[str, NDArray[np.float64]] | None) -> None:
+def _draw_part(rows: Sequence[Axes], curves: Curves, part: tuple[str, Array] | None) -> None:
     """Angles and errors of one part, in a column."""
     if part is None:
         for axes in rows:
