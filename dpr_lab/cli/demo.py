@@ -17,7 +17,7 @@ def demo(
         typer.Option(help="Folder of the results; default: out/demo, or sample with --table."),
     ] = None,
     sample: Annotated[
-        bool, typer.Option("--table", help="Write three sample tables (CSV) and their rig file instead.")
+        bool, typer.Option("--table", help="Write sample tables (CSV) and their rig file instead.")
     ] = False,
     seed: Annotated[
         int | None,
@@ -31,8 +31,8 @@ def demo(
     The simulated device is a separate process with its own plant; its true values are requested only at the end. The
     first demo on a computer compiles the kernels, which takes a minute or two.
 
-    With --table: write three recorded releases as CSV tables and their rig file, to practise on (see the tutorial
-    docs/tutorials/your-table.md). Nothing is simulated or diagnosed then.
+    With --table: write three recorded releases as CSV tables, the points of their films, and their rig file, to
+    practise on (docs/tutorials/your-table.md, docs/how-to/video.md). Nothing is simulated or diagnosed then.
 
     Example: dpr-lab demo --out out/demo
     """
@@ -61,7 +61,7 @@ def _write_tables(out: Path, as_json: bool) -> None:
         return
     for file in (rig, *tables):
         line(file)
-    line(f"Next: dpr-lab import table {tables[-1]} --rig {rig} --dry-run")
+    line(f"Next: dpr-lab import table {rig.with_name('side.csv')} --rig {rig} --dry-run")
 
 
 def _record(done: "DemoResult") -> dict[str, Any]:

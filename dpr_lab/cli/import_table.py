@@ -124,7 +124,7 @@ def _show(understood: "Preview", as_json: bool) -> None:
         list(understood.facts().items()),
     )
     rows = [[f"{value:.6f}" for value in row] for row in understood.first_rows()]
-    table("First rows (rad; rods: 0 = upright)", ("t_s", *names_of(understood.joints)), rows)
+    table("First rows (rad)", ("t_s", *names_of(understood.joints)), rows)
     for joint in understood.joints:
         line(chart_title(joint))
         for drawn in text_chart(understood.t, understood.theta[:, joint]):

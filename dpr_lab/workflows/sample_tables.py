@@ -1,15 +1,33 @@
-"""Sample tables of the tutorial: three recorded releases as CSV, and their rig file."""
+"""Sample tables of the tutorials: three recorded releases as CSV, points of their films, and their rig file."""
 
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.whole_file import write_whole
+from dpr_lab.whole_file import write_text, write_whole
 from dpr_lab.workflows.checks import refuse_file
 
 
+@dataclass(frozen=True, slots=True)
+class Film:
+    """Film of a release, as the tracker of its points sees it."""
+
+    every: int = 2
+    """Rows of the table per frame: 100 frames per second."""
+    scale: float = 900.0
+    """Pixels per metre."""
+    pivot: tuple[float, float] = (960.0, 540.0)
+    """Place of joint 1 in the picture: pixels from the left, pixels from the top."""
+    noise: float = 0.5
+    """Standard deviation of each coordinate, pixels."""
+
+
+FILM = Film()
+
+
 def write_sample_tables(out: Path) -> tuple[Path, ...]:
-    """Copy the sample tables and their rig file into a folder.
+    """Write the sample tables, the points of their films and their rig file into a folder.
 
     Args:
         out: the folder, created if missing
@@ -24,10 +42,37 @@ def write_sample_tables(out: Path) -> tuple[Path, ...]:
 
     refuse_file(out)
     samples = BUILTIN / "tables"
-    sources = [samples / "bench.toml", *sorted(samples.glob("*.csv"))]
-    taken = [out / source.name for source in sources if (out / source.name).exists()]
-    if taken:
-        raise ConfigError(f"{taken[0]}: exists already; choose another folder with --out")
-    for source in sources:
-        write_whole(out / source.name, lambda file, source=source: shutil.copyfile(source, file), ConfigError)
-    return tuple(out / source.name for source in sources)
+    tables = sorted(samples.glob("*.csv"))
+    copied = {out / source.name: source for source in (samples / "bench.toml", *tables)}
+    films = {out / f"film_{table.name}": table for table in tables}
+    for file in (*copied, *films):
+        if file.exists():
+            raise ConfigError(f"{file}: exists already; choose another folder with --out")
+    for file, source in copied.items():
+        write_whole(file, lambda path, source=source: shutil.copyfile(source, path), ConfigError)
+    for file, table in films.items():
+        write_text(file, film_points(table, samples / "bench.toml"), ConfigError)
+    return (*copied, *films)
+
+
+def film_points(table: Path, rig_file: Path) -> str:
+    """Points of pivot, elbow and tip in a film of a release, as CSV in pixels.
+
+    Args:
+        table: time, angle of the inner rod from hanging and angle of the outer rod relative to it, degrees
+        rig_file: rig with the lengths of both rods
+    """
+    import numpy as np
+
+    from dpr_lab.rig import load_rig
+
+    rig = load_rig(rig_file)
+    assert rig.L2 is not None
+    t, inner, relative = np.loadtxt(table, delimiter=",", skiprows=1)[:: FILM.every].T
+    points = [np.tile(FILM.pivot, (len(t), 1))]
+    for length, angle in ((rig.L1, np.radians(inner)), (rig.L2, np.radians(inner + relative))):
+        points.append(points[-1] + FILM.scale * length * np.column_stack([np.sin(angle), np.cos(angle)]))
+    pixels = np.hstack(points)
+    pixels += np.random.default_rng(0).normal(0.0, FILM.noise, pixels.shape)
+    rows = (",".join([f"{time:.2f}", *(f"{pixel:.2f}" for pixel in row)]) for time, row in zip(t, pixels, strict=True))
+    return "\n".join(["t,pivot_x,pivot_y,elbow_x,elbow_y,tip_x,tip_y", *rows, ""])

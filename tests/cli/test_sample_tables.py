@@ -4,11 +4,13 @@ import runpy
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from dpr_lab.configs import BUILTIN
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import PARAMETERS, load_rig
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.workflows.sample_tables import write_sample_tables
 from tests.cli.conftest import Cli
 
@@ -16,13 +18,23 @@ ROOT = Path(__file__).parents[2]
 SAMPLES = BUILTIN / "tables"
 
 
-def test_the_demo_writes_three_tables_and_their_rig_file(cli: Cli, tmp_path: Path) -> None:
+def test_the_demo_writes_tables_films_and_their_rig_file(cli: Cli, tmp_path: Path) -> None:
     done = cli("demo", "--table", "--out", tmp_path / "sample", "--json")
     assert done.code == 0
     files = sorted(file.name for file in (tmp_path / "sample").iterdir())
-    assert files == ["bench.toml", "elbow.csv", "low.csv", "side.csv"]
+    tables = ["elbow.csv", "low.csv", "side.csv"]
+    assert files == ["bench.toml", *sorted([*tables, *(f"film_{name}" for name in tables)])]
     assert sum(file.stat().st_size for file in (tmp_path / "sample").iterdir()) < 300_000
     assert load_rig(tmp_path / "sample" / "bench.toml").name == "bench"
+
+
+def test_the_points_of_a_film_are_the_angles_of_its_table(tmp_path: Path) -> None:
+    write_sample_tables(tmp_path)
+    rig = load_rig(tmp_path / "bench.toml")
+    film = import_csv(tmp_path / "film_side.csv", rig, ImportOptions(pose="side"))
+    table = import_csv(tmp_path / "side.csv", rig, ImportOptions(angles="relative", zero="hanging"))
+    np.testing.assert_allclose(film.t, table.t[::2], atol=1e-9)
+    assert np.std(film.theta[:, 1:] - table.theta[::2, 1:], axis=0) == pytest.approx([0.0016, 0.0026], rel=0.1)
 
 
 def test_tables_that_are_there_already_are_not_overwritten(tmp_path: Path) -> None:

@@ -378,7 +378,7 @@ def _changed(
     if reference:
         options = replace(options, angles="absolute" if options.angles == "relative" else "relative")
         direction = "inner rod" if options.angles == "relative" else "vertical"
-        causes.append(f"the angle of the outer rod is measured to the {direction}")
+        causes.append(f"the angle of the outer rod is relative to the {direction}")
         words += ["--angles", options.angles]
     if sign:
         changed["theta2"] = -changed["theta2"]
