@@ -101,6 +101,11 @@ END
 
 TAKEN_FOR_GRANTED = {
     "docs/how-to/moving-arm.md": FURUTA,
+    "docs/how-to/video.md": """
+dpr-lab demo --table --out given
+cp given/bench.toml my_rig.toml
+cut -d, -f2- given/film_side.csv > points.csv
+""",
     "docs/rig-file.md": ROBOT,
     "docs/how-to/simulator-model.md": f"{ROBOT}\n{DRY} runs",
     "docs/reference/schemas.md": f"cp {ROOT}/tests/tui/data/diagnosis.json .",
