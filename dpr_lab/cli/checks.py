@@ -154,6 +154,12 @@ EFFECT_NAMES = Choices("effect", _effects, _effect_words)
 EXPORT_NAMES = Choices("format", _exports, _export_words)
 REASON_NAMES = Choices("reason", _reasons)
 
+NO_RIG = (
+    "A rig file contains lengths and masses of the rig: `dpr-lab rig new` writes one, for a single rod with --rods"
+    " inner --l1 0.3 --m1 0.1; `dpr-lab rig list` names the built-in ones"
+)
+"""Advice for a command without --rig."""
+
 RigName = Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)]
 Library = Annotated[
     str | None,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import REASON_NAMES, complete_rig, names_in
+from dpr_lab.cli.checks import NO_RIG, REASON_NAMES, complete_rig, names_in
 from dpr_lab.cli.console import emit, json_mode, line, say, table, text
 from dpr_lab.cli.option_groups import DiagnosisChoices, with_groups
 from dpr_lab.shown import percent
@@ -94,7 +94,7 @@ def diagnose(
     """
     json_mode(as_json)
     if not rig and simulator is None:
-        raise typer.BadParameter("give --rig, or --simulator with your own model")
+        raise typer.BadParameter(f"give --rig, or --simulator with your own model. {NO_RIG}")
     if joints and simulator is None:
         raise typer.BadParameter("--joints requires --simulator")
     from dpr_lab.cli.listener import Listener

@@ -6,9 +6,24 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from dpr_lab.cli.checks import NO_RIG
+
 
 class Listing(TyperGroup):
     """Commands with the complete first sentence of their help, wrapped over several lines."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command; if it lacks a rig, the refusal says what a rig file is and how to write one.
+
+        Raises:
+            BadParameter: a value of a command is missing or refused.
+        """
+        try:
+            return super().invoke(ctx)
+        except typer.BadParameter as error:
+            if error.param is not None and error.param.name == "rig" and not error.message:
+                error.message = NO_RIG
+            raise
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command; a file in its place is refused with the commands that take one.

@@ -27,6 +27,13 @@ def test_a_rig_without_poses_is_reported(cli, tmp_path: Path) -> None:
     assert "has no poses" in done.err
 
 
+@pytest.mark.parametrize("command", [("import", "table", "swing.csv"), ("identify", "a.mcap"), ("diagnose", "a.mcap")])
+def test_a_command_without_a_rig_says_how_to_write_a_rig_file(cli, command: tuple[str, ...]) -> None:
+    done = cli(*command)
+    assert done.code == 2
+    assert "`dpr-lab rig new` writes one, for a single rod with --rods inner" in " ".join(done.err.split())
+
+
 def test_a_rate_that_cannot_be_is_refused_before_anyone_moves(cli, tmp_path: Path) -> None:
     words = ("capture", "--rig", "paper", "--link", "sim://?clock=fast", "--rate-hz", "9999999", "--out", tmp_path)
     done = cli(*words)

@@ -60,6 +60,15 @@ def test_the_input_of_a_driven_arm_is_kept_with_the_run(tmp_path, rig_file, tabl
     assert load_run(tmp_path / "run.mcap").only(run.t < 1).arm_input.shape == (np.sum(run.t < 1),)
 
 
+def test_the_input_of_a_driven_arm_is_no_torque_on_the_rods(rig_file, table):
+    rig_file.write_text(rig_file.read_text().replace("= 0.5,", "= 0.005,").replace("std = 0.005", "std = 0.0005"))
+    t, theta0, theta1, theta2, current = np.loadtxt(table, delimiter=",", skiprows=1).T
+    large = np.column_stack([t, theta0, theta1, theta2, 0.1 * current])  # mA to A, 100 times
+    np.savetxt(table, large, delimiter=",", fmt="%.7f", header="t,theta0,theta1,theta2,u", comments="")
+    assert preview(table, load_rig(rig_file), ImportOptions()).questions == ()
+    assert any("driven by the current in column u" in note for note in import_csv(table, load_rig(rig_file)).notes)
+
+
 def test_an_input_without_its_constant_is_noted_at_the_import(rig_file, table):
     assert not any("the torque per current is fitted" in note for note in import_csv(table, load_rig(rig_file)).notes)
     rig_file.write_text(rig_file.read_text().replace("kt = {", "# kt = {"))

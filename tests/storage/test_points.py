@@ -198,6 +198,17 @@ def test_one_moving_point_is_a_single_rod(tmp_path: Path, points: np.ndarray, he
         read(file)
 
 
+def test_the_pivot_is_found_although_the_tracker_followed_something_else_for_a_while(tmp_path: Path) -> None:
+    points, rng = 0.3 * BOB + (0.1, 0.25), np.random.default_rng(8)
+    points[: len(points) // 4] = 0.3 * BOB[: len(points) // 4] * (0.7, 0.5) + (0.13, 0.2)
+    points[::17] += rng.normal(0, 0.1, points[::17].shape)
+    file = text(tmp_path / "bob.csv", np.column_stack([T, points + rng.normal(0, 1e-5, points.shape)]), head="t,x,y\n")
+    table = read_text(file, ())
+    right = np.hypot(*(points - (0.1, 0.25)).T) - 0.3 < 1e-9
+    right &= np.hypot(*(points - (0.1, 0.25)).T) - 0.3 > -1e-9
+    np.testing.assert_allclose(table.column("theta1")[right], SWING[right], atol=2e-3)
+
+
 def test_a_column_that_is_named_as_the_angle_is_no_coordinate(tmp_path: Path) -> None:
     """A tracker exports the time as x and the angle as y."""
     file = text(tmp_path / "a.txt", np.column_stack([T, np.degrees(SWING) - 180]), "\t", "x\ty\n")

@@ -290,6 +290,16 @@ def test_whole_numbers_are_doubted_to_be_counts_with_a_zero_in_their_turn(one: R
     assert zero == pytest.approx(522, abs=3)
 
 
+def test_degrees_with_another_zero_are_doubted_to_be_radians(one: Rig, tmp_path: Path) -> None:
+    t, angle = fallen()
+    slow = slice(None, None, 6)
+    degrees = table(tmp_path, "", t[slow], np.degrees(angle[slow]) + 7.0)
+    doubts = [doubt.sentence for doubt in understand(degrees, one, ImportOptions(zero="hanging")).questions]
+    assert "turns, but gravity turns it back within one: are the angles in degrees (--unit deg)?" in doubts[0]
+    right = understand(degrees, one, ImportOptions(zero="hanging", unit="deg")).questions
+    assert not any("turns back" in doubt.sentence for doubt in right)
+
+
 def test_a_zero_near_hanging_is_hanging_with_an_error_that_the_diagnosis_names(one: Rig, tmp_path: Path) -> None:
     t, angle = fallen()
     (doubt, *_) = understand(table(tmp_path, "t,theta1", t, angle + 0.06), one).questions

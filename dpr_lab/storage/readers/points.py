@@ -20,6 +20,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.run import FilmNoise
 from dpr_lab.shown import percent
+from dpr_lab.storage.readers.circle import most_of_a_circle
 from dpr_lab.storage.readers.rod_lengths import LENGTHS, WANTED, rod_length
 from dpr_lab.storage.tables.columns import bare, counter, is_time, numbers, own_name, runs
 from dpr_lab.storage.tables.table import Table, read_table
@@ -330,20 +331,15 @@ def _moved(point: _Point) -> float:
 
 
 def _pivot_of(table: Table, end: _Point) -> _Point:
-    """The origin, or the centre of the circle on which a point moves.
-
-    x^2 + y^2 = 2 cx x + 2 cy y + k, by least squares.
-    """
+    """The origin, or the centre of the circle on which a point moves."""
     valid = end.at[np.isfinite(end.at).all(axis=1)]
     if len(valid) < 3:
         raise RunError(f"{table.path}: the point {end.name!r} was detected in too few frames")
-    centred = valid - valid.mean(axis=0)
-    A = np.column_stack([2 * centred, np.ones(len(valid))])
-    solution, _, rank, _ = np.linalg.lstsq(A, (centred**2).sum(axis=1), rcond=1e-9)
-    if rank < 3:
+    circle = most_of_a_circle(valid)
+    if circle is None:
         raise RunError(f"{table.path}: the point {end.name!r} does not move on a circle: track the pivot as well")
-    centre = solution[:2] + valid.mean(axis=0)
-    scatter, about_origin = (float(np.std(np.hypot(*(valid - candidate).T))) for candidate in (centre, np.zeros(2)))
+    centre, near = circle
+    scatter, about_origin = (float(np.std(np.hypot(*(valid[near] - c).T))) for c in (centre, np.zeros(2)))
     if about_origin <= SETTINGS.at_origin * scatter:
         return _Point("(the origin)", np.zeros(end.at.shape))
     return _Point(f"(centre of the circle of {end.name})", np.broadcast_to(centre, end.at.shape))

@@ -17,7 +17,7 @@ from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, Pairs, find_torques,
 _NAMES = {
     "torque": "tau|torque|trq|effort",
     "current": "current|cur|i|im",
-    "voltage": "voltage|volt|v|vm",
+    "voltage": "voltage|volt|v|vm|vin",
     "acceleration": "acceleration|acc|alpha|u",
 }
 _UNITS = {
@@ -27,8 +27,8 @@ _UNITS = {
     "acceleration": {"rads2": 1.0},
 }
 _KIND = "(?:measured|meas|commanded|command|cmd|desired|des|motor|arm)?"
-_UNNAMED = f"{_KIND}input{_KIND}"
-"""Name of an input whose kind is that of the rig file, as `run export` writes it."""
+_UNNAMED = f"{_KIND}(?:input|u|control|action){_KIND}"
+"""Names of an input whose kind is that of the rig file: `input`, as `run export` writes it, and usual others."""
 
 
 @dataclass(frozen=True, slots=True)

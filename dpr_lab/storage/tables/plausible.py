@@ -51,6 +51,8 @@ class Plausible:
     """Speed of the faster rod, rad/s, that is exceeded in nine of ten rows if degrees are interpreted as radians:
     sixteen turns per second.
     """
+    back: float = 1.5
+    """Turns from one turning point to the next above which the angles of a single rod cannot be in radians."""
     typical_rows: int = 20_000
     """Maximum number of examined rows, evenly spaced; sufficient to show typical properties."""
 
@@ -192,8 +194,18 @@ def gap_notes(t: Array) -> list[str]:
     return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []
 
 
-def odd_notes(t: Array, theta: Array, upright: bool, rods: int) -> list[str]:
-    """Notes on (n, 3) angles of 1 or 2 rods, rad, that are impossible, or that point upwards most of the time."""
+def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool) -> list[str]:
+    """Notes on (n, 3) angles of 1 or 2 rods, rad, that are impossible, or that point upwards most of the time.
+
+    A single rod without a drive turns back only below the upright pose: within one turn.
+
+    Args:
+        t: (n,) s
+        theta: angles of arm, inner and outer rod
+        upright: whether to judge if the rods point upwards
+        rods: number of rods
+        in_radians: whether the angles of rods without a drive are interpreted as radians
+    """
     rows = np.linspace(0, len(t) - 2, min(len(t) - 1, PLAUSIBLE.typical_rows)).astype(np.intp)
     steps, moved = t[rows + 1] - t[rows], np.abs(theta[rows + 1, 1:] - theta[rows, 1:])
     above = upright & (np.median(np.cos(theta[rows, 1:]), axis=0) > 0)
@@ -201,7 +213,21 @@ def odd_notes(t: Array, theta: Array, upright: bool, rods: int) -> list[str]:
     turns, points = ("the rod turns", "the rod points") if rods == 1 else ("the rods turn", "both rods point")
     fast = [f"{turns} at more than {speed:.3g} rad/s most of the time: are the units right (--unit, --time-unit)?"]
     inverted = [f"{points} upwards most of the time: if the table's zero is hanging, import it with --zero hanging"]
-    return (fast if speed > PLAUSIBLE.speed else []) + (inverted if above.all() else [])
+    turned = _between_turning_points(theta[rows, 1]) if rods == 1 and in_radians else 0.0
+    far = [
+        f"the rod turns back after {turned / (2 * np.pi):.3g} turns, but gravity turns it back within one: are the"
+        " angles in degrees (--unit deg)?"
+    ]
+    impossible = fast if speed > PLAUSIBLE.speed else far if turned > PLAUSIBLE.back * 2 * np.pi else []
+    return impossible + (inverted if above.all() else [])
+
+
+def _between_turning_points(angle: Array) -> float:
+    """Median angle by which a rod turns from one turning point to the next, rad; 0 with fewer than three."""
+    moving = angle[np.diff(angle, prepend=np.inf) != 0]
+    steps = np.diff(moving)
+    turning = moving[1:-1][steps[:-1] * steps[1:] < 0]
+    return float(np.median(np.abs(np.diff(turning)))) if len(turning) > 2 else 0.0
 
 
 def recorded_by_stamps(first_s: float) -> str:

@@ -160,8 +160,9 @@ def _energy_questions(
     upright = table.options.zero == "upright" and table.options.unit != "counts" and not residual <= READ.right
     upright = upright and table.torques is None and table.ignored is None  # drives can hold rods up
     upright = upright and (table.options.pose is None or not table.arm_moves)  # the pose shows a wrong zero
-    odd = odd_notes(table.t[table.swing], table.theta[table.swing], upright, table.rig.rods.number)
-    return doubts + [TableQuestion(note) for note in odd], []
+    radians = table.free and table.options.unit in (None, "rad")
+    odd = odd_notes(table.t[table.swing], table.theta[table.swing], upright, table.rig.rods.number, radians)
+    return [TableQuestion(note) for note in odd] + doubts, []
 
 
 def _read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
@@ -300,10 +301,15 @@ def _few(table: InterpretedTable, t: Array, settings: QuestionSettings) -> list[
 
 
 def _torque_doubts(table: InterpretedTable, settings: QuestionSettings) -> list[TableQuestion]:
-    """Doubts about known torques: their rows are too far apart, or the rods move as if they did not act."""
+    """Doubts about known torques: their rows are too far apart, or the rods move as if they did not act.
+
+    The input of a driven arm does not act on the rods: only the distance of its rows is judged.
+    """
     if table.torques is None:
         return []
     coarse = coarse_torques(table.torques[table.swing], settings.torque_step)
+    if table.arm_moves:
+        return [TableQuestion(coarse)] if coarse else []
     read = table.read(settings)
     rods, columns = read.rods(read.values, read.options), table.torque_columns
     idle = idle_torques(read.t, rods, read.torques, columns, read.rig, settings.idle)

@@ -1,0 +1,74 @@
+"""The circle on which most points of a film lie, although a tracker followed something else in some frames.
+
+Sources: Kasa (1976), IEEE Trans. Instrum. Meas. 25, 8-14: least squares of x^2 + y^2 - 2 cx x - 2 cy y - k;
+Rousseeuw (1984), J. Am. Stat. Assoc. 79, 871-880: of circles through three of the points, the one with the least median
+of distances, then least squares of the points near it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dpr_lab.arrays import Array, Flags
+
+
+@dataclass(frozen=True, slots=True)
+class CircleSettings:
+    """Limits for a circle through tracked points."""
+
+    triples: int = 100
+    """Number of circles through three random points: with a third of the points wrong, 30 of them are right."""
+    near: float = 6.0
+    """Distance from the circle in median distances, about 4 standard deviations, up to which a point is on it."""
+    fits: int = 20
+    """Maximum number of fits to the points near the previous circle."""
+    rounding: float = 1e-9
+    """Distance from the circle, relative to its radius, up to which a point is on it in any case."""
+
+
+SETTINGS = CircleSettings()
+
+
+def most_of_a_circle(points: Array, settings: CircleSettings = SETTINGS) -> tuple[Array, Flags] | None:
+    """Centre (2,) of the circle on which most points lie and (n,) whether each does; None if they lie on a line.
+
+    The first circle is the one with the least median distance of all points, among the one fitted to them and those
+    through three of them.
+
+    Args:
+        points: (n, 2) in the order of the frames, each finite
+        settings: limits
+    """
+    if len(points) < 3:
+        return None
+    rng = np.random.default_rng(0)
+    triples = (points[rng.choice(len(points), 3, replace=False)] for _ in range(settings.triples))
+    centres = [centre for chosen in (points, *triples) if (centre := _centre(chosen)) is not None]
+    if not centres:
+        return None
+    centre = min(centres, key=lambda candidate: float(np.median(_distances(points, candidate)[0])))
+    near = np.zeros(len(points), dtype=bool)
+    for _ in range(settings.fits):
+        (distances, radius), before = _distances(points, centre), near
+        near = distances <= max(settings.near * float(np.median(distances)), settings.rounding * radius)
+        refitted = _centre(points[near])
+        if refitted is None or np.array_equal(near, before):
+            break
+        centre = refitted
+    return centre, near
+
+
+def _distances(points: Array, centre: Array) -> tuple[Array, float]:
+    """(n,) distances from the circle of median radius about a centre, and this radius."""
+    radii = np.hypot(*(points - centre).T)
+    return np.abs(radii - np.median(radii)), float(np.median(radii))
+
+
+def _centre(points: Array) -> Array | None:
+    """Centre of the circle through points; None if they lie on a line."""
+    if len(points) < 3:
+        return None
+    centred = points - points.mean(axis=0)
+    A = np.column_stack([2 * centred, np.ones(len(points))])
+    solution, _, rank, _ = np.linalg.lstsq(A, (centred**2).sum(axis=1), rcond=1e-9)
+    return np.asarray(solution[:2] + points.mean(axis=0)) if rank == 3 else None
