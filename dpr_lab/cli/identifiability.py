@@ -92,7 +92,10 @@ def show(analysis: "Identifiability") -> None:
     from dpr_lab.shown import FIXED_BY
 
     sizes = ", ".join(f"{value:.2g}" for value in analysis.singular_values)
-    _print(f"The recordings determine {analysis.rank} of 9 directions (singular values {sizes}; the others are 0).")
+    _print(
+        f"The recordings determine {analysis.rank} of 9 combinations of parameters (singular values {sizes}; the others"
+        " are 0)."
+    )
     table(
         "Quantities determined by the recordings",
         ("combination", "value ± Cramér-Rao std", "relative std"),

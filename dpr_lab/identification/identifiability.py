@@ -127,8 +127,8 @@ class Identifiability(Shown):
     def _heading(self) -> str:
         least = ", ".join(f"{name} {self.cramer_rao_std[name]:.1g}" for name in self.unknowns)
         return (
-            f"Identifiability: {self.rank} of {len(PARAMETERS)} directions are determined; lower bounds of"
-            f" the standard deviations: {least}"
+            f"Identifiability: {self.rank} of {len(PARAMETERS)} combinations of parameters are determined; lower bounds"
+            f" of the standard deviations: {least}"
         )
 
     def _rows(self) -> list[Row]:

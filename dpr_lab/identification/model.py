@@ -95,17 +95,17 @@ def of_rods_or_none(ratios: dict[str, Kept]) -> dict[str, Kept]:
     return of_rods(ratios) if ratios else ratios
 
 
-def ratios_alone(five: Sequence[EstimatedValue], p_over_b: float, pull: float) -> dict[str, EstimatedValue]:
+def ratios_alone(five: Sequence[EstimatedValue], p_over_b: float, gravity_rate: float) -> dict[str, EstimatedValue]:
     """e1/a and c1/a of the inner rod alone from a/b, d/b, e1/b, c1/b, c2/b of the fit, p/b, and g/L1 (1/s^2)."""
     ratios, share = dict(zip(RATIOS, five, strict=True)), five[0].value - p_over_b
 
-    def over_a(ratio: EstimatedValue, less: float) -> EstimatedValue:
-        low, high = ((end - less) / share for end in ratio.interval90)
-        ends = tuple(end if end is None else (end - less) / share for end in ratio.profile90 or ())
-        scaled = {"value": (ratio.value - less) / share, "std": ratio.std / share, "interval90": (low, high)}
+    def over_a(ratio: EstimatedValue, offset: float) -> EstimatedValue:
+        low, high = ((end - offset) / share for end in ratio.interval90)
+        ends = tuple(end if end is None else (end - offset) / share for end in ratio.profile90 or ())
+        scaled = {"value": (ratio.value - offset) / share, "std": ratio.std / share, "interval90": (low, high)}
         return ratio.model_copy(update=scaled | {"profile90": ends or None})
 
-    return {"e1/a": over_a(ratios["e1/b"], p_over_b * pull), "c1/a": over_a(ratios["c1/b"], 0.0)}
+    return {"e1/a": over_a(ratios["e1/b"], p_over_b * gravity_rate), "c1/a": over_a(ratios["c1/b"], 0.0)}
 
 
 class RigFacts(_Record):

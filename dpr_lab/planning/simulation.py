@@ -49,8 +49,8 @@ def simulated_distance(
         other: index of the cause that is fitted
     """
     problem, start = laid_out([release], known.model)
-    right = _with(known, pairs, truth, start)
-    problem = replace(problem, measured=problem.predict(right))
+    true_estimate = _with(known, pairs, truth, start)
+    problem = replace(problem, measured=problem.predict(true_estimate))
     free = [*pairs.fitted, *pairs.places[other]]
     columns, F = [known.model.columns[i] for i in free], known.information[np.ix_(free, free)] * known.inflation
     expected = _best_fit(known, pairs, truth, other, start, free)

@@ -18,7 +18,7 @@ COLUMNS = ("hidden effect", "true size", "diagnosis", "estimated size, 90 % inte
 
 
 def comparison_rows(opened: Opened, rig: Rig) -> list[tuple[str, ...]]:
-    """One row for each hidden effect, and one for each effect named wrongly."""
+    """One row for each hidden effect, and one for each effect named wrongly; the sizes of an effect are lines."""
     truth, diagnosis = opened.truth, Diagnosis.model_validate(opened.diagnosis)
     unmatched = [effect for effect in diagnosis.effects if effect.name in opened.outcome.named]
     sizes = truth.sizes(rig, assumed_inertia(opened.diagnosis, rig))
@@ -30,7 +30,7 @@ def comparison_rows(opened: Opened, rig: Rig) -> list[tuple[str, ...]]:
         unmatched = [effect for effect in unmatched if effect is not hit]
         known = list(truth.effects)[number] if number < len(truth.effects) else ""
         label = named(known) if known else f"{truth.foreign} (any of {', '.join(map(named, right))})"
-        true = true_sizes_cell(diagnosis, known, sizes[known]) if known else NONE
+        true = _lines(true_sizes_cell(diagnosis, known, sizes[known])) if known else NONE
         rows.append((label, true, *_diagnosed(diagnosis, hit)))
     if truth.outside:
         rows.append((f"{truth.foreign} (not in the library)", NONE, diagnosis.verdict.replace("_", " "), NONE, NONE))
@@ -42,4 +42,9 @@ def _diagnosed(diagnosis: Diagnosis, effect: NamedEffect | None) -> tuple[str, s
         return NONE, NONE, NONE
     twins = [name for name in effect.members if name != effect.name]
     words = " or ".join(map(named, [effect.name, *twins]))
-    return words, sizes_cell(diagnosis, effect), percent(effect.probability)
+    return words, _lines(sizes_cell(diagnosis, effect)), percent(effect.probability)
+
+
+def _lines(sizes: str) -> str:
+    """Sizes below each other, so that true and estimated sizes of an effect with many amplitudes are side by side."""
+    return sizes.replace("; ", "\n")

@@ -127,7 +127,7 @@ class ArmIdentifiability(Shown):
         drive = f" (input: {self.input})" if self.input else ""
         return (
             f"Identifiability with a {' and '.join(self.arm)} arm{drive}: {self.rank} of"
-            f" {len(self.fixed_by)} directions are determined"
+            f" {len(self.fixed_by)} combinations of parameters are determined"
         )
 
     def _heading(self) -> str:

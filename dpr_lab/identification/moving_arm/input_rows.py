@@ -127,10 +127,12 @@ def _tried(tested: _Tested, run: Run, interval: float) -> tuple[_InputModel, _In
     best = tested.near(best, step)
     # A held value acts on average half a row after its instant.
     other = best.delay_s + (-0.5 if best.continuous else 0.5) * interval
-    hardly = INPUT_ROWS.least * interval
-    if abs(best.delay_s) < hardly:
+    negligible = INPUT_ROWS.least * interval
+    if abs(best.delay_s) < negligible:
         best = tested.model(0.0, best.continuous)
-    return stated, min(best, tested.model(0.0 if abs(other) < hardly else other, not best.continuous), key=_preference)
+    return stated, min(
+        best, tested.model(0.0 if abs(other) < negligible else other, not best.continuous), key=_preference
+    )
 
 
 def _preference(model: _InputModel) -> float:

@@ -42,11 +42,13 @@ def _flat(place: Where) -> bool:
 
 
 def _draw_place(axes: Axes, place: Where) -> None:
-    knots, values, reach = place_map(place)
-    axes.fill_between(knots, values - reach, values + reach, alpha=0.25, color=style.RESIDUAL["color"], linewidth=0)
+    knots, values, half_widths = place_map(place)
+    axes.fill_between(
+        knots, values - half_widths, values + half_widths, alpha=0.25, color=style.RESIDUAL["color"], linewidth=0
+    )
     axes.plot(knots, values, marker="o", markersize=3, color=style.RESIDUAL["color"])
     axes.axhline(0.0, color="#555555", linewidth=0.8)
-    scale, clipped = signal_scale(values, reach)
+    scale, clipped = signal_scale(values, half_widths)
     axes.set_ylim(*scale)
     if clipped:
         axes.annotate("clipped", (0.01, 0.02), xycoords="axes fraction", fontsize="small")

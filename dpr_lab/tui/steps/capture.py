@@ -358,7 +358,11 @@ Grey values are old: no message has arrived from the device since then, and the 
         self.post_message(self.Done())
 
     def _decided(self, what: str) -> Path:
-        """The run that was undecided; its decision is made by the caller."""
+        """Take the undecided run, which the caller keeps or sets aside.
+
+        Raises:
+            DprError: no recording is finished; `what` is the verb of the message.
+        """
         run, self.workspace.undecided = self.workspace.undecided, None
         if run is None:
             raise DprError(f"Nothing to {what} yet: no recording is finished")

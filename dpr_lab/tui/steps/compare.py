@@ -79,7 +79,7 @@ workspace, as by `dpr-lab compare`.
 
     def __init__(self, services: Services, *, id: str | None = None) -> None:
         super().__init__(services, id=id)
-        self._of: tuple[Path, float, tuple[Path, ...], str | None] | None = None
+        self._compared_subject: tuple[Path, float, tuple[Path, ...], str | None] | None = None
         self._comparisons: list[Comparison] = []
         self._of_arm: list[ArmComparison] = []
         self._joints, self._views = [0, 1], VIEWS
@@ -108,7 +108,7 @@ workspace, as by `dpr-lab compare`.
 
     def outcome(self) -> str:
         """Number of compared runs, in words."""
-        return counted_runs(self._compared) if self._compared and self._of is not None else ""
+        return counted_runs(self._compared) if self._compared and self._compared_subject is not None else ""
 
     @property
     def _compared(self) -> int:
@@ -120,9 +120,9 @@ workspace, as by `dpr-lab compare`.
         self._draw()
         if self.missing():
             self.say(self.missing())
-        elif not self._compared and self._of != self._subject():
+        elif not self._compared and self._compared_subject != self._subject():
             if comparison := self._kept.load():
-                self._of, self._saved = self._subject(), True
+                self._compared_subject, self._saved = self._subject(), True
                 self.show(comparison)
             else:
                 self.start_work()
@@ -143,7 +143,7 @@ workspace, as by `dpr-lab compare`.
 
     def stale(self) -> str:
         """Whether model or runs differ from those of the last comparison."""
-        if not self._compared or not self._saved or self.missing() or self._of == self._subject():
+        if not self._compared or not self._saved or self.missing() or self._compared_subject == self._subject():
             return ""
         return self.worded("STALE, model, runs or torques changed; {compare.start}: run again")
 
@@ -158,7 +158,7 @@ workspace, as by `dpr-lab compare`.
         model = self.workspace.model
         if model is None:
             return
-        self._of = self._subject()
+        self._compared_subject = self._subject()
         self._comparisons, self._of_arm, self._free_runs, self._left_out, self._saved = [], [], {}, 0, False
         self.say("simulating")
         out = self.workspace.out / "report"
@@ -190,7 +190,7 @@ workspace, as by `dpr-lab compare`.
 
     def ended(self, why: str) -> None:
         """Show that no further free run can be simulated; the comparison remains."""
-        self._of = None
+        self._compared_subject = None
         self.say(self.worded(f"{why} ({{app.browse}})") if self._left_out and not self._compared else why)
 
     def action_cycle(self, what: str) -> None:

@@ -225,7 +225,7 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
             Group(ratios, Text(tables.ratio_note(model), "dim"), *base, warnings)
         )
         self.query_one("#nine-text", Static).update(Group(nine, Text(tables.parameter_note(model), "dim")))
-        self.query_one("#seen-text", Static).update(_seen(model))
+        self.query_one("#seen-text", Static).update(_identifiability(model))
 
     def _doubt(self, model: "Model | MovingArmModel") -> str:
         """Note that the model belongs to other runs than the selected ones."""
@@ -279,7 +279,7 @@ def _history(model: "Model") -> list[GenerationDone]:
     ]
 
 
-def _seen(model: "Model") -> Group:
+def _identifiability(model: "Model") -> Group:
     """Identifiability of the parameters from the recordings, and recommended bench measurements."""
     from dpr_lab.identification.directions import described
 
@@ -288,7 +288,7 @@ def _seen(model: "Model") -> Group:
         return Group("This model contains no identifiability analysis.")
     free = [described(direction) for direction in identifiability.null_space]
     return Group(
-        f"The recordings determine {identifiability.rank} of 9 directions.\n",
+        f"The recordings determine {identifiability.rank} of 9 combinations of parameters.\n",
         sentences("Parameter changes that neither recordings nor measured values can detect:", free),
         sentences("Additional measurements on the bench, best first:", identifiability.advice),
         "" if free else "All nine are determined; a further measurement only reduces their uncertainty.",

@@ -43,7 +43,7 @@ async def test_from_runs_to_a_saved_model(lab, until, recorded: list[Path]) -> N
         assert "The residual is noise alone" in text(pilot.app, "#state")
         assert all(name in text(pilot.app, "#ratios-text") for name in model.ratios)
         assert "only its bounds" in text(pilot.app, "#nine-text")
-        assert "The recordings determine 5 of 9 directions" in text(pilot.app, "#seen-text")
+        assert "The recordings determine 5 of 9 combinations of parameters" in text(pilot.app, "#seen-text")
         assert "Additional measurements on the bench" in text(pilot.app, "#seen-text")
         assert step(pilot.app).outcome() == "model of 3 runs"
         assert step(pilot.app).at_stake() == ""
