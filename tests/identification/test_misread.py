@@ -322,3 +322,14 @@ def test_a_rod_that_soon_sticks_is_not_read_in_degrees(tmp_path: Path, dry: floa
     path = tmp_path / "swing.csv"
     np.savetxt(path, np.column_stack([t, read]), delimiter=",", header="t_s,theta1_rad", comments="", fmt="%.9f")
     refuse_misread([import_csv(path, rig, ImportOptions(zero="hanging"))], rig)
+
+
+def test_a_rod_alone_has_no_interpretation_of_joint_2(paper: Rig):
+    t = np.arange(0.0, 2.0, 0.01)
+    theta = np.column_stack([0.0 * t, np.pi + 0.5 * np.cos(8 * t), np.full_like(t, np.pi)])
+    both = Run("swing", t, theta, None, "", paper.name, "", 100.0)
+    alone = replace(both, mounting="inner")
+    of_both, of_alone = ({r.cause for r in readings(paper) if r.read(run) is not None} for run in (both, alone))
+    assert any("joint 2" in cause for cause in of_both)
+    assert any("joint 1 turns by 2 times the reading" in cause for cause in of_alone)
+    assert not any("joint 2 turns" in cause or "of joint 2" in cause for cause in of_alone)

@@ -6,7 +6,9 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.families import FAMILIES
 from dpr_lab.gap.conclusion.verdict import Verdict
 from dpr_lab.gap.result.causes import NamedFamily
+from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.gap.state import Advised
+from dpr_lab.gap.transfer.lone_recording import RULES as LONE
 from dpr_lab.shown import listed, parameter_words, percent
 
 
@@ -18,6 +20,7 @@ def notes(state: Advised, kind: Verdict, named_families: Sequence[NamedFamily]) 
         *_restrictions(state, kind),
         *component_notes(named_families, state.recordings.rig.joints.geared),
         *_varying_sizes(state),
+        *_lone_recording(state),
         *_remainder(state, kind),
     ]
 
@@ -56,6 +59,19 @@ def _varying_sizes(state: Advised) -> Iterator[str]:
             values = [f"{value:.3g} {unit} in {run}" for run, value in parameter.values.items()]
             size = parameter_words(parameter.name)
             yield f"The recordings differ in the size of {parameter.effect} ({size} {listed(values)})."
+
+
+def _lone_recording(state: Advised) -> Iterator[str]:
+    """The only recording that the model leaves unexplained, and what to do."""
+    if (lone := state.transfer.lone) is None:
+        return
+    piece = are_pieces([lone.name])
+    left = "only noise" if lone.others < LONE.least else f"at most {lone.others:.2g} times the noise"
+    yield (
+        f"The model leaves {lone.remainder:.2g} times the noise in {lone.name}. Fitted without it, the model leaves"
+        f" {left} in each other {'piece' if piece else 'recording'}: something acted in {lone.name} alone, or it"
+        f" contains a motion that the others do not.{'' if piece else ' Diagnose the others without it.'}"
+    )
 
 
 def _remainder(state: Advised, kind: Verdict) -> Iterator[str]:

@@ -9,8 +9,9 @@ d is significantly positive (by its sum or by its signed ranks); d is significan
 the gap that the effect closes is not significantly below half of that in the fitted recordings. Effects that worsen the
 free runs, of held-out runs if there are any, are not confirmed. An effect that does not carry over explains the fitted
 recordings only. If there is a single release, its quarters are held out in turn, and an effect that fails is not
-withdrawn, but not sure either. If all effects together increase the gap of the data that were not fitted, none is sure.
-With fewer segments than quarters no held-out test is possible: no effect is then refuted, and none is sure.
+withdrawn, but not sure either. If all effects together increase the gap of the data that were not fitted, or if one
+recording alone has a remainder (`dpr_lab.gap.transfer.lone_recording`), none is sure. With fewer segments than quarters
+no held-out test is possible: no effect is then refuted, and none is sure.
 
 The sum alone has little power if the reduction is largest in a few segments, because its scatter is then as large as
 the sum. The signed ranks detect a reduction in all segments.
@@ -32,6 +33,7 @@ from dpr_lab.gap.hypothesis.cross_validation import FOLDS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FreeRunError, FreeRuns
+from dpr_lab.gap.transfer.lone_recording import LoneRecording, lone_recording
 from dpr_lab.gap.transfer.out_of_sample import GapReduction, OutOfSample, left_out, reduction, share
 from dpr_lab.gap.which.selected import Selection
 
@@ -118,11 +120,13 @@ class Transfer:
     """Error of free runs without and with the effects, if the effects increase it; otherwise None. On the held-out
     runs, without these on the fitted ones.
     """
+    lone: LoneRecording | None = None
+    """The only fitted recording with a remainder, if there is one."""
 
     def judged(self, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
         """Probabilities of the effects; reduced for those that fail a test."""
         doubtful = {*self.withdrawn, *self.unproven}
-        if self.worse_free_run or not self.tested or self.closed.estimate < 0.0:
+        if self.worse_free_run or self.lone or not self.tested or self.closed.estimate < 0.0:
             doubtful |= {posterior.name for posterior in posteriors}
         factors = dict.fromkeys(doubtful, TRANSFER.unproven) | dict.fromkeys(self.oversized, TRANSFER.oversized)
         return tuple(
@@ -190,6 +194,7 @@ def transfer(
         unproven=failed if basis == "one release" else (),
         oversized=selection.oversized,
         worse_free_run=worse_free_run(before, after, expected, held_out.names if held_out else before),
+        lone=lone_recording(problem, selection.chosen, [record.run.name for record in recordings.records]),
     )
 
 

@@ -77,6 +77,8 @@ def _added(inner: float, outer: float) -> Angles:
 def _of_angles(cause: str, angles: Angles) -> Misreading:
     def read(run: Run) -> Run | None:
         inner, outer = angles(run.theta[:, 1], run.theta[:, 2])
+        if run.setup.alone and np.array_equal(inner, run.theta[:, 1]):  # of a rod alone, joint 2 is not read
+            return None
         return replace(run, theta=np.column_stack([run.theta[:, 0], inner, outer]), counts=None)
 
     return Misreading(cause, read)

@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 
+from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.gap_budget import VaryingParameter
@@ -88,7 +89,7 @@ def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
 
 
 def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
-    """Explained share of the reproducible gap, and parameters that vary between recordings; empty without a gap."""
+    """Explained share of the reproducible gap, and parameters that vary; empty without a gap."""
     budget = diagnosis.gap.budget
     if budget is None or budget.of_gap is None:
         return []
@@ -102,16 +103,22 @@ def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
         ]
     if budget.basis == "pieces of one recording":
         sentences.append("Pieces of a single recording do not show differences between releases.")
-    if budget.parameters:
-        varying = listed([_varying(parameter) for parameter in budget.parameters])
-        sentences.append(f"Between {'pieces' if len(sentences) > 1 else 'recordings'} {varying}.")
-    return sentences
+    between = "recordings" if budget.basis == "recordings" else "pieces"
+    return [*sentences, *(f"Between {between} {_varying(parameter)}." for parameter in budget.parameters)]
 
 
 def _varying(parameter: VaryingParameter) -> str:
+    """Spread of a parameter, and its smallest and largest value with 90 % intervals."""
+
+    def size(*values: float) -> str:
+        return size_words(parameter.effect, parameter.name, RADIANS, *values)
+
     words = f"{parameter_words(parameter.name)} of {named(parameter.effect)}" if parameter.effect else parameter.name
-    spread = size_words(parameter.effect, parameter.name, RADIANS, parameter.spread)
-    return f"{words} varies by {spread} ({parameter.sigmas:.2g} standard deviations of one value)"
+    ends = sorted((value, name) for name, value in parameter.values.items())
+    reach = NORMAL_Q90 * parameter.std
+    smallest, largest = (f"{size(v, v - reach, v + reach)} in {name}" for v, name in (ends[0], ends[-1]))
+    spread = f"{size(parameter.spread)} ({parameter.sigmas:.2g} standard deviations of one value)"
+    return f"{words} varies by {spread}, from {smallest} to {largest}"
 
 
 def summary_note(diagnosis: Diagnosis) -> str:

@@ -1,0 +1,82 @@
+"""The one recording that the model leaves unexplained, although it explains all others if fitted to these alone.
+
+A kick, a draught or a cable that was caught acts in one recording and is no property of the rig. The common fit then
+follows it with values and effects that the other recordings do not need. Let
+
+    rho_s = sqrt(max(chi2_s - level dof_s, 0) / (level dof_s))
+
+be the remainder of recording s in units of the noise, and r the recording with the largest one. The model is fitted to
+the others by linear algebra (`dpr_lab.gap.hypothesis.cross_validation`). Recording r is alone if its remainder in the
+common fit exceeds those of the others in their own fit by a factor.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dpr_lab.arrays import Array, Flags
+from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.hypothesis.cross_validation import PRIOR
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+
+
+@dataclass(frozen=True, slots=True)
+class LoneRules:
+    """Limits of a remainder that is in one recording only (docs/decisions/0044)."""
+
+    recordings: int = 3
+    """Minimum number: of two, either may be the exception."""
+    ratio: float = 3.0
+    """Minimum ratio of its remainder to that of every other recording."""
+    least: float = 0.5
+    """Remainder of the others, in units of the noise, below which a smaller one makes no difference."""
+
+
+RULES = LoneRules()
+
+
+@dataclass(frozen=True, slots=True)
+class LoneRecording:
+    """A recording with its remainder, and the largest remainder of the others without it, in units of the noise."""
+
+    name: str
+    remainder: float
+    others: float
+
+
+def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) -> LoneRecording | None:
+    """The recording that alone has a remainder; None if there is none, or if a segment cannot be simulated.
+
+    Args:
+        problem: the segments
+        model: the selected set
+        names: of the recordings
+    """
+    fit, run = model.fit, problem.segments.run
+    if len(names) < RULES.recordings or not np.isfinite(fit.linear.chi2):
+        return None
+    dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
+    noise = np.maximum(model.residuals.level * np.bincount(run, dof, len(names)), 1.0)
+
+    def remainders(chi2: Array) -> Array:
+        return np.sqrt(np.maximum(np.bincount(run, chi2, len(names)) / noise - 1.0, 0.0))
+
+    common = remainders(fit.linear.chi2_by_segment)
+    largest = int(np.argmax(common))
+    others = np.delete(remainders(_refitted(fit, run != largest)), largest)
+    return alone(names[largest], float(common[largest]), float(others.max()))
+
+
+def alone(name: str, remainder: float, others: float) -> LoneRecording | None:
+    """The recording if its remainder far exceeds that of the others, in units of the noise."""
+    return LoneRecording(name, remainder, others) if remainder > RULES.ratio * max(others, RULES.least) else None
+
+
+def _refitted(fit: Fit, chosen: Flags) -> Array:
+    """(segments,) chi2 after one Gauss-Newton step that fits the model to the chosen segments."""
+    A = fit.linear.A[:, :, fit.inside] * np.array([PRIOR * fit.free[i].size for i in fit.inside])
+    X, e = A[chosen].reshape(-1, A.shape[2]), fit.linear.e[chosen].ravel()
+    step = np.linalg.solve(X.T @ X + np.eye(A.shape[2]), X.T @ e)
+    return np.asarray(np.sum((fit.linear.e - A @ step) ** 2, axis=1))
