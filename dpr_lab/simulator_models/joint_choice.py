@@ -40,7 +40,7 @@ def _hinges(model: SimulatorModel) -> list[int]:
 
 
 def carrier(model: SimulatorModel, index: int, among: set[int]) -> int:
-    """Next of these parts towards the world; -1: none."""
+    """Index of the nearest of the given parts between a part and the world; -1: none."""
     above = model.parts[index].parent
     while above >= 0 and above not in among:
         above = model.parts[above].parent

@@ -90,7 +90,13 @@ class _Refit:
         return cls(step, float((1 + np.sum(remaining**2) / model.residuals.inflation) ** -0.5))
 
     def variance(self, swings: "FreeSwings", changes: Sequence[Array], factor: float) -> list[Array]:
-        """(n, 2) squared change of each free run, rad^2; `changes` are those with the former values."""
+        """(n, 2) squared change of each free run, rad^2.
+
+        Args:
+            swings: the free runs
+            changes: changes of their readings without the refit
+            factor: factor on the total change
+        """
         return [
             (factor * swing.settled((change + swing.by_values @ self.step)[:, :, None])[:, :, 0]) ** 2
             for swing, change in zip(swings.each, changes, strict=True)

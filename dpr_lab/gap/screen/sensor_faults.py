@@ -344,7 +344,7 @@ def _dithered(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
 
 
 def _changing(readings: Array, still: Flags) -> Flags:
-    """(m,) whether most readings (n, m) that do not stay within one step differ from the one before."""
+    """(m,) whether more than half of the readings (n, m) that leave their step differ from the previous reading."""
     changes = np.where(still[1:], np.nan, np.abs(np.diff(readings, axis=0)))
     moves = np.isfinite(changes).any(axis=0)
     return np.asarray(np.nanmedian(np.where(moves, changes, 0.0), axis=0) > 1e-12, dtype=np.bool_)

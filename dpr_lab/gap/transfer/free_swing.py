@@ -113,7 +113,7 @@ def free_swings(runs: FreeRuns, model: Hypothesis) -> FreeSwings:
 
 
 def expected_errors(swings: FreeSwings, noise: float) -> dict[str, FreeRunError]:
-    """Mean square error of each run due to the noise of its first readings alone, as of `FreeRuns.errors`.
+    """Mean square error of each run due to the noise of its first readings alone, in the form of `FreeRuns.errors`.
 
     Args:
         swings: the free runs

@@ -90,7 +90,7 @@ class ComparedRun:
         )
 
     def figures(self, news: str) -> str:
-        """Numbers of the comparison with news, and of the second one on a line of its own."""
+        """Numbers of the comparison, followed by `news`; those of the second comparison are on another line."""
         second = "" if self.second is None else f"\nsecond: {_figures(self.second, self.unit)}"
         return _figures(self.comparison, self.unit) + (f"  {news}" if news else "") + second
 
