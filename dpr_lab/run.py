@@ -102,6 +102,8 @@ class Run(Shown):
     """For an imported table: whether it has a column of the arm. None for a recording by a device."""
     film_noise: FilmNoise | None = None
     """For a table of points in a video: the noise of its angles."""
+    at_edges: bool = False
+    """For a table with a row for each count of an encoder: each row has the angle of the edge between two counts."""
     notes: tuple[str, ...] = ()
     """Notes of the reader or importer for the operator (gaps kept, duplicate rows removed)."""
 
@@ -187,6 +189,8 @@ class Run(Shown):
             unread += ("inner",)
         if not self.continuous:
             unread += ("continuous",)
+        if not self.at_edges:
+            unread += ("at_edges",)
         for member in fields(self):
             if member.name not in unread:
                 digest.update(f"{member.name}=".encode())

@@ -96,6 +96,7 @@ def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
             "arm": options.arm or rig.arm.mode,
             "inner": options.inner or rig.joints.inner,
             "film_noise": "" if swing.film_noise is None else json.dumps(asdict(swing.film_noise)),
+            "at_edges": "true" if swing.at_edges else "",
             "options": json.dumps(asdict(options) | {name: dict(getattr(options, name)) for name in as_dicts}),
         },
     )
@@ -137,6 +138,7 @@ def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
         keep_rest=options.keep_rest,
         arm_read="theta0" in swing.columns,
         film_noise=swing.film_noise,
+        at_edges=swing.at_edges,
         notes=swing.remarks,
     )
 

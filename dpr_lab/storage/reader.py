@@ -98,7 +98,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
 
 
 def of_a_table(metadata: RunMetadata) -> dict[str, Any]:
-    """Fields of a run that only imported tables have: `keep_rest`, `continuous`, `arm_read` and `film_noise`."""
+    """Fields of a run that only imported tables have, such as `keep_rest` and `film_noise`."""
     if metadata.time_source != "table":
         return {}
     options, columns, film = (_object(metadata.extra.get(key, "")) for key in ("options", "columns", "film_noise"))
@@ -107,6 +107,7 @@ def of_a_table(metadata: RunMetadata) -> dict[str, Any]:
         "continuous": options.get("intersample") == "continuous",
         "arm_read": not columns or "theta0" in columns,
         "film_noise": _film_noise(film),
+        "at_edges": metadata.extra.get("at_edges") == "true",
     }
 
 

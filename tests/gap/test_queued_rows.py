@@ -90,14 +90,6 @@ def test_rows_that_are_sent_at_once_have_no_queue(swing):
     assert queued_rows(rows.arrived, angles(rows)) is None
 
 
-def test_a_row_for_each_count_is_not_taken_for_an_even_clock(swing):
-    rows, rig = sent(swing, Link(460800)), rod()
-    assert (np.abs(np.diff(rows.counts)) == 1).all()
-    screened = screen(recorded(rows, rows.read, rig), rig)
-    assert not {"stamp_jitter", "periodic_delay"} & {finding.name for finding in screened.findings}
-    np.testing.assert_array_equal(screened.t, (rows.read - rows.read[0])[-len(screened.t) :])
-
-
 def test_angles_without_counts_have_no_queue(swing):
     t, angle = swing
     noisy = angle[::50] + np.random.default_rng(0).normal(0.0, 1e-3, len(angle[::50]))

@@ -241,11 +241,13 @@ def test_a_burst_of_impossible_readings_is_masked(clean: Run, paper: Rig, rng: n
     assert not screened.keep[within, 0].any()
 
 
-@pytest.mark.parametrize(("rate_hz", "planted", "found"), [(40, 0, False), (100, 0, False), (100, 40, True)])
+@pytest.mark.parametrize(
+    ("rate_hz", "planted", "found"), [(40, 0, False), (84, 0, False), (100, 0, False), (100, 40, True)]
+)
 def test_a_swing_sampled_at_a_low_rate_contains_no_missed_counts(
     paper: Rig, rate_hz: int, planted: int, found: bool
 ) -> None:
-    swing = record(load_plant("paper", 2), paper, 5.0, rate_hz)[1].swing
+    swing = record(load_plant("paper", 11), paper, 5.0, rate_hz)[1].swing
     theta = swing.theta.copy()
     theta[swing.t >= 2.0, 2] += planted * 2 * np.pi / 16384
     findings = screen(replace(swing, theta=theta, counts=None), paper).findings

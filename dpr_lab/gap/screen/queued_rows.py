@@ -21,7 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dpr_lab.arrays import Array, Flags, Integers
+from dpr_lab.arrays import Array, Flags
+from dpr_lab.estimation.counted_rows import whole_changes
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +47,6 @@ class QueueSettings:
     """Minimum time by which a series deviates from the motion around it, in median intervals of the rows. It is zero if
     each row is stamped when it is read.
     """
-    on_grid: float = 0.02
-    """Maximum deviation of a change from whole counts, in counts."""
     span: float = 1.5
     """Number of rows on either side of a series to which a polynomial is fitted, relative to the number in the series.
     """
@@ -89,7 +88,7 @@ def queued_rows(t: Array, joints: Array) -> QueuedRows | None:
         t: (n,) stamps, s
         joints: (n, m) angles of the joints with an encoder, rad
     """
-    changes = _whole_changes(joints)
+    changes = whole_changes(joints)
     if changes is None:
         return None
     counted = np.abs(changes).sum(axis=1)
@@ -113,30 +112,6 @@ def queued_rows(t: Array, joints: Array) -> QueuedRows | None:
     if differ < QUEUE.least * np.median(np.diff(t)):
         return None
     return QueuedRows(rows, len(waited), differ)
-
-
-def sent_at_counts(joints: Array) -> bool:
-    """Whether a row is sent whenever an encoder counts, so that successive rows differ by one count.
-
-    Rows sampled at an even rate repeat a reading at turning points, and skip counts when the rods move fast.
-
-    Args:
-        joints: (n, m) angles of the joints with an encoder, rad
-    """
-    changes = _whole_changes(joints)
-    return changes is not None and float(np.mean(np.abs(changes).sum(axis=1) == 1)) > 1.0 - QUEUE.repeats
-
-
-def _whole_changes(joints: Array) -> Integers | None:
-    """(n - 1, m) changes from row to row in units of the smallest one; None if they are not whole."""
-    moved = np.diff(joints, axis=0)
-    size = np.abs(moved)
-    smallest = np.where(size > 0.0, size, np.inf).min(axis=0, initial=np.inf)
-    changes = moved / smallest  # zero for a joint that does not move
-    whole = np.rint(changes)
-    if len(moved) <= 2 * QUEUE.series or np.abs(changes - whole).max() > QUEUE.on_grid:
-        return None
-    return whole.astype(np.int64)
 
 
 def _difference(t: Array, joints: Array, rows: Flags, series: slice) -> float:

@@ -18,9 +18,9 @@ from dpr_lab.dynamics.segments import STEP
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.noise import SETTINGS as NOISE
-from dpr_lab.estimation.noise import rest_correlation
+from dpr_lab.estimation.noise import noise_floor, rest_correlation
 from dpr_lab.fitting.cut import MIN_SAMPLES, cut
-from dpr_lab.gap.screen.sensor_faults import ALL_AXES, SCREEN, Finding, Screened, screen, with_arm
+from dpr_lab.gap.screen.sensor_faults import ALL_AXES, SCREEN, Finding, Screened, jitter_of, screen, with_arm
 from dpr_lab.gap.screen.shutter import Shutter
 from dpr_lab.identification.moving_arm.setup import setup_of
 from dpr_lab.rig import Rig
@@ -149,19 +149,20 @@ def record(run: Run, rig: Rig) -> Record:
     """
     if (run.t >= THINNING.after_release_s).sum() < MIN_SAMPLES:
         raise RunError(f"{run.name}: fewer than {MIN_SAMPLES} samples after the release: nothing to diagnose")
-    screened = screen(run, rig)
+    screened = _screen_edges(run, rig) if run.at_edges else screen(run, rig)
     setup = setup_of(screened.run, rig)
     if setup.arm_moves:
         screened = with_arm(screened, rig)
-    run = screened.run
+    run, least_kept = screened.run, 0.0 if run.at_edges else THINNING.least_kept
     fastest = _fastest(screened, THINNING.fastest)
     rate_hz = _block_rate(screened, fastest, run.rate_hz)
-    t, joints, sigma = _as_read(screened) if rate_hz is None else _blocks(screened, rate_hz, THINNING.least_kept)
+    t, joints, sigma = _as_read(screened) if rate_hz is None else _blocks(screened, rate_hz, least_kept)
     valid = np.isfinite(joints).all(axis=1) & (t >= THINNING.after_release_s)
     t, joints, sigma = t[valid], joints[valid], sigma[valid]
     intervals = np.diff(t)
     median_interval = float(np.median(intervals)) if len(intervals) else 0.0
-    holes = np.flatnonzero(intervals > max(THINNING.gap_s, THINNING.gap_spacings * median_interval))
+    longest = np.inf if run.at_edges else max(THINNING.gap_s, THINNING.gap_spacings * median_interval)
+    holes = np.flatnonzero(intervals > longest)  # between two edges, no row is missing
     breaks = np.sort(np.concatenate([[instant for instant, _ in screened.breaks], t[holes] + 1e-6]))
     if not cut(t, np.inf, breaks):
         raise RunError(f"{run.name}: no sequence of {MIN_SAMPLES} valid samples without a gap: nothing to diagnose")
@@ -170,6 +171,31 @@ def record(run: Run, rig: Rig) -> Record:
     correlation = float(rest_correlation(run, rig, thinned).mean())
     moves = True if setup.arm_moves else _arm_moves(run, THINNING.arm_moves)
     return Record(run, screened, t, joints, sigma, breaks, moves, correlation, step, setup)
+
+
+def _screen_edges(run: Run, rig: Rig) -> Screened:
+    """A run with a row for each count (`dpr_lab.estimation.counted_rows`), and the errors of its instants.
+
+    The rows follow the motion: there are few at turning points, and neighbours differ by one count. Tests for missing
+    rows, steps, outliers, late or repeated readings compare rows with an even clock, and do not apply.
+    """
+    t, noise = run.swing.t, noise_floor(run, rig).std_joint
+    joints = rig.encoders.joint_angles.of_rods(run.swing.theta[:, 1:])
+    jitter, findings = jitter_of(run, t, joints, noise)
+    return Screened(
+        run=run,
+        t=t,
+        joints=joints,
+        keep=np.ones(joints.shape, dtype=np.bool_),
+        breaks=(),
+        noise=np.array([noise[0], np.inf]) if run.setup.alone else noise,
+        jitter_s=jitter,
+        count=np.zeros(2),
+        dithered=np.ones(2, dtype=np.bool_),
+        shared=np.ones(joints.shape),
+        on_grid=np.zeros(2, dtype=np.bool_),
+        findings=tuple(findings),
+    )
 
 
 def _fastest(screened: Screened, quantile: float) -> float:

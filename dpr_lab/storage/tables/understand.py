@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import refuse_still_arm
+from dpr_lab.estimation.counted_rows import edge_rows
 from dpr_lab.estimation.held_rods import FreePart, RodMotion, free_part, rest_fault
 from dpr_lab.estimation.repeated_readings import new_readings
 from dpr_lab.progress import OnImport, unwatched
@@ -74,6 +75,8 @@ class Understood:
     """ISO 8601 date, or date and time in UTC; empty if unknown."""
     film_noise: FilmNoise | None = None
     """Noise of angles from points in a video."""
+    at_edges: bool = False
+    """Whether the rows were sent at each count of an encoder, and the angles are those of the edges between counts."""
 
     @property
     def t(self) -> Array:
@@ -123,7 +126,8 @@ def understand(
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
     ignored = _ignored(table, [*recorded, *table.other_lengths], options, rows)
     read = _Rows(path, rows, t, values, inputs.torques(known, t, rows), named, options, ignored)
-    return replace(_understood(read, notes, rig, table.kind, inputs.pairs), film_noise=table.film_noise)
+    understood = replace(_understood(read, notes, rig, table.kind, inputs.pairs), film_noise=table.film_noise)
+    return _at_edges(understood, rig)
 
 
 def _read(path: Path, rig: Rig, options: ImportOptions, on_progress: OnImport) -> tuple[Table, dict[str, str]]:
@@ -227,6 +231,29 @@ def _understood(
         driving,
         tuple(doubts),
         parse_recorded_at(options.recorded_at) if options.recorded_at else stamped,
+    )
+
+
+def _at_edges(read: Understood, rig: Rig) -> Understood:
+    """The table with the angles of the edges, if its rows were sent at each count of an encoder."""
+    theta = read.theta
+    encoders = np.column_stack([theta[:, 0], rig.encoders.joint_angles.of_rods(theta[:, 1:])])
+    rows = edge_rows(encoders[:, : 1 + rig.rods.number])
+    if rows is None:
+        return read
+    release = int(np.searchsorted(rows, read.release))
+    later = read.since_first_s[rows[release]] - read.since_first_s[read.release]
+    note = "a row is sent for each count: the angle of a row is that of the edge between its count and the one before"
+    return replace(
+        read,
+        since_first_s=np.round(read.since_first_s[rows] - read.since_first_s[rows[0]], 9),
+        release=release,
+        theta=0.5 * (theta[rows - 1] + theta[rows]),
+        counts=None,
+        t_offset_s=read.t_offset_s + float(later),
+        notes=(*read.notes, note),
+        torques={kind: torque[rows] for kind, torque in read.torques.items()},
+        at_edges=True,
     )
 
 

@@ -1,0 +1,67 @@
+"""Rows that a logger sends whenever an encoder counts: each is the instant at which a rod passes an edge.
+
+An encoder counts at the edge between two counts n and n + 1. The row is sent with the new count, so the rod is then at
+the lower end of count n + 1 if it moves up, and at the upper end of count n if it moves down:
+
+    theta = (theta_before + theta_read) / 2
+
+with the reading of the row before. The angle of an edge has no rounding error. Taken at its count, it has an error of
+half a count that changes sign with the direction of motion, as the torque of dry friction does.
+
+The other encoders of such a row are within their counts, and are not changed by the mean.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dpr_lab.arrays import Array, Integers
+
+
+@dataclass(frozen=True, slots=True)
+class CountedRowSettings:
+    """Limits for rows that are sent at each count."""
+
+    fewest: int = 8
+    """Minimum number of changes from row to row."""
+    others: float = 0.01
+    """Maximum fraction of rows that do not differ by one count from the row before, because rows were lost."""
+    exact: float = 1e-4
+    """Change, relative to the largest, up to which an encoder did not count: differences of angles are rounded."""
+    on_grid: float = 0.02
+    """Maximum deviation of a change from whole counts, in counts."""
+
+
+SETTINGS = CountedRowSettings()
+
+
+def edge_rows(angles: Array) -> Integers | None:
+    """Indices of the rows at an edge next to the row before; None if the rows are not sent at each count.
+
+    Rows sampled at an even rate repeat a reading at turning points, and skip counts when the rods move fast. The first
+    row has no row before, and a row that differs by more than one count follows a lost one: both are left out.
+
+    Args:
+        angles: (n, m) readings of the encoders, in any unit
+    """
+    changes = whole_changes(angles)
+    if changes is None:
+        return None
+    single = np.abs(changes).sum(axis=1) == 1
+    return np.flatnonzero(single) + 1 if np.mean(~single) <= SETTINGS.others else None
+
+
+def whole_changes(angles: Array) -> Integers | None:
+    """(n - 1, m) changes from row to row in units of the smallest one; None if they are not whole.
+
+    Args:
+        angles: (n, m) readings of the encoders, in any unit
+    """
+    moved = np.diff(angles, axis=0)
+    size = np.abs(moved)
+    smallest = np.where(size > SETTINGS.exact * size.max(axis=0, initial=0.0), size, np.inf).min(axis=0, initial=np.inf)
+    changes = moved / smallest  # zero for a joint that does not move
+    whole = np.rint(changes)
+    if len(moved) <= SETTINGS.fewest or np.abs(changes - whole).max() > SETTINGS.on_grid:
+        return None
+    return whole.astype(np.int64)
