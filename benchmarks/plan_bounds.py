@@ -24,12 +24,13 @@ from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.planning.acting import Acting
 from dpr_lab.planning.candidates import minutes, mounted_now, mountings, spread_poses
-from dpr_lab.planning.forecast import STOPPING
+from dpr_lab.planning.forecast import FORECAST
 from dpr_lab.planning.information import informed
 from dpr_lab.planning.knowledge import RATIO_COLUMNS, Knowledge, known_before
 from dpr_lab.planning.limits import AllowedRods, PlanLimits, RecordingTimes
 from dpr_lab.planning.plan import plan
 from dpr_lab.planning.release import CandidateRelease, MountedParts
+from dpr_lab.planning.stopping import STOPPING
 from dpr_lab.planning.worth.criteria import given, ratio_std
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.rig_tables import AddedMass
@@ -145,7 +146,7 @@ def needed(powers_after: Sequence[Array], size: float) -> int:
     """Releases until an amplitude of this size is decided; one more than those given if it is not."""
     for number, (power, distinct) in enumerate(powers_after, 1):
         margin = STOPPING.margin if number == 1 else SIGMAS
-        if size**2 * power >= margin**2 and size**2 * distinct / CALIBRATION.temperature >= STOPPING.separable:
+        if size**2 * power >= margin**2 and size**2 * distinct / CALIBRATION.temperature >= FORECAST.separable:
             return number
     return len(powers_after) + 1
 

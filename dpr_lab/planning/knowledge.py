@@ -5,7 +5,7 @@ information is that of the prior of the rig file and of the runs recorded so far
 variance inflation of a reading in these runs. Without runs, the prior alone is used.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -37,6 +37,7 @@ from dpr_lab.identification.moving_arm.setup import arm_start, drive_gain
 from dpr_lab.planning.acting import GRAVITY_ONLY, Acting
 from dpr_lab.planning.information import PresentModel, informed
 from dpr_lab.planning.release import ArmState, CandidateRelease
+from dpr_lab.planning.stopping import Causes, causes_of
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -53,16 +54,6 @@ class HeldRatios:
 
 
 HELD = HeldRatios()
-
-
-@dataclass(frozen=True, slots=True)
-class Causes:
-    """A named effect and its alternatives."""
-
-    about: str
-    """The named effect."""
-    probabilities: Mapping[str, float]
-    """Probability of each candidate cause, including the named effect."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,12 +253,3 @@ def information_of_runs(recordings: Recordings, model: PresentModel) -> Array:
     if len(columns) > k:
         H = H[:k, :k] - H[:k, k:] @ np.linalg.lstsq(H[k:, k:], H[k:, :k], rcond=1e-12)[0]
     return H[:k, :k]
-
-
-def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
-    """Candidate causes of each named effect: the members of its class by their odds, and its alternatives."""
-    for effect in diagnosis.effects:
-        odds = {name: effect.odds.get(name, 1 / len(effect.members)) for name in effect.members}
-        alternatives = {name: effect.probability * share for name, share in odds.items()}
-        others = {rival.name: rival.probability for rival in diagnosis.rivals if rival.instead_of == effect.name}
-        yield Causes(effect.name, alternatives | {name: p for name, p in others.items() if name not in alternatives})

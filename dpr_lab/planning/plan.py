@@ -11,12 +11,12 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.acting import Acting
 from dpr_lab.planning.candidates import cheapest_minutes
-from dpr_lab.planning.forecast import decided
 from dpr_lab.planning.knowledge import Knowledge, known_after, known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Plan
 from dpr_lab.planning.sequence import Planner
 from dpr_lab.planning.signals import driven_releases
+from dpr_lab.planning.stopping import decided
 from dpr_lab.planning.summary import summed_up
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.rig import Rig
@@ -78,7 +78,7 @@ def plan(
 
 def _enough(known: Knowledge, limits: PlanLimits) -> bool:
     """Whether no further recording is needed: the causes are decided, and no limit needs a test."""
-    settled = known.diagnosis is not None and decided(known.diagnosis, len(known.made))
+    settled = known.diagnosis is not None and decided(known.diagnosis)
     return settled and not (limits.effects or limits.ratios)
 
 

@@ -10,11 +10,12 @@ from dpr_lab.acceptance.judge import SURE
 from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
-from dpr_lab.planning.forecast import STOPPING, decided, decision_probability, possible
+from dpr_lab.planning.forecast import FORECAST, decision_probability
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
 from dpr_lab.planning.sequence import SequenceStep
+from dpr_lab.planning.stopping import STOPPING, decided, undecided
 from dpr_lab.planning.worth.criteria import detectable, library_bits, ratio_std, shown_ratio_std
 from dpr_lab.planning.worth.goals import limit_forecasts
 from dpr_lab.planning.worth.objective import Objective
@@ -97,8 +98,9 @@ def _planned(number: int, step: SequenceStep, F: Array, objective: Objective, re
 
 
 def _forecast(objective: Objective, gained: Sequence[Array], releases: int) -> float | None:
-    """Probability that this number of releases decides the causes; None before the first diagnosis."""
-    if objective.known.diagnosis is None:
+    """Probability that this number of releases decides the causes; None before any recording, and if they are."""
+    diagnosis = objective.known.diagnosis
+    if diagnosis is None or decided(diagnosis):
         return None
     return decision_probability(objective.pairs, gained, releases)
 
@@ -125,13 +127,13 @@ def inseparable(objective: Objective, steps: Sequence[SequenceStep]) -> list[Ins
     if not steps:
         return []
     stuck = []
-    F = objective.known.information + STOPPING.repeats * np.mean([step.information for step in steps], axis=0)
+    F = objective.known.information + FORECAST.repeats * np.mean([step.information for step in steps], axis=0)
     for pairs, gained in zip(objective.pairs, objective.gained(F), strict=True):
         best = int(np.argmax(pairs.probabilities))
         if pairs.probabilities[best] >= SURE:
             continue
         for other, name in enumerate(pairs.names):
-            if other != best and max(gained[best, other], gained[other, best]) < STOPPING.separable:
+            if other != best and max(gained[best, other], gained[other, best]) < FORECAST.separable:
                 check = EFFECTS[pairs.names[best]].bench_check
                 stuck.append(Inseparable(causes=(pairs.names[best], name), check=check))
     return stuck
@@ -140,17 +142,20 @@ def inseparable(objective: Objective, steps: Sequence[SequenceStep]) -> list[Ins
 def _state(known: Knowledge, stuck: Sequence[Inseparable]) -> State:
     if known.diagnosis is None:
         return "first"
-    if decided(known.diagnosis, len(known.made)):
+    if decided(known.diagnosis):
         return "enough"
     names = {name for pair in stuck for name in pair.causes}
-    return "bench check" if stuck and decided(known.diagnosis, len(known.made), names) else "record"
+    return "bench check" if stuck and decided(known.diagnosis, names) else "record"
 
 
 def _sentence(
     state: State, known: Knowledge, releases: Sequence[PlannedRelease], stuck: Sequence[Inseparable], note: str
 ) -> str:
+    diagnosis = known.diagnosis
     if state == "enough":
-        return "Enough: the causes are decided. Further releases only improve the accuracy of sizes and ratios."
+        causes = [effect.name for effect in diagnosis.effects] if diagnosis else []
+        answer = f"the causes are decided ({listed(causes)})" if causes else "no gap of a detectable size"
+        return f"Enough: {answer}. Further releases only improve the accuracy of sizes and ratios."
     if not releases:
         return "No release fits the budget."
     count = f"{len(releases)} release{'s' if len(releases) > 1 else ''}"
@@ -162,24 +167,17 @@ def _sentence(
     if state == "bench check":
         pairs = listed([f"{a} and {b}" for a, b in (inseparable.causes for inseparable in stuck)])
         return (
-            f"Nothing you can record on this rig in {STOPPING.repeats} more releases separates {pairs}: do this bench"
+            f"Nothing you can record on this rig in {FORECAST.repeats} more releases separates {pairs}: do this bench"
             f" check. {stuck[0].check}"
         )
     chances = [release.decided or 0.0 for release in releases]
-    number = next((k for k, chance in enumerate(chances, 1) if chance >= STOPPING.likely), len(chances))
+    number = next((k for k, chance in enumerate(chances, 1) if chance >= FORECAST.likely), len(chances))
     more = f"{number} more release{'s' * (number > 1)}"
     advice = "Record release 1, diagnose and plan again. " if len(chances) > 1 else ""
-    advice = _not_excluded(known) + advice
+    if diagnosis is not None:
+        reason = undecided(diagnosis)
+        advice = f"{reason[:1].upper()}{reason[1:]}. {advice}"
     return f"{advice}With {more} the probability that the causes are decided is {chances[number - 1]:.2f}.{note}"
-
-
-def _not_excluded(known: Knowledge) -> str:
-    """The effects that keep "no gap" undecided after enough releases; empty if there are none."""
-    diagnosis = known.diagnosis
-    if diagnosis is None or diagnosis.verdict != "no_gap" or len(known.made) < STOPPING.fewest:
-        return ""
-    names = possible(diagnosis)
-    return f"No gap is visible, but {listed(names)} may have the minimum detectable size. " if names else ""
 
 
 def _assumptions(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[str]:

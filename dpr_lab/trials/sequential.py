@@ -11,12 +11,12 @@ import numpy as np
 from dpr_lab.errors import DprError
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.candidates import minutes, mounted_now
-from dpr_lab.planning.forecast import decided
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.plan import plan
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import Plan
 from dpr_lab.planning.signals import arm_input
+from dpr_lab.planning.stopping import decided
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
@@ -123,7 +123,7 @@ def played(
         seconds += time.process_time() - began
         runs.append(record(release))
         diagnosis = _diagnosed(runs, rig)
-        is_decided = decided(diagnosis, len(runs))
+        is_decided = decided(diagnosis)
         forecast = tuple(used.forecast) if used else ()
         began = time.process_time()
         proposal = None if is_decided else plan(rig, runs, diagnosis, limits=limits, count=2)

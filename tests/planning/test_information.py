@@ -9,9 +9,10 @@ from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.identification.expected import Releases, ratio_information
 from dpr_lab.planning.information import informed, laid_out
-from dpr_lab.planning.knowledge import Causes, Knowledge, known_before
+from dpr_lab.planning.knowledge import Knowledge, known_before
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.simulation import simulated_distance
+from dpr_lab.planning.stopping import Causes
 from dpr_lab.planning.worth.criteria import OpenPairs, detectable, given
 from dpr_lab.planning.worth.goals import limit_forecasts
 from dpr_lab.rig import Rig

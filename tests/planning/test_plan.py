@@ -11,13 +11,14 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.acting import Acting
 from dpr_lab.planning.candidates import mountings, novelty
-from dpr_lab.planning.forecast import STOPPING, decided, decision_probability
+from dpr_lab.planning.forecast import FORECAST, decision_probability
 from dpr_lab.planning.information import informed, simulated_states
 from dpr_lab.planning.knowledge import known_after, known_before
 from dpr_lab.planning.limits import PlanLimits, load_plan_limits
 from dpr_lab.planning.plan import plan
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.signals import driven_releases, write_signal
+from dpr_lab.planning.stopping import decided
 from dpr_lab.planning.worth.criteria import OpenPairs
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
@@ -139,9 +140,9 @@ def test_a_forecast_grows_with_information_and_with_releases() -> None:
     probability = [decision_probability([pairs], [np.full((2, 2), d2)]) for d2 in (0.0, 4.0, 20.0, 200.0)]
     assert probability == sorted(probability)
     assert probability[0] == 0.0
-    assert probability[-1] == pytest.approx(STOPPING.confirmed, abs=0.01)
-    assert decision_probability([], []) == STOPPING.confirmed
-    assert decision_probability([], [], 2) == pytest.approx(1 - (1 - STOPPING.confirmed) ** 2)
+    assert probability[-1] == pytest.approx(FORECAST.confirmed, abs=0.01)
+    assert decision_probability([], []) == FORECAST.confirmed
+    assert decision_probability([], [], 2) == pytest.approx(1 - (1 - FORECAST.confirmed) ** 2)
 
 
 def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
@@ -151,7 +152,7 @@ def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
     mean = np.where(truth, d2 / 2, -d2 / 2)
     log_odds = np.log(p[0] / p[1]) + mean + np.sqrt(d2) * rng.standard_normal(len(truth))
     share = np.mean(np.abs(log_odds) >= np.log(0.95 / 0.05))
-    assert decision_probability([pairs], [np.full((2, 2), d2)]) == pytest.approx(STOPPING.confirmed * share, abs=0.02)
+    assert decision_probability([pairs], [np.full((2, 2), d2)]) == pytest.approx(FORECAST.confirmed * share, abs=0.02)
 
 
 def test_a_repeated_release_is_worth_less_and_a_plan_does_not_repeat_itself(paper: Rig) -> None:
@@ -192,7 +193,7 @@ def test_a_plan_after_runs_lists_the_undecided_causes(two_runs: list[Run], two_f
     named = {effect.name for effect in two_found.effects}
     assert {causes.about for causes in known.causes} == named
     assert {pair.causes[0] for pair in made.releases[0].pairs} <= {n for e in two_found.effects for n in e.members}
-    assert made.state == ("enough" if decided(two_found, len(two_runs)) else made.state)
+    assert made.state == ("enough" if decided(two_found) else made.state)
     for name, std in made.releases[0].ratio_std.items():
         assert 0 < std < made.ratio_std[name]
     now = np.sqrt(np.diag(np.array(two_found.ratio_covariance)))

@@ -1,5 +1,6 @@
 """Stopping rule: what one release decides, what needs a second one, and what a bench check must decide."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import NormalDist
@@ -8,14 +9,16 @@ import numpy as np
 import pytest
 
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis, load_diagnosis
-from dpr_lab.gap.result.evidence import Evidence, Exclusion
-from dpr_lab.planning.forecast import decided, possible
-from dpr_lab.planning.knowledge import Causes, known_before
+from dpr_lab.gap.result.evidence import Evidence, Exclusion, RecordingUsed
+from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.sequence import Planner
+from dpr_lab.planning.stopping import Causes, decided, possible
 from dpr_lab.planning.summary import inseparable
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.planning.worth.reasons import Reason, only_ratios_sentence
+from dpr_lab.report.gap.sections.exclusions import exclusion_words
+from dpr_lab.report.gap.tables import next_steps
 from dpr_lab.rig import Rig
 
 TWO_NAMED = Path(__file__).parents[1] / "tui" / "data" / "diagnosis.json"
@@ -44,14 +47,28 @@ def one_cause(sizes: float = 20.0, **changed: object) -> Diagnosis:
     return Diagnosis.model_validate(made | changed)
 
 
-@pytest.mark.parametrize(("sizes", "runs", "expected"), [(20.0, 1, True), (6.0, 1, False), (6.0, 2, True)])
-def test_one_release_decides_a_cause_with_a_margin(sizes: float, runs: int, expected: bool) -> None:
-    basis = "one release" if runs == 1 else "releases left out"
-    assert decided(one_cause(sizes, basis=basis), runs) is expected
+def of_runs(diagnosis: Diagnosis, *names: str, exclusions: Sequence[Exclusion] = ()) -> Diagnosis:
+    """The diagnosis as one of these recordings."""
+    recordings = [RecordingUsed.model_construct(name=name) for name in names]
+    evidence = Evidence.model_construct(recordings=recordings, exclusions=list(exclusions))
+    return diagnosis.model_copy(update={"evidence": evidence})
 
 
-def test_held_out_runs_replace_the_margin() -> None:
-    assert decided(one_cause(6.0, basis="held-out runs"), 1)
+@pytest.mark.parametrize(
+    ("sizes", "runs", "expected"),
+    [
+        (20.0, ["P1"], True),
+        (6.0, ["P1"], False),
+        (6.0, ["P1", "P2"], True),
+        (6.0, ["P1 0-10 s", "P1 10-20 s", "P1 20-30 s"], False),  # pieces share the conditions of one release
+    ],
+)
+def test_one_release_decides_a_cause_with_a_margin(sizes: float, runs: list[str], expected: bool) -> None:
+    assert decided(of_runs(one_cause(sizes), *runs)) is expected
+
+
+def test_the_file_of_an_older_version_counts_releases_by_its_validation() -> None:
+    assert [decided(one_cause(6.0, basis=basis)) for basis in ("one release", "held-out runs")] == [False, True]
 
 
 def test_several_causes_and_no_gap_need_a_second_release() -> None:
@@ -61,7 +78,8 @@ def test_several_causes_and_no_gap_need_a_second_release() -> None:
     )
     nothing = one_cause(verdict="no_gap", effects=[])
     for diagnosis in (two, nothing):
-        assert [decided(diagnosis, runs) for runs in (1, 2)] == [False, True]
+        for runs, expected in ((["P1"], False), (["P1 0-10 s", "P1 10-20 s"], False), (["P1", "P2"], True)):
+            assert decided(of_runs(diagnosis, *runs)) is expected
 
 
 @pytest.mark.parametrize(
@@ -79,29 +97,31 @@ def test_no_gap_is_decided_only_if_every_effect_is_excluded_at_its_detectable_si
 ) -> None:
     confidence = NormalDist().cdf(5.0 - sizes)
     tested = Exclusion(effect=name, parameter=parameter, size=5e-4, estimate=1e-4 * sizes, confidence=confidence)
-    nothing = one_cause(verdict="no_gap", effects=[])
-    nothing = nothing.model_copy(update={"evidence": Evidence.model_construct(exclusions=[tested])})
-    assert decided(nothing, 2) is expected
+    nothing = of_runs(one_cause(verdict="no_gap", effects=[], advice=[]), "P1", "P2", exclusions=[tested])
+    assert decided(nothing) is expected
     assert possible(nothing) == [name] * (not expected)
+    assert ("dpr-lab plan" in next_steps(nothing)[0]) is not expected
+    listed_in_report = "Not excluded" in " ".join(exclusion_words(nothing))
+    assert listed_in_report is (not expected or name == "missed_counts")
 
 
 @pytest.mark.parametrize("changed", [{"verdict": "partly_explained"}, {"hints": ["the clock"]}])
 def test_a_remainder_or_a_wrong_description_is_never_enough(changed: dict[str, object]) -> None:
-    assert not decided(one_cause(**changed), 3)
+    assert not decided(of_runs(one_cause(**changed), "P1", "P2", "P3"))
 
 
 def test_inseparable_causes_count_as_one() -> None:
     rival = {"name": "stribeck_joint1", "class": ["stribeck_joint1"], "probability": 0.4, "cosine": 1.0}
-    alone = one_cause(rivals=[rival | {"instead_of": "coulomb_joint1"}])
+    alone = of_runs(one_cause(rivals=[rival | {"instead_of": "coulomb_joint1"}]), "P1", "P2")
     divided = alone.model_copy(update={"effects": [alone.effects[0].model_copy(update={"probability": 0.58})]})
-    assert not decided(divided, 2)
-    assert decided(divided, 2, {"coulomb_joint1", "stribeck_joint1"})
-    assert not decided(divided, 2, {"coulomb_joint1", "spring_joint1"})
+    assert not decided(divided)
+    assert decided(divided, {"coulomb_joint1", "stribeck_joint1"})
+    assert not decided(divided, {"coulomb_joint1", "spring_joint1"})
     uncertain = divided.model_copy(update={"verdict": "partly_explained", "sentence": UNCERTAIN})
-    assert not decided(uncertain, 2)
-    assert decided(uncertain, 2, {"coulomb_joint1", "stribeck_joint1"})
+    assert not decided(uncertain)
+    assert decided(uncertain, {"coulomb_joint1", "stribeck_joint1"})
     remainder = uncertain.model_copy(update={"sentence": "A remainder has another cause."})
-    assert not decided(remainder, 2, {"coulomb_joint1", "stribeck_joint1"})
+    assert not decided(remainder, {"coulomb_joint1", "stribeck_joint1"})
 
 
 @pytest.mark.parametrize(("probability", "listed"), [(0.947, True), (0.96, False)])

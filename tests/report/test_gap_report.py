@@ -108,7 +108,15 @@ def test_next_steps_end_with_the_remainder(diagnosis):
 
     assert steps[:2] == [in_words(RELEASE), in_words(BENCH)]
     assert "another cause" in steps[2]
-    assert gap_tables.next_steps(diagnosis(verdict="named", advice=[])) == ["No further recording or check is needed."]
+    (undecided,) = gap_tables.next_steps(diagnosis(verdict="named", advice=[]))
+    assert undecided.startswith("Record a further release")
+    effects = [
+        diagnosis().effects[0].model_copy(update={"probability": 0.98, "odds": {}, "members": ["coulomb_joint1"]})
+    ]
+    decided = diagnosis(verdict="named", advice=[]).model_copy(
+        update={"effects": effects, "rivals": [], "evidence": None}
+    )
+    assert gap_tables.next_steps(decided) == ["No further recording or check is needed."]
     assert "Record further releases" in gap_tables.next_steps(diagnosis(verdict="inconclusive", advice=[]))[0]
 
 

@@ -1,7 +1,9 @@
 """Evidence of a diagnosis: curves, valid range, uncertainty, residuals, excluded effects."""
 
+from dataclasses import dataclass
 from typing import Literal
 
+from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.saved import Number, Saved
 
 
@@ -71,6 +73,19 @@ class ResidualLook(Saved):
     """Joint -> residuals before and after."""
 
 
+@dataclass(frozen=True, slots=True)
+class ExclusionLevels:
+    """Confidence from which an effect is excluded at its minimum detectable size."""
+
+    sure: float = 0.95
+    """Of an effect of known shape: its estimate is below 3.4 standard deviations."""
+    of_shapes: float = 0.84
+    """Of an effect of unknown shape: its estimate, the largest of all shapes, is below 4 standard deviations."""
+
+
+EXCLUDED = ExclusionLevels()
+
+
 class Exclusion(Saved):
     """An effect that is excluded above a size."""
 
@@ -86,6 +101,16 @@ class Exclusion(Saved):
     """90 % interval of the amplitude, fitted together with the others of its effect, over all shapes of the effect;
     None if the recordings do not separate them.
     """
+
+    @property
+    def is_excluded(self) -> bool:
+        """Whether the effect is smaller than `size`, by an equivalence test.
+
+        The estimate of an effect of unknown order, frequency or speed is the largest of some hundred. It exceeds the
+        limit of the others, 3.4 standard deviations, by chance on one rig in four. Its limit is 4, which excludes 5.6
+        standard deviations instead of 5 with the same confidence.
+        """
+        return self.confidence >= (EXCLUDED.of_shapes if EFFECTS[self.effect].shapes else EXCLUDED.sure)
 
 
 class UncertaintySource(Saved):

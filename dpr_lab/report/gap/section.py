@@ -28,8 +28,6 @@ class PageSettings:
     """Upper limit of the lower end of the budget's logarithmic scale, mrad."""
     coverage_factor: float = 2.0
     """Coverage factor of an expanded uncertainty of about 95 % (GUM, 6.2)."""
-    sure: float = 0.95
-    """Confidence above which an effect is excluded."""
     white95: float = 1.96
     """Standard deviations that contain 95 % of a normal distribution."""
 

@@ -15,6 +15,7 @@ from dpr_lab.gap.result.checks import NONE_OF_THEM
 from dpr_lab.gap.result.diagnosis import Diagnosis, SensorFinding
 from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.screen.pieces import whole
+from dpr_lab.planning.stopping import undecided
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.gap.sizes import sizes_cell
@@ -278,7 +279,11 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     }
     last = [unexplained[diagnosis.verdict]] if diagnosis.verdict in unexplained else []
     advised = [f"{in_words(text)}{_check_words(diagnosis, text)}" for text in diagnosis.advice]
-    return [*advised, *last] or ["No further recording or check is needed."]
+    if advised or last:
+        return [*advised, *last]
+    if reason := undecided(diagnosis):
+        return [f"Record a further release (dpr-lab plan proposes it): {in_words(reason)}."]
+    return ["No further recording or check is needed."]
 
 
 def _check_words(diagnosis: Diagnosis, advice: str) -> str:

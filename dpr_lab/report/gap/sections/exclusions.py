@@ -3,9 +3,9 @@
 from collections import defaultdict
 
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.result.evidence import Exclusion
+from dpr_lab.gap.result.evidence import EXCLUDED, Exclusion
 from dpr_lab.report.angles import RADIANS
-from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.gap.section import EvidenceSection, FoldedTable, evidence_of
 from dpr_lab.report.words import in_words, named, size_words
 from dpr_lab.shown import parameter_words, percent
 
@@ -16,14 +16,15 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
     undetectable = [name for name, sizes in diagnosis.detectable.items() if sizes and not any(sizes.values())]
     sentences = [
         f"{len(excluded)} effects of the library are absent, or smaller than the size given: a larger one would have"
-        f" been detected in these recordings with a confidence of at least {percent(PAGE.sure)}.",
+        f" been detected in these recordings with a confidence of at least {percent(EXCLUDED.sure)}, for effects of"
+        f" unknown order, frequency or speed {percent(EXCLUDED.of_shapes)}.",
         "Smaller effects are not excluded. An effect that is indistinguishable from a named one is excluded only in"
         " addition to it.",
     ]
     if not_excluded:
         sentences.append(
             "Not excluded, because the remainder has a component with their signature:"
-            f" {', '.join(map(named, not_excluded))}."
+            f" {', '.join(map(named, not_excluded))}. A further release decides those that recur."
         )
     if undetectable:
         names = in_words(", ".join(undetectable))
@@ -57,7 +58,7 @@ def _split(diagnosis: Diagnosis) -> tuple[dict[str, list[Exclusion]], list[str]]
     for exclusion in evidence_of(diagnosis).exclusions:
         by_effect[exclusion.effect].append(exclusion)
     order = [name for name in diagnosis.detectable if name in by_effect]
-    excluded = {name: by_effect[name] for name in order if all(e.confidence >= PAGE.sure for e in by_effect[name])}
+    excluded = {name: by_effect[name] for name in order if all(e.is_excluded for e in by_effect[name])}
     return excluded, [name for name in order if name not in excluded]
 
 

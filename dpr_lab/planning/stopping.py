@@ -1,0 +1,117 @@
+"""Stopping rule: whether the recordings decide the causes, and what is still open.
+
+A cause is decided if one effect of a class and of its alternatives has a probability of at least `SURE`, and if it is
+validated by data that were not fitted: by another release, or by the quarters of a single release. The quarters, and
+the pieces of a long recording, share the pose and all other conditions of the release. A single release therefore
+decides one cause only, with a margin: one of its amplitudes has at least `margin` standard deviations, twice the size
+that counts as detectable. Several causes, and the absence of a gap, are confirmed by a second release.
+
+"No gap" is a statement about sizes: every effect of the library that recurs is excluded at its minimum detectable size
+in these recordings (`Exclusion.is_excluded`). An estimate too large to be excluded and too small to be named is
+decided by the next release. Effects that occur only once are not tested, because no further release shows them again.
+"""
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+
+from dpr_lab.acceptance.judge import SURE
+from dpr_lab.effects import EFFECTS
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.gap.result.causes import NamedEffect
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.screen.pieces import whole
+from dpr_lab.shown import listed
+
+
+@dataclass(frozen=True, slots=True)
+class Stopping:
+    """Settings of the stopping rule."""
+
+    fewest: int = 2
+    """Minimum number of releases for several causes, or for the decision that there is no gap."""
+    margin: float = 10.0
+    """Minimum amplitude of a cause that a single release decides, in standard deviations."""
+
+
+STOPPING = Stopping()
+
+
+@dataclass(frozen=True, slots=True)
+class Causes:
+    """A named effect and its alternatives."""
+
+    about: str
+    """The named effect."""
+    probabilities: Mapping[str, float]
+    """Probability of each candidate cause, including the named effect."""
+
+
+def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
+    """Candidate causes of each named effect: the members of its class by their odds, and its alternatives."""
+    for effect in diagnosis.effects:
+        odds = {name: effect.odds.get(name, 1 / len(effect.members)) for name in effect.members}
+        alternatives = {name: effect.probability * share for name, share in odds.items()}
+        others = {rival.name: rival.probability for rival in diagnosis.rivals if rival.instead_of == effect.name}
+        yield Causes(effect.name, alternatives | {name: p for name, p in others.items() if name not in alternatives})
+
+
+def decided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> bool:
+    """Whether the recordings are sufficient: there is no gap, or each cause is decided and the gap is explained."""
+    return not undecided(diagnosis, inseparable)
+
+
+def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
+    """What the recordings leave open, as a clause; empty if they are sufficient.
+
+    Args:
+        diagnosis: of the runs recorded so far
+        inseparable: causes that no release separates; they count as one, which a bench check divides
+    """
+    uncertain = bool(inseparable) and diagnosis.only_uncertain  # the gap is explained, but not by which of them
+    if diagnosis.hints:
+        return "the description of the recordings is probably wrong"
+    if not (uncertain or diagnosis.verdict in ("no_gap", "named")):
+        return "part of the gap is unexplained"
+    unsure = [causes.about for causes in causes_of(diagnosis) if _most_probable(causes, inseparable) < SURE]
+    if unsure:
+        return f"another effect could be the cause instead of {listed(unsure)}"
+    no_gap = diagnosis.verdict == "no_gap"
+    if releases(diagnosis) < STOPPING.fewest:
+        if no_gap:
+            return "a second release must confirm that there is no gap"
+        if len(diagnosis.effects) != 1:
+            return "a second release must confirm several causes"
+        if not _is_large(diagnosis.effects[0]):
+            return f"a second release must confirm {diagnosis.effects[0].name}"
+    if no_gap and (names := possible(diagnosis)):
+        return f"no gap is visible, but {listed(names)} may have the minimum detectable size"
+    return ""
+
+
+def releases(diagnosis: Diagnosis) -> int:
+    """Number of releases that were fitted or held out; the pieces of one recording are one release."""
+    if diagnosis.evidence is None:  # a file of an older version
+        return 1 if diagnosis.basis == "one release" else STOPPING.fewest
+    names = [recording.name for recording in diagnosis.evidence.recordings]
+    pieces = [name for name in names if whole(name) != name]
+    return len(names) - len(pieces) + len({whole(name) for name in pieces})
+
+
+def possible(diagnosis: Diagnosis) -> list[str]:
+    """Effects that recur, were not named and are not excluded: one may have its minimum detectable size."""
+    tested = diagnosis.evidence.exclusions if diagnosis.evidence else []
+    open_ones = [each.effect for each in tested if not (each.is_excluded or EFFECTS[each.effect].event)]
+    return list(dict.fromkeys(open_ones))
+
+
+def _most_probable(causes: Causes, inseparable: Collection[str]) -> float:
+    """Probability of the most probable candidate of one named effect, or of the inseparable ones together."""
+    together = sum(p for name, p in causes.probabilities.items() if name in inseparable)
+    return max(together, *causes.probabilities.values())
+
+
+def _is_large(effect: NamedEffect) -> bool:
+    """Whether an amplitude of a named effect is large enough for a decision from a single release."""
+    sizes = [effect.parameters[p.name] for p in EFFECTS[effect.name].amplitudes if p.name in effect.parameters]
+    stds = [(size.interval90[1] - size.interval90[0]) / (2 * NORMAL_Q90) for size in sizes]
+    return any(abs(size.value) >= STOPPING.margin * std for size, std in zip(sizes, stds, strict=True))
