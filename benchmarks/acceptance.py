@@ -6,12 +6,14 @@ A rig is drawn around `paper` with one effect of the library, three releases of 
 limits whose truth is known: each amplitude of the effect, and each ratio, lies 5 % above its limit (it must not pass)
 or at half of it (it should pass). A limit below the minimum detectable size is counted apart: such recordings cannot
 decide it. The same applies to a tolerance of a ratio below five standard deviations. The limit of a ratio is a
-tolerance about a nominal value. Amplitudes of absent effects have their typical size as limit.
+tolerance about a nominal value. The friction torque of each joint is limited up to a slow and a fast speed.
+Amplitudes of absent effects have their typical size as limit.
 """
 
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from itertools import pairwise, product
 
 import numpy as np
 from _bars import Bar, at_least, at_most, options, show
@@ -24,12 +26,15 @@ from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.rig import PARAMETERS
 from sim_device.trials.offline_recorder import record
 
 SWING_S = 6.0
 ABOVE, HALF = 1.05, 0.5
 """Size in units of its limit."""
-TARGETS = ("above", "half", "ratio above", "ratio half")
+TARGETS = ("above", "half", "ratio above", "ratio half", "friction above", "friction half")
+FRICTION_UP_TO = (0.5, 6.0)
+"""Speeds of a joint up to which its friction torque is limited, rad/s."""
 TOLERANCE = 0.03
 """Tolerance of a ratio, relative to its nominal value."""
 
@@ -45,6 +50,31 @@ def range_of(ratio: str, true: float, share: float) -> Limits:
     nominal = true / (1 + share * TOLERANCE)
     bounds = {"nominal": nominal, "tolerance": TOLERANCE * abs(nominal), "unit": RATIO_UNITS[ratio]}
     return Limits.model_validate({"ratios": {ratio: bounds}})
+
+
+def friction_limit(joint: int, speed: float, size: float) -> Limits:
+    """Largest permitted friction torque of a joint up to a speed."""
+    bounds = {"max": size, "speed_rad_s": speed, "unit": "N m"}
+    return Limits.model_validate({"friction": {f"joint{joint}": bounds}})
+
+
+def largest_friction(effects: Mapping[str, Mapping[str, float]], joint: int, viscous: float, speed: float) -> float:
+    """Largest friction torque of a joint up to a speed; nan if it depends on more than the speed."""
+    u = np.linspace(1e-9, speed, 4001)
+    torque = viscous * u
+    for name, sizes in effects.items():
+        law, of_joint = name.removesuffix(f"_joint{joint}"), name.endswith(f"_joint{joint}")
+        if of_joint and law in ("load_friction", "hysteresis", "friction_drift"):
+            return float("nan")
+        if of_joint and law in ("coulomb", "stribeck"):
+            torque += sizes["torque_Nm"]
+        if of_joint and law == "stribeck":
+            torque += sizes["extra_at_rest_Nm"] * np.exp(-((u / sizes["speed_rad_per_s"]) ** 2))
+        if of_joint and law == "friction_curve":
+            torque += max(sizes.get("forward_Nm", 0.0), sizes.get("backward_Nm", 0.0))
+            for k, ends in enumerate(pairwise((0.0, 0.3, 1.0, 3.0, 8.0)), 1):
+                torque += sizes.get(f"rise{k}_Nm", 0.0) * np.interp(u, ends, (0.0, 1.0))
+    return float(torque.max())
 
 
 def answers(seed: int, level: str) -> Iterator[tuple[str, str, Answer, str]]:
@@ -71,6 +101,11 @@ def answers(seed: int, level: str) -> Iterator[tuple[str, str, Answer, str]]:
         for kind, share in (("ratio above", ABOVE), ("ratio half", HALF)):
             hidden_from = kind == "ratio half" and TOLERANCE * abs(value) < SIGMAS * std
             yield judged("ratio hidden" if hidden_from else kind, range_of(name, value, share))
+    for joint, speed in product((1, 2), FRICTION_UP_TO):
+        size = largest_friction(truth.effects, joint, plant.Z[PARAMETERS.index(f"c{joint}")], speed)
+        for kind, share in (("friction above", ABOVE), ("friction half", HALF)):
+            if np.isfinite(size):
+                yield judged(kind, friction_limit(joint, speed, size / share))
     for name, effect in OF_FREE_SWINGS.items():
         if name not in truth.effects and not effect.absorbed_by:
             for p in effect.amplitudes:

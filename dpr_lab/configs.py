@@ -133,6 +133,8 @@ def fault_words(fault: "ErrorDetails") -> str:
         kind = f"has too few entries: at least {fault.get('ctx', {}).get('min_length', 1)}"
     if fault["type"] in ("tuple_type", "list_type"):
         kind = "must be a list in square brackets"
+    if fault["type"] in ("model_type", "dict_type"):
+        kind = "must be a table of keys and values"
     text = str(fault["msg"]).removeprefix("Value error, ")
     return kind or text.replace("Input should be", "must be", 1)
 

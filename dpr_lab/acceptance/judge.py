@@ -10,7 +10,13 @@ A named effect has the interval of its fit. An effect that was not named has tha
 model, a -+ 1.645 s, with all its amplitudes fitted together. If the common scale b is uncertain, an absolute size is a
 ratio times b^k, and its interval covers both ends of the interval of b.
 
-Source: D. J. Schuirmann (1987), A comparison of the two one-sided tests procedure and the power approach, J.
+The largest friction torque of a joint over its speeds u passes if |T(u)| +- 1.645 s(u) is below the limit at every
+speed: an intersection-union test, which needs no correction for the number of speeds. It fails if |T(u)| exceeds the
+limit at some speed by more than s(u) sqrt(chi2_k(0.95)), a simultaneous band for the k values that T depends on.
+
+Sources: R. L. Berger (1982), Multiparameter hypothesis testing and acceptance sampling, Technometrics 24, 295-300.
+H. Scheffe (1953), A method for judging all contrasts in the analysis of variance, Biometrika 40, 87-104.
+D. J. Schuirmann (1987), A comparison of the two one-sided tests procedure and the power approach, J.
 Pharmacokinetics and Biopharmaceutics 15, 657-680.
 """
 
@@ -21,16 +27,24 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
-from dpr_lab.acceptance.limits import Limits
+from dpr_lab.acceptance.limits import Limits, friction_quantity
 from dpr_lab.effects import EFFECTS
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.gap.evidence.joint_friction import laws_of
 from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.shown import listed, percent
 
 SURE = 0.95
 """Probability of a cause above which its size can fail a limit, and probability of its absence above which it can
 pass one.
 """
+
+NOT_OF_SPEED = tuple(
+    f"{law}_joint{joint}" for law in ("load_friction", "hysteresis", "friction_drift") for joint in (1, 2)
+)
+"""Friction that depends on more than the speed of the joint."""
 
 Answer = Literal["pass", "fail", "not decidable"]
 Range = tuple[float, float]
@@ -81,7 +95,7 @@ def judge(diagnosis: Diagnosis, limits: Limits, free_run_rad: Mapping[str, float
         free_run_rad: run -> error of a free run over the horizon of the limit, rad; empty without such a limit
     """
     free = _free_run(diagnosis, limits, free_run_rad or {})
-    judged = (*_effects(diagnosis, limits), *_ratios(diagnosis, limits), *free)
+    judged = (*_effects(diagnosis, limits), *_frictions(diagnosis, limits), *_ratios(diagnosis, limits), *free)
     answers = {limit.answer for limit in judged}
     overall: Answer = "fail" if "fail" in answers else "not decidable" if "not decidable" in answers else "pass"
     return Acceptance(overall, diagnosis.sentence, judged)
@@ -98,6 +112,44 @@ def _effects(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
             if answer == "fail":
                 reason = reason or _unsure(diagnosis, name)
             yield _judged(f"{name}.{parameter}", limit.unit, (-limit.max, limit.max), interval, answer, reason)
+
+
+def _frictions(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
+    for joint, limit in limits.friction.items():
+        interval, reason = None, f"{joint} does not move in these recordings"
+        if curve := diagnosis.evidence.friction.get(joint) if diagnosis.evidence else None:
+            reached = curve.speed_rad_per_s[-1]
+            reason = f"{joint} reaches {reached:.3g} rad/s only" if limit.speed_rad_s > reached else ""
+            interval = None if reason else _largest(curve, limit.speed_rad_s, diagnosis)
+        reason = _untrusted(diagnosis) or reason or _other_friction(diagnosis, int(joint[-1]))
+        quantity = friction_quantity(joint, limit)
+        yield _judged(quantity, limit.unit, (None, limit.max), interval, _answer(interval, None, limit.max), reason)
+
+
+def _largest(curve: JointFriction, speed: float, diagnosis: Diagnosis) -> Range:
+    """Interval of the largest friction torque up to a speed."""
+    u = np.array(curve.speed_rad_per_s)
+    within = np.append(u[np.abs(u) <= speed], [-speed, speed])
+    size, std = np.abs(np.interp(within, u, curve.torque_Nm)), np.interp(within, u, curve.std_Nm)
+    simultaneous = float(np.sqrt(stats.chi2.ppf(SURE, curve.coefficients)))
+    factors = _scale_factors(diagnosis, 1)
+    lower, upper = float((size - simultaneous * std).max()), float((size + NORMAL_Q90 * std).max())
+    return max(0.0, lower) * min(factors), upper * max(factors)
+
+
+def _other_friction(diagnosis: Diagnosis, joint: int) -> str:
+    """Why the friction torque may not be a function of the speed, or may be another effect; empty if it is certain."""
+    laws = {*laws_of(joint)}
+    for named in diagnosis.effects:
+        if named.name in NOT_OF_SPEED and named.name.endswith(f"joint{joint}"):
+            return f"{named.name} is named, and its torque does not depend on the speed alone"
+        odds = {name: named.odds.get(name, 1 / len(named.members)) for name in named.members}
+        sure = named.probability * sum(share for name, share in odds.items() if name in laws)
+        alternatives = [rival for rival in diagnosis.rivals if rival.instead_of == named.name]
+        sure += sum(rival.probability for rival in alternatives if rival.name in laws)
+        if 1 - SURE < sure < SURE:
+            return f"the probability that {named.name} is a friction law of joint {joint} is {percent(sure)}"
+    return ""
 
 
 def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
@@ -165,12 +217,14 @@ def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
 def _with_scale(diagnosis: Diagnosis, effect: str, parameter: str, low: float, high: float) -> Range:
     """An interval at the assumed b, widened to both ends of the interval of b."""
     amplitude = next(amplitude for amplitude in EFFECTS[effect].amplitudes if amplitude.name == parameter)
-    if diagnosis.scale is None:
-        return low, high
-    factors = [
-        (b / diagnosis.scale.b) ** amplitude.scale_power for b in (diagnosis.scale.b, *diagnosis.scale.interval90)
-    ]
+    factors = _scale_factors(diagnosis, amplitude.scale_power)
     return min(low * factor for factor in factors), max(high * factor for factor in factors)
+
+
+def _scale_factors(diagnosis: Diagnosis, power: int) -> list[float]:
+    """(b / b0)^power at the assumed b0 and at both ends of its interval."""
+    scale = diagnosis.scale
+    return [1.0] if scale is None else [(b / scale.b) ** power for b in (scale.b, *scale.interval90)]
 
 
 def _untrusted(diagnosis: Diagnosis) -> str:

@@ -7,6 +7,11 @@ torque_Nm = { max = 0.002, unit = "N m" }
 "c2/b" = { nominal = 0.30, tolerance = 0.03, unit = "1/s" }
 "a/b" = { min = 3.5, max = 3.9, unit = "1" }
 
+[friction.joint1]
+max = 0.004
+speed_rad_s = 6.0
+unit = "N m"
+
 [free_run]
 max = 0.05
 horizon_s = 2.0
@@ -15,7 +20,7 @@ unit = "rad"
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -81,6 +86,17 @@ class RatioLimit(RigTable):
         return self.nominal - self.tolerance, self.nominal + self.tolerance
 
 
+class FrictionLimit(RigTable):
+    """Largest permitted friction torque of a joint up to a speed, in both directions."""
+
+    max: Positive
+    """Friction torque, viscous friction included, in `unit`."""
+    speed_rad_s: Positive
+    """Speed of the joint up to which the limit applies, rad/s."""
+    unit: str
+    """`N m`."""
+
+
 class FreeRunLimit(RigTable):
     """Largest permitted error of a free run of the corrected model from the start of a release."""
 
@@ -99,20 +115,41 @@ class Limits(RigTable):
     """Effect -> amplitude -> limit of its size."""
     ratios: dict[str, RatioLimit] = Field(default={})
     """Ratio -> its range."""
+    friction: dict[Literal["joint1", "joint2"], FrictionLimit] = Field(default={})
+    """Joint -> limit of its friction torque."""
     free_run: FreeRunLimit | None = None
     """Limit of the free-run error; None without one."""
 
+    @property
+    def has_any(self) -> bool:
+        """Whether there is a limit."""
+        return bool(self.ratios or any(self.effects.values()) or self.friction or self.free_run)
 
-def load_limits(path: Path) -> Limits:
+
+def friction_quantity(joint: str, limit: FrictionLimit) -> str:
+    """Name of the quantity of a friction limit: `friction of joint1 up to 6 rad/s`."""
+    return f"friction of {joint} up to {limit.speed_rad_s:g} rad/s"
+
+
+AnyLimits = TypeVar("AnyLimits", bound=Limits)
+
+
+def load_limits(path: Path, model: type[AnyLimits]) -> AnyLimits:
     """Read a limits file.
+
+    Args:
+        path: the file
+        model: `Limits`, or `PlanLimits` for a file that may also contain the limits of a plan
 
     Raises:
         ConfigError: the file is not readable, contains no limit, or has a wrong key, name, unit or value; the message
         names them.
     """
-    limits = read_config(path, Limits)
-    if not limits.ratios and not any(limits.effects.values()) and limits.free_run is None:
-        raise ConfigError(f"{path}: has no limits: add a table [effects.NAME], [ratios] or [free_run]")
+    limits = read_config(path, model)
+    if not limits.has_any:
+        raise ConfigError(
+            f"{path}: has no limits to test: add a table [effects.NAME], [friction.joint1], [ratios] or [free_run]"
+        )
     refuse_other_limits(path, limits)
     return limits
 
@@ -129,6 +166,8 @@ def refuse_other_limits(path: Path, limits: Limits) -> None:
         for parameter, limit in amplitudes.items():
             _known(path, f"effects.{name}", f"amplitude of {name}", parameter, units)
             _same_unit(path, f"effects.{name}.{parameter}", limit.unit, units[parameter])
+    for joint, friction in limits.friction.items():
+        _same_unit(path, f"friction.{joint}", friction.unit, "N m")
     if limits.free_run is not None:
         _same_unit(path, "free_run", limits.free_run.unit, "rad")
     for name, limit in limits.ratios.items():

@@ -25,7 +25,8 @@ rate_hz = 200
 modes = ["driven", "held"]
 input = 4.0
 
-A file may also contain the limits of `dpr-lab accept` ([effects], [ratios]); a plan then states which it decides.
+A file may also contain the limits of `dpr-lab accept` ([effects], [friction], [ratios]); a plan then states which it
+decides.
 """
 
 import math
@@ -198,6 +199,16 @@ def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:
     """
     limits = read_config(path, PlanLimits)
     refuse_other_limits(path, limits)
+    refuse_impossible_plan(path, limits, rig)
+    return limits
+
+
+def refuse_impossible_plan(path: Path, limits: PlanLimits, rig: Rig) -> None:
+    """Refuse limits that do not fit the rig, or that leave nothing to record.
+
+    Raises:
+        ConfigError: such a limit; the message names it.
+    """
     for number, mass in enumerate(limits.masses, 1):
         longest = rig.L1 if mass.rod == "inner" else rig.L2
         if longest is not None and mass.position > longest:
@@ -224,7 +235,6 @@ def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:
         raise ConfigError(
             f"{path}: poses: no pose is inside the limits of theta1_rad, theta2_rad and elbow_rad: widen one of them"
         )
-    return limits
 
 
 def _refuse_impossible_arms(path: Path, limits: PlanLimits, rig: Rig) -> None:

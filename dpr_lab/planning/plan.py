@@ -79,7 +79,7 @@ def plan(
 def _enough(known: Knowledge, limits: PlanLimits) -> bool:
     """Whether no further recording is needed: the causes are decided, and no limit needs a test."""
     settled = known.diagnosis is not None and decided(known.diagnosis)
-    return settled and not (limits.effects or limits.ratios)
+    return settled and not (limits.effects or limits.friction or limits.ratios)
 
 
 def _refuse_small(budget_min: float, limits: PlanLimits, rig: Rig) -> None:

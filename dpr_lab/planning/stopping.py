@@ -100,8 +100,8 @@ def releases(diagnosis: Diagnosis) -> int:
 def possible(diagnosis: Diagnosis) -> list[str]:
     """Effects that recur, were not named and are not excluded: one may have its minimum detectable size."""
     tested = diagnosis.evidence.exclusions if diagnosis.evidence else []
-    open_ones = [each.effect for each in tested if not (each.is_excluded or EFFECTS[each.effect].event)]
-    return list(dict.fromkeys(open_ones))
+    not_excluded = [exclusion.effect for exclusion in tested if not exclusion.is_excluded]
+    return [name for name in dict.fromkeys(not_excluded) if not EFFECTS[name].event]
 
 
 def _most_probable(causes: Causes, inseparable: Collection[str]) -> float:

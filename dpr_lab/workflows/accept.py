@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from dpr_lab.acceptance.judge import Acceptance
     from dpr_lab.acceptance.limits import Limits
     from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.planning.limits import PlanLimits
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
 
@@ -47,10 +48,12 @@ def accept(request: DiagnoseRequest, limits: Path, on_event: OnEvent = ignore) -
         DprError: a result cannot be written.
     """
     from dpr_lab.acceptance.limits import load_limits
+    from dpr_lab.planning.limits import PlanLimits, refuse_impossible_plan
     from dpr_lab.rig import load_rig
 
-    wanted = load_limits(limits)  # all refusals before the time-consuming part starts
     rig = load_rig(request.rig)
+    wanted = load_limits(limits, PlanLimits)  # all refusals before the time-consuming part starts
+    refuse_impossible_plan(limits, wanted, rig)
     if request.out:
         refuse_file(request.out)
     runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque, moving=True)
@@ -70,16 +73,15 @@ def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig:
 
 
 def _with_recordings(
-    acceptance: "Acceptance", wanted: "Limits", diagnosis: "Diagnosis", runs: "Sequence[Run]", rig: "Rig"
+    acceptance: "Acceptance", wanted: "PlanLimits", diagnosis: "Diagnosis", runs: "Sequence[Run]", rig: "Rig"
 ) -> "Acceptance":
     """Add the releases that are expected to decide limits that are not decidable yet."""
-    from dpr_lab.planning.limits import PlanLimits
     from dpr_lab.planning.plan import plan
 
     if acceptance.answer != "not decidable":
         return acceptance
     open_ones = {limit.quantity for limit in acceptance.limits if limit.answer == "not decidable"}
-    planned = plan(rig, runs, diagnosis, limits=PlanLimits(effects=wanted.effects, ratios=wanted.ratios))
+    planned = plan(rig, runs, diagnosis, limits=wanted)
     decides = tuple(release.quantity for release in planned.limits if release.decides and release.quantity in open_ones)
     texts = tuple(release.text for release in planned.releases) if decides else ()
     return replace(acceptance, recordings=texts, would_decide=decides)

@@ -83,13 +83,14 @@ def certify(
     from dpr_lab.certificate.declared import choices_of, origin_of
     from dpr_lab.certificate.policy import required_claims
     from dpr_lab.certificate.signature import load_private_key, sign
+    from dpr_lab.planning.limits import PlanLimits
     from dpr_lab.whole_file import write_text
 
     refuse_folder(to)
     if request.model is not None:
         raise ConfigError("a certified diagnosis starts from the rig file: remove the model")
     key = load_private_key(sign_with, passphrase) if sign_with else None
-    wanted = load_limits(limits) if limits else None
+    wanted = load_limits(limits, PlanLimits) if limits else None
     diagnosis = diagnose(request, on_event).diagnosis
     claims = required_claims(diagnosis, _accepted(diagnosis, wanted, request))
     certificate = _certificate(request, to.parent, claims, limits)
@@ -161,6 +162,7 @@ def verify(
     from dpr_lab.certificate.files import compare_limits, compare_recording, compare_rig
     from dpr_lab.certificate.policy import compare_claims
     from dpr_lab.certificate.signature import compare_signature, load_public_key
+    from dpr_lab.planning.limits import PlanLimits
 
     trusted = load_public_key(signed_by) if signed_by else None
     certificate, current = load_certificate(path), made_with()
@@ -174,7 +176,7 @@ def verify(
     ]
     if all(line.holds for line in lines):
         request = _request(certificate, path.parent)
-        wanted = load_limits(path.parent / certificate.limits.file) if certificate.limits else None
+        wanted = load_limits(path.parent / certificate.limits.file, PlanLimits) if certificate.limits else None
         diagnosis = diagnose(request, on_event).diagnosis
         lines += compare_claims(certificate.claims, diagnosis, _accepted(diagnosis, wanted, request))
     return VerifiedCertificate(choices_of(certificate), origin_of(certificate, current), lines)

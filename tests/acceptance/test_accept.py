@@ -13,8 +13,9 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.result.causes import EffectSize
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.report.gap.acceptance import limit_rows
-from dpr_lab.rig import Rig
+from dpr_lab.rig import PARAMETERS, Rig
 
 TORQUE_NM = 1.5e-3
 
@@ -148,7 +149,7 @@ def test_a_ratio_of_one_rod_or_of_the_arm_is_judged(found: Diagnosis, tmp_path: 
     arm = {"e1/a": found.ratios["e1/b"], "A/a": found.ratios["a/b"], "kt/(R a)": found.ratios["c2/b"]}
     wide = "".join(f'"{name}" = {{min = 0.0, unit = "{unit}"}}\n' for name, unit in zip(arm, UNITS, strict=True))
     (tmp_path / "limits.toml").write_text(f"[ratios]\n{wide}")
-    acceptance = judge(found.model_copy(update={"determined": arm}), load_limits(tmp_path / "limits.toml"))
+    acceptance = judge(found.model_copy(update={"determined": arm}), load_limits(tmp_path / "limits.toml", Limits))
     assert [limit.answer for limit in acceptance.limits] == ["pass"] * 3
 
 
@@ -183,14 +184,14 @@ def test_a_wrong_file_is_refused_with_its_key_and_value(tmp_path: Path, text: st
     path = tmp_path / "limits.toml"
     path.write_text(text)
     with pytest.raises(ConfigError) as refused:
-        load_limits(path)
+        load_limits(path, Limits)
     assert str(path) in str(refused.value)
     assert words in str(refused.value)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be read"):
-        load_limits(tmp_path / "none.toml")
+        load_limits(tmp_path / "none.toml", Limits)
 
 
 def test_a_free_run_is_judged_by_its_spread_over_releases(found: Diagnosis) -> None:
@@ -216,3 +217,41 @@ def test_free_run_errors_grow_with_the_horizon(recorded: Callable[..., list], fo
     assert short.keys() == long.keys() == {run.name for run in runs}
     assert sum(short.values()) < sum(long.values()) < 0.5
     assert free_run_errors(runs, paper, found, 59.0) == {}
+
+
+def friction(size: float, speed: float = 3.0) -> Limits:
+    return Limits.model_validate({"friction": {"joint1": {"max": size, "speed_rad_s": speed, "unit": "N m"}}})
+
+
+def test_the_friction_torque_of_a_joint_is_limited_up_to_a_speed(found: Diagnosis, paper: Rig) -> None:
+    viscous = float(paper.nominal[PARAMETERS.index("c1")])
+    true = TORQUE_NM + 3.0 * viscous
+    answers = [judge(found, friction(size * true)).answer for size in (0.5, 1 / 1.02, 2.0)]
+    assert answers[0] == "fail"
+    assert answers[1] != "pass"
+    assert answers[2] == "pass"
+    (fast,) = judge(found, friction(2.0, 500.0)).limits
+    assert fast.answer == "not decidable"
+    assert "joint1 reaches" in fast.reason
+
+
+def test_the_friction_torque_is_undecided_where_its_law_may_be_another_effect(found: Diagnosis) -> None:
+    named = found.effects[0].model_copy(update={"name": "load_friction_joint1", "members": ["load_friction_joint1"]})
+    (other,) = judge(found.model_copy(update={"effects": [named]}), friction(1.0)).limits
+    assert other.answer == "not decidable"
+    assert "does not depend on the speed alone" in other.reason
+    doubted = found.effects[0].model_copy(update={"probability": 0.5})
+    (other,) = judge(found.model_copy(update={"effects": [doubted]}), friction(1.0)).limits
+    assert "is a friction law of joint 1 is 50 %" in other.reason
+
+
+def test_accept_takes_the_limits_file_of_a_plan(tmp_path: Path) -> None:
+    path = tmp_path / "limits.toml"
+    path.write_text('[recording]\nlongest_s = 20.0\n[friction.joint2]\nmax = 1.0\nspeed_rad_s = 3.0\nunit = "N m"\n')
+    assert load_limits(path, PlanLimits).friction["joint2"].max == 1.0
+    path.write_text("[recording]\nlongest_s = 20.0\n")
+    with pytest.raises(ConfigError, match="has no limits to test"):
+        load_limits(path, PlanLimits)
+    path.write_text("[effects.coulomb_joint2]\ntorque_Nm = 0.005\n")
+    with pytest.raises(ConfigError, match=r"torque_Nm = 0\.005: must be a table of keys and values"):
+        load_limits(path, PlanLimits)

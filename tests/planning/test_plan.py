@@ -214,7 +214,7 @@ def test_a_plan_after_runs_lists_the_undecided_causes(two_runs: list[Run], two_f
         ('[rods]\nelbow = ["clamped"]', "rods.elbow: does not contain free, the elbow of rig paper: add it"),
         ("[rods]\nelbow = []", "rods.elbow: does not contain free"),
         ("[poses]\ntheta3_rad = [0.0, 1.0]", "unknown key; there are: elbow_rad, theta1_rad, theta2_rad"),
-        ("[recrding]\nlongest_s = 20.0", "recrding: unknown key; nearest of 10: recording"),
+        ("[recrding]\nlongest_s = 20.0", "recrding: unknown key; nearest of 11: recording"),
         (
             '[effects.coulomb_joint2]\ntorque_Nm = {mx = 1.0, unit = "N m"}',
             "mx = 1.0: unknown key; there are: max, unit",

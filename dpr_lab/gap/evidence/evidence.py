@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.evidence.coverage import coverage
 from dpr_lab.gap.evidence.exclusions import exclusions
+from dpr_lab.gap.evidence.joint_friction import joint_friction
 from dpr_lab.gap.evidence.residuals import residual_look
 from dpr_lab.gap.evidence.validation import validation
 from dpr_lab.gap.hypothesis.detectable import detectable
@@ -49,6 +50,7 @@ def evidence(
         closing=[Closing(effect=name, left_rad=left, closed=closed) for name, left, closed in transferred.closing],
         residuals=residual_look(problem, models),
         exclusions=exclusions(problem, selection.chosen, selection.final_test, least),
+        friction=joint_friction(problem, selection.chosen),
         budget=budget,
         curves=curves,
     )

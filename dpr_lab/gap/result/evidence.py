@@ -113,6 +113,19 @@ class Exclusion(Saved):
         return self.confidence >= (EXCLUDED.of_shapes if EFFECTS[self.effect].shapes else EXCLUDED.sure)
 
 
+class JointFriction(Saved):
+    """Friction torque of a joint against its speed: viscous friction, named laws, and a free-form curve."""
+
+    speed_rad_per_s: list[Number]
+    """Speeds of the joint, ascending, both directions; the joint reaches the last one in both."""
+    torque_Nm: list[Number]
+    """Friction torque, positive against a positive speed, at the assumed b."""
+    std_Nm: list[Number]
+    """Its standard deviation at each speed."""
+    coefficients: int
+    """Number of fitted values on which it depends."""
+
+
 class UncertaintySource(Saved):
     """One contribution to the uncertainty of a predicted angle."""
 
@@ -200,5 +213,7 @@ class Evidence(Saved):
     closing: list[Closing]
     residuals: ResidualLook
     exclusions: list[Exclusion]
+    friction: dict[str, JointFriction] = {}
+    """Joint -> its friction torque; empty in a file of an older version."""
     budget: Budget
     curves: list[Curves]

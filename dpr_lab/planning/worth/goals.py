@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dpr_lab.acceptance.limits import Limits
+from dpr_lab.acceptance.limits import Limits, friction_quantity
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.gap.evidence.joint_friction import GRID, linear_torque
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.result import LimitForecast
 from dpr_lab.planning.worth.criteria import WORTH, detectable, given, shown_ratio_std
@@ -43,7 +44,7 @@ def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:
         F: (k, k) information
         limits: what the rig must keep
     """
-    return [*_of_effects(known, F, limits), *_of_ratios(known, F, limits)]
+    return [*_of_effects(known, F, limits), *_of_friction(known, F, limits), *_of_ratios(known, F, limits)]
 
 
 def goal_bits(known: Knowledge, F: Array, limits: Limits) -> float:
@@ -87,6 +88,19 @@ def _fitted_together(known: Knowledge, F: Array, name: str) -> dict[str, float]:
         return {}
     stds = np.sqrt(np.diag(np.linalg.inv(unit))) * scale
     return {known.model.columns[i].name: float(NORMAL_Q90 * std) for i, std in zip(places, stds, strict=True)}
+
+
+def _of_friction(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
+    """Friction torque of a joint at the speeds of a limit, with a free-form friction curve added to the model."""
+    for name, limit in limits.friction.items():
+        joint, model = int(name[-1]), known.model
+        curve = known.places.get(f"friction_curve_{name}", ())
+        places = list(dict.fromkeys([*known.fitted, *curve]))
+        free = [model.columns[i] for i in places]
+        _, slope = linear_torque(joint, GRID.up_to(limit.speed_rad_s), model.estimate, free, model.rods.constants)
+        variance = np.einsum("ui,ij,uj->u", slope, np.linalg.inv(F[np.ix_(places, places)]), slope)
+        reach = NORMAL_Q90 * float(np.sqrt(variance.max())) if curve else None
+        yield Goal(friction_quantity(name, limit), limit.unit, reach, limit.max / 2)
 
 
 def _of_ratios(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:

@@ -1,0 +1,129 @@
+r"""Friction torque of a joint against its speed, with the uncertainty of the recordings.
+
+The friction torque at the joint speed u is the sum of the viscous one and of the named friction laws,
+
+    T(u) = c u + sum over laws of tau_law(u).
+
+A free-form friction curve is added to the corrected model, so that T may have any shape. Its amplitudes are hardly
+distinguishable from each other and from c, but T(u) depends on the sum only: with g(u) the derivative of T(u) with
+respect to all fitted values and C their covariance, the linear estimate of T(u) has the variance g(u)^T C g(u).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dpr_lab.arrays import Array
+from dpr_lab.dynamics.trajectory import KnownMotion, effect_torques_along
+from dpr_lab.effects import EFFECTS, SLICES
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.fitting.estimate import (
+    EFFECTS_BEGIN,
+    FRICTION,
+    SCALE,
+    ZEROS_BEGIN,
+    Estimate,
+    FreeParameter,
+    effect_parameters,
+)
+from dpr_lab.fitting.linearise import linearise
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import ColumnSpace
+from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.result.evidence import JointFriction
+
+LAWS = ("coulomb", "stribeck", "friction_curve")
+"""Friction laws that depend on the speed of the joint only."""
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedGrid:
+    """Speeds at which the friction torque is stated."""
+
+    count: int = 24
+    """Number of speeds in each direction."""
+    slowest: float = 0.02
+    """Smallest speed, rad/s."""
+
+    def up_to(self, speed: float) -> Array:
+        """Speeds in both directions, ascending, rad/s."""
+        positive = np.geomspace(self.slowest, speed, self.count)
+        return np.concatenate([-positive[::-1], positive])
+
+
+GRID = SpeedGrid()
+
+
+def laws_of(joint: int) -> tuple[str, ...]:
+    """Effects that are friction laws of joint 1 or 2."""
+    return tuple(f"{law}_joint{joint}" for law in LAWS)
+
+
+def joint_friction(problem: Problem, model: Hypothesis) -> dict[str, JointFriction]:
+    """`joint1`, `joint2` -> its friction torque, up to the speed that it reaches in both directions.
+
+    Args:
+        problem: the segments
+        model: the corrected model
+    """
+    fit = model.fit
+    reached = _reached(trajectory(problem, fit.estimate, spacing=TRAJECTORY.coarse_s))
+    added = {joint: _curve(joint, fit.free) for joint, speed in reached.items() if speed > GRID.slowest}
+    columns = (*fit.free, *(column for curve in added.values() for column in curve))
+    space = ColumnSpace.of(*linearise(problem, fit.estimate, columns).flat)
+    friction: dict[str, JointFriction] = {}
+    for joint, curve in added.items():
+        chosen = [i for i, column in enumerate(columns) if i < len(fit.free) or column in curve]
+        of_joint, free = space.chosen(chosen), [columns[i] for i in chosen]
+        speeds = GRID.up_to(reached[joint])
+        torque, slope = linear_torque(joint, speeds, fit.estimate, free, problem.model.constants)
+        variance = model.residuals.inflation * np.einsum("ui,ij,uj->u", slope, of_joint.covariance(), slope)
+        friction[f"joint{joint}"] = JointFriction(
+            speed_rad_per_s=speeds.tolist(),
+            torque_Nm=(torque + slope @ of_joint.solution()).tolist(),
+            std_Nm=np.sqrt(variance).tolist(),
+            coefficients=int(np.count_nonzero(slope.any(axis=0))),
+        )
+    return friction
+
+
+def _reached(swings: Trajectory) -> dict[int, float]:
+    """Speed that joints 1 and 2 reach in both directions, rad/s."""
+    speeds = swings.joint_speed[:, :2].copy()
+    alone = np.array([setup.alone for setup in swings.setups])[swings.motion.run]
+    speeds[alone, 1] = 0.0
+    return {joint: float(min(u.max(), -u.min())) for joint, u in enumerate(speeds.T, 1)}
+
+
+def _curve(joint: int, free: Sequence[FreeParameter]) -> list[FreeParameter]:
+    """Amplitudes of the free-form friction curve that are not fitted already."""
+    fitted = {column.place for column in free}
+    every = effect_parameters(EFFECTS[f"friction_curve_joint{joint}"])
+    return [column for column in every if column.place not in fitted]
+
+
+def linear_torque(
+    joint: int, speeds: Array, estimate: Estimate, free: Sequence[FreeParameter], constants: RigConstants
+) -> tuple[Array, Array]:
+    """(speeds,) friction torque and (speeds, free) its derivatives."""
+    vectors = np.tile(estimate.vector, (len(free) + 1, 1))
+    steps = np.array([column.step for column in free])
+    vectors[range(1, len(vectors)), [column.place for column in free]] += steps
+    torques = _torques(joint, speeds, vectors, estimate.base, constants)
+    return torques[:, 0], (torques[:, 1:] - torques[:, :1]) / steps
+
+
+def _torques(joint: int, speeds: Array, vectors: Array, base: Array, constants: RigConstants) -> Array:
+    """(speeds, vectors) friction torque of a joint, N m."""
+    n, omega, hanging = len(speeds), np.zeros((len(speeds), 2)), np.full((len(speeds), 2), np.pi)
+    omega[:, joint - 1 :] = speeds[:, None]
+    zero = np.zeros((n, 2))
+    motion = KnownMotion(np.ones(n), np.zeros(n, dtype=np.int64), hanging, omega, zero, zero)
+    params = np.zeros_like(vectors[:, EFFECTS_BEGIN:ZEROS_BEGIN])
+    for law in laws_of(joint):
+        params[:, SLICES[law]] = vectors[:, EFFECTS_BEGIN:ZEROS_BEGIN][:, SLICES[law]]
+    dry = effect_torques_along(motion, base, constants, params)[:, joint - 1]
+    viscous = vectors[:, FRICTION[joint - 1]] * vectors[:, SCALE]
+    return speeds[:, None] * viscous - dry
