@@ -79,7 +79,12 @@ def plan(
 
 def show(made: "Plan") -> None:
     """Print a plan."""
-    from dpr_lab.report.tables import RATIO_STD_COLUMNS, ratio_std_rows
+    from dpr_lab.report.tables import (
+        LIMIT_FORECAST_COLUMNS,
+        RATIO_STD_COLUMNS,
+        limit_forecast_rows,
+        ratio_std_rows,
+    )
     from dpr_lab.report.words import in_words
 
     line(in_words(made.sentence))
@@ -98,16 +103,7 @@ def show(made: "Plan") -> None:
         table("Standard deviation of each ratio", RATIO_STD_COLUMNS, rows, note=note)
         _show_detectable(made)
     if made.limits:
-        rows = [
-            (
-                release.quantity,
-                "" if release.reach is None else f"{release.reach:.2g}",
-                release.unit,
-                "yes" if release.decides else "no",
-            )
-            for release in made.limits
-        ]
-        table("Limits of the rig", ("quantity", "undecided range", "unit", "decidable after the plan"), rows)
+        table("Limits of the rig", LIMIT_FORECAST_COLUMNS, limit_forecast_rows(made))
     for release in made.inseparable:
         line(in_words(f"No release separates {' from '.join(release.causes)}. {release.check}"))
     if made.releases:

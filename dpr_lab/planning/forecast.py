@@ -28,6 +28,7 @@ from dpr_lab.acceptance.judge import SURE
 from dpr_lab.arrays import Array
 from dpr_lab.planning.worth.criteria import OpenPairs
 
+
 @dataclass(frozen=True, slots=True)
 class ForecastSettings:
     """Settings of the forecast."""

@@ -66,6 +66,7 @@ OF_OUTER_ROD = ("l2", "m2", "mb", "c2", "J2")
 """Parameters of what is not mounted with an inner rod alone."""
 
 RATIO_STD_COLUMNS = ("ratio", "now", "after the plan", "unit")
+LIMIT_FORECAST_COLUMNS = ("quantity", "undecided range", "unit", "decidable after the plan")
 PARAMETER_UNITS = {
     "l1": ("m", "inner rod, pivot to CoM"),
     "l2": ("m", "outer rod, pivot to CoM"),
@@ -135,6 +136,19 @@ def ratio_rows(model: "Model") -> list[list[str]]:
         ]
         for name, ratio in model.ratios.items()
         if ratio.fixed_by == "data"
+    ]
+
+
+def limit_forecast_rows(made: "Plan") -> list[tuple[str, ...]]:
+    """Limits of the rig that a plan tests, in the columns `LIMIT_FORECAST_COLUMNS`."""
+    return [
+        (
+            limit.quantity,
+            "" if limit.reach is None else f"{limit.reach:.2g}",
+            limit.unit,
+            "yes" if limit.decides else "no",
+        )
+        for limit in made.limits
     ]
 
 

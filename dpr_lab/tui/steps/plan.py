@@ -220,7 +220,7 @@ def _row(release: "PlannedRelease", unit: AngleUnit) -> tuple[str, ...]:
 
 def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
     """The marked release, what no release decides, and the assumptions."""
-    from dpr_lab.report.tables import ratio_std_rows
+    from dpr_lab.report.tables import LIMIT_FORECAST_COLUMNS, limit_forecast_rows, ratio_std_rows
     from dpr_lab.report.words import in_words, named
 
     shown: list[RenderableType] = []
@@ -236,6 +236,8 @@ def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
             shown += [table("Undecided causes", ("cause", "or", "expected bits"), rows), ""]
         columns = ("ratio", "now", "after this release", "unit")
         shown += [table("Standard deviation of each ratio", columns, ratio_std_rows(made, release)), ""]
+    if made.limits:
+        shown += [table("Limits of the rig", LIMIT_FORECAST_COLUMNS, limit_forecast_rows(made)), ""]
     checks = [in_words(f"{' or '.join(inseparable.causes)}: {inseparable.check}") for inseparable in made.inseparable]
     shown.append(sentences("No release separates these causes", checks))
     shown.append(sentences("Assumptions", made.assumptions))

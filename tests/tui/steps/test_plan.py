@@ -57,7 +57,8 @@ async def test_a_first_plan_is_a_list_with_reasons_and_a_release_of_it_becomes_t
 ) -> None:
     async with lab(RigStep, CaptureStep, PlanStep, step="Plan") as pilot:
         app = pilot.app
-        await planned(pilot, until, tmp_path)
+        limit = '[friction.joint1]\nmax = 0.01\nspeed_rad_s = 3.0\nunit = "N m"\n'
+        await planned(pilot, until, tmp_path, SHORT + limit)
         made = json.loads((app.workspace.out / "plan" / "plan.json").read_text())
         assert " ".join(text(app, "#state").split()) == made["sentence"]
         releases = app.query_one(DataTable)
@@ -66,6 +67,7 @@ async def test_a_first_plan_is_a_list_with_reasons_and_a_release_of_it_becomes_t
         await pilot.press("down")
         second = made["releases"][1]
         assert f"reason: {second['reason']}" in text(app, "#details")
+        assert "friction of joint1 up to 3 rad/s" in text(app, "#details")
         await pilot.press("A")
         await pilot.pause()
         assert "P2 for 2 s is the next release of Capture: press 3" in text(app, "#state")
@@ -128,7 +130,7 @@ async def test_a_release_with_another_mass_brings_the_rig_file_that_describes_it
 async def test_wrong_limits_and_budgets_are_refused_in_words(lab, until, said, tmp_path: Path) -> None:
     async with lab(PlanStep) as pilot:
         for limits, budget, words in (
-            ("[recrding]\n", "", "recrding: unknown key; nearest of 10: recording"),
+            ("[recrding]\n", "", "recrding: unknown key; nearest of 11: recording"),
             (SHORT, "1s", "is too small: one release takes"),
             (SHORT, "soon", "give a time such as 10min"),
         ):
