@@ -1,9 +1,11 @@
 """Update of a diagnosis by the result of a recommended check."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dpr_lab.errors import RunError
 from dpr_lab.gap.result import RECORD
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import OnEvent, ignore
@@ -11,6 +13,7 @@ from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
     from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.run import Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +46,8 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
 
     Raises:
         ConfigError: the rig is not valid, or a file with the name of the folder exists.
-        RunError: no diagnosis, no such check, a result of another kind, a value without unit, or a value that no
-        candidate predicts and that is not confirmed.
+        RunError: no diagnosis, no such check, a result of another kind, a recording that the diagnosis already used, a
+        value without unit, or a value that no candidate predicts and that is not confirmed.
         DprError: a result cannot be written.
     """
     from dpr_lab.checks.update import find_check, update
@@ -62,12 +65,24 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
     if request.runs:
         rig = load_rig(request.rig) if request.rig else stored_rig(request.runs[0])
         runs = tuple(read_runs(request.runs, rig, on_event, torque=request.torque, moving=True))
+        _refuse_used(runs, diagnosis)
     answer = CheckAnswer(runs, rig, request.value, request.std, request.confirmed)
     updated = update(diagnosis, check, answer)
     updated = updated.model_copy(update={"parent": sha256_of(diagnosis_file(request.diagnosis))})
     if request.out:
         _save(updated, request.out)
     return updated
+
+
+def _refuse_used(runs: "Sequence[Run]", diagnosis: "Diagnosis") -> None:
+    """Check that the recordings of a check are new: a recording counts as evidence once."""
+    recordings = diagnosis.evidence.recordings if diagnosis.evidence else []
+    used = {recording.sha256: recording for recording in recordings if recording.sha256}
+    for run in runs:
+        if recording := used.get(run.sha256):
+            role = "held out in" if recording.held_out else "fitted by"
+            problem = f"was already {role} this diagnosis: record the release of the check"
+            raise RunError(f"{run.file or run.name}: {problem}")
 
 
 def _save(diagnosis: "Diagnosis", out: Path) -> None:

@@ -43,7 +43,7 @@ def test_a_probable_alternative_is_in_the_short_output(capsys: pytest.CaptureFix
 def test_a_step_names_its_check_and_the_command_its_file(capsys: pytest.CaptureFixture[str]) -> None:
     short = printed(capsys, verbose=False)
     first, second = (line for line in short.splitlines() if line.startswith(("1. ", "2. ")))
-    assert first.endswith("[check 1-abcd, 1.00 bits]")
+    assert first.endswith("[check 1-abcd, expected information 1.00 bits]")
     assert not second.endswith("]")
     assert "dpr-lab check out/diagnosis.json CHECK, followed by --value " in short
 

@@ -7,20 +7,24 @@ import numpy as np
 import pytest
 
 from dpr_lab.checks.update import candidates, find_check, update
+from dpr_lab.configs import BUILTIN
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
 from dpr_lab.gap.advice.check_kind import CheckAnswer, expected_bits
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis, load_diagnosis
+from dpr_lab.gap.result.evidence import Evidence, RecordingUsed
 from dpr_lab.rig import load_rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
-from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.storage.reader import load_run
 from dpr_lab.workflows.check import CheckRequest, take_check
 from sim_device.plant.config import load_plant
 from sim_device.plant.drives import JointDrives
 from sim_device.trials.offline_recorder import record
+from tests.a_diagnosis import made
 
 FEW = ("base_tilt", "encoder_offset_joint1", "com_offset_link1", "coulomb_joint2")
 TILT, OFFSET = FEW[:2]
@@ -167,6 +171,21 @@ def test_expected_bits_depend_on_the_probabilities_and_the_predictions() -> None
     assert expected_bits([0.5, 0.5], 1.0) < 0.3
     assert expected_bits([0.5, 0.5], 0.0) == pytest.approx(0.0, abs=1e-9)
     assert expected_bits([1.0, 0.0], np.inf) == 0.0
+
+
+@pytest.mark.parametrize(("held_out", "role"), [(False, "fitted by"), (True, "held out in")])
+def test_a_recording_that_the_diagnosis_used_is_no_check(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held_out: bool, role: str
+) -> None:
+    file = tmp_path / "x.mcap"
+    tables = BUILTIN / "tables"
+    options = ImportOptions(angles="relative", zero="hanging")
+    import_csv(tables / "side.csv", load_rig(tables / "bench.toml"), options, out=file)
+    used = RecordingUsed.model_construct(sha256=load_run(file).sha256, held_out=held_out)
+    diagnosis = made().model_copy(update={"evidence": Evidence.model_construct(recordings=[used])})
+    monkeypatch.setattr("dpr_lab.gap.result.diagnosis.load_diagnosis", lambda _: diagnosis)
+    with pytest.raises(RunError, match=f"x.mcap: was already {role} this diagnosis: record the release of the check"):
+        take_check(CheckRequest(tmp_path, diagnosis.checks[0].id, (file,)))
 
 
 @pytest.mark.slow

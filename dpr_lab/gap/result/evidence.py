@@ -23,7 +23,7 @@ class RecordingUsed(Saved):
     held_out: bool
     duration_s: Number
     readings: int
-    """Noise of a thinned reading, of both joints."""
+    """Number of readings that the diagnosis uses, of all joints together."""
 
 
 class Occupancy(Saved):

@@ -287,10 +287,11 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
 
 
 def _check_words(diagnosis: Diagnosis, advice: str) -> str:
-    """` [check 1-47d7, 0.98 bits]` for the checks whose instruction is part of this advice; empty without one."""
+    """` [check 1-47d7, expected information 0.98 bits]`, for advice with the instruction of a check; else empty."""
     checks = [check for check in diagnosis.checks if check.is_part_of(advice)]
     ids = f"check{'s' if len(checks) > 1 else ''} {' or '.join(check.id for check in checks)}"
-    return f" [{ids}, {max(check.expected_bits for check in checks):.2f} bits]" if checks else ""
+    most = max((check.expected_bits for check in checks), default=0.0)
+    return f" [{ids}, expected information {most:.2f} bits]" if checks else ""
 
 
 def place_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
