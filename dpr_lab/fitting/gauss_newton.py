@@ -39,6 +39,7 @@ class StopReason(Enum):
     LOST = "the model can follow no segment from these initial states"
     MAXIMUM_ITERATIONS = "the maximum number of iterations was reached"
     PRELIMINARY = "the residual far exceeds the noise, and the cost decreases by a small part of it"
+    BEATEN = "another fit is better, and the predicted reduction does not reach it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +74,11 @@ class GaussNewton:
     """Relative reduction of the cost that ends the iteration far from the noise; 0: only `converged` ends it."""
     far: float = 20.0
     """chi2 per reading above which a fit is far from the noise."""
+    to_beat: float = np.inf
+    """chi2 of another fit: the iteration ends if the predicted reduction of chi2, `exceeded` times, does not reach it.
+    """
+    exceeded: float = 2.0
+    """Largest expected ratio of the reduction by all further steps to the predicted one."""
 
 
 SETTINGS = GaussNewton()
@@ -95,7 +101,7 @@ class Fit:
     @property
     def converged(self) -> bool:
         """Whether more iterations would change nothing."""
-        return self.stop not in (StopReason.MAXIMUM_ITERATIONS, StopReason.PRELIMINARY)
+        return self.stop not in (StopReason.MAXIMUM_ITERATIONS, StopReason.PRELIMINARY, StopReason.BEATEN)
 
     @property
     def chi2(self) -> float:
@@ -253,6 +259,8 @@ def iterate(
     step = _step(state, free, prior)
     at_start = prior.cost(np.zeros(len(free)))
     predicted_reduction = state.chi2 + at_start - state.linear.predicted_chi2(step) - prior.cost(step)
+    if state.chi2 - settings.exceeded * predicted_reduction > settings.to_beat:
+        return replace(state, stop=StopReason.BEATEN)
     tolerance = (min(settings.converged_frozen, settings.converged) if frozen else settings.converged) * state.chi2
     worthwhile = not (np.isfinite(state.chi2) and predicted_reduction <= tolerance)
     failed = state.failed is not None and np.allclose(step, state.failed, rtol=settings.same_step, atol=0.0)

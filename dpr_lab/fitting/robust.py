@@ -1,5 +1,7 @@
 """Fits that are robust against a few outlying readings or segments."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,7 +29,7 @@ def without_outstanding(
         first_fit: the fit
         iterations: maximum number of each of two fits
         outstanding: chi2 of a segment relative to the median above which it is down-weighted
-        settings: tolerances of both fits
+        settings: tolerances of both fits; `to_beat` is a chi2 of `problem`, for the second one
 
     Returns:
         the better of the two fits
@@ -38,9 +40,11 @@ def without_outstanding(
     lighter = 1 / np.sqrt(np.maximum(worst, 1.0))
     eased = problem.weighted(lighter[problem.owner, None])
     free = first_fit.free
-    relocated = descend(eased, first_fit.estimate, free, iterations=iterations, settings=settings)
+    easing = replace(settings, to_beat=np.inf)
+    relocated = descend(eased, first_fit.estimate, free, iterations=iterations, settings=easing)
     start, predicted = relocated.estimate, relocated.predicted
-    refit = fit(problem, start, free, iterations=iterations, predicted=predicted, settings=settings)
+    race = replace(settings, to_beat=min(first_fit.chi2, settings.to_beat))
+    refit = fit(problem, start, free, iterations=iterations, predicted=predicted, settings=race)
     return min(first_fit, refit, key=lambda candidate: candidate.chi2)
 
 

@@ -157,6 +157,21 @@ def test_far_from_the_noise_a_preliminary_fit_ends_at_the_first_small_reduction(
     assert not far.converged
 
 
+def test_a_fit_that_is_not_expected_to_beat_another_one_ends(clean):
+    problem, base = clean
+    start = base.fit.estimate.changed(ratios=base.fit.estimate.ratios * 1.002)
+    free = free_parameters(start, (), problem)
+    models = [Counting(problem.model) for _ in range(3)]
+    worse, alike, alone = (
+        fit(replace(problem, model=model), start, free, settings=GaussNewton(to_beat=to_beat))
+        for model, to_beat in zip(models, (0.9 * base.fit.chi2, 1.1 * base.fit.chi2, np.inf), strict=True)
+    )
+    assert worse.stop is StopReason.BEATEN
+    assert not worse.converged
+    assert models[0].predicted < models[2].predicted
+    assert (alike.chi2, alike.stop) == (alone.chi2, StopReason.CONVERGED)
+
+
 class LosesASegment(Counting):
     """Its first swing cannot be followed in one segment."""
 

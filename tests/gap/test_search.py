@@ -16,7 +16,7 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypot
 from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep
 from dpr_lab.gap.screen.recordings import LENGTHS
 from dpr_lab.gap.which.fitted_sets import Effort, FittedSets
-from dpr_lab.gap.which.forward import forward_selection
+from dpr_lab.gap.which.forward import Beam, forward_selection
 from dpr_lab.gap.which.moves import MOVES, START
 from dpr_lab.gap.which.replacements import with_alternatives
 from dpr_lab.gap.which.search import Decision, Proposal, SearchState, apply, run
@@ -180,6 +180,40 @@ def test_short_segments_are_fitted_once_because_there_are_no_shorter_ones(
     for tried, times in ((short, 0), (sets.resumed({frozenset(): sets.bare}, sets.tests), 1)):
         tried.with_one(tried.bare, tried.test(tried.bare).ranking[0])
         assert len(repeated) == times
+
+
+@pytest.mark.slow
+def test_far_from_the_noise_a_candidate_that_decides_nothing_is_not_fitted(
+    sets: FittedSets, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dpr_lab.gap.which.forward.far_from_noise", lambda model: True)
+    few = run((forward_selection(2),), sets, SearchState.bare(sets, 2))
+    monkeypatch.setattr("dpr_lab.gap.which.forward.BEAM", Beam(exceeded=1e9))
+    every = run((forward_selection(2),), sets, SearchState.bare(sets, 2))
+    assert few.fits.keys() < every.fits.keys()
+    assert few.current.effects == every.current.effects
+    assert few.current.cost == every.current.cost
+
+
+@pytest.mark.slow
+def test_torque_noise_is_refuted_after_one_fitted_effect(sets: FittedSets, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dpr_lab.gap.which.forward.far_from_noise", lambda model: True)
+    monkeypatch.setattr("dpr_lab.gap.which.forward.accepted", lambda *models: False)
+    monkeypatch.setattr("dpr_lab.gap.which.forward.refutes_process_noise", lambda sets, model: True)
+    grown = run((forward_selection(3, to_floor=True),), sets, SearchState.bare(sets, 3))
+    assert {len(key) for key in grown.fits} == {0, 1}
+
+
+@pytest.mark.slow
+def test_a_set_that_escaped_a_local_minimum_is_not_refitted_again(
+    sets: FittedSets, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    better = replace(sets.bare, fit=replace(sets.bare.fit, stop=StopReason.CONVERGED))
+    monkeypatch.setattr(FittedSets, "_escaped", lambda self, model: better)
+    resumed = sets.resumed({}, {})
+    assert resumed.escaped(sets.bare) is better
+    monkeypatch.setattr(FittedSets, "_escaped", lambda self, model: sets.bare)
+    assert resumed.escaped(better) is better
 
 
 @pytest.mark.slow

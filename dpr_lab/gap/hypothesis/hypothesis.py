@@ -108,6 +108,11 @@ class Hypothesis:
         return frozenset(self.effects)
 
 
+def beating(model: Hypothesis) -> GaussNewton:
+    """Settings of a preliminary fit that counts only if it becomes better than an earlier one of the same set."""
+    return replace(PRELIMINARY, to_beat=model.fit.chi2)
+
+
 def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothesis:
     """Compute residual statistics and cost of a fit."""
     residuals = residual_statistics(problem, fitted)
@@ -159,16 +164,32 @@ def free_parameters(estimate: Estimate, effects: Sequence[str], problem: Problem
     return (*ratio_parameters(estimate, visible), *of_effects)
 
 
-def started_with(problem: Problem, before: Hypothesis, test: ScoreTest, score: Score, iterations: int = 0) -> Iteration:
+def started_with(
+    problem: Problem,
+    before: Hypothesis,
+    test: ScoreTest,
+    score: Score,
+    iterations: int = 0,
+    settings: GaussNewton = PRELIMINARY,
+) -> Iteration:
     """Add one effect at the linear solution of its score test; continue by some Gauss-Newton iterations."""
     linear = test.linear.chosen([*test.fitted_columns, *score.columns])
     first = descend(problem, _shaped(before, score), score.free, iterations=1, first=linear)
     if not iterations:
         return first
     free = free_parameters(first.estimate, (*before.effects, score.effect.name), problem)
-    return descend(
-        problem, first.estimate, free, iterations=iterations, predicted=first.predicted, settings=PRELIMINARY
-    )
+    return descend(problem, first.estimate, free, iterations=iterations, predicted=first.predicted, settings=settings)
+
+
+def best_start(
+    problem: Problem, before: Hypothesis, test: ScoreTest, scores: Sequence[Score], iterations: int
+) -> Iteration:
+    """Start with one effect in each of several shapes (`started_with`); the best of these fits."""
+    best = started_with(problem, before, test, scores[0], iterations)
+    for score in scores[1:]:
+        race = replace(PRELIMINARY, to_beat=best.chi2)
+        best = min(best, started_with(problem, before, test, score, iterations, race), key=lambda end: end.chi2)
+    return best
 
 
 def refit_with(
@@ -188,7 +209,12 @@ def refit_with(
 
 
 def refit_with_from_short(
-    problem: Problem, short: tuple[Problem, Array], before: Hypothesis, score: Score, iterations: int
+    problem: Problem,
+    short: tuple[Problem, Array],
+    before: Hypothesis,
+    score: Score,
+    iterations: int,
+    settings: GaussNewton = PRELIMINARY,
 ) -> Hypothesis:
     """Fit one additional effect to short segments first: slower, but it converges even if the effect is large.
 
@@ -198,6 +224,7 @@ def refit_with_from_short(
         before: the fit without the effect
         score: score of the effect in its initial shape
         iterations: maximum number of iterations of each of the two fits
+        settings: of the second fit
     """
     short_problem, initial = short
     short_start = replace(_shaped(before, score), initial=initial)
@@ -206,8 +233,8 @@ def refit_with_from_short(
         short_problem.segments, short_fit.estimate.initial, problem.segments, before.fit.estimate.initial
     )
     start, effects = short_fit.estimate.changed(initial=initial_states), (*before.effects, score.effect.name)
-    long = preliminary_fit(problem, start, free_parameters(start, effects, problem), iterations=iterations)
-    return hypothesis(problem, effects, long)
+    free = free_parameters(start, effects, problem)
+    return hypothesis(problem, effects, fit(problem, start, free, iterations=iterations, settings=settings))
 
 
 def _shaped(before: Hypothesis, score: Score) -> Estimate:

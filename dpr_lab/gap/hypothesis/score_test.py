@@ -57,6 +57,8 @@ class ScoreTest:
     free: tuple[FreeParameter, ...]
     """Names of all columns: those of the fit, then those of the candidates."""
     space: ColumnSpace
+    prior: RigPrior
+    """Prior of all columns."""
     ranking: tuple[Score, ...] = ()
     """Scores, best first; of several shapes of an effect, the best."""
     shaped: Mapping[str, tuple[Score, ...]] = field(default_factory=dict)
@@ -70,6 +72,12 @@ class ScoreTest:
     def of(self, effect: str) -> Score | None:
         """The best score of one effect; None if it was not tested."""
         return self.shaped[effect][0] if effect in self.shaped else None
+
+    def prior_of(self, columns: Sequence[int]) -> RigPrior:
+        """The prior of some columns, with all of the fit among them."""
+        rows = columns if len(self.prior.A) else ()  # none without a rig file
+        free = tuple(self.free[i] for i in columns)
+        return replace(self.prior, free=free, A=self.prior.A[np.ix_(rows, columns)], e=self.prior.e[list(rows)])
 
     def projected(self, columns: Sequence[int]) -> ColumnSpace:
         """Columns of the candidates, with the fitted parameters projected out."""
@@ -100,22 +108,23 @@ def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorde
     ]
     free = (*fitted.free, *(parameter for _, _, parameters in candidates for parameter in parameters))
     linear = linearise(problem, fitted.estimate, free)
-    test = ScoreTest(fitted, linear, free, ColumnSpace.of(*linear.flat))
+    prior = RigPrior.at(problem, fitted.estimate, free, linear)
+    test = ScoreTest(fitted, linear, free, ColumnSpace.of(*linear.flat), prior)
     tested: dict[str, list[Score]] = {}
     first = len(fitted.free)
     for effect, shape, parameters in candidates:
         columns = tuple(range(first, first + len(parameters)))
         first += len(parameters)
-        tested.setdefault(effect.name, []).append(_score(problem, test, effect, shape, columns))
+        tested.setdefault(effect.name, []).append(_score(test, effect, shape, columns))
     shaped = {name: tuple(sorted(items, key=lambda score: -score.gain)) for name, items in tested.items()}
     ranking = tuple(sorted((items[0] for items in shaped.values()), key=lambda score: (-score.gain, score.effect.name)))
     return replace(test, ranking=ranking, shaped=shaped)
 
 
-def _score(problem: Problem, test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ...]) -> Score:
+def _score(test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ...]) -> Score:
     all_columns = [*test.fitted_columns, *columns]
-    free, space = tuple(test.free[i] for i in all_columns), test.space.chosen(all_columns)
-    prior = RigPrior.at(problem, test.fit.estimate, free, test.linear)
+    prior, space = test.prior_of(all_columns), test.space.chosen(all_columns)
+    free = prior.free
     hidden = prior.absorbed(space)[len(test.fitted_columns) :]
     absorbed = {test.free[columns[i]].name: _absorbing(test, columns, i) for i in np.flatnonzero(hidden).tolist()}
     if hidden.all():
@@ -127,12 +136,11 @@ def _score(problem: Problem, test: ScoreTest, effect: Effect, shape: Shape, colu
     return Score(effect, shape, chosen.reduction(step), new_columns, free, step[len(test.fitted_columns) :], absorbed)
 
 
-def joint_gain(problem: Problem, test: ScoreTest, scores: Iterable[Score]) -> float:
+def joint_gain(test: ScoreTest, scores: Iterable[Score]) -> float:
     """Predicted reduction of chi2 by several effects together, each in the shape of its score."""
     rows = [*test.fitted_columns, *(column for score in scores for column in score.columns)]
-    free, chosen = tuple(test.free[i] for i in rows), test.space.chosen(rows)
-    prior = RigPrior.at(problem, test.fit.estimate, free, test.linear)
-    return chosen.reduction(_bounded_step(test, free, chosen, prior.A, prior.e))
+    prior, chosen = test.prior_of(rows), test.space.chosen(rows)
+    return chosen.reduction(_bounded_step(test, prior.free, chosen, prior.A, prior.e))
 
 
 def _bounded_step(

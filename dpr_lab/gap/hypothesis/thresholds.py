@@ -227,10 +227,12 @@ def accepted(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
     """
     if before.cost - after.cost < significance(base, before, after):
         return False
-    floor = at_noise_floor(before) or at_noise_floor(after)
-    if floor or excess(before) > THRESHOLDS.slow * excess(after):
-        return True
-    return excess(before) - excess(after) > THRESHOLDS.large * excess(base)
+    return at_noise_floor(before) or at_noise_floor(after) or excess(after) < most_excess(base, before)
+
+
+def most_excess(base: Hypothesis, before: Hypothesis) -> float:
+    """Excess that a set with an additional effect must fall below to be `accepted` while a residual remains."""
+    return max(excess(before) / THRESHOLDS.slow, excess(before) - THRESHOLDS.large * excess(base))
 
 
 def need(base: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:

@@ -21,13 +21,14 @@ from dpr_lab.fitting.robust import relative_chi2, without_outstanding
 from dpr_lab.gap.hypothesis.hypothesis import (
     PRELIMINARY,
     Hypothesis,
+    beating,
+    best_start,
     free_parameters,
     hypothesis,
     preliminary_fit,
     refit_with,
     refit_with_from_short,
     refit_without,
-    started_with,
 )
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
 from dpr_lab.gap.hypothesis.steps import recorded
@@ -184,7 +185,7 @@ class FittedSets:
         larger = self._best_shape(model, score)
         failed = far_from_noise(model) and model.fit.chi2 - larger.fit.chi2 < EFFORT.achieved * score.gain
         if failed and not self._is_short:
-            from_short = refit_with_from_short(self.problem, self.short(), model, score, EFFORT.short)
+            from_short = refit_with_from_short(self.problem, self.short(), model, score, EFFORT.short, beating(larger))
             larger = min(larger, from_short, key=_chi2)
         return self.keep(larger)
 
@@ -198,8 +199,7 @@ class FittedSets:
         starts = test.shaped[score.effect.name][: EFFORT.starts if leading else 1]
         if score.effect.event or len(starts) == 1:
             return refit_with(self.problem, model, test, score, EFFORT.rough if far_from_noise(model) else EFFORT.fine)
-        previews = [started_with(self.problem, model, test, start, EFFORT.preview) for start in starts]
-        best = min(previews, key=lambda preview: preview.chi2)
+        best = best_start(self.problem, model, test, starts, EFFORT.preview)
         return refit_with(self.problem, model, test, score, EFFORT.thorough, best)
 
     def short(self) -> tuple[Problem, Array]:
@@ -238,8 +238,10 @@ class FittedSets:
         return preliminary_fit(self.problem, start, near.free, iterations=iterations)
 
     def escaped(self, model: Hypothesis) -> Hypothesis:
-        """Refit a set that may be in a local minimum because of a few segments, long segments, or a wrong order."""
-        return self.keep(self._once((model,), lambda: self._escaped(model)))
+        """Refit, once, a set that may be in a local minimum: of a few segments, long segments, or a wrong order."""
+        escaped = self.keep(self._once((model,), lambda: self._escaped(model)))
+        self._results[escaped,] = escaped
+        return escaped
 
     def _escaped(self, model: Hypothesis) -> Hypothesis:
         if not at_noise_floor(model):
@@ -250,7 +252,7 @@ class FittedSets:
             start = model.fit.estimate.changed(initial=initial)
             near = preliminary_fit(cut, start, model.fit.free, iterations=EFFORT.rough)
             long = self._lengthened(near, model.fit.estimate.initial, iterations=EFFORT.fine)
-            model = self._better(without_outstanding(self.problem, long, settings=PRELIMINARY), model)
+            model = self._better(without_outstanding(self.problem, long, settings=beating(model)), model)
         return model
 
     def _in_best_order(self, model: Hypothesis) -> Hypothesis:
@@ -273,7 +275,7 @@ class FittedSets:
                         params = best.fit.estimate.params.copy()
                         params[index] = other
                         start = best.fit.estimate.changed(params=params)
-                        near = preliminary_fit(self.problem, start, model.fit.free, iterations=EFFORT.fine)
+                        near = fit(self.problem, start, model.fit.free, iterations=EFFORT.fine, settings=beating(model))
                         model = self._better(near, model)
         return model
 

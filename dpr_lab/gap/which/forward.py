@@ -1,12 +1,13 @@
 """Forward selection: the score test ranks candidates, the best are fitted, and two sets are extended further."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
 
 import numpy as np
 
+from dpr_lab.fitting.gauss_newton import SETTINGS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, joint_gain
 from dpr_lab.gap.hypothesis.thresholds import (
@@ -18,6 +19,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
     follows_decay,
     follows_remainder,
     follows_swing,
+    most_excess,
     significance,
 )
 from dpr_lab.gap.which.fitted_sets import FittedSets
@@ -36,8 +38,8 @@ class Beam:
     """Number of sets that are extended to the next size."""
     worse: float = 4.0
     """Ratio to the excess of the best set up to which another set is extended."""
-    exceeded: float = 2.0
-    """Largest ratio of a fitted reduction to the predicted one, far from the noise; 1.7 was observed."""
+    exceeded: float = SETTINGS.exceeded
+    """Largest expected ratio of a fitted reduction to the predicted one, far from the noise."""
     as_promising: float = 0.5
     """Fraction of the reduction to the noise floor that the score of another effect must predict for it to be fitted
     too.
@@ -70,16 +72,16 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 
     Far from the noise, the search continues after one effect that does not reduce the excess, because two effects of
     similar size may reduce it only together. The search ends as soon as it refutes the noise of known torques, because
-    it is then repeated without this noise (`dpr_lab.gap.known_torques`). With `to_floor`, at least one effect is fitted
-    before this test, because a linear test predicts the reduction by a backlash poorly.
+    it is then repeated without this noise (`dpr_lab.gap.known_torques`). With `to_floor`, one effect is fitted before
+    this test, because a linear test predicts the reduction by a backlash poorly.
     """
     best, front, passed = start, [start], False
-    for _ in range(max_effects - len(sets.unexpected(start))):
-        if not (to_floor and best is start) and refutes_process_noise(sets, best):
+    for room in range(max_effects - len(sets.unexpected(start)), 0, -1):
+        if not (to_floor and best is start and not passed) and refutes_process_noise(sets, best):
             return
         level: dict[frozenset[str], Hypothesis] = {}
         for model in front:
-            for larger in _with_one_more(sets, model, level):
+            for larger in _with_one_more(sets, best, model, level, last=passed or room == 1):
                 level[larger.key] = larger
             if len(sets.unexpected(model)) + 2 <= max_effects and (pair := _with_two_losses(sets, model)):
                 level[pair.key] = pair
@@ -120,14 +122,15 @@ def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) ->
     effect explains nearly all of it.
     """
     models = list(models)
+    return sorted(models, key=lambda model: (*_doubts(sets, best, models, model), model.cost))
 
-    def rank(model: Hypothesis) -> tuple[bool, bool, float]:
-        little = follows_remainder(sets.bare, model, best) or any(
-            follows_swing(sets.bare, model, other) or follows_decay(sets.bare, model, other) for other in models
-        )
-        return not sets.possible(model), little, model.cost
 
-    return sorted(models, key=rank)
+def _doubts(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], model: Hypothesis) -> tuple[bool, bool]:
+    """Whether a set has an effect of impossible size, and whether it has one that adds too little."""
+    little = follows_remainder(sets.bare, model, best) or any(
+        follows_swing(sets.bare, model, other) or follows_decay(sets.bare, model, other) for other in models
+    )
+    return not sets.possible(model), little
 
 
 def _significant_and_large(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
@@ -147,20 +150,46 @@ def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) ->
 
 
 def _with_one_more(
-    sets: FittedSets, model: Hypothesis, level: Mapping[frozenset[str], Hypothesis]
+    sets: FittedSets,
+    best: Hypothesis,
+    model: Hypothesis,
+    level: Mapping[frozenset[str], Hypothesis],
+    *,
+    last: bool,
 ) -> Iterator[Hypothesis]:
     """The set with each of the most promising effects; if only noise remains, only with equally promising ones.
 
-    A candidate is not fitted if twice its predicted reduction would not reach the best set of its `level`.
+    Far from the noise, a candidate is not fitted if twice its predicted reduction would not make it one of the sets
+    that decide how the search continues (`_deciding_excess`).
+
+    Args:
+        sets: the fitted sets
+        best: the best smaller set
+        model: the set that is extended
+        level: the sets of the same size so far, which the caller extends
+        last: whether the search ends after this level unless it accepts a set
     """
     least = 0.0
     for score in _candidates(model, sets.test(model)):
-        near = BEAM.worse * min(map(excess, level.values()), default=np.inf)
-        if score.gain > least and not (far_from_noise(model) and excess(model) - BEAM.exceeded * score.gain > near):
+        reached = excess(model) - BEAM.exceeded * score.gain
+        if score.gain > least and not (
+            far_from_noise(model) and reached > _deciding_excess(sets, best, list(level.values()), last)
+        ):
             larger = sets.with_one(model, score)
             if at_noise_floor(larger):
                 least = max(least, BEAM.as_promising * (model.fit.chi2 - larger.fit.chi2))
             yield larger
+
+
+def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothesis], last: bool) -> float:
+    """Excess above which a further set of a level decides nothing: it is neither extended nor accepted."""
+    sound = [model for model in _ranked(sets, best, level) if not any(_doubts(sets, best, level, model))]
+    ahead = [*sound[:1], *_runners_up(sets, sound[0], sound[1:])] if sound else []
+    if last:
+        return min([most_excess(sets.bare, best), *map(excess, ahead[:1])])
+    if len(ahead) == BEAM.sets:
+        return excess(ahead[-1])
+    return BEAM.worse * min(map(excess, ahead), default=np.inf)
 
 
 def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
@@ -176,7 +205,7 @@ def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
         (gain, *sorted(pair, key=lambda score: -score.gain))
         for pair in combinations(losses, 2)
         if not set(pair[0].effect.joints).isdisjoint(pair[1].effect.joints)
-        and (gain := joint_gain(sets.problem, test, pair)) > pair[0].gain + pair[1].gain
+        and (gain := joint_gain(test, pair)) > pair[0].gain + pair[1].gain
     ]
     if not pairs:
         return None
