@@ -45,8 +45,9 @@ ZEROS = ZeroSettings()
 
 def readings(rig: Rig) -> tuple[Misreading, ...]:
     """All other interpretations to try for the runs of a rig."""
-    signs = (_AGAINST_ARM,) if rig.rods.mounted != "both" else (_AGAINST_ARM, _ONE_SIGN)
-    of_encoders = (replace(reading, read=_of_encoders(reading)) for reading in (*signs, *_ANGLES, *_scaled(rig)))
+    of_encoders = (
+        replace(reading, read=_of_encoders(reading)) for reading in (_AGAINST_ARM, _ONE_SIGN, *_ANGLES, *_scaled(rig))
+    )
     return (*_OF_POINTS_TOO, *of_encoders, *_TIMES, *_TORQUES, _arm(rig))
 
 
@@ -77,11 +78,15 @@ def _added(inner: float, outer: float) -> Angles:
 def _of_angles(cause: str, angles: Angles) -> Misreading:
     def read(run: Run) -> Run | None:
         inner, outer = angles(run.theta[:, 1], run.theta[:, 2])
-        if run.setup.alone and np.array_equal(inner, run.theta[:, 1]):  # of a rod alone, joint 2 is not read
-            return None
         return replace(run, theta=np.column_stack([run.theta[:, 0], inner, outer]), counts=None)
 
     return Misreading(cause, read)
+
+
+def _of_two_rods(cause: str, angles: Angles) -> Misreading:
+    """Interpretation of the angles of one rod against those of the other: not of a rod alone."""
+    reading = _of_angles(cause, angles)
+    return replace(reading, read=lambda run: None if run.setup.alone else reading.read(run))
 
 
 _RELATIVE = (
@@ -98,14 +103,14 @@ _OF_POINTS_TOO = (
         "the zero of the angles is in the opposite direction (imported with the wrong --zero, or a wrong zero_counts)",
         lambda inner, outer: (inner + np.pi, outer + np.pi),
     ),
-    _of_angles(_EXCHANGED, lambda a, b: (b, a)),
-    _of_angles(
+    _of_two_rods(_EXCHANGED, lambda a, b: (b, a)),
+    _of_two_rods(
         _EXCHANGED, lambda a, b: (b - a + np.pi, b)
     ),  # for a table whose second angle is relative to the inner rod
 )
 """Interpretations of angles that also apply to points in a picture."""
 
-_ONE_SIGN = _of_angles(
+_ONE_SIGN = _of_two_rods(
     "one rod's sign is reversed (import absolute angles with --scale theta2=-1, or correct direction in [encoders])",
     lambda inner, outer: (-inner, outer),
 )
@@ -117,26 +122,26 @@ _AGAINST_ARM = Misreading(
 )
 
 _ANGLES = (
-    _of_angles(
+    _of_two_rods(
         "the zero of joint 2 is in the opposite direction (add half a turn to theta2 with --offset, or correct"
         " zero_counts)",
         lambda inner, outer: (inner, outer + np.pi),
     ),
-    _of_angles(
+    _of_two_rods(
         "the sign of joint 2 is reversed (import relative angles with --scale theta2=-1, or correct direction in"
         " [encoders])",
         lambda inner, outer: (inner, 2 * inner - outer),
     ),
-    _of_angles(_RELATIVE, lambda inner, outer: (inner, inner + outer - np.pi)),
-    _of_angles(_RELATIVE, lambda inner, outer: (inner, inner + outer)),  # for a table with zero upright
-    _of_angles(_ABSOLUTE, lambda inner, outer: (inner, outer - inner + np.pi)),
-    _of_angles(_ABSOLUTE, lambda inner, outer: (inner, outer - inner)),
-    _of_angles(
+    _of_two_rods(_RELATIVE, lambda inner, outer: (inner, inner + outer - np.pi)),
+    _of_two_rods(_RELATIVE, lambda inner, outer: (inner, inner + outer)),  # for a table with zero upright
+    _of_two_rods(_ABSOLUTE, lambda inner, outer: (inner, outer - inner + np.pi)),
+    _of_two_rods(_ABSOLUTE, lambda inner, outer: (inner, outer - inner)),
+    _of_two_rods(
         "the angles are zero where the rods hang, and those of the outer rod relative to the inner rod"
         " (import with --zero hanging --angles relative)",
         lambda inner, outer: (inner + np.pi, inner + outer + np.pi),
     ),
-    _of_angles(
+    _of_two_rods(
         "the angles are zero upright, and those of the outer rod relative to the vertical"
         " (import with --zero upright --angles absolute)",
         lambda inner, outer: (inner - np.pi, outer - inner),
@@ -162,16 +167,18 @@ def _scaled(rig: Rig) -> Iterator[Misreading]:
         tables = f"import a table of angles with --scale {factor:g}, and with --offset unless they are zero for hanging"
         for_both = key.format(f"{stated[1]} for joint 1 and {stated[2]} for joint 2", f"{counts[1]} and {counts[2]}")
         cause = f"both joints turn by {factor:g} times the reading ({for_both}; {tables})"
-        yield _of_angles(cause, _times(factor, factor))
+        yield _of_two_rods(cause, _times(factor, factor))
         for joint in (1, 2):
             for_one = key.format(f"{stated[joint]} for joint {joint}", counts[joint])
             option = f"import a table of joint angles with --scale theta{joint}={factor:g}"
             s1, s2 = (factor, 1.0) if joint == 1 else (1.0, factor)
             cause = f"joint {joint} turns by {factor:g} times the reading ({for_one}; {option})"
-            yield _of_angles(cause, _times(s1, s2, relative))
+            interpretation = _of_angles if joint == 1 else _of_two_rods
+            yield interpretation(cause, _times(s1, s2, relative))
             if relative:
                 rod = f"theta{joint} is {factor:g} times the reading (--scale theta{joint}={factor:g} and --offset)"
-                yield replace(_of_angles(rod, _times(s1, s2)), read=_of_tables(_of_angles(rod, _times(s1, s2))))
+                of_rod = _of_two_rods(rod, _times(s1, s2))
+                yield replace(of_rod, read=_of_tables(of_rod))
 
 
 def _times(s1: float, s2: float, relative: bool = False) -> Angles:

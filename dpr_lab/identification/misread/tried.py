@@ -9,7 +9,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS, whole_parameters
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.noise import noise_floor
-from dpr_lab.fitting.estimate import SCALE, unknown_ratios
+from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, alone_share, unknown_ratios
 from dpr_lab.fitting.gauss_newton import SETTINGS as GAUSS_NEWTON
 from dpr_lab.identification.misread.energy import SETTINGS as ENERGY
 from dpr_lab.identification.misread.energy import energy_rise
@@ -238,8 +238,12 @@ def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
 
 def impossible_fit(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> str:
     """Reason why the rig cannot have the ratios or the inertia b of a fit; empty if it can."""
-    inertia = float(ratio_fit.fit.estimate.ratios[SCALE])
-    return impossible(ratio_fit.ratios, rig) or impossible_scale(inertia, runs, rig)
+    unknown = ratio_fit.fit.estimate.ratios
+    if all(run.mounting == "inner" for run in runs):
+        weight = float(unknown[RATIOS.index("e1/b")] - unknown[ON_ELBOW] * rig.g / rig.L1) / alone_share(unknown)
+        if weight < 0:
+            return f"the weight of the rod acts upwards (e1/a = {weight:.3g} 1/s^2)"
+    return impossible(ratio_fit.ratios, rig) or impossible_scale(float(unknown[SCALE]), runs, rig)
 
 
 def fitted(
