@@ -98,7 +98,9 @@ def _open_bus(url: LinkUrl, channel: str, options: Mapping[str, Any]) -> "CanBus
     try:
         bus = can.Bus(interface=url.host, channel=channel, bitrate=bitrate, ignore_config=True)
     except _NO_BUS as error:
-        raise LinkError(f"{url.text}: {url.host} cannot open {channel} at {bitrate} bit/s: {error}") from error
+        remedy = f"; start it with: sudo ip link set {channel} up type can bitrate {bitrate}"
+        problem = f"{url.host} cannot open {channel} at {bitrate} bit/s: {error}"
+        raise LinkError(f"{url.text}: {problem}{remedy if url.host == 'socketcan' else ''}") from error
     return CanBus(url.text, bus, (_bus_capacity(bitrate),))
 
 

@@ -123,7 +123,7 @@ def test_pulled_slcan_adapter_is_device_lost(adapter: tuple[int, str]) -> None:
         ("can://carrier-pigeon/x", "unknown CAN backend 'carrier-pigeon'; python-can has:.*slcan.*virtual"),
         ("can://virtual", "contains no channel"),
         ("can://slcan/dev/nothing?settle_s=0", "there is no port /dev/nothing"),
-        ("can://socketcan/can7", "socketcan cannot open can7"),
+        ("can://socketcan/can7", "sudo ip link set can7 up type can bitrate"),
     ],
 )
 def test_bus_that_cannot_be_opened_says_why(url: str, sentence: str) -> None:

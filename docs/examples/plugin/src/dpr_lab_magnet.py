@@ -27,6 +27,7 @@ MAGNETS = tuple(
         kernel=magnet,
         joints=(j - 1,),
         dissipative=True,
+        symptom=f"The rod after joint {j} loses energy only near its hanging position.",
         bench_check=f"Take away magnets and iron near the hanging position of joint {j}, and record again.",
         source="Eddy currents at low speed: the force is proportional to the speed. Griffiths (2017), Introduction to"
         " Electrodynamics, section 7.1.",
