@@ -124,7 +124,7 @@ def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> 
 
 
 def described(wanted: EffectRequest, rig: Rig) -> Rig:
-    """The rig file for dpr-lab: with background, its masses are known to 1 %."""
+    """The rig file that dpr-lab gets: for plants with background effects, its masses are known to 1 %."""
     if wanted.kind != "background":
         return rig
     return rig.model_copy(update={"parameters": {**rig.parameters, **dict(_roughly_weighed(rig))}})

@@ -126,7 +126,12 @@ class Record:
         return replace(self, screened=replace(self.screened, findings=(*others, finding)))
 
     def without(self, t: Array, off: Flags) -> "Record":
-        """The record without the readings of some axes at some instants t (n,), each with a finding."""
+        """Copy without the instants at which a reading is an outlier, with a finding for each of these readings.
+
+        Args:
+            t: (n,) instants, s
+            off: (n, axes) whether the reading is an outlier
+        """
         evidence = "an outlier: the model fits all other readings"
         findings = [
             Finding("outlier", self.run.name, ALL_AXES[axis], float(t[i]), evidence)
