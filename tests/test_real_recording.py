@@ -36,7 +36,7 @@ def test_a_fit_of_the_first_ten_seconds_agrees_with_the_published_one_and_predic
 
 
 @needs_record
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_interval_is_at_least_as_wide_as_the_difference_between_two_halves() -> None:
     rig = load_rig("multiarm")
     whole, *halves = [identify([swing(start, length)], rig) for start, length in ((0, 80), (0, 40), (40, 40))]

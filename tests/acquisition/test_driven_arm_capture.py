@@ -37,7 +37,7 @@ def changed(tmp_path: Path, old: str, new: str) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("firmware", ["python", "c"])
+@pytest.mark.parametrize("firmware", thinned(["python", "c"], 2))
 def test_a_captured_run_identifies_rod_arm_and_motor(furuta: Rig, tmp_path: Path, bench, agree, firmware: str) -> None:
     runs = []
     for pose in ("X1", "X2"):
@@ -110,7 +110,7 @@ def test_a_plant_whose_arm_is_driven_needs_its_drive(tmp_path: Path, bench) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("program", ["chirp", "prbs"])
+@pytest.mark.parametrize("program", thinned(["chirp", "prbs"], 2))
 def test_other_programs_excite_the_arm_too(furuta: Rig, tmp_path: Path, bench, agree, program: str) -> None:
     plant = changed(tmp_path, "amplitude = 4.0", f'program = "{program}"\namplitude = 4.0')
     with bench(rig="furuta", plant=plant) as (device, _):

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 LIMITS = {
     "pass": (0, '[effects.latency_joint2]\ndelay_s = { max = 0.01, unit = "s" }'),
     "fail": (1, '[ratios]\n"c2/b" = { min = 100.0, unit = "1/s" }'),
@@ -23,7 +25,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory, cli) -> list[Path]:
 
 @pytest.mark.parametrize(
     "answer",
-    ["pass", pytest.param("fail", marks=pytest.mark.long), pytest.param("not decidable", marks=pytest.mark.slow)],
+    ["pass", pytest.param("fail", marks=pytest.mark.long), "not decidable"],
 )
 def test_each_answer_has_its_exit_code(runs: list[Path], tmp_path: Path, cli, answer: str) -> None:
     code, text = LIMITS[answer]
@@ -35,7 +37,6 @@ def test_each_answer_has_its_exit_code(runs: list[Path], tmp_path: Path, cli, an
     assert [limit["answer"] for limit in done.json["limits"]] == [answer]
 
 
-@pytest.mark.slow
 def test_the_report_shows_each_limit_with_its_answer(runs: list[Path], tmp_path: Path, cli) -> None:
     file, out = tmp_path / "limits.toml", tmp_path / "out"
     file.write_text(f"{LIMITS['pass'][1]}\n{LIMITS['fail'][1]}")

@@ -148,6 +148,7 @@ def test_jobs_are_cancelled_running_and_waiting(client: Client, runs: list[Path]
     assert client.end() == 0
 
 
+@pytest.mark.long
 def test_a_job_cancelled_while_it_waits_does_not_run(client: Client, runs: list[Path], tmp_path: Path) -> None:
     files = [str(run) for run in runs]
     client.request("first", "identify", runs=files, rig="paper", out="first.json")

@@ -124,6 +124,7 @@ def test_a_disk_without_room(operate, serve, matrix) -> None:
     matrix.show("a disk without room for it", "any", done.said, done.code, "no RELEASE sent, no file created")
 
 
+@pytest.mark.long
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize(("number", "link"), by_turns(signal.SIGKILL, signal.SIGINT))
 @pytest.mark.parametrize("seed", range(KILLS))

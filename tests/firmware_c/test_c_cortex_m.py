@@ -94,7 +94,8 @@ def captured_at_last(url: str, *asked) -> tuple[str, Captured]:
 
 
 @pytest.mark.parametrize(
-    ("pose", "rate_hz"), [("X1", 1000), pytest.param("X2", 1000, marks=pytest.mark.long), ("X3", 4000)]
+    ("pose", "rate_hz"),
+    [("X1", 1000), pytest.param("X2", 1000, marks=pytest.mark.long), pytest.param("X3", 4000, marks=pytest.mark.long)],
 )
 def test_a_capture_has_every_count_as_it_was_read(pose, rate_hz, board, swing, paper, tmp_path):
     options = CaptureOptions(rate_hz=rate_hz, duration=1.0, rest_timeout=60.0)

@@ -83,7 +83,7 @@ def test_right_angles_are_recognised_without_a_fit(rods):
     assert not any(angles_are_right([other], rig) for other in wrong)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_rods_whose_zero_is_upright_instead_of_hanging_are_named():
     rng, rig = np.random.default_rng(3), rig_with("driven", "torque", rods="inner")
     Z, arm, start = drawn(rng, rig)
@@ -197,7 +197,8 @@ def test_the_end_of_a_cable_is_named_and_a_cable_that_always_pulls_is_not():
     assert found is not None
     assert (found.end, len(found.contacts) >= 2) == ("largest", True)
     assert found.angle == pytest.approx(limit, abs=0.1 * np.ptp(tight.theta[:, 0]))
-    assert any("its cable tightens there" in failure for failure in identify_moving_arm([tight], rig).failures)
+    if FULL:  # the fit behind this sentence takes three seconds
+        assert any("its cable tightens there" in failure for failure in identify_moving_arm([tight], rig).failures)
 
 
 @pytest.mark.slow

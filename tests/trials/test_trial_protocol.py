@@ -111,6 +111,7 @@ def test_direct_recordings_are_those_of_the_protocol(diagnosed: Trial, tmp_path:
         assert np.array_equal(counts[:both], swing[:both])
 
 
+@pytest.mark.long
 def test_a_driven_plant_is_recorded_with_its_torques_through_the_protocol_and_directly(tmp_path: Path) -> None:
     asked = PlantRequest(Kind.DRIVEN, seed=101)
     trial = draw(TrialRequest(asked, tmp_path / "trial"))
