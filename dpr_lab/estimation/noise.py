@@ -91,9 +91,9 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
         source, std = "rest", _rest_std(run.t[run.t < 0], joints.of_rods(run.rest[:, 1:]))
     else:
         source, std = "differences", difference_std(run.t, joints.of_rods(run.theta[:, 1:]))
-    floor = np.zeros(2)
-    if not (run.at_edges and run.setup.alone):  # of two encoders, the one that does not count is between its edges
-        floor = _rounding(run, joints.of_rods(run.swing.theta[:, 1:]), rig.radians_per_count[1:], std, still)
+    floor = _rounding(run, joints.of_rods(run.swing.theta[:, 1:]), rig.radians_per_count[1:], std, still)
+    if run.at_edges and run.setup.alone:  # of two encoders, the one that does not count is between its edges
+        floor[0] = 0.0
     std_joint = np.maximum(std, floor)
     if run.film_noise is not None:
         film = _film_std(run.film_noise, joints)

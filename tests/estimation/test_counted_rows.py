@@ -69,7 +69,9 @@ def test_the_angle_of_a_row_is_that_of_the_edge_in_both_directions(swing: Array,
 def test_edges_have_no_rounding_error_and_no_missing_rows(swing: Array, tmp_path: Path):
     rig = rod()
     run = imported(swing, rig, tmp_path)
-    assert noise_floor(run, rig).std_joint[0] < 0.01 * STEP
+    std = noise_floor(run, rig).std_joint
+    assert std[0] < 0.01 * STEP
+    assert std[1] > 0.1 * STEP  # of an encoder without a rod, which no fit reads
     screened = record(run, rig)
     assert screened.screened.findings == ()
     assert len(screened.breaks) == 0
@@ -125,3 +127,9 @@ def test_a_row_after_a_lost_one_is_left_out(swing: Array):
 def test_rows_at_an_even_rate_are_not_at_edges(period: float):
     t = np.arange(0.0, 5.0, period)
     assert edge_rows(STEP * np.rint(angle(t) / STEP)[:, None]) is None
+
+
+def test_the_residual_of_a_single_rod_at_edges_is_finite(swing: Array, tmp_path: Path):
+    run, rig = imported(swing, rod(), tmp_path), rod()
+    whitening = noise_floor(run, rig).whitening
+    assert np.isfinite(whitening).all()
