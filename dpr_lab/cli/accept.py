@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import AnyClock, RigName, TorqueKind
+from dpr_lab.cli.checks import AnyClock, Json, RigName, TorqueKind
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def accept(
     ] = None,
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Test whether a rig meets the limits in a file: pass, fail or not decidable, by equivalence tests at 95 %.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import ArmMode, Elbow, InnerMode, RigName, Rods, positive
+from dpr_lab.cli.checks import ArmMode, Elbow, InnerMode, Json, RigName, Rods, positive
 from dpr_lab.cli.console import emit, json_mode, line, say
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def capture(
     inner: InnerMode = None,
     note: Annotated[str, typer.Option(help="Note stored with the runs.")] = "",
     out: Annotated[Path, typer.Option(help="Folder of the runs.")] = Path("runs"),
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Record free swings: one run file for each release.
 

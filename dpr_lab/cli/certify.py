@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import RigName
+from dpr_lab.cli.checks import Json, RigName
 from dpr_lab.cli.console import emit, json_mode, line, table
 from dpr_lab.cli.option_groups import DiagnosisChoices, with_groups
 
@@ -89,7 +89,7 @@ def verify(
     same_libraries: Annotated[
         bool, typer.Option("--same-libraries", help="Fail unless Python, NumPy, SciPy and Numba match the certificate.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Repeat a certified diagnosis and compare every claim; exits with 1 if a claim does not hold.
 

@@ -182,6 +182,8 @@ MaxEffects = Annotated[int, typer.Option(min=1, max=8, help="Maximum number of e
 HeldOut = Annotated[
     list[Path] | None, typer.Option(help="Held-out run: used to validate the diagnosis, not fitted; may be repeated.")
 ]
+Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
+
 AnyClock = Annotated[
     bool,
     typer.Option(

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from dpr_lab.cli.checks import AnyClock, TorqueKind
+from dpr_lab.cli.checks import AnyClock, Json, TorqueKind
 from dpr_lab.cli.console import emit, json_mode, line, table
 from dpr_lab.workflows.compare import compare as compare_runs
 
@@ -18,7 +18,7 @@ def compare(
     out: Annotated[Path, typer.Option(help="Folder of the figures and the report.")] = Path("report"),
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Compare recorded and simulated swings: figures, residuals and a one-file HTML report.
 

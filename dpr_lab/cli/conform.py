@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from dpr_lab.cli.checks import Json
 from dpr_lab.cli.console import emit, json_mode, progress, table
 
 
@@ -14,7 +15,7 @@ def conform(
     rods_off: Annotated[
         bool, typer.Option("--rods-off", help="Confirm that no rods are mounted: the latch is opened repeatedly.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Test a device against the protocol: run every mandatory exchange, measure its timing. Exits with 1 if one fails.
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from dpr_lab.cli.checks import Json
 from dpr_lab.cli.console import emit, json_mode, line, table
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def demo(
         typer.Option(min=0, help="The same seed gives the same demo; by default the plant of the trial is random."),
     ] = None,
     realtime: Annotated[bool, typer.Option("--realtime", help="Simulate in real time: ten seconds per swing.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Record, identify and compare a simulated double pendulum; then diagnose one whose effect is hidden.
 

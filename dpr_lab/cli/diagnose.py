@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import NO_RIG, REASON_NAMES, complete_rig, names_in
+from dpr_lab.cli.checks import NO_RIG, REASON_NAMES, Json, complete_rig, names_in
 from dpr_lab.cli.console import emit, json_mode, line, say, table, text
 from dpr_lab.cli.option_groups import DiagnosisChoices, with_groups
 from dpr_lab.shown import percent
@@ -84,7 +84,7 @@ def diagnose(
     verbose: Annotated[
         bool, typer.Option("--verbose", help="Print all tables of the report, not only the main results.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Explain the gap between simulation and rig: location, causes, probabilities and gap reduction on held-out data.
 

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from dpr_lab.cli.checks import Json
 from dpr_lab.cli.console import emit, json_mode, table
 from dpr_lab.errors import DprError
 
@@ -35,7 +36,7 @@ def doctor(
         str | None, typer.Option(help="Link to the device, e.g. serial:///dev/ttyACM0?baud=921600.")
     ] = None,
     rig: Annotated[str | None, typer.Option(help="Rig file to check and to compare with the device.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Check ports, buses, packages, permissions and the handshake with the device, and report each problem.
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from dpr_lab.cli.checks import AnyClock, RigName, TorqueKind
+from dpr_lab.cli.checks import AnyClock, Json, RigName, TorqueKind
 from dpr_lab.cli.console import emit, json_mode, line, table
 
 
@@ -29,7 +29,7 @@ def drift(
     out: Annotated[Path | None, typer.Option(help="Folder of the control charts and the report.")] = None,
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Find the parameters of a rig that changed between groups of runs, with the size of each change.
 

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import EFFECT_NAMES
+from dpr_lab.cli.checks import EFFECT_NAMES, Json
 from dpr_lab.cli.console import emit, json_mode, line, table
 from dpr_lab.cli.listing import Listing
 
@@ -47,7 +47,7 @@ def show_effect(
             help="Identifier or name of an effect.", callback=EFFECT_NAMES.check, autocompletion=EFFECT_NAMES.complete
         ),
     ],
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Describe one effect: equation, parameters with units and limits, bench check and source.
 

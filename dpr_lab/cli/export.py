@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import EXPORT_NAMES, RigName, TorqueKind, names_in
+from dpr_lab.cli.checks import EXPORT_NAMES, Json, RigName, TorqueKind, names_in
 from dpr_lab.cli.console import emit, json_mode, line, say, table, text
 from dpr_lab.shown import percent
 
@@ -60,7 +60,7 @@ def export(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="With --ensemble: seed of the random numbers.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder of the files.")] = Path("export"),
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Export a model to MuJoCo, Python, URDF, SDFormat or FMI, and report its accuracy there.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import RigName, TorqueKind
+from dpr_lab.cli.checks import Json, RigName, TorqueKind
 from dpr_lab.cli.console import emit, json_mode, line, table
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def identifiability(
         typer.Argument(help="Run files (.mcap); default: releases simulated from the poses of the rig file."),
     ] = None,
     torque: TorqueKind = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Analyse which parameters of a rig its recordings identify, and recommend bench measurements for the others.
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import OBJECTIVE_NAMES, SEARCHES, AnyClock, RigName, TorqueKind
+from dpr_lab.cli.checks import OBJECTIVE_NAMES, SEARCHES, AnyClock, Json, RigName, TorqueKind
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 from dpr_lab.errors import IdentificationError
 
@@ -50,7 +50,7 @@ def identify(
     out: Annotated[Path, typer.Option(help="File of the model.")] = Path("model.json"),
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Identify the kinetic parameters from recorded free swings.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import Elbow, RigName, Rods
+from dpr_lab.cli.checks import Elbow, Json, RigName, Rods
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 from dpr_lab.cli.listing import Listing
 from dpr_lab.cli.plugin_listing import PluginListing
@@ -38,7 +38,7 @@ def import_table(
         bool, typer.Option("--dry-run", help="Show how the table is interpreted, without writing a run.")
     ] = False,
     out: Annotated[Path, typer.Option(help="Folder of the run, or its file NAME.mcap.")] = Path("runs"),
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
     **typed: Any,
 ) -> None:
     """Import a table of any logger as a run; gaps and uneven time stamps are kept, repeated rows are dropped.

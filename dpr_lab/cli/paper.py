@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from dpr_lab.cli.checks import Json
 from dpr_lab.cli.console import emit, json_mode, line, table
 
 QUICK = {"seeds": 2, "generations": 60}
@@ -27,7 +28,7 @@ def paper(
         typer.Option("--quick", help="At most 2 seeds and 60 generations: a test of the program, not of the accuracy."),
     ] = False,
     workers: Annotated[int, typer.Option(min=0, help="Number of searches run in parallel; 0: one per core.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Reproduce the published tables, searches and figures, and list what does not reproduce.
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import AnyClock, RigName, TorqueKind
+from dpr_lab.cli.checks import AnyClock, Json, RigName, TorqueKind
 from dpr_lab.cli.console import emit, json_mode, line, table
 from dpr_lab.shown import parameter_words, percent
 
@@ -53,7 +53,7 @@ def plan(
     ] = None,
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Plan the next recordings: start pose, duration, rods, mass and input, with what each is expected to show.
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import Choices
+from dpr_lab.cli.checks import Choices, Json
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 from dpr_lab.cli.listing import Listing
 from dpr_lab.errors import RunError
@@ -27,7 +27,7 @@ VIEWER_NAMES = Choices("viewer", _viewers)
 
 RunFile = Annotated[Path, typer.Argument(help="A run file (.mcap).")]
 RunFiles = Annotated[list[Path], typer.Argument(help="Run files (.mcap).")]
-Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
+Json = Json
 JsonEach = Annotated[
     bool, typer.Option("--json", help="JSON on stdout: one object for one file, a list of them for several.")
 ]

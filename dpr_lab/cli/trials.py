@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import complete_rig
+from dpr_lab.cli.checks import Json, complete_rig
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 from dpr_lab.cli.listing import Listing
 from dpr_lab.shown import counted
@@ -65,7 +65,6 @@ Size = Annotated[
     ),
 ]
 Folder = Annotated[Path, typer.Argument(help="Folder written by `trials draw`.")]
-Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 
 
 def _centre(name: str | None, arm: TrialArm | None) -> str:

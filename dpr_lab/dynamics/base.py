@@ -23,8 +23,9 @@ Nine parameters Z are in the order of `dpr_lab.rig.PARAMETERS`, SI.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array
 from dpr_lab.rig import PARAMETERS
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.setup import PRESCRIBED, Setup
@@ -42,7 +43,7 @@ _B = BASE.index("b")
 _OTHERS = [0, 2, 3, 4, 5]
 
 
-def base_parameters(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
+def base_parameters(Z: ArrayLike, L1: float, g: float) -> Array:
     """Base parameters from the nine parameters.
 
     Args:
@@ -68,7 +69,7 @@ def base_parameters(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
     )
 
 
-def loaded(Z: ArrayLike, added: AddedMass) -> NDArray[np.float64]:
+def loaded(Z: ArrayLike, added: AddedMass) -> Array:
     """(9,) parameters of the rig with a known attached mass, which changes mass, centre of mass and inertia of its rod.
 
     m' = m + ma,    m' l' = m l + ma r,    J' + m' l'^2 = J + m l^2 + ma r^2
@@ -88,7 +89,7 @@ def _joined(length: float, mass: float, inertia: float, added: AddedMass) -> tup
     return centroid, mass_with_added, about_pivot - mass_with_added * centroid**2
 
 
-def added_base(added: AddedMass | None, L1: float, g: float) -> NDArray[np.float64]:
+def added_base(added: AddedMass | None, L1: float, g: float) -> Array:
     """(6,) contribution of a known mass to the base parameters, SI; zeros without one."""
     if added is None:
         return np.zeros(len(BASE))
@@ -98,20 +99,20 @@ def added_base(added: AddedMass | None, L1: float, g: float) -> NDArray[np.float
     return np.array([m * L1**2, m * r**2, m * L1 * r, m * L1 * g, 0.0, 0.0])
 
 
-def added_to_run(setup: Setup, L1: float, g: float) -> NDArray[np.float64]:
+def added_to_run(setup: Setup, L1: float, g: float) -> Array:
     """(6,) contributions of a run to the base parameters: a known mass, and the inertia of a prescribed inner rod."""
     added = added_base(setup.added, L1, g)
     added[0] += PRESCRIBED.inertia if setup.inner is not None else 0.0
     return added
 
 
-def whole_parameters(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
+def whole_parameters(Z: ArrayLike, L1: float, g: float) -> Array:
     """(..., 7) base parameters of a whole rig from (..., 9) parameters, SI."""
     on_elbow = np.asarray(Z, dtype=np.float64)[..., PARAMETERS.index("m2")] * L1**2
     return np.concatenate([base_parameters(Z, L1, g), on_elbow[..., None]], axis=-1)
 
 
-def base_of_run(whole: ArrayLike, setup: Setup, L1: float, g: float) -> NDArray[np.float64]:
+def base_of_run(whole: ArrayLike, setup: Setup, L1: float, g: float) -> Array:
     """(..., 6) base parameters for the mounting of a run.
 
     Args:
@@ -134,7 +135,7 @@ def base_of_run(whole: ArrayLike, setup: Setup, L1: float, g: float) -> NDArray[
     return np.asarray(loaded_whole @ base_slopes(setup, L1, g).T, dtype=np.float64)
 
 
-def base_slopes(setup: Setup, L1: float, g: float) -> NDArray[np.float64]:
+def base_slopes(setup: Setup, L1: float, g: float) -> Array:
     """(6, 7) derivative of a run's base parameters with respect to those of the whole rig."""
     unit = np.eye(len(WHOLE))
     if not setup.alone:
@@ -145,18 +146,18 @@ def base_slopes(setup: Setup, L1: float, g: float) -> NDArray[np.float64]:
     return np.array([inertia / 2, inertia / 2, nothing, gravity, c1, nothing])
 
 
-def ratios(base: ArrayLike) -> NDArray[np.float64]:
+def ratios(base: ArrayLike) -> Array:
     """(..., 5) ratios from (..., 6) base parameters, in the order of `RATIOS`."""
     base = np.asarray(base, dtype=np.float64)
     return base[..., _OTHERS] / base[..., _B, None]
 
 
-def base_from_ratios(ratios: ArrayLike) -> NDArray[np.float64]:
+def base_from_ratios(ratios: ArrayLike) -> Array:
     """(..., 6) base parameters with b = 1 from (..., 5) ratios; the motion is the same."""
     return np.insert(np.asarray(ratios, dtype=np.float64), _B, 1.0, axis=-1)
 
 
-def rows(base: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
+def rows(base: ArrayLike, L1: float, g: float) -> Array:
     """Input of the batch kernel for each candidate: b, d, e1, e2, c1, c2, each divided by a.
 
     Args:
@@ -172,7 +173,7 @@ def rows(base: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
         return np.stack([b, d, e1, d * g / L1, c1, c2], axis=-1) / a[..., None]
 
 
-def base_jacobian(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
+def base_jacobian(Z: ArrayLike, L1: float, g: float) -> Array:
     """(6, 9) derivative of `base_parameters` with respect to the nine parameters, SI."""
     l1, l2, m1, m2, *_ = np.asarray(Z, dtype=np.float64)
     zero = 0.0
@@ -189,7 +190,7 @@ def base_jacobian(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
     )
 
 
-def ratio_jacobian(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
+def ratio_jacobian(Z: ArrayLike, L1: float, g: float) -> Array:
     """Derivative of the ratios with respect to the nine parameters.
 
     Args:
@@ -203,7 +204,7 @@ def ratio_jacobian(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
     return ratio_slopes(base_parameters(Z, L1, g)) @ base_jacobian(Z, L1, g)
 
 
-def ratio_slopes(base: ArrayLike) -> NDArray[np.float64]:
+def ratio_slopes(base: ArrayLike) -> Array:
     """(5, 6) derivative of the ratios with respect to the base parameters, (6,): d(x/b) = (dx - (x/b) db) / b."""
     unit = np.eye(len(BASE))
     return (unit[_OTHERS] - np.outer(ratios(base), unit[_B])) / np.asarray(base)[_B]

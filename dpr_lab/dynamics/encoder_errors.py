@@ -1,8 +1,9 @@
 """Conversion of joint angles to encoder readings: timing, backlash and encoder errors."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.dynamics.step import RigModel
 from dpr_lab.effects.effect_kernels import (
@@ -32,7 +33,7 @@ def arm_lateness(model: RigModel) -> float:
 
 
 @njit
-def apply_encoder_errors(angles: NDArray[np.float64], t: NDArray[np.float64], run: int, model: RigModel) -> None:
+def apply_encoder_errors(angles: Array, t: Array, run: int, model: RigModel) -> None:
     """Add the errors of the encoders to (n, 2) or (n, 3) angles, in place.
 
     Args:
@@ -49,9 +50,7 @@ def apply_encoder_errors(angles: NDArray[np.float64], t: NDArray[np.float64], ru
             angles[k, 2] += arm_encoder_error(angles[k, 2], t[k], run, model.constants, model.params, model.active)
 
 
-def with_encoder_errors(
-    angles: NDArray[np.float64], params: ArrayLike, constants: RigConstants, segments: Segments
-) -> NDArray[np.float64]:
+def with_encoder_errors(angles: Array, params: ArrayLike, constants: RigConstants, segments: Segments) -> Array:
     """(n, N, axes) readings of the same angles under many effects, without integration.
 
     Args:
@@ -69,14 +68,14 @@ def with_encoder_errors(
 
 @njit(allocates=False)
 def _fill_errors(
-    angles: NDArray[np.float64],
-    t: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    run: NDArray[np.int64],
+    angles: Array,
+    t: Array,
+    offsets: Integers,
+    run: Integers,
     constants: RigConstants,
-    params: NDArray[np.float64],
-    active: NDArray[np.bool_],
-    read: NDArray[np.float64],
+    params: Array,
+    active: Flags,
+    read: Array,
 ) -> None:
     for c in range(len(params)):
         for s in range(len(run)):
@@ -90,7 +89,7 @@ def _fill_errors(
 
 
 @njit
-def held_along(angles: NDArray[np.float64], hold: NDArray[np.float64], model: RigModel) -> NDArray[np.float64]:
+def held_along(angles: Array, hold: Array, model: RigModel) -> Array:
     """Angles held by the encoders of the rods while their joints move.
 
     Args:

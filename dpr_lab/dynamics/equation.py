@@ -9,7 +9,7 @@ of tau1 and tau2 (N m at scale 1).
 
 import math
 
-from dpr_lab.kernels import njit, subroutine
+from dpr_lab.kernels import subroutine
 
 
 @subroutine
@@ -80,20 +80,3 @@ def accelerations(
         math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2), omega1, omega2, d, e1, e2, c1, c2
     )
     return solved(a, b, coupling, torque1 + tau1, torque2 + tau2)
-
-
-@njit
-def energy(
-    theta1: float,
-    theta2: float,
-    omega1: float,
-    omega2: float,
-    a: float,
-    b: float,
-    d: float,
-    e1: float,
-    e2: float,
-) -> float:
-    """Kinetic and potential energy of the rods, J; zero height at joint 1. Arguments as for `accelerations`."""
-    kinetic = 0.5 * (a * omega1**2 + b * omega2**2) + d * math.cos(theta1 - theta2) * omega1 * omega2
-    return kinetic + e1 * math.cos(theta1) + e2 * math.cos(theta2)

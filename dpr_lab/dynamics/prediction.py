@@ -12,8 +12,9 @@ later starts with sliding joints.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import WHOLE, base_of_run
 from dpr_lab.dynamics.lanes.blocks import Candidates, SegmentArrays, allocate
 from dpr_lab.dynamics.lanes.driving import drive_of
@@ -29,8 +30,6 @@ from dpr_lab.effects.mounted import differ, effects_of_run
 from dpr_lab.effects.quantities import RigConstants
 
 __all__ = ["INTERNAL", "PAD", "internal_states", "predict", "predict_batch", "segment_start"]
-
-Array = NDArray[np.float64]
 
 
 def predict(

@@ -16,8 +16,9 @@ import math
 
 import numba
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.dynamics.equation import accelerations, coupled
 from dpr_lab.dynamics.schedule import sample_steps
 from dpr_lab.dynamics.segments import Segments, initial_states
@@ -49,7 +50,7 @@ ROWS = 32
 ) = (row * LANES for row in range(ROWS))  # fmt: skip
 
 
-def trajectory_errors(rows: ArrayLike, initial: ArrayLike, reference: ArrayLike, step: float) -> NDArray[np.float64]:
+def trajectory_errors(rows: ArrayLike, initial: ArrayLike, reference: ArrayLike, step: float) -> Array:
     """E(Z) of equation (2) for each candidate and pose, one Runge-Kutta step per sample.
 
         E = sum over samples k and axes i of (theta_i - reference_i)^2 [+ (omega_i - reference_i)^2]
@@ -81,7 +82,7 @@ def segment_errors(
     initial: ArrayLike,
     targets: ArrayLike,
     whitening: ArrayLike | None = None,
-) -> NDArray[np.float64]:
+) -> Array:
     """Sum of squared, whitened errors of each candidate over each segment.
 
         cost = sum over samples of |W (theta - target)|^2 [+ |omega - target|^2]
@@ -111,7 +112,7 @@ def segment_errors(
     return _costs(rows, starts, segments.offsets, step, count, measured, weights)
 
 
-def _targets(targets: ArrayLike, samples: int) -> tuple[NDArray[np.float64], bool]:
+def _targets(targets: ArrayLike, samples: int) -> tuple[Array, bool]:
     """(samples, 4) targets, and whether they contain speeds."""
     targets = np.asarray(targets, dtype=np.float64)
     if targets.ndim != 2 or targets.shape[0] != samples or targets.shape[1] not in (2, 4):
@@ -122,7 +123,7 @@ def _targets(targets: ArrayLike, samples: int) -> tuple[NDArray[np.float64], boo
     return full, with_speeds
 
 
-def _weights(whitening: ArrayLike | None, weigh_speeds: bool) -> NDArray[np.float64]:
+def _weights(whitening: ArrayLike | None, weigh_speeds: bool) -> Array:
     """(4,) metric of the angle error (W^T W: 11, twice 12, 22) and weight of the squared speed errors."""
     W = np.eye(2) if whitening is None else np.asarray(whitening, dtype=np.float64)
     if W.shape != (2, 2):
@@ -133,14 +134,14 @@ def _weights(whitening: ArrayLike | None, weigh_speeds: bool) -> NDArray[np.floa
 
 @njit(parallel=True)
 def _costs(
-    rows: NDArray[np.float64],
-    starts: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    step: NDArray[np.float64],
-    count: NDArray[np.int64],
-    targets: NDArray[np.float64],
-    weights: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    rows: Array,
+    starts: Array,
+    offsets: Integers,
+    step: Array,
+    count: Integers,
+    targets: Array,
+    weights: Array,
+) -> Array:
     candidates, pieces = len(rows), len(starts)
     blocks = (candidates + LANES - 1) // LANES
     costs = np.empty((candidates, pieces))
@@ -160,7 +161,7 @@ def _costs(
 
 
 @subroutine
-def _load(lanes: NDArray[np.float64], rows: NDArray[np.float64], first: int, start: NDArray[np.float64]) -> None:
+def _load(lanes: Array, rows: Array, first: int, start: Array) -> None:
     """Load candidates from `first` on into the lanes; spare lanes repeat the last candidate."""
     for k in range(LANES):
         candidate = min(first + k, len(rows) - 1)
@@ -171,7 +172,7 @@ def _load(lanes: NDArray[np.float64], rows: NDArray[np.float64], first: int, sta
 
 
 @subroutine
-def _place(lanes: NDArray[np.float64], k: int, theta1: float, theta2: float, omega1: float, omega2: float) -> None:
+def _place(lanes: Array, k: int, theta1: float, theta2: float, omega1: float, omega2: float) -> None:
     lanes[THETA1 + k], lanes[THETA2 + k] = theta1, theta2
     lanes[OMEGA1 + k], lanes[OMEGA2 + k] = omega1, omega2
     lanes[SIN1 + k], lanes[COS1 + k] = math.sin(theta1), math.cos(theta1)
@@ -179,7 +180,7 @@ def _place(lanes: NDArray[np.float64], k: int, theta1: float, theta2: float, ome
 
 
 @subroutine
-def _score(lanes: NDArray[np.float64], target: NDArray[np.float64], weights: NDArray[np.float64]) -> None:
+def _score(lanes: Array, target: Array, weights: Array) -> None:
     theta1, theta2, omega1, omega2 = target
     metric11, metric12, metric22, speeds = weights
     for k in range(LANES):
@@ -190,14 +191,14 @@ def _score(lanes: NDArray[np.float64], target: NDArray[np.float64], weights: NDA
 
 
 @subroutine
-def _sines(lanes: NDArray[np.float64], k: int, first_row: int) -> tuple[float, float, float, float]:
+def _sines(lanes: Array, k: int, first_row: int) -> tuple[float, float, float, float]:
     i = first_row + k
     return lanes[i], lanes[i + LANES], lanes[i + 2 * LANES], lanes[i + 3 * LANES]
 
 
 @subroutine
 def _accelerated(
-    lanes: NDArray[np.float64],
+    lanes: Array,
     k: int,
     sin1: float,
     cos1: float,
@@ -234,7 +235,7 @@ def _nudged(angle: float, square: float, sine: float, cosine: float) -> tuple[fl
 
 
 @subroutine
-def _advance(lanes: NDArray[np.float64], h: float) -> None:
+def _advance(lanes: Array, h: float) -> None:
     """One Runge-Kutta step of all lanes."""
     _stage1(lanes, h)
     _stage2(lanes, h)
@@ -250,7 +251,7 @@ def _advance(lanes: NDArray[np.float64], h: float) -> None:
 
 
 @subroutine
-def _stage1(lanes: NDArray[np.float64], h: float) -> None:
+def _stage1(lanes: Array, h: float) -> None:
     """Accelerations p at the start; sines rotated by half a step with the initial speed."""
     half = 0.5 * h
     for k in range(LANES):
@@ -265,7 +266,7 @@ def _stage1(lanes: NDArray[np.float64], h: float) -> None:
 
 
 @subroutine
-def _stage2(lanes: NDArray[np.float64], h: float) -> None:
+def _stage2(lanes: Array, h: float) -> None:
     """Accelerations q half a step later with the speed from p; sines nudged to those of stage 3."""
     half, quarter = 0.5 * h, 0.25 * h * h
     for k in range(LANES):
@@ -281,7 +282,7 @@ def _stage2(lanes: NDArray[np.float64], h: float) -> None:
 
 
 @subroutine
-def _stage3(lanes: NDArray[np.float64], h: float) -> None:
+def _stage3(lanes: Array, h: float) -> None:
     """Accelerations r half a step later with the speed from q; initial sines rotated by a step with this speed."""
     half, sixth = 0.5 * h, h * h / 6.0
     for k in range(LANES):
@@ -299,7 +300,7 @@ def _stage3(lanes: NDArray[np.float64], h: float) -> None:
 
 
 @subroutine
-def _stage4(lanes: NDArray[np.float64], h: float) -> None:
+def _stage4(lanes: Array, h: float) -> None:
     """Accelerations z at the end with the speed from r, then the state at the end."""
     half, sixth = 0.5 * h, h / 6.0
     for k in range(LANES):
@@ -317,7 +318,7 @@ def _stage4(lanes: NDArray[np.float64], h: float) -> None:
 
 
 @subroutine
-def _remember(lanes: NDArray[np.float64]) -> None:
+def _remember(lanes: Array) -> None:
     """Copy of the state at the start of the step."""
     for k in range(LANES):
         lanes[OLD_THETA1 + k], lanes[OLD_THETA2 + k] = lanes[THETA1 + k], lanes[THETA2 + k]
@@ -325,7 +326,7 @@ def _remember(lanes: NDArray[np.float64]) -> None:
 
 
 @subroutine
-def _repeat_exactly(lanes: NDArray[np.float64], h: float) -> None:
+def _repeat_exactly(lanes: Array, h: float) -> None:
     """Repeat the last step with exact sines in the lanes whose rotation was too large for the series."""
     for k in range(LANES):
         if lanes[TURNED + k] > GUARD:
@@ -334,7 +335,7 @@ def _repeat_exactly(lanes: NDArray[np.float64], h: float) -> None:
 
 
 @subroutine
-def _exact_step(lanes: NDArray[np.float64], k: int, h: float) -> tuple[float, float, float, float]:
+def _exact_step(lanes: Array, k: int, h: float) -> tuple[float, float, float, float]:
     b, d, e1, e2, c1, c2 = lanes[B + k], lanes[D + k], lanes[E1 + k], lanes[E2 + k], lanes[C1 + k], lanes[C2 + k]
     theta1, theta2 = lanes[OLD_THETA1 + k], lanes[OLD_THETA2 + k]
     w1, w2 = lanes[OLD_OMEGA1 + k], lanes[OLD_OMEGA2 + k]

@@ -1,7 +1,9 @@
 """Division of the time between samples into Runge-Kutta steps, common to all integrators of the package."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from dpr_lab.arrays import Array, Integers
 
 MAX_STEP = 1e-3
 """Default of the longest Runge-Kutta step, s.
@@ -10,7 +12,7 @@ On the rig of the paper its error is below 2e-8 rad over the first 2 s from any 
 """
 
 
-def steps_between(t: ArrayLike, max_step: float = MAX_STEP) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def steps_between(t: ArrayLike, max_step: float = MAX_STEP) -> tuple[Array, Integers]:
     """Equal steps, at most `max_step` long, from each instant to the next.
 
     Args:
@@ -34,9 +36,7 @@ def steps_between(t: ArrayLike, max_step: float = MAX_STEP) -> tuple[NDArray[np.
     return sample_steps(t, np.array([0, len(t)]), np.array([max_step]))
 
 
-def sample_steps(
-    t: NDArray[np.float64], offsets: NDArray[np.int64], longest: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def sample_steps(t: Array, offsets: Integers, longest: Array) -> tuple[Array, Integers]:
     """Equal steps from each sample of a segment to the next.
 
     Args:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.setup import BOTH, Setup
 
 STEP = 2.5e-3
@@ -20,15 +21,15 @@ STEP = 2.5e-3
 class Segments:
     """Segments in the order of runs and of time; segment s owns the samples offsets[s] to offsets[s + 1]."""
 
-    t: NDArray[np.float64]
+    t: Array
     """(N,) time of each sample since the release of its run, s."""
-    offsets: NDArray[np.int64]
+    offsets: Integers
     """(S + 1,) first sample of each segment."""
-    run: NDArray[np.int64]
+    run: Integers
     """(S,) index of the run that each segment was cut from."""
     setups: tuple[Setup, ...]
     """Mounting and inputs of each run, by the index of the run."""
-    step: NDArray[np.float64]
+    step: Array
     """(S,) longest Runge-Kutta step of each segment, s."""
 
     def __len__(self) -> int:
@@ -45,17 +46,17 @@ class Segments:
         return 6 if self.arm_moves else 4
 
     @property
-    def starts(self) -> NDArray[np.int64]:
+    def starts(self) -> Integers:
         """(S,) number of initial values of each segment."""
         return np.array([setup.starts for setup in self.setups], dtype=np.int64)[self.run]
 
     @property
-    def held(self) -> NDArray[np.bool_]:
+    def held(self) -> Flags:
         """(S,) whether all parts on joint 1 turn as one."""
         return np.array([setup.held for setup in self.setups], dtype=np.bool_)[self.run]
 
     @property
-    def pushes(self) -> NDArray[np.float64]:
+    def pushes(self) -> Array:
         """(samples, 4) means since the previous sample of known torques on theta1, theta2, and of an arm's motion.
 
         N m, then acceleration and squared speed of an arm with prescribed motion, rad and s; zero for free swings.
@@ -73,7 +74,7 @@ class Segments:
                 means[samples, 2:] = setup.arm.mean_before(self.t[samples], first[samples])
         return means
 
-    def turning_as_one(self, initial: NDArray[np.float64]) -> NDArray[np.float64]:
+    def turning_as_one(self, initial: Array) -> Array:
         """(..., S, 4) initial states, with one speed for rods that turn as one, and one angle for a rod alone.
 
         The halves of a rod alone are in line, because the torque on a moving arm depends on both angles.
@@ -86,15 +87,15 @@ class Segments:
         return initial
 
     @property
-    def chains(self) -> NDArray[np.int64]:
+    def chains(self) -> Integers:
         """(runs + 1,) first segment of each run."""
         return np.concatenate([[0], np.flatnonzero(np.diff(self.run)) + 1, [len(self)]]).astype(np.int64)
 
-    def samples_of(self, indices: NDArray[np.int64]) -> NDArray[np.int64]:
+    def samples_of(self, indices: Integers) -> Integers:
         """Indices of the samples of some segments, given by their indices, in sequence."""
         return np.concatenate([np.arange(*self.offsets[s : s + 2]) for s in indices])
 
-    def chosen(self, indices: NDArray[np.int64]) -> "Segments":
+    def chosen(self, indices: Integers) -> "Segments":
         """A layout with only some segments, given by their indices in order."""
         offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[indices])])
         return Segments(self.t[self.samples_of(indices)], offsets, self.run[indices], self.setups, self.step[indices])
@@ -140,7 +141,7 @@ def segments(
     return Segments(instants, offsets, indices, known, steps)
 
 
-def initial_states(states: ArrayLike, segments: Segments) -> NDArray[np.float64]:
+def initial_states(states: ArrayLike, segments: Segments) -> Array:
     """(S, 4) initial states of segments: theta1, theta2, omega1, omega2, rad and rad/s.
 
     Raises:

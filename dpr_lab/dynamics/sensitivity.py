@@ -12,8 +12,9 @@ rounding.
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.dynamics.equation import coupled, solved
 from dpr_lab.dynamics.rollout import GUARD, turned
 from dpr_lab.dynamics.schedule import sample_steps
@@ -37,7 +38,7 @@ ROWS = 14 * WIDTH
 
 def sensitivities(
     ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike, outputs: int = STATES
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     """States of many segments and their derivatives, each with respect to its own initial state.
 
     Args:
@@ -58,8 +59,8 @@ def sensitivities(
 
 
 def driven(
-    values: NDArray[np.float64], rig: RigConstants, segments: Segments, initial: ArrayLike, outputs: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    values: Array, rig: RigConstants, segments: Segments, initial: ArrayLike, outputs: int
+) -> tuple[Array, Array, Array]:
     """States and derivatives with the torques and arm motions of the runs; further arguments as for `sensitivities`.
 
     Args:
@@ -80,14 +81,14 @@ def driven(
     return _integrated(np.ascontiguousarray(values), gravity, starts, segments, pushes, step, count, outputs)
 
 
-def swings(ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike) -> NDArray[np.float64]:
+def swings(ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike) -> Array:
     """(samples, 4) states of `sensitivities` alone, in a third of the time."""
     return _followed(ratios, L1, g, segments, initial, 0)[0]
 
 
 def _followed(
     ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike, outputs: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     values = np.asarray(ratios, dtype=np.float64)
     if values.shape not in ((RATIOS,), (len(segments), RATIOS)):
         raise ValueError(f"ratios must have shape ({RATIOS},), or that for each segment, not {values.shape}")
@@ -99,15 +100,15 @@ def _followed(
 
 
 def _integrated(
-    ratios: NDArray[np.float64],
+    ratios: Array,
     gravity: float,
-    starts: NDArray[np.float64],
+    starts: Array,
     segments: Segments,
-    pushes: NDArray[np.float64],
-    step: NDArray[np.float64],
-    count: NDArray[np.int64],
+    pushes: Array,
+    step: Array,
+    count: Integers,
     outputs: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array, Array]:
     """(samples, 4) states, (samples, `outputs`, 9) derivatives, and (samples, `outputs`) those by the torque factor."""
     states, by_push = np.empty((len(step), STATES)), np.empty((len(step), outputs))
     slopes, x, rows = np.empty((len(step), outputs, COLUMNS)), np.empty(STATES), np.empty(ROWS if outputs else 0)
@@ -118,20 +119,20 @@ def _integrated(
 
 @njit(allocates=False)
 def _integrate(
-    ratios: NDArray[np.float64],
+    ratios: Array,
     gravity: float,
-    starts: NDArray[np.float64],
-    held: NDArray[np.bool_],
-    pushes: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    step: NDArray[np.float64],
-    count: NDArray[np.int64],
+    starts: Array,
+    held: Flags,
+    pushes: Array,
+    offsets: Integers,
+    step: Array,
+    count: Integers,
     outputs: int,
-    x: NDArray[np.float64],
-    rows: NDArray[np.float64],
-    states: NDArray[np.float64],
-    slopes: NDArray[np.float64],
-    by_push: NDArray[np.float64],
+    x: Array,
+    rows: Array,
+    states: Array,
+    slopes: Array,
+    by_push: Array,
 ) -> None:
     """Compute states, derivatives and `by_push`; x and rows are work arrays."""
     for segment in range(len(starts)):
@@ -154,13 +155,13 @@ def _integrate(
 
 @subroutine
 def _runge_kutta(
-    x: NDArray[np.float64],
-    rows: NDArray[np.float64],
-    ratios: NDArray[np.float64],
+    x: Array,
+    rows: Array,
+    ratios: Array,
     gravity: float,
     h: float,
     held: bool,
-    push: NDArray[np.float64],
+    push: Array,
 ) -> None:
     """Advance the state, and its derivative if there are rows, by one step in place; `held`: joint 2 is fixed."""
     theta1, theta2, omega1, omega2 = x
@@ -210,17 +211,17 @@ def _after(turn: float, angle: float, sines: tuple[float, float]) -> tuple[float
 
 @subroutine
 def _differentiate(
-    rows: NDArray[np.float64],
+    rows: Array,
     sines1: tuple[float, float],
     sines2: tuple[float, float],
     omegas: tuple[float, float],
     alphas: tuple[float, float],
-    ratios: NDArray[np.float64],
+    ratios: Array,
     gravity: float,
     weight: float,
     ahead: float,
     held: bool,
-    push: NDArray[np.float64],
+    push: Array,
 ) -> None:
     r"""Add dk = f_x S + f_p of one stage to the weighted sum, and advance S to the next stage.
 

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.dynamics.arm import CLAMPED, FREE, MODES, ArmParameters, mounted, with_gravity
 from dpr_lab.dynamics.moving_arm.geared_motor import AnyState, GearedState, stepped_with_gear
 from dpr_lab.dynamics.rig_constants import UNKNOWN
@@ -28,7 +29,7 @@ def simulate(
     max_step: float = MAX_STEP,
     effects: ArrayLike | None = None,
     constants: RigConstants | None = None,
-) -> NDArray[np.float64]:
+) -> Array:
     """Simulate a free swing with the arm clamped, equation (1).
 
     Args:
@@ -57,45 +58,6 @@ def simulate(
     return integrate(model, mode, at_release(full), t, max_step)[:, _RODS]
 
 
-def simulate_arm(
-    Z: ArrayLike,
-    frame: tuple[float, float, float],
-    arm: ArmParameters,
-    state: ArrayLike,
-    t: ArrayLike,
-    max_step: float = MAX_STEP,
-    effects: ArrayLike | None = None,
-    drive: ArrayLike = 0.0,
-    constants: RigConstants | None = None,
-) -> NDArray[np.float64]:
-    """Simulate a swing of the whole rig with the arm clamped, free or driven.
-
-    Args:
-        Z: (9,) parameters in the order of `dpr_lab.rig.PARAMETERS`, SI
-        frame: L0 (m), L1 (m), g (m/s^2)
-        arm: J0 (kg m^2), c0 (N m s/rad), k0 (N m/rad) and mode; a clamped arm stays at rest
-        state: (6,) theta0, theta1, theta2, omega0, omega1, omega2 at t[0], rad and rad/s
-        t: (n,) increasing instants, s
-        max_step: longest Runge-Kutta step, s
-        effects: (SIZE,) vector of `dpr_lab.effects`, SI; None: all off
-        drive: (n,) or scalar, constant from each instant to the next: torque on a free arm, N m, or acceleration of a
-            driven one, rad/s^2
-        constants: measured constants of the rig; None: the lengths of `frame` and the masses of Z
-
-    Returns:
-        (n, 6) states at `t`; nan after the swing becomes non-finite
-
-    Raises:
-        ValueError: wrong shapes, an unknown mode, an unclamped arm together with an effect that moves the arm, or
-            instants that do not increase.
-    """
-    model, mode = rig_model(Z, frame, arm, effects, constants)
-    start = _vector(state, 6, "state")
-    if mode == CLAMPED:
-        start[3] = 0.0
-    return integrate(model, mode, at_release(start), t, max_step, drive)[:, :6]
-
-
 def rig_model(
     Z: ArrayLike,
     frame: tuple[float, float, float],
@@ -103,7 +65,18 @@ def rig_model(
     effects: ArrayLike | None,
     constants: RigConstants | None = None,
 ) -> tuple[RigModel, int]:
-    """Model of the whole rig for `integrate`, and mode of its arm; arguments as for `simulate_arm`."""
+    """Model of the whole rig for `integrate`, and mode of its arm.
+
+    Args:
+        Z: (9,) parameters in the order of `dpr_lab.rig.PARAMETERS`, SI
+        frame: L0 (m), L1 (m), g (m/s^2)
+        arm: J0 (kg m^2), c0 (N m s/rad), k0 (N m/rad) and mode
+        effects: (SIZE,) vector of `dpr_lab.effects`, SI; None: all off
+        constants: measured constants of the rig; None: the lengths of `frame` and the masses of Z
+
+    Raises:
+        ValueError: wrong shapes, an unknown mode, or an unclamped arm together with an effect that moves the arm.
+    """
     if arm.mode not in MODES:
         raise ValueError(f"arm mode must be one of {', '.join(MODES)}, not {arm.mode!r}")
     values = _vector(Z, 9, "Z")
@@ -122,37 +95,37 @@ def rig_model(
     return model, FREE
 
 
-def at_release(state: Sequence[float] | NDArray[np.float64]) -> RigState:
+def at_release(state: Sequence[float] | Array) -> RigState:
     """State with angles and speeds (6,) at the release, where internal states have their initial values."""
     return RigState._make([*map(float, state), tuple(AT_RELEASE[list(STEPPED)].tolist())])
 
 
-def as_state(values: Sequence[float] | NDArray[np.float64]) -> AnyState:
+def as_state(values: Sequence[float] | Array) -> AnyState:
     """A state from one row of `integrate`."""
     numbers, internal = tuple(map(float, values)), 6 + len(STEPPED)
     fields = [*numbers[:6], numbers[6:internal], *numbers[internal:]]
     return GearedState._make(fields) if len(numbers) > internal else RigState._make(fields)
 
 
-def motors_of(states: NDArray[np.float64]) -> NDArray[np.float64]:
+def motors_of(states: Array) -> Array:
     """(n, 3) angle of the motor behind backlash, its speed, and the owed impulse, of rows of `integrate`."""
     first = 6 + len(STEPPED)
     return states[:, first : first + 3]
 
 
-def as_row(state: AnyState) -> NDArray[np.float64]:
+def as_row(state: AnyState) -> Array:
     """Row of `integrate` for a state."""
     return np.array([*state[:6], *state.internal, *state[7:]])
 
 
-def _vector(values: ArrayLike, size: int, name: str) -> NDArray[np.float64]:
+def _vector(values: ArrayLike, size: int, name: str) -> Array:
     vector = np.array(values, dtype=np.float64)
     if vector.shape != (size,):
         raise ValueError(f"{name} must have shape ({size},), not {vector.shape}")
     return vector
 
 
-def _effects(effects: ArrayLike | None) -> NDArray[np.float64]:
+def _effects(effects: ArrayLike | None) -> Array:
     return np.zeros(SIZE) if effects is None else _vector(effects, SIZE, "effects")
 
 
@@ -163,7 +136,7 @@ def integrate(
     t: ArrayLike,
     max_step: float = MAX_STEP,
     drive: ArrayLike = 0.0,
-) -> NDArray[np.float64]:
+) -> Array:
     """Simulate a swing from a full state, which allows piecewise computation.
 
     Args:
@@ -172,7 +145,8 @@ def integrate(
         start: state at t[0]
         t: (n,) increasing instants since the release, s
         max_step: longest Runge-Kutta step, s
-        drive: as for `simulate_arm`
+        drive: (n,) or scalar, constant from each instant to the next: torque on a free arm, N m, or acceleration of a
+            driven one, rad/s^2
 
     Returns:
         (n, 6 + internal) states in the order of `RigState`, or with five more columns in that of `GearedState` if the
@@ -199,11 +173,11 @@ def _swing(
     model: RigModel,
     mode: int,
     start: RigState,
-    t: NDArray[np.float64],
-    step: NDArray[np.float64],
-    count: NDArray[np.int64],
-    drives: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    t: Array,
+    step: Array,
+    count: Integers,
+    drives: Array,
+) -> Array:
     states = np.full((len(step), 6 + len(start.internal)), np.nan)
     x = start
     for i in range(len(step)):
@@ -221,11 +195,11 @@ def _geared_swing(
     model: RigModel,
     mode: int,
     start: GearedState,
-    t: NDArray[np.float64],
-    step: NDArray[np.float64],
-    count: NDArray[np.int64],
-    drives: NDArray[np.float64],
-    states: NDArray[np.float64],
+    t: Array,
+    step: Array,
+    count: Integers,
+    drives: Array,
+    states: Array,
 ) -> None:
     x = start
     for i in range(len(step)):
@@ -241,7 +215,7 @@ def _geared_swing(
 
 
 @subroutine
-def _write(x: AnyState, row: NDArray[np.float64]) -> None:
+def _write(x: AnyState, row: Array) -> None:
     row[0], row[1], row[2] = x.theta0, x.theta1, x.theta2
     row[3], row[4], row[5] = x.omega0, x.omega1, x.omega2
     for k, value in enumerate(x.internal):

@@ -3,9 +3,7 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.arm import CLAMPED, FREE, ReducedRods, push_on_arm, reduced_rods
 from dpr_lab.dynamics.dry_friction import direction_of, held, pushes, slides, slides_with_arm
 from dpr_lab.dynamics.events import EVENTS, JointMotion, Three, correction, first_event, of_joints, stopped
@@ -34,9 +32,9 @@ class RigModel(NamedTuple):
     base: BaseParameters
     constants: RigConstants
     arm: ArmModel
-    params: NDArray[np.float64]
+    params: Array
     """(SIZE,) parameters of all effects."""
-    active: NDArray[np.bool_]
+    active: Flags
     """(effects,) mask of the active effects."""
     required: Requirements
     """Quantities that they require."""
@@ -55,7 +53,7 @@ class RigState(NamedTuple):
     """Internal states in the order of `dpr_lab.effects.effect_kernels.STEPPED`."""
 
 
-def model_with(base: BaseParameters, constants: RigConstants, arm: ArmModel, params: NDArray[np.float64]) -> RigModel:
+def model_with(base: BaseParameters, constants: RigConstants, arm: ArmModel, params: Array) -> RigModel:
     """The rig with the effects of a vector; `arm` is used unless an effect replaces it."""
     active = active_effects(params)
     required = Requirements(*map(bool, required_by(active)))

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.dynamics.arm import with_gravity
 from dpr_lab.dynamics.dry_friction import direction_of
 from dpr_lab.dynamics.lanes.effects import add_drives, add_torques
@@ -26,8 +26,6 @@ from dpr_lab.effects.quantities import HELD_ARM, BaseParameters, RigConstants
 from dpr_lab.effects.stages import StageName
 from dpr_lab.kernels import njit, subroutine
 
-Array = NDArray[np.float64]
-
 _AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
 
 
@@ -36,7 +34,7 @@ class KnownMotion(NamedTuple):
 
     t: Array
     """(n,) time since the release, s."""
-    run: NDArray[np.int64]
+    run: Integers
     """(n,) index of the run."""
     theta: Array
     """(n, axes) absolute angles, rad."""
@@ -47,7 +45,7 @@ class KnownMotion(NamedTuple):
     drive: Array
     """(n, axes) known torques on these angles, N m."""
 
-    def part(self, mask: NDArray[np.bool_] | slice, axes: int) -> "KnownMotion":
+    def part(self, mask: Flags | slice, axes: int) -> "KnownMotion":
         """The first axes, at some instants."""
         by_axis = (values[mask][:, :axes] for values in (self.theta, self.omega, self.alpha, self.drive))
         return KnownMotion(self.t[mask], self.run[mask], *by_axis)
@@ -103,8 +101,8 @@ def _effect_torques(
     base: BaseParameters,
     rig: RigConstants,
     params: Array,
-    active: NDArray[np.bool_],
-    used: NDArray[np.int64],
+    active: Flags,
+    used: Integers,
     w: LaneWorkspace,
     torques: Array,
 ) -> None:
@@ -124,7 +122,7 @@ def _effect_torques(
 
 
 @subroutine
-def _exert(w: LaneWorkspace, rig: RigConstants, active: NDArray[np.bool_]) -> None:
+def _exert(w: LaneWorkspace, rig: RigConstants, active: Flags) -> None:
     """Compute the torques of one effect vector in all lanes."""
     for k in range(LANES):
         w.torque1[k], w.torque2[k] = 0.0, 0.0
@@ -156,7 +154,7 @@ def _put(
 
 
 @njit
-def _driven(t: Array, run: NDArray[np.int64], force: Array, friction: Array, stiffness: Array) -> Array:
+def _driven(t: Array, run: Integers, force: Array, friction: Array, stiffness: Array) -> Array:
     """(n, k) accelerations of oscillators of mass 1 that are at rest until t = 0, by the trapezoidal rule."""
     count = len(stiffness)
     accelerations, x, v = np.zeros((len(t), count)), np.empty(count), np.empty(count)
@@ -207,7 +205,7 @@ def _arm_effects(
     base: BaseParameters,
     rig: RigConstants,
     params: Array,
-    active: NDArray[np.bool_],
+    active: Flags,
     torques: Array,
 ) -> None:
     for i in range(len(t)):

@@ -7,8 +7,8 @@ active if one of its amplitudes is not zero.
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects.air_drag import AIR_DRAG_BOTH, AIR_DRAG_JOINT0, AIR_DRAG_OUTER
 from dpr_lab.effects.arm_compliance import ARM_COMPLIANCE
 from dpr_lab.effects.axis_tilt import AXIS_TILT_JOINT0
@@ -136,7 +136,7 @@ _EVENTS = tuple(name for name, effect in EFFECTS.items() if effect.event)
 _DEFAULTS = np.array([parameter.default for effect in EFFECTS.values() for parameter in effect.parameters])
 
 
-def effect_params(values: Mapping[str, Mapping[str, float]]) -> NDArray[np.float64]:
+def effect_params(values: Mapping[str, Mapping[str, float]]) -> Array:
     """Flat vector from named coefficients; missing amplitudes are zero, missing shapes have their default.
 
     Args:
@@ -157,7 +157,7 @@ def effect_params(values: Mapping[str, Mapping[str, float]]) -> NDArray[np.float
     return params
 
 
-def named_params(params: NDArray[np.float64], among: Iterable[str] = EFFECTS) -> dict[str, dict[str, float]]:
+def named_params(params: Array, among: Iterable[str] = EFFECTS) -> dict[str, dict[str, float]]:
     """Named coefficients of the active effects, of all or `among` some; inverse of `effect_params`."""
     return {
         name: dict(zip((p.name for p in EFFECTS[name].parameters), params[SLICES[name]].tolist(), strict=True))
@@ -166,7 +166,7 @@ def named_params(params: NDArray[np.float64], among: Iterable[str] = EFFECTS) ->
     }
 
 
-def plausibility(params: NDArray[np.float64], effect: str) -> float:
+def plausibility(params: Array, effect: str) -> float:
     """Prior of an effect's fitted size: nearly one below its scale, with a fourth-power decrease above.
 
         w = 1 / (1 + u^4),    u = max over amplitudes | x | / s,    s the `prior_scale` of each
@@ -180,14 +180,14 @@ def plausibility(params: NDArray[np.float64], effect: str) -> float:
     return 1.0 / (1.0 + min(u, 1e6) ** 4)  # positive, so that ratios stay finite
 
 
-def without_effect(params: NDArray[np.float64], effect: str) -> NDArray[np.float64]:
+def without_effect(params: Array, effect: str) -> Array:
     """Return the flat vector with one effect at its defaults."""
     params = params.copy()
     params[SLICES[effect]] = _DEFAULTS[SLICES[effect]]
     return params
 
 
-def without_events(params: NDArray[np.float64]) -> NDArray[np.float64]:
+def without_events(params: Array) -> Array:
     """Flat vector without effects that occurred once, in one run."""
     for name in _EVENTS:
         params = without_effect(params, name)

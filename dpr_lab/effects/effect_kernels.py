@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects import EFFECTS, SLICES, param_index
 from dpr_lab.effects.effect import Effect, InternalState
 from dpr_lab.effects.fold import arguments, call, compiled
@@ -224,12 +224,12 @@ _REQUIREMENTS = np.array(
 """(fields of `Requirements`, effects) whether an effect requires a field."""
 
 
-def active_effects(params: NDArray[np.float64]) -> NDArray[np.bool_]:
+def active_effects(params: Array) -> Flags:
     """(..., effects) mask of the active effects of (..., SIZE): those with a non-zero amplitude."""
     return np.logical_or.reduceat(params[..., _AMPLITUDES] != 0.0, _FIRST_AMPLITUDES, axis=-1)
 
 
-def required_by(active: NDArray[np.bool_]) -> Requirements:
+def required_by(active: Flags) -> Requirements:
     """Requirements of the effects that a mask (..., effects) marks as active; each field has the shape (...)."""
     required = np.logical_or.reduce(active[..., None, :] & _REQUIREMENTS, axis=-1)
     return Requirements(*(required[..., i] for i in range(len(_REQUIREMENTS))))

@@ -9,8 +9,8 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS, SIZE, named_params, param_index
 from dpr_lab.effects.effect import ARM, Effect, EffectParameter
 from dpr_lab.effects.quantities import BaseParameters, RigConstants
@@ -29,7 +29,7 @@ def _limit(effect: Effect, parameter: EffectParameter, at_joint: Mapping[int, Ri
     return parameter.most if math.isfinite(parameter.most) else LIMITS[parameter.limit or parameter.unit][1](rig)
 
 
-def amplitude_limits(base: BaseParameters, constants: RigConstants) -> NDArray[np.float64]:
+def amplitude_limits(base: BaseParameters, constants: RigConstants) -> Array:
     """(SIZE,) maximum size of each amplitude on a rig, in its own unit; inf for shape parameters.
 
     Args:
@@ -43,9 +43,7 @@ def amplitude_limits(base: BaseParameters, constants: RigConstants) -> NDArray[n
     return limits
 
 
-def oversized(
-    params: NDArray[np.float64], limits: NDArray[np.float64] | None, *, share: float = 0.999
-) -> tuple[str, ...]:
+def oversized(params: Array, limits: Array | None, *, share: float = 0.999) -> tuple[str, ...]:
     """Effects with sizes that no rig has, which indicates another cause: near a limit, or impossible together.
 
     A limit of the equation itself, within the scale of the prior, is no evidence: a saturated drive has a share of 1.
@@ -67,7 +65,7 @@ def oversized(
     )
 
 
-def relative_size(params: NDArray[np.float64], limits: NDArray[np.float64], effect: str) -> float:
+def relative_size(params: Array, limits: Array, effect: str) -> float:
     """Rms of the amplitudes of one effect relative to their limits, 1."""
     amplitudes = [param_index(effect, parameter.name) for parameter in EFFECTS[effect].amplitudes]
     return float(np.sqrt(np.mean((params[amplitudes] / limits[amplitudes]) ** 2)))

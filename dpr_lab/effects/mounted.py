@@ -6,8 +6,8 @@ Joint 2 is then held by dry friction without a limit, a clamped arm has no effec
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS, param_index
 from dpr_lab.effects.coulomb import COULOMB
 from dpr_lab.setup import Setup
@@ -44,20 +44,20 @@ _OF_ARM = np.array(
 )
 
 
-def differ(params: NDArray[np.float64], setups: Sequence[Setup]) -> bool:
+def differ(params: Array, setups: Sequence[Setup]) -> bool:
     """Whether the effects (..., SIZE) of any run differ from those on the whole rig."""
     return any(setup.held or _undriven(params, setup) or _still(params, setup) for setup in setups)
 
 
-def _undriven(params: NDArray[np.float64], setup: Setup) -> bool:
+def _undriven(params: Array, setup: Setup) -> bool:
     return setup.torques is None and bool(params[..., _OF_DRIVES].any())
 
 
-def _still(params: NDArray[np.float64], setup: Setup) -> bool:
+def _still(params: Array, setup: Setup) -> bool:
     return not setup.arm_moves and bool(params[..., _OF_ARM].any())
 
 
-def effects_of_run(params: NDArray[np.float64], setup: Setup) -> NDArray[np.float64]:
+def effects_of_run(params: Array, setup: Setup) -> Array:
     """(..., SIZE) effects for the mounting of a run, from those on the whole rig."""
     undriven, still = _undriven(params, setup), _still(params, setup)
     if not (setup.held or undriven or still):

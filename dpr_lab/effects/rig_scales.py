@@ -17,7 +17,7 @@ class RigScales(NamedTuple):
     length: float
     """Length of the rod beyond the joint, m."""
     mass: float
-    """Mass with the inner rod's length that would cause the gravity torque about joint 1, kg."""
+    """Mass at the end of the inner rod that would cause the gravity torque about joint 1, kg."""
     g: float
     """Gravity, m/s^2."""
     counts_per_rev: float

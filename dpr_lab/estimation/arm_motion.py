@@ -1,8 +1,8 @@
 """Motion of an arm from its encoder, by a smoothing spline with generalised cross-validation."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.noise import ORDER, difference_std
 from dpr_lab.rig import Rig
@@ -12,21 +12,21 @@ FEWEST = 5
 """Minimum number of readings for a smoothing spline."""
 
 
-def prescribed_arm(t: NDArray[np.float64], theta0: NDArray[np.float64], rig: Rig, name: str) -> ArmMotion:
+def prescribed_arm(t: Array, theta0: Array, rig: Rig, name: str) -> ArmMotion:
     """Motion of a prescribed arm, whose length the rig file must give; arguments and errors as for `arm_motion`."""
     if "L0" not in rig.rig.model_fields_set:
         raise RunError(f"{name}: a moving arm needs its length L0 in [rig]")
     return arm_motion(t, theta0, name)
 
 
-def prescribed_inner(t: NDArray[np.float64], theta1: NDArray[np.float64], name: str) -> ArmMotion:
+def prescribed_inner(t: Array, theta1: Array, name: str) -> ArmMotion:
     """Motion of the inner rod of a run whose joint 1 is prescribed; arguments and errors as of `arm_motion`."""
     if not np.ptp(theta1) > 0.0:
         raise RunError(f"{name}: joint 1 is prescribed, but stands still: an outer rod alone is --rods outer")
     return arm_motion(t, theta1, name, "theta1")
 
 
-def arm_motion(t: NDArray[np.float64], theta0: NDArray[np.float64], name: str, angle: str = "theta0") -> ArmMotion:
+def arm_motion(t: Array, theta0: Array, name: str, angle: str = "theta0") -> ArmMotion:
     """Motion of the arm, or of another prescribed joint, from readings (n,) of its `angle` at the instants t (n,).
 
     The spline minimises squared errors and the squared second derivative, weighted by generalised cross-validation
@@ -46,7 +46,7 @@ def arm_motion(t: NDArray[np.float64], theta0: NDArray[np.float64], name: str, a
     return ArmMotion(t, np.asarray(spline(normalised)), np.asarray(spline.derivative()(normalised)) / spacing, noise)
 
 
-def refuse_still_arm(theta0: NDArray[np.float64], mode: str, path: object, least_rad: float = 0.01) -> None:
+def refuse_still_arm(theta0: Array, mode: str, path: object, least_rad: float = 0.01) -> None:
     """Check that a free or driven arm moved.
 
     Raises:

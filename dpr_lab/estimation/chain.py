@@ -2,9 +2,7 @@
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from dpr_lab.arrays import Array
 from dpr_lab.estimation.live_velocity import CHAIN
 from dpr_lab.kernels import njit
 
@@ -13,7 +11,7 @@ SAME_INTERVAL = 1e-8
 
 
 @njit
-def fill_chain(interval: float, f: NDArray[np.float64], q: NDArray[np.float64]) -> None:
+def fill_chain(interval: float, f: Array, q: Array) -> None:
     r"""Exact transition and process noise over an interval, at unit strength, in place.
 
         f_ij = h^(j-i) / (j-i)!,    q_ij = h^(l+r+1) / (l! r! (l+r+1)),    l = CHAIN-1-i,  r = CHAIN-1-j

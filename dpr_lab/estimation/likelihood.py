@@ -3,16 +3,14 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.estimation.chain import CHAIN, SAME_INTERVAL, fill_chain
 from dpr_lab.kernels import njit, subroutine
 
 
 @njit
-def log_likelihood(
-    t: NDArray[np.float64], theta: NDArray[np.float64], snap: float, prior: NDArray[np.float64]
-) -> float:
+def log_likelihood(t: Array, theta: Array, snap: float, prior: Array) -> float:
     """Log-likelihood of the innovations, up to a constant, in filter units (noise of a reading = 1).
 
         -1/2 sum_k (log S_k + y_k^2 / S_k)
@@ -46,11 +44,11 @@ def log_likelihood(
 
 @subroutine
 def _predict(
-    x: NDArray[np.float64],
-    P: NDArray[np.float64],
-    f: NDArray[np.float64],
-    Q: NDArray[np.float64],
-    work: NDArray[np.float64],
+    x: Array,
+    P: Array,
+    f: Array,
+    Q: Array,
+    work: Array,
 ) -> None:
     """Advance x = f x and P = f P f^T + Q, in place; f is upper triangular."""
     for i in range(CHAIN):
@@ -70,7 +68,7 @@ def _predict(
 
 
 @subroutine
-def _update(x: NDArray[np.float64], P: NDArray[np.float64], innovation: float, variance: float) -> None:
+def _update(x: Array, P: Array, innovation: float, variance: float) -> None:
     for i in range(CHAIN - 1, -1, -1):
         gain = P[i, 0] / variance
         x[i] += gain * innovation

@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from dpr_lab.arrays import Array
 
 CHAIN = 4
 """States of one rod: theta, omega, alpha, jerk."""
@@ -38,15 +40,15 @@ class FilterUnits:
 
     time: float
     """Unit of time: the memory of the filter, or the sampling period if it is longer, s."""
-    angle: NDArray[np.float64]
+    angle: Array
     """(2,) unit of angle of each rod: the standard deviation of a reading, rad."""
-    noise: NDArray[np.float64]
+    noise: Array
     """(2, 2) covariance of a reading."""
-    snap: NDArray[np.float64]
+    snap: Array
     """(2,) process noise of each rod."""
 
     @classmethod
-    def of(cls, period: float, covariance: NDArray[np.float64], snap: ArrayLike) -> "FilterUnits":
+    def of(cls, period: float, covariance: Array, snap: ArrayLike) -> "FilterUnits":
         """Units for a filter.
 
         Args:
@@ -61,7 +63,7 @@ class FilterUnits:
         scaled = strengths * time ** (2 * CHAIN - 1) / angle**2
         return cls(time, angle, covariance / np.outer(angle, angle), scaled)
 
-    def scaled(self, snap: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scaled(self, snap: Array) -> Array:
         """(..., 2) other process noises in these units."""
         return snap * self.time ** (2 * CHAIN - 1) / self.angle**2
 
@@ -88,7 +90,7 @@ class VelocityFilter:
         self._t = -math.inf
         self._interval = math.nan
 
-    def update(self, t: float, theta: ArrayLike) -> NDArray[np.float64]:
+    def update(self, t: float, theta: ArrayLike) -> Array:
         """(2,) speeds after the sample theta (2,) at time t, rad/s.
 
         Raises:

@@ -6,8 +6,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.errors import RunError
 from dpr_lab.fitting.spread import NORMAL_MAD
 from dpr_lab.joint_angles import JointAngles
@@ -49,7 +49,7 @@ SETTINGS = NoiseSettings()
 class NoiseFloor:
     """Standard deviation of the encoder readings of the two rods."""
 
-    std_joint: NDArray[np.float64]
+    std_joint: Array
     """(2,) joint 1 and joint 2 as read by its encoder (relative to rod 1, or absolute), rad."""
     source: Literal["rest", "differences", "quantisation", "film"]
     """Source: the rest before the release, the swing, the size of a count, or the lengths of the rods in a video."""
@@ -57,7 +57,7 @@ class NoiseFloor:
     """Mounting of the encoder of joint 2."""
 
     @property
-    def covariance(self) -> NDArray[np.float64]:
+    def covariance(self) -> Array:
         """(2, 2) of (theta1, theta2), J diag(std_joint^2) J^T with J from joint to absolute angles, rad^2.
 
         They are correlated with a relative encoder of joint 2.
@@ -66,7 +66,7 @@ class NoiseFloor:
         return J @ np.diag(self.std_joint**2) @ J.T
 
     @property
-    def whitening(self) -> NDArray[np.float64]:
+    def whitening(self) -> Array:
         """(2, 2) W with W^T W the inverse covariance: W times an angle error has unit variance, 1/rad."""
         return np.linalg.inv(np.linalg.cholesky(self.covariance)).astype(np.float64)
 
@@ -101,7 +101,7 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
     return NoiseFloor(std_joint, source if (std > floor).any() else "quantisation", joints)
 
 
-def _film_std(film: FilmNoise, joints: JointAngles) -> NDArray[np.float64]:
+def _film_std(film: FilmNoise, joints: JointAngles) -> Array:
     """(2,) standard deviation of the joint angles of a video, rad; of a single rod the same for both."""
     rods = np.asarray(film.std) * np.ones(2)
     to_joints = np.linalg.inv(joints.to_rods_matrix)
@@ -116,9 +116,7 @@ def arm_noise(run: Run, rig: Rig, *, still: bool = True) -> float:
     return float(np.maximum(std, _rounding(run, swing.theta[:, :1], rig.radians_per_count[:1], std, still))[0])
 
 
-def same_rounding(
-    run: Run, readings: NDArray[np.float64], counts: NDArray[np.float64]
-) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Array]:
     """Readings that stay within one step, and the number of readings that share the rounding error of each.
 
     A rod that a controller balances within one step is read as the same value for many samples, with the same error of
@@ -152,7 +150,7 @@ def _still_window(run: Run) -> int:
     return max(2, round(SETTINGS.still_s * run.rate_hz))
 
 
-def _still(readings: NDArray[np.float64], steps: NDArray[np.float64], window: int) -> NDArray[np.bool_]:
+def _still(readings: Array, steps: Array, window: int) -> Flags:
     """(n - window + 1, m) whether `window` readings (n, m) from each on stay within one step."""
     least = most = readings
     covered = 1
@@ -163,9 +161,7 @@ def _still(readings: NDArray[np.float64], steps: NDArray[np.float64], window: in
     return np.asarray(most - least < 1.5 * steps)
 
 
-def _rounding(
-    run: Run, readings: NDArray[np.float64], counts: NDArray[np.float64], std: NDArray[np.float64], still: bool
-) -> NDArray[np.float64]:
+def _rounding(run: Run, readings: Array, counts: Array, std: Array, still: bool) -> Array:
     """(m,) standard deviation of the rounding of the readings (n, m) of a swing, rad.
 
     A table of angles may come from other encoders than those of the rig file: unless it has no noise at all, it is
@@ -177,7 +173,7 @@ def _rounding(
     return rounding_std(readings, steps, _still_window(run)) if still else steps / math.sqrt(12)
 
 
-def _steps(readings: NDArray[np.float64], counts: NDArray[np.float64]) -> NDArray[np.float64]:
+def _steps(readings: Array, counts: Array) -> Array:
     """(m,) step of which the changes of the readings are multiples: a count of the rig, or their smallest; else 0."""
     steps = np.zeros(readings.shape[1])
     for joint, changes in enumerate(np.abs(np.diff(readings, axis=0)).T):
@@ -190,7 +186,7 @@ def _steps(readings: NDArray[np.float64], counts: NDArray[np.float64]) -> NDArra
     return steps
 
 
-def rounding_std(readings: NDArray[np.float64], steps: NDArray[np.float64], window: int) -> NDArray[np.float64]:
+def rounding_std(readings: Array, steps: Array, window: int) -> Array:
     """(m,) standard deviation of the rounding errors of readings (n, m) to multiples of `steps` (m,).
 
     step / sqrt(12) while a reading crosses steps, because the errors of its samples are then independent. A reading
@@ -203,7 +199,7 @@ def rounding_std(readings: NDArray[np.float64], steps: NDArray[np.float64], wind
     return steps * np.sqrt(1 / 12 + (1 / 4 - 1 / 12) * still)
 
 
-def difference_std(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+def difference_std(t: Array, values: Array) -> Array:
     """Standard deviation of white noise on a smooth signal at uneven instants, robust to jumps.
 
     Divided differences over seven neighbours cancel any polynomial of degree five. At unit gain on white noise,
@@ -233,7 +229,7 @@ def difference_std(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArr
     return NORMAL_MAD * median
 
 
-def difference_weights(windows: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+def difference_weights(windows: Array, period: float) -> Array:
     """(windows, 7) weights of sixth divided differences, at unit gain on white noise.
 
     Args:
@@ -250,7 +246,7 @@ def difference_weights(windows: NDArray[np.float64], period: float) -> NDArray[n
     return weights / np.linalg.norm(weights, axis=1, keepdims=True)
 
 
-def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> NDArray[np.float64]:
+def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> Array:
     """(2,) autocorrelation of the errors of joint 1 and 2 at rest, at a lag in samples; 0 if it is not significant.
 
     For white noise it is 0 +- 1 / sqrt(n); a tracker or a filter causes a larger one. For a video it is that of the
@@ -267,13 +263,13 @@ def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> NDArray[np.float64]:
     return np.where(alike > SETTINGS.correlated / np.sqrt(len(rest)), np.clip(alike, 0.0, SETTINGS.most_alike), 0.0)
 
 
-def _rest_std(t: NDArray[np.float64], joints: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rest_std(t: Array, joints: Array) -> Array:
     """Standard deviation about a straight line, because a hand-held rod drifts; single outliers are excluded."""
     line = np.vander(t - t.mean(), 2)
     return np.array([_about(line, joint) for joint in joints.T])
 
 
-def _about(line: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+def _about(line: Array, values: Array) -> float:
     used = np.ones(len(values), dtype=bool)
     away = _away(line, values, used)
     for _ in range(2):
@@ -285,5 +281,5 @@ def _about(line: NDArray[np.float64], values: NDArray[np.float64]) -> float:
     return float(np.sqrt((away[used] ** 2).sum() / (used.sum() - 2)))
 
 
-def _away(line: NDArray[np.float64], values: NDArray[np.float64], used: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _away(line: Array, values: Array, used: Flags) -> Array:
     return values - line @ np.linalg.lstsq(line[used], values[used], rcond=None)[0]

@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.shown import percent
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +84,7 @@ def _bursts(t: Array) -> tuple[NDArray[np.intp], bool]:
     return middle, bool(even and short)
 
 
-def _held(again: NDArray[np.bool_], columns: Sequence[Array]) -> bool:
+def _held(again: Flags, columns: Sequence[Array]) -> bool:
     """Whether most equal rows are held readings: the next reading is far away, in the direction of the motion."""
     starts = np.flatnonzero(np.diff(again.astype(int), prepend=0) == 1) - 1
     ends = np.flatnonzero(np.diff(again.astype(int), append=0) == -1)

@@ -18,8 +18,8 @@ Source: H. E. Rauch, F. Tung & C. T. Striebel (1965), AIAA Journal 3(8), 1445-14
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.estimation.chain import CHAIN, SAME_INTERVAL, fill_chain
 from dpr_lab.kernels import njit, subroutine
 
@@ -29,12 +29,12 @@ STATES = 2 * CHAIN
 
 @njit
 def smooth_chains(
-    t: NDArray[np.float64],
-    theta: NDArray[np.float64],
-    noise: NDArray[np.float64],
-    snap: NDArray[np.float64],
-    prior: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    t: Array,
+    theta: Array,
+    noise: Array,
+    snap: Array,
+    prior: Array,
+) -> tuple[Array, Array, Array]:
     """States of both rods at every instant, each estimated from all readings, in filter units.
 
     Args:
@@ -75,7 +75,7 @@ def smooth_chains(
 
 
 @subroutine
-def _set_interval(interval: float, before: float, f: NDArray[np.float64], q: NDArray[np.float64]) -> float:
+def _set_interval(interval: float, before: float, f: Array, q: Array) -> float:
     """Interval for which f and q are valid after the call; they are recomputed only if it changes."""
     if abs(interval - before) <= SAME_INTERVAL * before:
         return before
@@ -85,14 +85,14 @@ def _set_interval(interval: float, before: float, f: NDArray[np.float64], q: NDA
 
 @subroutine
 def _predict(
-    x: NDArray[np.float64],
-    P: NDArray[np.float64],
-    f: NDArray[np.float64],
-    q: NDArray[np.float64],
-    snap: NDArray[np.float64],
-    x_ahead: NDArray[np.float64],
-    P_ahead: NDArray[np.float64],
-    G: NDArray[np.float64],
+    x: Array,
+    P: Array,
+    f: Array,
+    q: Array,
+    snap: Array,
+    x_ahead: Array,
+    P_ahead: Array,
+    G: Array,
 ) -> None:
     """Compute F x, F P F^T + Q and G = F P, stored in the last three arguments."""
     for i in range(STATES):
@@ -111,7 +111,7 @@ def _predict(
 
 
 @subroutine
-def _multiply(f: NDArray[np.float64], A: NDArray[np.float64], product: NDArray[np.float64]) -> None:
+def _multiply(f: Array, A: Array, product: Array) -> None:
     """F A, where F is block diagonal with the upper triangular f twice."""
     for i in range(STATES):
         first = i - i % CHAIN
@@ -123,9 +123,7 @@ def _multiply(f: NDArray[np.float64], A: NDArray[np.float64], product: NDArray[n
 
 
 @subroutine
-def _update(
-    x: NDArray[np.float64], P: NDArray[np.float64], theta: NDArray[np.float64], noise: NDArray[np.float64]
-) -> float:
+def _update(x: Array, P: Array, theta: Array, noise: Array) -> float:
     """Update the state with a reading, in place; returns its normalised innovation squared."""
     s11, s12, s22 = P[0, 0] + noise[0, 0], P[0, CHAIN] + noise[0, 1], P[CHAIN, CHAIN] + noise[1, 1]
     scale = 1.0 / (s11 * s22 - s12 * s12)
@@ -141,7 +139,7 @@ def _update(
 
 
 @subroutine
-def _solve(A: NDArray[np.float64], B: NDArray[np.float64]) -> None:
+def _solve(A: Array, B: Array) -> None:
     """B = A^-1 B for a symmetric positive A, which is overwritten by its Cholesky factor L, A = L L^T."""
     for i in range(STATES):
         for m in range(i):
@@ -166,12 +164,12 @@ def _solve(A: NDArray[np.float64], B: NDArray[np.float64]) -> None:
 
 @subroutine
 def _smooth(
-    x: NDArray[np.float64],
-    P: NDArray[np.float64],
-    C: NDArray[np.float64],
-    x_moved: NDArray[np.float64],
-    P_moved: NDArray[np.float64],
-    work: NDArray[np.float64],
+    x: Array,
+    P: Array,
+    C: Array,
+    x_moved: Array,
+    P_moved: Array,
+    work: Array,
 ) -> None:
     """X + C^T x_moved and P + C^T P_moved C, in place; C is the transposed gain."""
     for i in range(STATES):

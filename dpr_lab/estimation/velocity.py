@@ -19,8 +19,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.likelihood import log_likelihood
 from dpr_lab.estimation.live_velocity import CHAIN, LIVE, FilterUnits
@@ -50,21 +51,21 @@ SETTINGS = FilterSettings()
 class Smoothed:
     """Angles and velocities of a swing, each estimated from the whole recording."""
 
-    t: NDArray[np.float64]
+    t: Array
     """(n,) instants of the run, s."""
-    theta: NDArray[np.float64]
+    theta: Array
     """(n, 2) angles of the rods, rad."""
-    omega: NDArray[np.float64]
+    omega: Array
     """(n, 2) speeds of the rods, rad/s."""
-    covariance: NDArray[np.float64]
+    covariance: Array
     """(n, 4, 4) of (theta1, theta2, omega1, omega2), SI."""
-    nis: NDArray[np.float64]
+    nis: Array
     """(n,) normalised innovation squared of the forward pass; its mean is 2 if the noise model is correct."""
-    snap: NDArray[np.float64]
+    snap: Array
     """(n, 2) process noise used for each rod, rad^2/s^7."""
 
     @property
-    def states(self) -> NDArray[np.float64]:
+    def states(self) -> Array:
         """(n, 4) theta1, theta2, omega1, omega2."""
         return np.hstack([self.theta, self.omega])
 
@@ -94,7 +95,7 @@ def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smooth
     return Smoothed(t, states[:, :2], states[:, 2:], covariance, nis, strengths)
 
 
-def tuned_snap(run: Run, noise: NoiseFloor) -> NDArray[np.float64]:
+def tuned_snap(run: Run, noise: NoiseFloor) -> Array:
     """Maximum-likelihood process noise of each rod by section.
 
     The likelihood of each section is computed for each memory of a grid, and its maximum refined by a parabola through
@@ -120,7 +121,7 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> NDArray[np.float64]:
     grid = grid[: max(3, np.searchsorted(grid, math.log10(longest)))]
     prior = np.array(LIVE.prior)
 
-    def snap(log_memory: ArrayLike) -> NDArray[np.float64]:
+    def snap(log_memory: ArrayLike) -> Array:
         return variance * period / (period * 10 ** np.asarray(log_memory, dtype=np.float64)) ** (2 * CHAIN)
 
     def likelihoods(log_memory: float) -> list[list[float]]:
@@ -133,7 +134,7 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> NDArray[np.float64]:
     return snap(np.stack([np.interp(np.arange(len(t)), middles, best[:, i]) for i in (0, 1)], axis=1))
 
 
-def _swing(run: Run) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def _swing(run: Run) -> tuple[Array, Array, float]:
     """Instants, angles of the rods and median interval from the release on."""
     swing = run.swing
     if len(swing.t) < 2:
@@ -147,7 +148,7 @@ def _sections(samples: int, period: float) -> list[slice]:
     return [slice(start, stop) for start, stop in pairwise(edges)]
 
 
-def _peaks(grid: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _peaks(grid: Array, values: Array) -> Array:
     """Position on an even grid (k,) at which the values (k, ...) are highest, by a parabola through three points."""
     middle = values.argmax(axis=0)
     inner = np.clip(middle, 1, len(grid) - 2)

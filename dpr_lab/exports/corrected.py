@@ -73,7 +73,7 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
     nine, absolute = with_intervals(nine, absolute, ratios, scale, diagnosis.unknowns, rig)
     alone = bool(diagnosis.fitted)
     return Model(
-        rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.rig.L1, g=rig.rig.g),
+        rig=RigFacts.of(rig),
         ratios=_alone(diagnosis, [*ratios.values()], rig) if alone else ratios,
         fitted=[*ratios.values()] if alone else [],
         covariance=Covariance(order=list(RATIOS), matrix=covariance.tolist()),

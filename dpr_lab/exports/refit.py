@@ -181,10 +181,5 @@ def _with(model: AnyModel, estimate: Estimate, rig: Rig) -> AnyModel:
 
 
 def _with_rods(model: Model, estimate: Estimate) -> Model:
-    base, ratios = estimate.base.tolist(), estimate.ratios.tolist()
-    return model.with_ratios(ratios[: len(RATIOS)]).model_copy(
-        update={
-            "base": {k: v.model_copy(update={"value": base[i]}) for i, (k, v) in enumerate(model.base.items())},
-            "effects": named_params(estimate.params),
-        }
-    )
+    refitted = model.with_ratios(estimate.ratios[: len(RATIOS)].tolist()).with_base(estimate.base.tolist())
+    return refitted.model_copy(update={"effects": named_params(estimate.params)})

@@ -3,12 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.projection import ColumnSpace
-
-Array = NDArray[np.float64]
 
 
 def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Array:

@@ -7,13 +7,11 @@ small, and the initial state is estimated with the parameters (multiple shooting
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.errors import RunError
 from dpr_lab.run import Run
-
-Array = NDArray[np.float64]
 
 MIN_SAMPLES = 8
 """Minimum number of samples of a segment: twice the number of initial values; fewer carry no information on a model."""

@@ -13,8 +13,9 @@ from itertools import pairwise
 from math import comb
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import Fit
@@ -25,8 +26,6 @@ from dpr_lab.fitting.response import Trajectory, trajectory
 from dpr_lab.fitting.spread import NORMAL_MAD
 from dpr_lab.fitting.whitening import Disturbance
 from dpr_lab.setup import PRESCRIBED, ArmMotion, Setup, Torques
-
-Array = NDArray[np.float64]
 
 ORDERS = range(1, 7)
 """Orders of differences: the first is insensitive to the steps of a held command, the sixth to any smooth signal."""

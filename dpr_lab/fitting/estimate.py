@@ -6,15 +6,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import BASE, RATIOS, base_from_ratios
 from dpr_lab.dynamics.base import ratios as base_ratios
 from dpr_lab.effects import SIZE, SLICES
 from dpr_lab.effects.effect import Effect
 from dpr_lab.setup import Setup
-
-Array = NDArray[np.float64]
 
 UNKNOWN_RATIOS = (*RATIOS, "b", "p/b")
 """Order of `Estimate.ratios`: 1, 1, 1/s^2, 1/s, 1/s, kg m^2, 1."""

@@ -21,14 +21,12 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.fitting.estimate import Estimate, FreeParameter, moved
 from dpr_lab.fitting.linearise import Linearisation, linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
-
-Array = NDArray[np.float64]
 
 
 class StopReason(Enum):
@@ -213,7 +211,7 @@ class RigPrior:
         """Cost after a step."""
         return float(np.sum((self.e - self.A @ step) ** 2))
 
-    def absorbed(self, space: ColumnSpace) -> NDArray[np.bool_]:
+    def absorbed(self, space: ColumnSpace) -> Flags:
         """(free,) amplitudes indistinguishable from the unknowns before them."""
         if self.problem.prior is None:
             return np.zeros(len(self.free), dtype=np.bool_)

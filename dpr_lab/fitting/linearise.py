@@ -15,13 +15,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.fitting.estimate import Estimate, FreeParameter
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.setup import Setup
-
-Array = NDArray[np.float64]
 
 BLIND = 1e-12
 """Standard deviations per rad below which readings carry no information on an initial state, because of rounding."""

@@ -20,8 +20,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.base import BASE, base_jacobian, ratio_jacobian, whole_parameters
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.effects.limits import amplitude_limits
@@ -36,8 +36,6 @@ from dpr_lab.fitting.estimate import (
 )
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.rig import PARAMETERS, Rig
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +95,7 @@ class Prior:
         estimate: Estimate,
         free: Sequence[FreeParameter],
         rows: tuple[Array, Array],
-    ) -> NDArray[np.bool_]:
+    ) -> Flags:
         """(free,) amplitudes that these recordings cannot distinguish from earlier unknowns.
 
         The order is initial states, ratios, zeros of encoders, amplitudes. An amplitude is absorbed if the recordings,

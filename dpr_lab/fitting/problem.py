@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.estimate import ZEROS_BEGIN, Estimate, FreeParameter, zero_parameters
@@ -15,8 +15,6 @@ from dpr_lab.joint_angles import JointAngles
 
 if TYPE_CHECKING:
     from dpr_lab.fitting.prior import Prior
-
-Array = NDArray[np.float64]
 
 
 class OutputModel(Protocol):
@@ -84,7 +82,7 @@ class Problem:
         return self.segments.t
 
     @property
-    def read(self) -> NDArray[np.bool_]:
+    def read(self) -> Flags:
         """(samples, 2) mask of the used readings."""
         return self.weight > 0.0
 
@@ -109,7 +107,7 @@ class Problem:
         return JointAngles(self.model.constants.relative2 == 1.0)
 
     @property
-    def owner(self) -> NDArray[np.int64]:
+    def owner(self) -> Integers:
         """(samples,) index of the segment of each sample."""
         return np.repeat(np.arange(len(self.segments)), np.diff(self.segments.offsets))
 

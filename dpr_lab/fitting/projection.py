@@ -11,10 +11,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = Sequence[int] | slice | NDArray[np.int64]
+from dpr_lab.arrays import Array, Integers
+
+Indices = Sequence[int] | slice | Integers
 
 RIDGE = 1e-10
 """Ridge on the diagonal of normal matrices of unit columns: a few hundred times their rounding error."""

@@ -11,10 +11,11 @@ over angle, speed and time, and scanned shapes (orders, frequencies).
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.dynamics.arm import levers
 from dpr_lab.dynamics.base import RATIOS, base_of_run
 from dpr_lab.dynamics.equation import coupled
@@ -32,8 +33,6 @@ from dpr_lab.fitting.rods import followed as follow
 from dpr_lab.kernels import njit
 from dpr_lab.setup import Setup
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, slots=True)
 class TrajectorySettings:
@@ -46,6 +45,17 @@ class TrajectorySettings:
 
 
 TRAJECTORY = TrajectorySettings()
+
+
+class _Grid(NamedTuple):
+    """Fields of a `Trajectory` for compiled code."""
+
+    t: Array
+    into: Array
+    out: Array
+    at: Array
+    edges: Integers
+    first: Integers
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,19 +74,19 @@ class Trajectory:
     """(samples, axes, states) change of the encoder readings per change of the initial state."""
     at: Array
     """(samples,) position of each sample on the grid, in grid points."""
-    edges: NDArray[np.int64]
+    edges: Integers
     """(segments + 1,) first grid point of each segment."""
-    first: NDArray[np.int64]
+    first: Integers
     """(segments + 1,) first sample of each segment."""
 
     def response(self, problem: Problem, torque: Array) -> Array:
         """(segments, m, k) whitened change of the encoder readings due to generalised torques, (n, 2, k), N m."""
         torque, count = np.ascontiguousarray(torque), torque.shape[2]
         changes = np.empty((len(self.first) - 1, int(np.diff(self.first).max()), problem.axes, count))
-        grid = self.motion.t, self.into, self.out, self.at, self.edges, self.first
+        grid = _Grid(self.motion.t, self.into, self.out, self.at, self.edges, self.first)
         sums, rows = np.empty((2, self.into.shape[1], count)), changes.reshape(len(changes), -1, count)
         integrate = _response_with_arm if problem.segments.arm_moves else _response
-        integrate(*grid, problem.weight, torque, sums, rows)
+        integrate(grid, problem.weight, torque, sums, rows)
         return problem.decorrelated(changes)
 
     def torques(self, stage: StageName, constants: RigConstants, params: Array) -> Array:
@@ -89,12 +99,12 @@ class Trajectory:
             torques[mask] = self._torques(stage, constants, params, setup, mask)
         return torques
 
-    def of_setup(self, setup: Setup) -> NDArray[np.bool_]:
+    def of_setup(self, setup: Setup) -> Flags:
         """(n,) mask of the grid points of a setup."""
         return np.array([other == setup for other in self.setups])[self.motion.run]
 
     def _torques(
-        self, stage: StageName, constants: RigConstants, params: Array, setup: Setup, mask: NDArray[np.bool_] | slice
+        self, stage: StageName, constants: RigConstants, params: Array, setup: Setup, mask: Flags | slice
     ) -> Array:
         axes = self.motion.theta.shape[1]
         if stage in OF_ARM and axes == 2:
@@ -205,9 +215,7 @@ def _prescribed_torques(bases: Array, rig: RigConstants, states: Array, arm: Arr
     return np.stack([squared * lever1 - pull * e1 * cos1, squared * lever2 - pull * d * rig.g / rig.L1 * cos2], axis=1)
 
 
-def _accelerations(
-    bases: Array, held: NDArray[np.bool_], L1: float, g: float, states: Array, drive: Array
-) -> tuple[Array, Array]:
+def _accelerations(bases: Array, held: Flags, L1: float, g: float, states: Array, drive: Array) -> tuple[Array, Array]:
     """(n, 2, 2) inverse mass matrices and (n, 2) accelerations of equation (1), with joint 2 fixed if `held`."""
     a, b, d, e1, c1, c2 = bases.T
     (sin1, sin2), (cos1, cos2), (omega1, omega2) = np.sin(states[:, :2].T), np.cos(states[:, :2].T), states[:, 2:].T
@@ -219,24 +227,14 @@ def _accelerations(
 
 
 @njit(allocates=False)
-def _response(
-    t: Array,
-    into: Array,
-    out: Array,
-    positions: Array,
-    edges: NDArray[np.int64],
-    first: NDArray[np.int64],
-    weight: Array,
-    torque: Array,
-    sums: Array,
-    response: Array,
-) -> None:
+def _response(grid: _Grid, weight: Array, torque: Array, sums: Array, response: Array) -> None:
     """Trapezoidal integral from the start of each segment, weighted at the samples; inner loop over torques.
 
     This is `_response_with_arm` for the four states of two rods, unrolled: a diagnosis integrates thousands of torques.
     The result is written to `response`, (segments, m, k), where short segments end in zeros; `sums` (2, 4, k) is a work
     array.
     """
+    t, into, out, positions, edges, first = grid
     count, before, total = torque.shape[2], sums[0], sums[1]
     for s in range(len(first) - 1):
         n = first[s]
@@ -275,19 +273,9 @@ def _response(
 
 
 @njit(allocates=False)
-def _response_with_arm(
-    t: Array,
-    into: Array,
-    out: Array,
-    positions: Array,
-    edges: NDArray[np.int64],
-    first: NDArray[np.int64],
-    weight: Array,
-    torque: Array,
-    sums: Array,
-    response: Array,
-) -> None:
+def _response_with_arm(grid: _Grid, weight: Array, torque: Array, sums: Array, response: Array) -> None:
     """`_response` for any number of states and axes; `sums` is (2, states, k)."""
+    t, into, out, positions, edges, first = grid
     states, axes, count, before, total = into.shape[1], into.shape[2], torque.shape[2], sums[0], sums[1]
     for s in range(len(first) - 1):
         n = first[s]

@@ -3,13 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.fitting.gauss_newton import SETTINGS, Fit, GaussNewton, descend, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.spread import NORMAL_MAD
-
-Array = NDArray[np.float64]
 
 
 def without_outstanding(

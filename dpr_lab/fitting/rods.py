@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import BASE, RATIOS, WHOLE, base_of_run, base_slopes, ratio_slopes, ratios
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.dynamics.sensitivity import driven
@@ -18,8 +18,6 @@ from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, Estimate, FreeParameter, whole_of
 from dpr_lab.joint_angles import JointAngles
 from dpr_lab.setup import BOTH, Setup
-
-Array = NDArray[np.float64]
 
 _B, _P = WHOLE.index("b"), WHOLE.index("p")
 _OTHERS = [i for i in range(len(BASE)) if i != _B]

@@ -13,16 +13,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.encoder_errors import with_encoder_errors
 from dpr_lab.dynamics.prediction import internal_states, predict, predict_batch
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.effects import EFFECTS, named_params, param_index
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.estimate import EFFECTS_BEGIN, ZEROS_BEGIN, Estimate, FreeParameter, whole_of
-
-Array = NDArray[np.float64]
 
 INITIAL_STEPS = np.array([1e-6, 1e-6, 1e-5, 1e-5, 1e-6, 1e-5])
 """Increments of an initial state, rad and rad/s: a thousandth of a count."""
@@ -131,7 +129,7 @@ class RodsWithEffects:
         return np.moveaxis(slopes, 0, -1), angles[-1]
 
 
-def _inexact(segments: Segments, reading: Array, predicted: Array) -> NDArray[np.bool_]:
+def _inexact(segments: Segments, reading: Array, predicted: Array) -> Flags:
     """(segments,) whether a reading differs from the predicted one by more than `coarse_error` or is not finite."""
     with np.errstate(over="ignore", invalid="ignore"):
         squares = np.add.reduceat(np.sum((reading - predicted) ** 2, axis=1), segments.offsets[:-1])

@@ -14,11 +14,9 @@ Source: F. C. Schweppe (1965), Evaluation of likelihood functions for Gaussian s
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.kernels import njit
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +31,7 @@ class Disturbance:
     """(samples, 2) common error of both readings of a sample, one standard deviation, rad."""
 
 
-def padded(values: Array, weight: Array, offsets: NDArray[np.int64]) -> Array:
+def padded(values: Array, weight: Array, offsets: Integers) -> Array:
     """(segments, longest, axes, k) from (samples, axes, k) and weights (samples, axes); short ones end in zeros."""
     blocks = np.zeros((len(offsets) - 1, int(np.diff(offsets).max()), weight.shape[1], values.shape[2]))
     _weigh(values, weight, offsets, blocks)
@@ -41,7 +39,7 @@ def padded(values: Array, weight: Array, offsets: NDArray[np.int64]) -> Array:
 
 
 @njit(allocates=False)
-def _weigh(values: Array, weight: Array, offsets: NDArray[np.int64], blocks: Array) -> None:
+def _weigh(values: Array, weight: Array, offsets: Integers, blocks: Array) -> None:
     for s in range(len(offsets) - 1):
         for n in range(offsets[s], offsets[s + 1]):
             for j in range(weight.shape[1]):
@@ -50,9 +48,7 @@ def _weigh(values: Array, weight: Array, offsets: NDArray[np.int64], blocks: Arr
 
 
 @njit
-def innovations(
-    columns: Array, weight: Array, offsets: NDArray[np.int64], walk: Array, out: Array, shared: Array
-) -> float:
+def innovations(columns: Array, weight: Array, offsets: Integers, walk: Array, out: Array, shared: Array) -> float:
     """Whiten `padded` in place for a disturbance of the same samples.
 
     Returns:

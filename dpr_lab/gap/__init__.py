@@ -1,6 +1,8 @@
 """Diagnosis of the gap between simulation and rig: size, location, causes, probabilities, reduction.
 
-Reading order, about an hour. `diagnose.diagnose` runs the stages; each extends the frozen record of `state`.
+Reading order. `diagnose.diagnose` runs the stages; each extends the frozen record of `state`. The modules named here
+are 18,000 words of text and code, a little more than an hour. The other modules of their folders, 53,000 words, answer
+one question each, which the docstring of the module states.
 
     stage (reported as)        entry point                       question
     screen                     screen.record.record              which readings are faulty?

@@ -43,7 +43,7 @@ from dpr_lab.gap.state import (
 )
 from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.gap.transfer.free_swing import expected_errors, free_swings
-from dpr_lab.gap.transfer.gap import gap
+from dpr_lab.gap.transfer.gap_size import gap
 from dpr_lab.gap.transfer.out_of_sample import held_out_prediction
 from dpr_lab.gap.transfer.repeatability import gap_budget
 from dpr_lab.gap.transfer.transfer import transfer
@@ -238,8 +238,7 @@ def _transferred(before: Classified) -> Transferred:
     request, recordings, problem, selection = before.request, before.recordings, before.problem, before.selection
     _begin(request, "transfer")
     everything = recordings.only([*recordings.records, *before.held_out.records])
-    models = {"before": selection.base, "after": selection.chosen}
-    runs_by_model = {name: free_runs(everything, model.fit.estimate) for name, model in models.items()}
+    runs_by_model = {name: free_runs(everything, model.fit.estimate) for name, model in selection.models.items()}
     rng = np.random.default_rng(request.seed)
     swings = free_swings(runs_by_model["before"], selection.base)
     expected = expected_errors(swings, selection.base.residuals.independent_noise)

@@ -26,7 +26,7 @@ from dpr_lab.effects.effect import Effect
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS, alone_share
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.advice.next_step import NextStep
+from dpr_lab.gap.advice.check_kind import NextStep
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import Evidence

@@ -105,7 +105,7 @@ def identified_model(
     )  # what is not mounted has no influence on ratios to a
     shown = {name: _ratio(ratio_fit, mounted_alone, rig, name, profile) for name in RATIOS} if alone else ratios
     return Model(
-        rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g),
+        rig=RigFacts.of(rig),
         ratios=ratios_alone([*shown.values()], p_over_b, rig.g / rig.L1) if alone else ratios,
         fitted=[*ratios.values()] if alone else [],
         covariance=Covariance(order=list(ratio_uncertainty.names), matrix=ratio_uncertainty.covariance.tolist()),

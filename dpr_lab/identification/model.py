@@ -120,6 +120,11 @@ class RigFacts(_Record):
     g: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     """Gravity, m/s^2."""
 
+    @classmethod
+    def of(cls, rig: Rig) -> "RigFacts":
+        """The constants of a rig file."""
+        return cls(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g)
+
 
 class RunUsed(_Record):
     """A run used in the identification."""
@@ -282,7 +287,11 @@ class Model(Shown, _Record):
         shift these away from ratios of large uncertainty.
         """
         values = self.base["b"].value * base_from_ratios([ratio.value for ratio in self.all_ratios.values()])
-        pairs = zip(self.base.items(), values.tolist(), strict=True)
+        return self.with_base(values.tolist())
+
+    def with_base(self, values: Sequence[float]) -> "Model":
+        """The model with other values (6,) of the base parameters, and the same uncertainties."""
+        pairs = zip(self.base.items(), values, strict=True)
         return self.model_copy(update={"base": {k: v.model_copy(update={"value": value}) for (k, v), value in pairs}})
 
     @property

@@ -101,6 +101,11 @@ class ModelChain:
     """Notes on parts that the rig file cannot contain."""
 
     @property
+    def parts(self) -> tuple[ChainRod | ChainArm, ...]:
+        """The rods, and the arm if there is one."""
+        return (*self.rods, *((self.arm,) if self.arm else ()))
+
+    @property
     def parameters(self) -> dict[str, float]:
         """Parameters of its rods by the names of the rig file, SI."""
         values = {"mb": self.elbow_mass} if len(self.rods) == 2 else {}

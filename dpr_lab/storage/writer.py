@@ -49,7 +49,9 @@ class WriterSettings:
     """Buffering time and angle resolution of the writer."""
 
     flush_s: float = 0.2
-    """Maximum age of a chunk, s; with a call every 50 ms it reaches the operating system within 250 ms."""
+    """Age at which a chunk is handed to the operating system, s. It is checked at each call, every 50 ms during a
+    recording, so that a killed process loses at most the last 250 ms.
+    """
     sync_s: float = 5.0
     """Interval at which the file is synchronised with the disk, s. Only a power failure loses flushed data; a killed
     process does not, and each synchronisation can block for 100 ms.

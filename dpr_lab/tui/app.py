@@ -125,7 +125,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self._saved = True
         self._had_focus: Widget | None = None
         self.messages, self.error_title = MessageLog(folder / FILE), names.fill(NOTICES.error_title)
-        self.steps = [step(self.services, id=step.NAME.lower()) for step in steps]
+        self.steps = [step(self.services) for step in steps]
         for theme in THEMES:
             self.register_theme(theme)
         self.theme = workspace.theme if workspace.theme in self.available_themes else THEMES[0].name

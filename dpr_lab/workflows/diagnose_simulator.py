@@ -117,7 +117,7 @@ def diagnose_simulator(
     written = fitted_in_words(model, WORDS[read.format], runs, rig)
     least = _least_change(result.diagnosis, written, rig, chain, runs)
     lost = left_out(model, unchanged(model, written), read.format)
-    names = tuple(part.joint.name for part in (*chain.rods, *((chain.arm,) if chain.arm else ())))
+    names = tuple(part.joint.name for part in chain.parts)
     done = SimulatorDiagnosis(result, simulator, read.format, names, least, lost=lost)
     try:
         patched = into_file(least.model, rig, simulator, joints)

@@ -76,8 +76,7 @@ def rig_from_model(
     except ConfigError as error:
         raise ConfigError(f"{model}: its values are not a valid rig: {error}") from error
     write_text(file, text, ConfigError)
-    parts = (*chain.rods, *((chain.arm,) if chain.arm else ()))
-    names = tuple(part.joint.name for part in parts)
+    names = tuple(part.joint.name for part in chain.parts)
     arm = _arm_values(chain.arm, _bounds(chain, nominal, [])) if chain.arm else {}
     return RigFromModel(file, read.name, read.format, names, nominal, arm, chain.terms, tuple(notes))
 
@@ -218,11 +217,10 @@ def _zeros(chain: "ModelChain", counts: int, notes: list[str], noted: float = 0.
 
 def _reversed(chain: "ModelChain") -> list[str]:
     """Notes on joints with an axis opposite to that of dpr-lab."""
-    parts = (*chain.rods, *((chain.arm,) if chain.arm else ()))
     return [
         f"joint {part.joint.name!r} turns opposite to the angle of dpr-lab: its direction in [encoders] is -1, so"
         " recordings of the angle in the model can be used unchanged"
-        for part in parts
+        for part in chain.parts
         if part.direction < 0
     ]
 

@@ -9,10 +9,10 @@ from dpr_lab.drift.changes import changes
 from dpr_lab.drift.estimates import estimate_each
 from dpr_lab.drift.moving_arm import estimate_each_arm
 from dpr_lab.dynamics.arm import ArmParameters
-from dpr_lab.dynamics.simulate import simulate_arm
 from dpr_lab.errors import RunError
 from dpr_lab.run import Run
 from tests.identification.test_moving_arm_fit import NOISE, rig_with
+from tests.whole_swing import simulate_arm
 
 T = np.arange(0, 3, 0.005)
 PUSH = 0.25 * np.sin(4 * T) + 0.2 * np.sin(7.3 * T + 1)

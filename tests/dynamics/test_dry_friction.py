@@ -6,7 +6,6 @@ import pytest
 from dpr_lab.dynamics.arm import ReducedRods
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.dry_friction import slides
-from dpr_lab.dynamics.equation import energy
 from dpr_lab.dynamics.prediction import PAD, predict, predict_batch
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
@@ -14,6 +13,7 @@ from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.effects import EFFECTS, effect_params, param_index
 from dpr_lab.rig import load_rig
 from tests.event_driven import Rods, swing
+from tests.whole_swing import energy
 
 RIG = load_rig("paper")
 CONSTANTS = rig_constants(RIG)

@@ -6,8 +6,9 @@ import sympy as sp
 
 from dpr_lab.dynamics.arm import CLAMPED, DRIVEN, FREE, ArmParameters, arm_accelerations, mass_matrix, mounted
 from dpr_lab.dynamics.base import base_parameters
-from dpr_lab.dynamics.equation import accelerations, energy
+from dpr_lab.dynamics.equation import accelerations
 from dpr_lab.effects.quantities import Motion, torques
+from tests.whole_swing import energy
 
 Z = np.array([0.21, 0.19, 0.11, 0.09, 0.2, 0.0011, 0.0009, 0.0014, 0.0012])
 L0, L1, G = 0.3, 0.4, 9.81

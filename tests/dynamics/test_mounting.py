@@ -6,7 +6,6 @@ import sympy as sp
 from scipy.integrate import solve_ivp
 
 from dpr_lab.dynamics.base import base_of_run, base_slopes, whole_parameters
-from dpr_lab.dynamics.equation import energy
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.effects import effect_params
@@ -17,6 +16,7 @@ from dpr_lab.rig import load_rig
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.setup import Setup
 from tests.dynamics.scalar_readings import read_segments
+from tests.whole_swing import energy
 
 Z = np.array([0.21, 0.19, 0.104, 0.093, 0.215, 0.00107, 0.00093, 0.00139, 0.00128])
 RIG = load_rig("paper")

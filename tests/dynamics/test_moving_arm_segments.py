@@ -6,8 +6,8 @@ import pytest
 
 from dpr_lab.dynamics.arm import CLAMPED, DRIVEN, FREE, ArmParameters, mounted
 from dpr_lab.dynamics.moving_arm.swing import arm_segments, swing_segments
-from dpr_lab.dynamics.simulate import simulate_arm
 from tests.three_hinges import FRAME, L0, L1, G, Z, three_hinges
+from tests.whole_swing import simulate_arm
 
 ARM = ArmParameters(J0=0.01, c0=0.003, k0=0.2, mode="free")
 START = np.array([0.1, 3.1, 2.5, 0.0, 1.0, 0.0])

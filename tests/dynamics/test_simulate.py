@@ -4,9 +4,9 @@ from scipy.integrate import solve_ivp
 
 from dpr_lab.dynamics.arm import ArmParameters
 from dpr_lab.dynamics.base import base_from_ratios, base_parameters, ratios
-from dpr_lab.dynamics.equation import energy
 from dpr_lab.dynamics.schedule import steps_between
-from dpr_lab.dynamics.simulate import simulate, simulate_arm
+from dpr_lab.dynamics.simulate import simulate
+from tests.whole_swing import energy, simulate_arm
 
 Z = np.array([0.2, 0.2, 0.1, 0.1, 0.208, 0.001, 0.001, 0.00133, 0.00133])
 L0, L1, G = 0.3, 0.4, 9.81

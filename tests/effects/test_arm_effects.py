@@ -13,7 +13,7 @@ from dpr_lab.dynamics.moving_arm.swing import arm_segments, swing_segments
 from dpr_lab.dynamics.prediction import predict
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
-from dpr_lab.dynamics.simulate import at_release, integrate, motors_of, rig_model, simulate_arm
+from dpr_lab.dynamics.simulate import at_release, integrate, motors_of, rig_model
 from dpr_lab.dynamics.step import motion_of
 from dpr_lab.effects import EFFECTS, OF_ARM, effect_params, param_index
 from dpr_lab.effects.limits import amplitude_limits, oversized
@@ -23,6 +23,7 @@ from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
 from tests.arm_engine import drawn_plant, rig_of, swing
 from tests.three_hinges import three_hinges
+from tests.whole_swing import simulate_arm
 
 RIG = load_rig("paper")
 CONSTANTS = rig_constants(RIG)

@@ -8,13 +8,14 @@ from scipy.integrate import quad, solve_ivp
 from dpr_lab.dynamics.arm import CLAMPED, ArmParameters, mounted
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.rig_constants import UNKNOWN, rig_constants
-from dpr_lab.dynamics.simulate import at_release, simulate, simulate_arm
+from dpr_lab.dynamics.simulate import at_release, simulate
 from dpr_lab.dynamics.step import accelerations_at, joint_forces, model_with
 from dpr_lab.effects import air_drag, effect_params
 from dpr_lab.effects.hysteresis import deflected
 from dpr_lab.effects.quantities import Motion
 from dpr_lab.kernels import njit
 from dpr_lab.rig import load_rig
+from tests.whole_swing import simulate_arm
 
 Z = np.array([0.21, 0.19, 0.11, 0.09, 0.2, 0.0, 0.0, 0.0014, 0.0012])
 L0, L1, L2, G = 0.3, 0.4, 0.37, 9.81

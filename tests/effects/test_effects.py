@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.base import BASE, base_parameters
-from dpr_lab.dynamics.equation import energy
 from dpr_lab.dynamics.prediction import predict
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
@@ -16,6 +15,7 @@ from dpr_lab.effects.fold import arguments
 from dpr_lab.effects.stages import STAGES
 from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
+from tests.whole_swing import energy
 
 RIG = load_rig("paper")
 CONSTANTS = rig_constants(RIG)

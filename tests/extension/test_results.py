@@ -47,8 +47,7 @@ def test_a_kind_of_check_is_a_file_and_a_row(copy: Copy) -> None:
         import math
 
         from dpr_lab.errors import RunError
-        from dpr_lab.gap.advice.check_kind import Result
-        from dpr_lab.gap.advice.next_step import NextStep
+        from dpr_lab.gap.advice.check_kind import NextStep, Result
         from dpr_lab.gap.result.checks import NONE_OF_THEM
 
 

@@ -14,9 +14,7 @@ from dpr_lab.gap.which.fitted_sets import FittedSets
 @pytest.mark.parametrize("torque", [0.0, 0.3])
 def test_an_effect_of_any_size_hands_its_amplitudes_over(torque: float, monkeypatch: pytest.MonkeyPatch) -> None:
     start = Estimate.of([1.0] * 7, effect_params({"stribeck_joint1": {"torque_Nm": torque}}), [[0.0] * 4])
-    monkeypatch.setattr(fitted_sets, "free_parameters", lambda *_: ())
-    monkeypatch.setattr(fitted_sets, "preliminary_fit", lambda problem, start, free, iterations: start)
-    monkeypatch.setattr(fitted_sets, "hypothesis", lambda problem, names, fitted: fitted)
+    monkeypatch.setattr(fitted_sets, "refit", lambda problem, start, names, iterations: start)
     sets = cast(Any, SimpleNamespace(library=EFFECTS, problem=None))
     model = cast(Any, SimpleNamespace(fit=SimpleNamespace(estimate=start), effects=("stribeck_joint1",)))
     exchanged = cast(Any, FittedSets._handed_over(sets, model, "stribeck_joint1", "coulomb_joint1"))

@@ -5,9 +5,9 @@ import pytest
 
 import dpr_lab as dpr
 from dpr_lab.dynamics.arm import ArmParameters
-from dpr_lab.dynamics.simulate import simulate_arm
 from dpr_lab.identification.moving_arm.identifiability import ArmIdentifiability
 from dpr_lab.run import Run
+from tests.whole_swing import simulate_arm
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.arm import ArmParameters
-from dpr_lab.dynamics.simulate import simulate, simulate_arm
+from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.moving_arm_balance import angles_are_right, wrong_scale
 from dpr_lab.identification.misread.moving_arm_description import wrong_input
@@ -26,6 +26,7 @@ from dpr_lab.workflows.compare_moving_arm import compare_moving_arm
 from dpr_lab.workflows.identify import IdentifyRequest, identify
 from tests.identification.test_moving_arm_fit import NOISE, PUSH, T, drawn, recorded, rig_with
 from tests.thinned import FULL
+from tests.whole_swing import simulate_arm
 
 KT = {"nominal": 0.5, "lower": 0.1, "upper": 2.0}
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from dpr_lab.dynamics.equation import energy
 from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.effects import effect_params
 from dpr_lab.errors import ConfigError
@@ -18,6 +17,7 @@ from sim_device.plant.foreign.engine import Body, DryJoint, integrate, sticking,
 from sim_device.plant.foreign.torques import drag_on_outer_rod
 from sim_device.plant.hidden import plant_of
 from tests.thinned import thinned
+from tests.whole_swing import energy
 
 T = np.arange(0.0, 2.0, 0.01)
 LONG = np.arange(0.0, 6.0, 0.01)  # some disturbances come late

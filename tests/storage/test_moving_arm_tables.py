@@ -8,7 +8,6 @@ from typer.testing import CliRunner
 
 from dpr_lab.cli.app import app
 from dpr_lab.dynamics.arm import ArmParameters
-from dpr_lab.dynamics.simulate import simulate_arm
 from dpr_lab.errors import RunError
 from dpr_lab.rig import load_rig
 from dpr_lab.storage.csv_import import import_csv
@@ -16,6 +15,7 @@ from dpr_lab.storage.export import export
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.preview import preview
+from tests.whole_swing import simulate_arm
 
 RIG = """
 [arm]

@@ -4,8 +4,8 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.dynamics.lanes.driving import Drive
 from dpr_lab.dynamics.lanes.samples import LaneSamples
 from dpr_lab.dynamics.lanes.workspace import LANES, LaneWorkspace, lane_workspace
@@ -17,15 +17,15 @@ from dpr_lab.effects.stages import Requirements
 class SegmentArrays(NamedTuple):
     """Segments and mounting, as arrays for compiled code."""
 
-    t: NDArray[np.float64]
+    t: Array
     """(N,) sampling instants of all segments in sequence, s."""
-    offsets: NDArray[np.int64]
+    offsets: Integers
     """(S + 1,) first sample of each segment."""
-    run: NDArray[np.int64]
+    run: Integers
     """(S,) index of the run."""
-    step: NDArray[np.float64]
+    step: Array
     """(S,) Runge-Kutta step, s."""
-    parts: NDArray[np.float64]
+    parts: Array
     """(runs, 5) L1, L2, m1, m2, mb of the mounted parts."""
     drive: Drive
     """Known torques and arm motions."""
@@ -34,13 +34,13 @@ class SegmentArrays(NamedTuple):
 class Candidates(NamedTuple):
     """Candidates for prediction."""
 
-    bases: NDArray[np.float64]
+    bases: Array
     """(n, runs, 6) base parameters of the mounted parts."""
-    params: NDArray[np.float64]
+    params: Array
     """(n, runs or 1, SIZE) effects."""
-    initial: NDArray[np.float64]
+    initial: Array
     """(n, S, 6) theta1, theta2, omega1, omega2, theta0, omega0; the last two are nan if they are internal states."""
-    internal: NDArray[np.float64]
+    internal: Array
     """(n, S, internal) internal states; nan if they are taken from the previous segment."""
 
 
@@ -50,7 +50,7 @@ class LaneBlock(NamedTuple):
     segments: SegmentArrays
     candidates: Candidates
     rig: RigConstants
-    active: NDArray[np.bool_]
+    active: Flags
     """(effects,) mask of the active effects."""
     required: Requirements
 
@@ -65,17 +65,17 @@ class Piece(NamedTuple):
 class Buffers(NamedTuple):
     """Outputs and work arrays of the kernel."""
 
-    angles: NDArray[np.float64]
+    angles: Array
     """(n, N, 2 or 3) predicted readings, rad: joint 1, joint 2 and optionally the arm."""
-    initial_internal: NDArray[np.float64]
+    initial_internal: Array
     """(n, S, internal) internal states at the start of each segment."""
     w: LaneWorkspace
     """The workspace of the lanes."""
-    after: NDArray[np.float64]
+    after: Array
     """(LANES, internal) internal states at the end of the previous segment."""
-    run: NDArray[np.int64]
+    run: Integers
     """(LANES,) run of the current segment."""
-    knot: NDArray[np.int64]
+    knot: Integers
     """(2, LANES) intervals in which the known torques of the rods' joints and of the arm were looked up last."""
     samples: LaneSamples
 

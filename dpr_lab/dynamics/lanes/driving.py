@@ -10,8 +10,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.dynamics.arm import levers
 from dpr_lab.dynamics.lanes.workspace import LANES, LaneWorkspace
 from dpr_lab.effects.quantities import RigConstants
@@ -22,11 +22,11 @@ from dpr_lab.setup import Setup
 class Knots(NamedTuple):
     """Functions of time that are linear between knots, of all runs in sequence."""
 
-    t: NDArray[np.float64]
+    t: Array
     """(K,) knots, s since the release."""
-    values: NDArray[np.float64]
+    values: Array
     """(K, columns) values of the functions there."""
-    first: NDArray[np.int64]
+    first: Integers
     """(runs + 1,) first knot of each run."""
 
 
@@ -52,7 +52,7 @@ def drive_of(setups: tuple[Setup, ...]) -> Drive:
     )
 
 
-def _in_sequence(runs: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> Knots:
+def _in_sequence(runs: Sequence[tuple[Array, Array]]) -> Knots:
     """Concatenate the knots of all runs; those of each are times (K,) and values (K,) or (K, columns)."""
     values = np.concatenate([values for _, values in runs])
     t = np.concatenate([t for t, _ in runs])
@@ -94,7 +94,7 @@ def _next_step(w: LaneWorkspace, k: int) -> tuple[float, float]:
 
 
 @subroutine
-def set_torques(w: LaneWorkspace, drive: Drive, run: NDArray[np.int64], knot: NDArray[np.int64]) -> None:
+def set_torques(w: LaneWorkspace, drive: Drive, run: Integers, knot: Integers) -> None:
     """Mean known torques over the next step of each lane; `knot` (2, LANES) contains the intervals used last.
 
     Neighbouring lanes often take the same step of the same run, with the same torques.
@@ -138,7 +138,7 @@ def _arm_speed(knots: Knots, first: int, last: int, t: float) -> float:
 
 
 @subroutine
-def prescribe_arm(w: LaneWorkspace, drive: Drive, run: NDArray[np.int64]) -> None:
+def prescribe_arm(w: LaneWorkspace, drive: Drive, run: Integers) -> None:
     """Mean acceleration and squared speed of the arm over the next step of each lane."""
     knots = drive.prescribed
     for k in range(LANES):

@@ -20,9 +20,7 @@ is handled in scalar code.
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from dpr_lab.arrays import Flags
 from dpr_lab.dynamics.arm import CLAMPED, FREE, push_on_arm, reduced_rods
 from dpr_lab.dynamics.dry_friction import direction_of, held, pushes, slides, slides_with_arm
 from dpr_lab.dynamics.events import EVENTS, JointMotion, Three, correction, first_event, of_joints, stopped
@@ -88,7 +86,7 @@ def _mode(w: LaneWorkspace, k: int, arm: bool) -> int:
 
 
 @subroutine
-def find_margin0(w: LaneWorkspace, active: NDArray[np.bool_], margin0: Row) -> bool:
+def find_margin0(w: LaneWorkspace, active: Flags, margin0: Row) -> bool:
     """Fill a row with the margins (limit minus torque) of arms at rest, N m; return whether one is negative."""
     for k in range(LANES):
         w.limit0[k] = 0.0
@@ -103,7 +101,7 @@ def find_margin0(w: LaneWorkspace, active: NDArray[np.bool_], margin0: Row) -> b
 
 
 @subroutine
-def find_margins(w: LaneWorkspace, active: NDArray[np.bool_], margin1: Row, margin2: Row) -> bool:
+def find_margins(w: LaneWorkspace, active: Flags, margin1: Row, margin2: Row) -> bool:
     """Fill two rows with the margins (limit minus torque) of joints at rest, N m; return whether one is negative."""
     for k in range(LANES):
         w.limit1[k], w.limit2[k] = 0.0, 0.0
@@ -119,7 +117,7 @@ def find_margins(w: LaneWorkspace, active: NDArray[np.bool_], margin1: Row, marg
 
 
 @subroutine
-def let_go(w: LaneWorkspace, rig: RigConstants, active: NDArray[np.bool_], required: Requirements) -> None:
+def let_go(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requirements) -> None:
     """Set the directions of joints at rest whose limits are exceeded at the start of a step."""
     arm = required.arm
     for side in (1.0, -1.0):

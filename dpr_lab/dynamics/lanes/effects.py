@@ -6,9 +6,7 @@ Generated from the same rows of `dpr_lab.effects.stages.STAGES` as the scalar ve
 import math
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from dpr_lab.arrays import Flags
 from dpr_lab.dynamics.lanes.workspace import (
     LANES,
     LaneWorkspace,
@@ -102,7 +100,7 @@ _move_states = lane_stage("transition")
 
 
 @subroutine
-def displaced(w: LaneWorkspace, active: NDArray[np.bool_]) -> None:
+def displaced(w: LaneWorkspace, active: Flags) -> None:
     """Fill the rows `moved`: internal states after the displacements of the joints, from those in `old_internal`."""
     copy_rows(w.old_internal, w.moved)
     _move_states(w, active)

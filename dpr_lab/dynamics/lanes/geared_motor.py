@@ -13,9 +13,7 @@ instant would have brought it. After an impact the motor stays in contact for on
 common speed. Loops over lanes as in `stepping`.
 """
 
-import numpy as np
-from numpy.typing import NDArray
-
+from dpr_lab.arrays import Flags
 from dpr_lab.dynamics.lanes.effects import follow_motor
 from dpr_lab.dynamics.lanes.interpolation import angle0, speed0
 from dpr_lab.dynamics.lanes.workspace import LANES, LaneWorkspace, waits
@@ -48,7 +46,7 @@ def transmit(w: LaneWorkspace) -> None:
 
 
 @subroutine
-def follow(w: LaneWorkspace, active: NDArray[np.bool_], until: float) -> None:
+def follow(w: LaneWorkspace, active: Flags, until: float) -> None:
     """Move each motor up to the share `share` of the step if this is at most `until`."""
     for k in range(LANES):
         u = w.share[k] if w.share[k] <= until else w.followed0[k]

@@ -3,8 +3,8 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.lanes.blocks import Buffers, Candidates, LaneBlock, Piece, SegmentArrays
 from dpr_lab.dynamics.lanes.driving import prescribe_arm, set_torques
 from dpr_lab.dynamics.lanes.effects import displaced
@@ -141,9 +141,9 @@ def _any_due(w: LaneWorkspace) -> bool:
 def _hand_over(
     w: LaneWorkspace,
     relative2: float,
-    active: NDArray[np.bool_],
+    active: Flags,
     required: Requirements,
-    after: NDArray[np.float64],
+    after: Array,
 ) -> None:
     """Store the internal states for the next segment if it starts in this step; backlash as at the end of the step."""
     if not shares(w, w.handed, 1.0):
@@ -172,7 +172,7 @@ def _hand_over(
 
 
 @subroutine
-def _add_errors(piece: Piece, block: LaneBlock, angles: NDArray[np.float64]) -> None:
+def _add_errors(piece: Piece, block: LaneBlock, angles: Array) -> None:
     """Add the errors of the encoders to the predictions of a candidate on a segment."""
     c, s = piece
     run, t, rig = int(block.segments.run[s]), block.segments.t, block.rig

@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.dynamics.lanes.effects import hold_angle1, hold_angle2
 from dpr_lab.dynamics.lanes.geared_motor import balance_gear, follow
 from dpr_lab.dynamics.lanes.interpolation import angle0, angle1, angle2
@@ -15,18 +15,18 @@ from dpr_lab.kernels import subroutine
 class LaneSamples(NamedTuple):
     """Samples of the current segment in each lane."""
 
-    t1: NDArray[np.float64]
+    t1: Array
     """(LANES, longest) instants of the read angle of joint 1, s."""
-    t2: NDArray[np.float64]
-    out: NDArray[np.float64]
+    t2: Array
+    out: Array
     """(n * N * columns,) readings of all candidates in sequence: joint 1, joint 2 and optionally the arm, rad."""
     columns: int
-    first: NDArray[np.int64]
+    first: Integers
     """(LANES,) first index of the segment's readings in `out`."""
-    next1: NDArray[np.int64]
+    next1: Integers
     """(LANES,) next sample of joint 1."""
-    next2: NDArray[np.int64]
-    size: NDArray[np.int64]
+    next2: Integers
+    size: Integers
     """(LANES,) number of samples of the segment; 0 for an idle lane."""
 
 
@@ -39,7 +39,11 @@ def _read_arm(w: LaneWorkspace) -> None:
 
 @subroutine
 def shares(w: LaneWorkspace, due: Row, until: float) -> bool:
-    """Share of the step of the next reading of each lane; whether any lane reads before the share `until`."""
+    """Fill the row `share`: the share of the step after which the next reading of each lane is due.
+
+    Returns:
+        whether any lane has a reading up to the share `until`
+    """
     count = 0
     for k in range(LANES):
         share = (due[k] - w.old_t[k]) / w.h[k]
@@ -49,7 +53,7 @@ def shares(w: LaneWorkspace, due: Row, until: float) -> bool:
 
 
 @subroutine
-def _after_reading(due: Row, k: int, t: NDArray[np.float64], j: int, count: int) -> int:
+def _after_reading(due: Row, k: int, t: Array, j: int, count: int) -> int:
     """Index of the sample after j, which is the next one."""
     due[k] = t[k, j + 1] if j + 1 < count else np.inf
     return j + 1
@@ -93,9 +97,7 @@ def read_joint1(w: LaneWorkspace, arm: bool, samples: LaneSamples) -> None:
 
 
 @subroutine
-def read_play1(
-    w: LaneWorkspace, arm: bool, geared: bool, parts: int, active: NDArray[np.bool_], samples: LaneSamples
-) -> None:
+def read_play1(w: LaneWorkspace, arm: bool, geared: bool, parts: int, active: Flags, samples: LaneSamples) -> None:
     """Read joint 1 and the arm through backlash.
 
     Args:
@@ -153,7 +155,7 @@ def read_joint2(w: LaneWorkspace, until: float, relative2: float, samples: LaneS
 
 
 @subroutine
-def read_play2(w: LaneWorkspace, relative2: float, active: NDArray[np.bool_], samples: LaneSamples) -> None:
+def read_play2(w: LaneWorkspace, relative2: float, active: Flags, samples: LaneSamples) -> None:
     """Read joint 2 through the backlash of its encoder, which is updated at each quarter of the step."""
     for quarter in range(1, 5):
         until = 0.25 * quarter

@@ -1,8 +1,8 @@
 """Starts of tracks and of segments in the lanes: constants, sampling instants, initial states, internal states."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.lanes.blocks import Buffers, LaneBlock, Piece, SegmentArrays
 from dpr_lab.dynamics.lanes.samples import LaneSamples
 from dpr_lab.dynamics.lanes.workspace import LaneWorkspace, constants_at
@@ -105,7 +105,7 @@ def begin_segment(k: int, piece: Piece, block: LaneBlock, buffers: Buffers) -> N
 
 
 @subroutine
-def _leave_idle(k: int, samples: LaneSamples, after: NDArray[np.float64]) -> None:
+def _leave_idle(k: int, samples: LaneSamples, after: Array) -> None:
     """Set the readings of lane k and its internal states to NaN, because its segment cannot be integrated."""
     for n in range(samples.size[k] * samples.columns):
         samples.out[samples.first[k] + n] = np.nan
@@ -136,9 +136,7 @@ def _set_samples(k: int, piece: Piece, block: LaneBlock, samples: LaneSamples) -
 
 
 @subroutine
-def _set_state(
-    w: LaneWorkspace, k: int, initial: NDArray[np.float64], internal: NDArray[np.float64], relative2: float
-) -> None:
+def _set_state(w: LaneWorkspace, k: int, initial: Array, internal: Array, relative2: float) -> None:
     """Set angles, speeds and internal states of lane k at the instant `t`, with no step or event pending."""
     w.until[k], w.ahead[k], w.cut[k] = w.t[k], 0.0, 0.0
     w.theta1[k], w.theta2[k], w.omega1[k], w.omega2[k] = (
@@ -162,7 +160,7 @@ def _set_state(
 
 
 @subroutine
-def _set_motor(w: LaneWorkspace, k: int, params: NDArray[np.float64], active: NDArray[np.bool_]) -> None:
+def _set_motor(w: LaneWorkspace, k: int, params: Array, active: Flags) -> None:
     """Set the motor of lane k within the backlash of the arm's gear."""
     arm, motor = (w.theta0[k], w.omega0[k]), (w.hold0[k], w.motor_speed0[k])
     w.hold0[k], w.motor_speed0[k], w.motor_inertia0[k], w.loose0[k] = geared_motor0(
@@ -171,9 +169,7 @@ def _set_motor(w: LaneWorkspace, k: int, params: NDArray[np.float64], active: ND
 
 
 @subroutine
-def reset_internal(
-    segments: SegmentArrays, s: int, initial: NDArray[np.float64], internal: NDArray[np.float64]
-) -> None:
+def reset_internal(segments: SegmentArrays, s: int, initial: Array, internal: Array) -> None:
     """Set internal states at the start of a run: those of a rig at rest until the release, or after long sliding."""
     for n in range(len(internal)):
         internal[n] = AT_RELEASE[n]

@@ -18,8 +18,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Flags
 from dpr_lab.dynamics.arm import CLAMPED, FREE, arm_accelerations
 from dpr_lab.dynamics.lanes.driving import add_prescribed
 from dpr_lab.dynamics.lanes.dry_friction import accelerate_held, begin_dry, find_margin0, find_margins, let_go, settle
@@ -63,9 +63,7 @@ def advance() -> Any:
     return behind_pointer(_advance, lane_workspace(), UNKNOWN, active, required, False)
 
 
-def _advance(
-    w: LaneWorkspace, rig: RigConstants, active: NDArray[np.bool_], required: Requirements, held: bool
-) -> None:
+def _advance(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requirements, held: bool) -> None:
     """One Runge-Kutta step of all lanes.
 
     Args:
@@ -161,7 +159,7 @@ def _place_arm(w: LaneWorkspace, share: float) -> None:
 def _accelerate(
     w: LaneWorkspace,
     rig: RigConstants,
-    active: NDArray[np.bool_],
+    active: Flags,
     required: Requirements,
     held: bool,
     resting: bool,
@@ -194,7 +192,7 @@ def _accelerate(
 
 
 @subroutine
-def _add_arm(w: LaneWorkspace, rig: RigConstants, active: NDArray[np.bool_], required: Requirements) -> None:
+def _add_arm(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requirements) -> None:
     """All torques on the arm, and the torques of the same effects on the rods."""
     for k in range(LANES):
         w.torque0[k] = w.drive0[k]
@@ -292,7 +290,7 @@ def _finish_arm(w: LaneWorkspace) -> None:
 
 
 @subroutine
-def _move_internal(w: LaneWorkspace, active: NDArray[np.bool_]) -> None:
+def _move_internal(w: LaneWorkspace, active: Flags) -> None:
     copy_rows(w.internal, w.old_internal)
     displaced(w, active)
     copy_rows(w.moved, w.internal)

@@ -5,8 +5,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Flags, Integers
 from dpr_lab.dynamics.lanes.workspace import LANES
 from dpr_lab.effects.effect_kernels import required_by
 from dpr_lab.effects.fold import compiled
@@ -20,15 +20,15 @@ class Tracks(NamedTuple):
     segments.
     """
 
-    candidate: NDArray[np.int64]
+    candidate: Integers
     """(tracks,) candidate."""
-    first: NDArray[np.int64]
+    first: Integers
     """(tracks,) first segment."""
-    last: NDArray[np.int64]
+    last: Integers
     """(tracks,) index after the last segment."""
-    edges: NDArray[np.int64]
+    edges: Integers
     """(blocks + 1,) first track of each block."""
-    active: NDArray[np.bool_]
+    active: Flags
     """(blocks, effects) mask of the active effects."""
     required: Requirements
     """(blocks,) quantities that they require."""
@@ -44,9 +44,7 @@ required_in = compiled(
 """(required, b) -> quantities required by block b."""
 
 
-def tracks_of(
-    active: NDArray[np.bool_], chained: NDArray[np.bool_], run: NDArray[np.int64], chains: NDArray[np.int64]
-) -> Tracks:
+def tracks_of(active: Flags, chained: Flags, run: Integers, chains: Integers) -> Tracks:
     """Tracks of candidates on segments; the steps of a fit predict the same segments with the same effects.
 
     Args:
@@ -83,12 +81,12 @@ def _tracks(shape: tuple[int, int, int], active_: bytes, chained_: bytes, run_: 
 
 
 def _parts(
-    which: NDArray[np.bool_],
-    kind: NDArray[np.int64],
-    run: NDArray[np.int64],
-    first: NDArray[np.int64],
-    last: NDArray[np.int64],
-) -> NDArray[np.int64]:
+    which: Flags,
+    kind: Integers,
+    run: Integers,
+    first: Integers,
+    last: Integers,
+) -> Integers:
     """(4, tracks) kind, candidate, first and last segment of the candidates with this division into tracks.
 
     Tracks of one segment have neighbouring candidates, and thus the same instants, in neighbouring lanes.

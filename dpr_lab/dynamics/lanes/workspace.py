@@ -8,8 +8,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects import SIZE
 from dpr_lab.effects.effect_kernels import STEPPED
 from dpr_lab.effects.quantities import ArmModel, BaseParameters, Joint, Motion, RigConstants, Terms
@@ -18,10 +18,10 @@ from dpr_lab.kernels import inlined, subroutine
 LANES = 16
 """Number of lanes: two registers of eight doubles hide the latency of a division with few spare lanes."""
 
-Row = NDArray[np.float64]
+Row = Array
 """(LANES,) a quantity of all lanes."""
 
-Rows = NDArray[np.float64]
+Rows = Array
 """(count, LANES) a row for each internal state that moves with a joint, or for each parameter of the effects."""
 
 

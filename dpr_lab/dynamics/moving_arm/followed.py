@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.arm import CLAMPED, FREE
 from dpr_lab.dynamics.moving_arm.swing import arm_segments, swing_segments
 from dpr_lab.dynamics.segments import Segments
@@ -14,8 +14,6 @@ from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.setup import Torques
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +117,7 @@ def _mean_torque(t: Array, torques: Torques | None) -> Array:
 
 
 def _mass_matrices(
-    states: Array, model: tuple[float, float, float, float, float], rig: RigConstants, moves: NDArray[np.bool_]
+    states: Array, model: tuple[float, float, float, float, float], rig: RigConstants, moves: Flags
 ) -> Array:
     """(n, 3, 3) mass matrices of theta1, theta2, theta0 (`dpr_lab.dynamics.arm`); a clamped arm is not coupled."""
     a, b, d, e1, inertia = model

@@ -10,14 +10,13 @@ with the input u linear from each sample to the next. All parameters except L0 m
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.dynamics.arm import CLAMPED, FREE, arm_accelerations
 from dpr_lab.dynamics.schedule import sample_steps
 from dpr_lab.effects.quantities import NOTHING, SMOOTHING, ArmModel, BaseParameters, Motion
 from dpr_lab.kernels import njit, subroutine
-
-Array = NDArray[np.float64]
 
 SWING_PARAMETERS = ("a", "b", "d", "e1", "c1", "c2", "A", "c0", "k0", "f0", "gain", "L0")
 """Order of the vector p: base parameters of the rods, total inertia of the arm, its viscous friction, stiffness and
@@ -28,9 +27,9 @@ Coulomb friction, torque per input, and the length of the arm in m.
 class ArmSegments(NamedTuple):
     """Segments of recordings in sequence."""
 
-    offsets: NDArray[np.int64]
+    offsets: Integers
     """(segments + 1,) first sample of each segment."""
-    mode: NDArray[np.int64]
+    mode: Integers
     """(segments,) `CLAMPED`, `FREE` (the input is a torque) or `DRIVEN` (the input is an acceleration)."""
     drive: Array
     """(samples,) mean input from each sample to the next."""
@@ -38,7 +37,7 @@ class ArmSegments(NamedTuple):
     """(samples,) its derivative between them, 1/s; zero for a held input."""
     step: Array
     """(samples,) Runge-Kutta step before each sample, s."""
-    substeps: NDArray[np.int64]
+    substeps: Integers
     """(samples,) number of these steps."""
 
 

@@ -176,9 +176,5 @@ def _with_values(
     interval = (scale.interval90[0] / scale.b, scale.interval90[1] / scale.b) if scale else (1.0, 1.0)
     factor, effects = scaled_effects(component, values, interval, rng)
     base = b * factor * base_from_ratios(np.array([values[name] for name in RATIOS]))
-    return model.with_ratios([values[name] for name in RATIOS]).model_copy(
-        update={
-            "base": {k: v.model_copy(update={"value": float(base[i])}) for i, (k, v) in enumerate(model.base.items())},
-            "effects": effects,
-        }
-    )
+    sampled = model.with_ratios([values[name] for name in RATIOS]).with_base(base.tolist())
+    return sampled.model_copy(update={"effects": effects})

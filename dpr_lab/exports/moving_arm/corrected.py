@@ -57,7 +57,7 @@ def corrected_arm_model(
     floor = diagnosis.gap.floor_rad
     rms = {joint: float(np.hypot(above, floor[joint])) for joint, above in diagnosis.gap.after_rad.items()}
     return MovingArmModel(
-        rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g),
+        rig=RigFacts.of(rig),
         mounted=mounted,
         input=kind,
         scale=letter,

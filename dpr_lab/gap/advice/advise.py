@@ -13,9 +13,8 @@ from collections.abc import Iterator, Sequence
 
 from dpr_lab.errors import RunError
 from dpr_lab.gap.advice import bench_measurement, recording
-from dpr_lab.gap.advice.check_kind import CheckKind, OpenQuestion
+from dpr_lab.gap.advice.check_kind import CheckKind, NextStep, OpenQuestion
 from dpr_lab.gap.advice.expected_recordings import expected_recordings
-from dpr_lab.gap.advice.next_step import NextStep
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.checks import AdvisedCheck

@@ -7,11 +7,11 @@ import numpy as np
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.units import read_quantity, split_quantity
 from dpr_lab.errors import RunError
-from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion, Result, expected_bits
+from dpr_lab.gap.advice.check_kind import CheckAnswer, NextStep, OpenQuestion, Result, expected_bits
 from dpr_lab.gap.advice.measurement import SETTINGS, Predictions, has, predictions
-from dpr_lab.gap.advice.next_step import NextStep
 from dpr_lab.gap.result.checks import SENTENCE_END, AdvisedCheck, Quantity
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.shown import listed
 
 
 def form(check: AdvisedCheck) -> str:
@@ -46,7 +46,7 @@ def _alternatives(texts: Iterable[str]) -> str:
 
 def _listed(causes: Sequence[str]) -> str:
     """`a from b`, or `a, b and c`."""
-    return " from ".join(causes) if len(causes) == 2 else f"{', '.join(causes[:-1])} and {causes[-1]}"
+    return " from ".join(causes) if len(causes) == 2 else listed(causes)
 
 
 def _check(question: OpenQuestion, measured: str) -> AdvisedCheck:
@@ -68,30 +68,28 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
     Raises:
         RunError: the value has no unit, is impossible, or is questioned and was not confirmed.
     """
-    assert check.quantity is not None
     value, std = _read(check, answer)
     predicted = predictions(diagnosis, check, prior)
     _refuse_impossible(check, value, std, predicted.largest)
     explained = predicted.nearest(value, std) <= SETTINGS.questioned
     if not answer.confirmed and (doubt := _question(diagnosis, check, value, explained, predicted)):
         raise RunError(doubt)
-    words = f"{check.quantity.name} = {check.quantity.shown(value)} ± {check.quantity.shown(std)}"
+    words = f"{check.measurand.name} = {check.measurand.shown(value)} ± {check.measurand.shown(std)}"
     return Result(words, predicted.log_densities(value, std), value, std, explained)
 
 
 def _read(check: AdvisedCheck, answer: CheckAnswer) -> tuple[float, float]:
     """Value and standard uncertainty in the unit of the quantity."""
-    assert check.quantity is not None
     value, std = answer.value, answer.std
     assert value is not None
     assert std is not None
-    unit, example = check.quantity.unit, _example(check)
+    unit, example = check.measurand.unit, _example(check)
     try:
         if isinstance(std, str) and isinstance(value, str) and not split_quantity(std)[1]:
             std = f"{std} {split_quantity(value)[1]}"
         first, second = (read_quantity(x, unit, example) if isinstance(x, str) else float(x) for x in (value, std))
     except ValueError as error:
-        raise RunError(f"check {check.id} asks for the {check.quantity.label}: {error}") from error
+        raise RunError(f"check {check.id} asks for the {check.measurand.label}: {error}") from error
     return first, second
 
 
@@ -113,8 +111,7 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
     Raises:
         RunError: a number is not finite, too large, or of the wrong sign.
     """
-    assert check.quantity is not None
-    quantity = check.quantity
+    quantity = check.measurand
     if not np.isfinite(value):
         raise RunError(f"check {check.id}: the value of {quantity.name} must be a finite number, not {value:g}")
     if not (np.isfinite(std) and std > 0):
@@ -135,8 +132,7 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
     A value is questioned if no candidate predicts it. If the recordings do not determine the measured quantity, it is
     questioned if it is that of another quantity, or much larger than all fitted ones with the same unit.
     """
-    assert check.quantity is not None
-    quantity, estimate, fitted = check.quantity, predicted.estimate, _same_unit(diagnosis, check)
+    quantity, estimate, fitted = check.measurand, predicted.estimate, _same_unit(diagnosis, check)
     confused = [
         f" Did you measure {name}, whose estimate is {quantity.shown(size)}?"
         for name, size in fitted
@@ -165,11 +161,11 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
 
 def _same_unit(diagnosis: Diagnosis, check: AdvisedCheck) -> list[tuple[str, float]]:
     """The other fitted amplitudes of named effects in the unit of a check: their names and sizes."""
-    assert check.quantity is not None
     return [
         (f"the {EFFECTS[effect.name].bench_quantity(p.name).words} of {EFFECTS[effect.name].words}", fitted.value)
         for effect in diagnosis.effects
         for p in EFFECTS[effect.name].amplitudes
-        if p.unit == check.quantity.unit and (effect.name != check.measures or p.name not in check.quantity.parameters)
+        if p.unit == check.measurand.unit
+        and (effect.name != check.measures or p.name not in check.measurand.parameters)
         if (fitted := effect.parameters.get(p.name)) and fitted.value
     ]

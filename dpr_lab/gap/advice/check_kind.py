@@ -7,12 +7,20 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.gap.advice.expected_recordings import ExpectedRecording
-from dpr_lab.gap.advice.next_step import NextStep
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class NextStep:
+    """A recommendation in one sentence, and its checks."""
+
+    text: str
+    checks: tuple[AdvisedCheck, ...]
+    """Checks without ids."""
 
 
 @dataclass(frozen=True, slots=True)

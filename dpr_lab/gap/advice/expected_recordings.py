@@ -109,7 +109,7 @@ def _simulated(recordings: Recordings, chosen: Hypothesis, choice: PossibleRelea
     """A release of the menu simulated with the fitted estimate, without noise but weighted by its level."""
     rate = RATE_HZ
     t = PAD + np.arange(int(choice.duration * rate)) / rate
-    estimate, like = chosen.fit.estimate, min(recordings.records, key=lambda recorded: recorded.run.setup.alone)
+    estimate, like = chosen.fit.estimate, min(recordings.records, key=lambda recorded: recorded.setup.alone)
     start = np.array([[*choice.theta, 0.0, 0.0]])
     setup = replace(like.run.setup, added=choice.added)
     angles = predict(estimate.whole, estimate.params, recordings.constants, segments([t], setups=[setup]), start)

@@ -7,9 +7,8 @@ import numpy as np
 from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.errors import RunError
 from dpr_lab.fitting.gauss_newton import fit
-from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion, Result, expected_bits, log_mean
+from dpr_lab.gap.advice.check_kind import CheckAnswer, NextStep, OpenQuestion, Result, expected_bits, log_mean
 from dpr_lab.gap.advice.measurement import SETTINGS
-from dpr_lab.gap.advice.next_step import NextStep
 from dpr_lab.gap.bare_model import fit_bare_model
 from dpr_lab.gap.classes.posterior import CALIBRATION
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis, refit_with

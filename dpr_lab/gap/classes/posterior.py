@@ -166,7 +166,7 @@ def _class_members(
     selection: Selection, without: Hypothesis, test: ScoreTest, named: Score, others: Mapping[str, Score]
 ) -> dict[str, float]:
     """Effects that are indistinguishable from the named one, with the prior of their size, the most plausible first."""
-    same = [other for other, score in others.items() if _indistinguishable(selection, without, test, named, score)]
+    same = [other for other, score in others.items() if _in_one_class(selection, without, test, named, score)]
     hidden = [other for other in _hidden(selection, named.effect) if other in others and other not in same]
     sizes = {other: _plausibility(selection, without, others[other]) for other in (*same, *hidden)}
     return dict(sorted(sizes.items(), key=lambda member: -member[1]))
@@ -228,7 +228,7 @@ def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> fl
     return plausibility(params, score.effect.name)
 
 
-def _indistinguishable(selection: Selection, without: Hypothesis, test: ScoreTest, score: Score, other: Score) -> bool:
+def _in_one_class(selection: Selection, without: Hypothesis, test: ScoreTest, score: Score, other: Score) -> bool:
     """Whether the recordings prefer neither of two effects with the same signature: by fits, or by linear scores."""
     if min(test.cosine(score, other), test.cosine(other, score)) <= THRESHOLDS.indistinguishable:
         return False

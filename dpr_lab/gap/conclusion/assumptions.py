@@ -32,9 +32,9 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
     ]
     if state.recordings.arm_moves:
         sentences.append(_arm(state))
-    elif all(record.arm_moves is False for record in records):
+    elif all(record.encoder0_moves is False for record in records):
         sentences.append("According to encoder 0 the arm stood still, so compliance of the arm was not considered.")
-    elif any(record.arm_moves is None for record in records):
+    elif any(record.encoder0_moves is None for record in records):
         sentences.append("The arm's angle was not recorded.")
     if share := state.recordings.torques_earlier:
         sentences.append(

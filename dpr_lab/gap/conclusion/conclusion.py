@@ -3,8 +3,6 @@
 import hashlib
 from collections.abc import Sequence
 
-import numpy as np
-
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
 from dpr_lab.gap.advice.expected import expected_size
@@ -19,14 +17,13 @@ from dpr_lab.gap.conclusion.remedies import remedies
 from dpr_lab.gap.conclusion.verdict import listed_causes, sentence, verdict
 from dpr_lab.gap.hypothesis.detectable import detectable, visible
 from dpr_lab.gap.result.checks import AdvisedCheck
-from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep, SensorFinding
+from dpr_lab.gap.result.diagnosis import Diagnosis, SensorFinding
 from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.state import Advised, Supported
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.where.locate import Place, where_sentence
-from dpr_lab.gap.which.selected import TracedTrial
 from dpr_lab.setup import only_inner
 
 PLACES_SHOWN = 6
@@ -84,24 +81,12 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
         segments=len(state.problem.segments),
         scale_b=float(estimate.ratios[SCALE]),
         scale=state.scale,
-        search=[_search_step(step) for step in state.selection.trace],
+        search=list(state.selection.trace),
         posterior=components(state.problem, state.selection, state.recordings.rig, state.remainder),
         model_effects=named_params(estimate.params),
         assumptions=assumptions(state, minimum_sizes),
         evidence=state.evidence,
         seconds=seconds,
-    )
-
-
-def _search_step(step: TracedTrial) -> SearchStep:
-    return SearchStep(
-        move=step.move,
-        before=list(step.before),
-        tried=list(step.tried),
-        criterion=step.criterion if np.isfinite(step.criterion) else None,
-        change=step.change if np.isfinite(step.change) else None,
-        accepted=step.accepted,
-        reason=step.reason,
     )
 
 

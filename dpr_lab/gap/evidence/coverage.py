@@ -55,7 +55,7 @@ def _spent(record: Record, to_rods: Callable[[Array], Array]) -> Spent:
     near = np.diff(record.t) <= THINNING.gap_s
     step = np.diff(record.t)[near]
     speed = (np.diff(theta, axis=0) / np.diff(record.t)[:, None])[near]
-    return record.run.setup.mounting, (0.5 * (theta[1:] + theta[:-1]))[near], speed, step
+    return record.setup.mounting, (0.5 * (theta[1:] + theta[:-1]))[near], speed, step
 
 
 def _of(rod: str, spent: Sequence[Spent]) -> Iterator[tuple[Array, Array, Array]]:

@@ -27,8 +27,6 @@ from dpr_lab.fitting.response import TRAJECTORY, trajectory
 from dpr_lab.gap.hypothesis.detectable import SEEN
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 
-Interval = tuple[float, float]
-
 
 @dataclass(frozen=True, slots=True)
 class ShapeSettings:
@@ -43,7 +41,7 @@ class ShapeSettings:
 SHAPES = ShapeSettings()
 
 
-def intervals_of_all_shapes(effect: Effect, problem: Problem, model: Hypothesis) -> list[Interval] | None:
+def intervals_of_all_shapes(effect: Effect, problem: Problem, model: Hypothesis) -> list[tuple[float, float]] | None:
     """90 % interval of each amplitude, over all shapes; None if a shape does not separate them.
 
     None too for an effect that is not a torque along the swing, or with several shape parameters or too many values.
@@ -66,7 +64,7 @@ def intervals_of_all_shapes(effect: Effect, problem: Problem, model: Hypothesis)
     return list(zip(lower, upper, strict=True))
 
 
-def joint_intervals(given: ColumnSpace, inflation: float) -> list[Interval] | None:
+def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, float]] | None:
     """90 % interval of each amplitude, fitted with the others of its effect; None if they cannot be separated.
 
     Args:

@@ -36,8 +36,7 @@ def evidence(
         transferred: performance of the selected set on held-out recordings
         runs_by_model: free runs of the models before and after along all recordings, fitted and held out
     """
-    models = {"before": selection.base, "after": selection.chosen}
-    budget, curves = validation(recordings, problem, models, runs_by_model)
+    budget, curves = validation(recordings, problem, selection.models, runs_by_model)
     least = detectable(selection.chosen, selection.final_test)
     rig = recordings.rig
     return Evidence(
@@ -48,7 +47,7 @@ def evidence(
         recordings=[*_used(recordings, held_out=False), *_used(held_out, held_out=True)],
         coverage=coverage(recordings, held_out),
         closing=[Closing(effect=name, left_rad=left, closed=closed) for name, left, closed in transferred.closing],
-        residuals=residual_look(problem, models),
+        residuals=residual_look(problem, selection.models),
         exclusions=exclusions(problem, selection.chosen, selection.final_test, least),
         friction=joint_friction(problem, selection.chosen),
         budget=budget,

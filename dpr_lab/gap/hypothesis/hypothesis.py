@@ -164,6 +164,20 @@ def free_parameters(estimate: Estimate, effects: Sequence[str], problem: Problem
     return (*ratio_parameters(estimate, visible), *of_effects)
 
 
+def refit(
+    problem: Problem,
+    start: Estimate,
+    effects: Sequence[str],
+    iterations: int,
+    predicted: Array | None = None,
+    settings: GaussNewton = PRELIMINARY,
+) -> Hypothesis:
+    """Fit a set of effects from an estimate; `predicted` are its readings, if known."""
+    free = free_parameters(start, effects, problem)
+    end = fit(problem, start, free, iterations=iterations, predicted=predicted, settings=settings)
+    return hypothesis(problem, effects, end)
+
+
 def started_with(
     problem: Problem,
     before: Hypothesis,
@@ -174,7 +188,7 @@ def started_with(
 ) -> Iteration:
     """Add one effect at the linear solution of its score test; continue by some Gauss-Newton iterations."""
     linear = test.linear.chosen([*test.fitted_columns, *score.columns])
-    first = descend(problem, _shaped(before, score), score.free, iterations=1, first=linear)
+    first = descend(problem, shaped(before, score), score.free, iterations=1, first=linear)
     if not iterations:
         return first
     free = free_parameters(first.estimate, (*before.effects, score.effect.name), problem)
@@ -202,10 +216,8 @@ def refit_with(
 ) -> Hypothesis:
     """Fit a set with one additional effect, from the linear solution of its score test or from `start`."""
     start = start or started_with(problem, before, test, score)
-    estimate, effects = start.estimate, (*before.effects, score.effect.name)
-    free = free_parameters(estimate, effects, problem)
-    fitted = preliminary_fit(problem, estimate, free, iterations=iterations, predicted=start.predicted)
-    return hypothesis(problem, effects, fitted)
+    effects = (*before.effects, score.effect.name)
+    return refit(problem, start.estimate, effects, iterations=iterations, predicted=start.predicted)
 
 
 def refit_with_from_short(
@@ -227,17 +239,16 @@ def refit_with_from_short(
         settings: of the second fit
     """
     short_problem, initial = short
-    short_start = replace(_shaped(before, score), initial=initial)
+    short_start = replace(shaped(before, score), initial=initial)
     short_fit = descend(short_problem, short_start, score.free, iterations=iterations, settings=PRELIMINARY)
     initial_states = carried(
         short_problem.segments, short_fit.estimate.initial, problem.segments, before.fit.estimate.initial
     )
-    start, effects = short_fit.estimate.changed(initial=initial_states), (*before.effects, score.effect.name)
-    free = free_parameters(start, effects, problem)
-    return hypothesis(problem, effects, fit(problem, start, free, iterations=iterations, settings=settings))
+    start = short_fit.estimate.changed(initial=initial_states)
+    return refit(problem, start, (*before.effects, score.effect.name), iterations, settings=settings)
 
 
-def _shaped(before: Hypothesis, score: Score) -> Estimate:
+def shaped(before: Hypothesis, score: Score) -> Estimate:
     """The fit, with the shape parameters of the effect set to those of its score."""
     params = before.fit.estimate.params.copy()
     for index, value in score.shape:
@@ -262,5 +273,4 @@ def refit_without(
         start = without
     if not scale_visible(names, problem):
         start = start.changed(ratios=with_scale(start.ratios, bare.fit.estimate.ratios[SCALE]))
-    refitted = preliminary_fit(problem, start, free_parameters(start, names, problem), iterations=iterations)
-    return hypothesis(problem, names, refitted)
+    return refit(problem, start, names, iterations=iterations)

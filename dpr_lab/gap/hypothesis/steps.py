@@ -69,7 +69,7 @@ def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
     """Properties of the recordings from which shapes are proposed."""
     screened = [(axis, run, instant) for run, record in enumerate(records) for instant, axis in record.screened.breaks]
     return Recorded(
-        arm_moves=tuple(record.arm_moves for record in records),
+        arm_moves=tuple(record.encoder0_moves for record in records),
         steps=lambda: screened or visible_steps(records, _steps(problem, fit), problem.model.constants),
     )
 

@@ -144,6 +144,17 @@ def follows_swing(base: Hypothesis, vibrating: Hypothesis, other: Hypothesis) ->
     return excess(base) - excess(other) > THRESHOLDS.most_of_it * explained
 
 
+def follows_decay(base: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> bool:
+    """Whether a set has a drift of friction along one decay, and another of the same size explains nearly as much.
+
+    Amplitude falls with time along a decay: a loss that depends on speed, as every rod has, looks like a drift.
+    """
+    if not drifting.of_decay - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
+        return False
+    explained = excess(base) - excess(drifting)
+    return excess(base) - excess(other) > THRESHOLDS.nearly_all * explained
+
+
 def indifference(
     base: Hypothesis, model: Hypothesis, *, independent: float = THRESHOLDS.chance, share: float = THRESHOLDS.integrator
 ) -> float:
@@ -247,14 +258,3 @@ def need(base: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
         return 0.0
     large = growth > THRESHOLDS.large * excess(base)
     return factor / (THRESHOLDS.keeps_if_large if large else THRESHOLDS.keeps)
-
-
-def follows_decay(base: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> bool:
-    """Whether a set has a drift of friction along one decay, and another of the same size explains nearly as much.
-
-    Amplitude falls with time along a decay: a loss that depends on speed, as every rod has, looks like a drift.
-    """
-    if not drifting.of_decay - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
-        return False
-    explained = excess(base) - excess(drifting)
-    return excess(base) - excess(other) > THRESHOLDS.nearly_all * explained

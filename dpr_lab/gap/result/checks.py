@@ -98,6 +98,12 @@ class AdvisedCheck(Saved):
         return all(sentence in advice for sentence in SENTENCE_END.split(self.text))
 
     @property
+    def measurand(self) -> Quantity:
+        """The quantity of a measurement."""
+        assert self.quantity is not None
+        return self.quantity
+
+    @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:
         """The amplitudes that a measurement measures."""
         of_measured = _amplitudes(self.measures)

@@ -19,6 +19,7 @@ from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.gap_size import Gap, Where
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.gap.result.saved import Interval, Number, Saved
+from dpr_lab.gap.result.search_step import SearchStep
 from dpr_lab.gap.result.trust import Trust
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import Row, Shown, percent
@@ -36,32 +37,13 @@ class SensorFinding(Saved):
     run: str
     """Name of the run."""
     axis: str | None
-    """The encoder: `theta0`, `theta1` or `theta2`; None for all."""
+    """The encoder: `joint1`, `joint2` or `joint0`; None for all."""
     at_s: Number | None
     """Instant, s since the release; None for the whole run."""
     evidence: str
     """Description of the evidence."""
     count: int = 1
     """Number of such faults; `at_s` is the instant of the first."""
-
-
-class SearchStep(Saved):
-    """One trial of the search for the set of effects."""
-
-    move: str
-    """Kind of change."""
-    before: list[str]
-    """Effects of the current set."""
-    tried: list[str]
-    """Effects of the proposed set."""
-    criterion: Number | None = None
-    """Criterion of the proposed set: held-out chi-square plus the penalty of the parameters. None if its fit failed."""
-    change: Number | None
-    """Change of the criterion from the current set to the proposed one; negative is better. None if a fit failed."""
-    accepted: bool
-    """Whether the proposed set became the current one."""
-    reason: str
-    """Reason."""
 
 
 class Diagnosis(Shown, Saved):

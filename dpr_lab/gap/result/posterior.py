@@ -6,8 +6,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from dpr_lab.arrays import Array
-
-Number = Annotated[float, Field(allow_inf_nan=False)]
+from dpr_lab.gap.result.saved import Number
 
 
 class PosteriorComponent(BaseModel):

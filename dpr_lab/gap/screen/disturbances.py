@@ -87,18 +87,20 @@ def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
 
 
 def _undisturbed(recordings: Recordings, recording: Record, ratios: Array) -> Record:
-    if not recording.run.setup.free or recording.arm_moves:
+    if not recording.run.setup.free or recording.encoder0_moves:
         return recording
     alone = replace(recordings, ratios=None).only([recording])
     until = _pushed_until(alone, *_followed(alone, ratios))
     if until is not None:
         evidence = f"the rods gain energy until {until:.2g} s: a hand still pushes, so these readings are excluded"
-        return _with(recording.only(recording.t >= until), [Disturbed(float(recording.t[0]), until, evidence)])
+        return _without_readings(
+            recording.only(recording.t >= until), [Disturbed(float(recording.t[0]), until, evidence)]
+        )
     until = _held_until(alone, ratios)
     if until is not None:
         evidence = f"until {until:.2g} s the rods do not move as free rods: a hand or a latch still acts; excluded"
         held = Disturbed(float(recording.t[0]), until, evidence)
-        recording = _with(recording.only(recording.t >= until), [held])
+        recording = _without_readings(recording.only(recording.t >= until), [held])
         alone = alone.only([recording])
     disturbed = _outstanding(alone, ratios)
     # A kick at the start of a segment is not visible in any segment, so the recording is also cut at other instants.
@@ -106,7 +108,7 @@ def _undisturbed(recordings: Recordings, recording: Record, ratios: Array) -> Re
     for other in _outstanding(alone.only([later]), ratios):
         if all(abs(other.since - earlier.since) > LENGTHS.first for earlier in disturbed):
             disturbed.append(other)
-    return _with(recording, disturbed) if disturbed else recording
+    return _without_readings(recording, disturbed) if disturbed else recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +126,7 @@ def _followed(recordings: Recordings, ratios: Array) -> tuple[Problem, Fit]:
     return short, fit(short, Estimate.of(ratios, effect_params({}), initial), (), iterations=RULES.iterations)
 
 
-def _with(recording: Record, disturbed: Sequence[Disturbed]) -> Record:
+def _without_readings(recording: Record, disturbed: Sequence[Disturbed]) -> Record:
     """A recording without its disturbed readings, with breaks at the disturbances."""
     findings = [
         Finding("disturbance", recording.run.name, None, disturbance.since, disturbance.evidence)

@@ -78,7 +78,7 @@ class Record:
     """(n, 2) standard deviation of each reading, rad."""
     breaks: Array
     """Instants that no segment may contain, s."""
-    arm_moves: bool | None
+    encoder0_moves: bool | None
     """Whether the arm moved according to encoder 0; None if it was not recorded."""
     noise_correlation: float
     """Autocorrelation of the errors of neighbouring readings at rest, caused by a filter or a tracker."""
@@ -116,7 +116,7 @@ class Record:
     def with_shutter(self, shutter: Shutter, constants: RigConstants) -> "Record":
         """The record with its readings corrected for a rolling shutter, in place of an earlier correction."""
         shown = self.joints if self.shown is None else self.shown
-        joints = shutter.corrected(self.t, shown, constants, alone=self.run.setup.alone)
+        joints = shutter.corrected(self.t, shown, constants, alone=self.setup.alone)
         return replace(self, joints=joints, shown=shown)
 
     def with_finding(self, name: str, evidence: str) -> "Record":

@@ -111,10 +111,7 @@ class Recordings:
     @property
     def working_length(self) -> float:
         """Length of the segments at which effects are distinguished, s."""
-        if (
-            not all(record.run.setup.alone and record.run.setup.arm is None for record in self.records)
-            or self.arm_moves
-        ):
+        if not all(record.setup.alone and record.run.setup.arm is None for record in self.records) or self.arm_moves:
             return LENGTHS.working
         shortest = min((float(np.ptp(record.t)) for record in self.records), default=0.0)
         longest = LENGTHS.steady
@@ -130,7 +127,7 @@ class Recordings:
     @property
     def rods_length(self) -> float:
         """Length of the mounted rods, m."""
-        return self.rig.L1 + (0.0 if all(record.run.setup.alone for record in self.records) else self.constants.L2)
+        return self.rig.L1 + (0.0 if all(record.setup.alone for record in self.records) else self.constants.L2)
 
     @property
     def of_points(self) -> bool:

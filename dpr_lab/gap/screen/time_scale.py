@@ -62,7 +62,7 @@ def equivalent_length(whole: Array, setup: Setup, rig: Rig) -> float:
 def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
     """Contradiction between gravity and the time stamps of a recording of one rod; empty if there is none."""
     setup = record.run.setup
-    if not (setup.alone and setup.free) or record.arm_moves:
+    if not (setup.alone and setup.free) or record.encoder0_moves:
         return ""
     length = equivalent_length(whole_of(ratios), setup, rig)
     nominal = equivalent_length(whole_parameters(rig.nominal, rig.L1, rig.g), setup, rig)

@@ -34,7 +34,7 @@ class FreeSwing:
     weight: Array
     """(n, 2) inverse of the noise, 1/rad; zero where a reading is missing."""
     predicted: Array
-    """(n, 2) prediction error, rad."""
+    """(n, 2) predicted readings, rad."""
     by_values: Array
     """(n, 2, free) Jacobian for the fitted values."""
     by_start: Array

@@ -90,3 +90,10 @@ def under_torque(problem: Problem, reference: Trajectory, joint: int, torque: Ar
     on = {0: [torque, zeros], 1: [-torque, torque]}.get(joint, [zeros, zeros])
     torques = [*on, torque if joint in (2, ARM) else zeros][: problem.axes]
     return reference.response(problem, np.stack(torques, axis=1))
+
+
+def under_error(problem: Problem, joint: int, error: Array) -> Array:
+    """(segments, m, k) whitened change of the readings under errors (samples, k) of the encoder of a joint, rad."""
+    readings = np.zeros((len(error), problem.axes, error.shape[1]))
+    readings[:, joint] = error
+    return problem.whitened(readings)

@@ -29,7 +29,7 @@ from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
-from dpr_lab.gap.where.coordinates import angle_hats, encoder_angle, speed_hats, time_hats, under_torque
+from dpr_lab.gap.where.coordinates import angle_hats, encoder_angle, speed_hats, time_hats, under_error, under_torque
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ class _Hats:
     """(segments, m, k) whitened change of the readings by these functions."""
 
 
-def _hats(problem: Problem, fit: Fit, reference: Trajectory) -> Iterator[_Hats]:
+def _hats(problem: Problem, reference: Trajectory) -> Iterator[_Hats]:
     prescribed = all(setup.inner is not None for setup in problem.segments.setups)
     for joint in np.flatnonzero(problem.read.any(axis=0)).tolist():
         speed = reference.joint_speed[:, joint]
@@ -96,15 +96,13 @@ def _hats(problem: Problem, fit: Fit, reference: Trajectory) -> Iterator[_Hats]:
         for torque in () if joint == 0 and prescribed else torques:
             yield _Hats(joint, True, torque, under_torque(problem, reference, joint, torque))
         errors = angle_hats(encoder_angle(problem, joint))[0]
-        readings = np.zeros((len(errors), problem.axes, errors.shape[1]))
-        readings[:, joint] = errors
-        yield _Hats(joint, False, errors, problem.whitened(readings))
+        yield _Hats(joint, False, errors, under_error(problem, joint, errors))
 
 
 def _scaled(problem: Problem, fit: Fit, reference: Trajectory) -> list[_Hats]:
     """Hat functions whose columns have a mean squared norm of one in each group."""
     groups = []
-    for hats in _hats(problem, fit, reference):
+    for hats in _hats(problem, reference):
         columns = fit.linear.projected(np.nan_to_num(hats.columns))
         size = float(np.sqrt(np.sum(columns**2) / columns.shape[2]))
         if size > 0:

@@ -25,6 +25,7 @@ from dpr_lab.gap.where.coordinates import (
     load_hats,
     speed_hats,
     time_hats,
+    under_error,
     under_torque,
 )
 from dpr_lab.shown import percent
@@ -129,18 +130,12 @@ def _friction_by_load(problem: Problem, reference: Trajectory, joint: int) -> _C
 
 def _error_by_angle(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
     hats, knots = angle_hats(encoder_angle(problem, joint))
-    return _Columns(_read(problem, hats, joint), knots, "rad")
+    return _Columns(under_error(problem, joint, hats), knots, "rad")
 
 
 def _error_by_speed(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
     hats, knots = speed_hats(encoder_speed(reference, joint))
-    return _Columns(_read(problem, hats, joint), knots, "rad")
-
-
-def _read(problem: Problem, hats: Array, joint: int) -> Array:
-    readings = np.zeros((len(hats), problem.axes, hats.shape[1]))
-    readings[:, joint] = hats
-    return problem.whitened(readings)
+    return _Columns(under_error(problem, joint, hats), knots, "rad")
 
 
 Map = Callable[[Problem, Trajectory, int], _Columns]

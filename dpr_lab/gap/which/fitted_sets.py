@@ -26,16 +26,17 @@ from dpr_lab.gap.hypothesis.hypothesis import (
     free_parameters,
     hypothesis,
     preliminary_fit,
+    refit,
     refit_with,
     refit_with_from_short,
     refit_without,
+    shaped,
 )
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
 from dpr_lab.gap.hypothesis.steps import recorded
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, far_from_noise, substitute_curve
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
-from dpr_lab.gap.which.gravity import rises
-from dpr_lab.gap.which.sizes import significantly_oversized
+from dpr_lab.gap.which.sizes import rises, significantly_oversized
 from dpr_lab.gap.which.softening import springs_like_scale
 from dpr_lab.progress import FitBegan, ScoreTestBegan
 
@@ -349,10 +350,7 @@ class FittedSets:
         return self.keep(self._once((model, effect, score), lambda: self._at_image(model, effect, score)))
 
     def _at_image(self, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
-        params = model.fit.estimate.params.copy()
-        for index, value in score.shape:
-            params[index] = value
-        start, names = model.fit.estimate.changed(params=params), (*model.effects, score.effect.name)
+        start, names = shaped(model, score), (*model.effects, score.effect.name)
         free = free_parameters(start, names, self.problem)
         with_both = hypothesis(self.problem, names, fit(self.problem, start, free, iterations=0))
         return refit_without(self.problem, with_both, effect, self.bare)
@@ -368,8 +366,7 @@ class FittedSets:
             params[param_index(other, parameter.name)] = values.get(parameter.name, 0.0)
         start = model.fit.estimate.changed(params=without_effect(params, effect))
         names = tuple(other if name == effect else name for name in model.effects)
-        free = free_parameters(start, names, self.problem)
-        return hypothesis(self.problem, names, preliminary_fit(self.problem, start, free, iterations=EFFORT.fine))
+        return refit(self.problem, start, names, EFFORT.fine)
 
     def _grown(self, model: Hypothesis, effect: str) -> Hypothesis | None:
         score = self.test(model).of(effect)

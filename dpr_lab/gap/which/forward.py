@@ -242,13 +242,14 @@ def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
     for score in promising:
         if len(picked) == (BEAM.fitted_when_far if far_from_noise(model) else BEAM.fitted):
             break
-        if not any(_indistinguishable(score, other) for other in picked):
+        if not any(_nearly_equal(score, other) for other in picked):
             picked.append(score)
     names = {score.effect.name for score in picked}
     inner = {name for score in picked for name in score.effect.nested} - names
     return picked + [score for score in promising if score.effect.name in inner]
 
 
-def _indistinguishable(score: Score, other: Score) -> bool:
+def _nearly_equal(score: Score, other: Score) -> bool:
+    """Whether two effects that resemble each other predict the same reduction."""
     same_gain = abs(score.gain - other.gain) <= BEAM.same_gain * max(score.gain, other.gain)
     return same_gain and len(score.columns) == len(other.columns) and other.effect.name in score.effect.twins

@@ -2,14 +2,15 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Literal, NamedTuple
 
 from dpr_lab.fitting.gauss_newton import StopReason
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import ScoreTest
 from dpr_lab.gap.hypothesis.thresholds import follows_remainder
+from dpr_lab.gap.result.search_step import SearchStep
 from dpr_lab.gap.which.fitted_sets import FittedSets
-from dpr_lab.gap.which.selected import TracedTrial
 
 
 class Proposal(NamedTuple):
@@ -18,7 +19,7 @@ class Proposal(NamedTuple):
     model: Hypothesis
     value: float = float("nan")
     """Quantity by which the move selected the set, if the criterion alone does not decide."""
-    trials: tuple[TracedTrial, ...] = ()
+    trials: tuple[SearchStep, ...] = ()
     """Trials of a nested search that led to the set."""
 
 
@@ -56,7 +57,7 @@ class SearchState:
     """The score tests on the fitted sets."""
     max_effects: int
     """Maximum number of effects in a set, in addition to those that every rig of this kind has."""
-    trace: tuple[TracedTrial, ...] = ()
+    trace: tuple[SearchStep, ...] = ()
     """All trials so far, in order."""
 
     @classmethod
@@ -66,13 +67,13 @@ class SearchState:
 
     def after(self, move: Move, proposal: Proposal, decision: Decision) -> "SearchState":
         """The state after a trial."""
-        model = proposal.model
-        trial = TracedTrial(
+        model, change = proposal.model, proposal.model.cost - self.current.cost
+        trial = SearchStep(
             move=move.name,
-            before=self.current.effects,
-            tried=model.effects,
-            criterion=model.cost,
-            change=model.cost - self.current.cost,
+            before=list(self.current.effects),
+            tried=list(model.effects),
+            criterion=model.cost if isfinite(model.cost) else None,
+            change=change if isfinite(change) else None,
             accepted=decision.accepted,
             reason=decision.reason + _caveat(model),
         )

@@ -72,16 +72,16 @@ def forward(
         on_progress: called at the start of each fit and score test
     """
     known = frozenset(expected) & set(library)
-    return _forward(FittedSets(recordings, problem, library, base, on_progress, known, held_out_chi2), max_effects)
+    return _draft(FittedSets(recordings, problem, library, base, on_progress, known, held_out_chi2), max_effects)
 
 
 def refined(draft: Draft) -> Selection:
     """Refine the set of forward selection to the set that explains the gap."""
-    selection = _refined(draft)
+    selection = _one_search(draft)
     bare = _better_bare_model(draft.sets.problem, selection)
     if bare is None:
         return selection
-    return _refined(_forward(draft.sets.from_bare(bare), draft.state.max_effects))
+    return _one_search(_draft(draft.sets.from_bare(bare), draft.state.max_effects))
 
 
 def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | None:
@@ -97,14 +97,14 @@ def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | N
     return bare if escaped or (at_noise_floor(bare) and not at_noise_floor(base)) else None
 
 
-def _forward(sets: FittedSets, max_effects: int) -> Draft:
+def _draft(sets: FittedSets, max_effects: int) -> Draft:
     start = short_segments(max_effects) if far_from_noise(sets.bare) else START
     state = SearchState.bare(sets, max_effects)
     return Draft(sets, run((start, forward_selection(max_effects)), sets, state))
 
 
-def _refined(draft: Draft) -> Selection:
-    """The rest of the search: refinement, revisions, held-out runs."""
+def _one_search(draft: Draft) -> Selection:
+    """Complete one search from a draft: refinement, revisions, held-out runs."""
     sets = draft.sets
     state = run(REFINE, sets, draft.state)
     for _ in range(MOST_REVISIONS):

@@ -7,23 +7,7 @@ import numpy as np
 
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import ScoreTest
-
-
-@dataclass(frozen=True, slots=True)
-class TracedTrial:
-    """One trial of the search."""
-
-    move: str
-    before: tuple[str, ...]
-    """Effects of the current set."""
-    tried: tuple[str, ...]
-    """Effects of the proposed set."""
-    criterion: float
-    """Criterion of the proposed set: held-out chi-square plus the penalty of the parameters."""
-    change: float
-    """Change of the criterion from the current set to the proposed one; negative is better."""
-    accepted: bool
-    reason: str
+from dpr_lab.gap.result.search_step import SearchStep
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +43,13 @@ class Selection:
     """Effects of the selected set with sizes that no rig has, or with those of another cause."""
     misleading: tuple[str, ...] = ()
     """Effects that worsen the prediction of held-out runs and are therefore not in the selected set."""
-    trace: tuple[TracedTrial, ...] = ()
+    trace: tuple[SearchStep, ...] = ()
     """All trials of the search, in order."""
+
+    @property
+    def models(self) -> dict[str, Hypothesis]:
+        """The bare model `before`, and the selected one `after`."""
+        return {"before": self.base, "after": self.chosen}
 
     @property
     def share_explained(self) -> float:

@@ -1,4 +1,4 @@
-"""Sizes of one effect that cannot occur together, beyond the errors of their fit.
+"""Sizes that no rig has, beyond the errors of their fit: of the amplitudes of one effect, and of gravity.
 
 Near the noise the amplitudes of an effect are poorly separated. A cable spring with a hardening term and a constant
 torque must have a stiffness, which a fit may give as zero although its error permits the right value.
@@ -10,10 +10,13 @@ from itertools import product
 import numpy as np
 
 from dpr_lab.arrays import Array
+from dpr_lab.dynamics.base import BASE, RATIOS, base_of_run
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.effect import Effect, Params
 from dpr_lab.effects.limits import oversized
 from dpr_lab.fitting.covariance import considered
+from dpr_lab.fitting.estimate import SCALE
+from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 
 
@@ -56,3 +59,22 @@ def impossible_together(effect: Effect, sizes: Params, errors: Mapping[str, floa
 
     every = product(*(choices(name, value) for name, value in sizes.items()))
     return not any(effect.possible(dict(zip(sizes, chosen, strict=True))) for chosen in every)
+
+
+def rises(problem: Problem, model: Hypothesis, deviations: float = 2.0) -> bool:
+    """Whether the gravity torque of the inner rod is significantly negative, so that gravity would lift the rod.
+
+    In swings of similar amplitude, an effect that depends on the angle can replace gravity, and compensate for a
+    gravity torque of the wrong size or sign.
+    """
+    estimate, constants, place = model.fit.estimate, problem.model.constants, RATIOS.index("e1/b")
+    free = [i for i, p in enumerate(model.fit.free) if p.block == "ratios" and p.place == place]
+    setups = [setup for setup in set(problem.segments.setups) if setup.mounting != "outer"]
+    if not (free and setups and constants.g > 0.0):
+        return False
+    whole = estimate.whole / estimate.ratios[SCALE]
+    torque = max(base_of_run(whole, setup, constants.L1, constants.g)[BASE.index("e1")] for setup in setups)
+    if torque >= 0.0:
+        return False
+    variance = considered(model.fit, model.residuals.inflation)[free[0], free[0]]
+    return bool(torque + deviations * np.sqrt(variance) < 0.0)

@@ -74,7 +74,7 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
     noise = np.sqrt(np.mean([recording.std**2 for recording in recordings], axis=0))
     read = [bool(np.any(fit.problem.weight[:, joint] > 0)) for joint in range(3)]
     return MovingArmModel(
-        rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g),
+        rig=RigFacts.of(rig),
         mounted="both" if unknowns.scale == "b" else "inner",
         input=unknowns.input if any(run.arm_mode == "driven" for run in runs) else "",
         scale="b" if unknowns.scale == "b" else "a",

@@ -97,8 +97,8 @@ Grey values are old: no message has arrived from the device since then, and the 
         Binding("c", "connect", "Connect", id="capture.connect", tooltip="connect again", show=False),
     ]
 
-    def __init__(self, services: Services, *, id: str | None = None) -> None:
-        super().__init__(services, id=id)
+    def __init__(self, services: Services) -> None:
+        super().__init__(services)
         self.options = CaptureOptions(pose_timeout=CHOICES.pose_timeout, rest_timeout=CHOICES.rest_timeout)
         self.attempt: Attempt | None = None
         self._ended: Attempt | None = None

@@ -77,8 +77,8 @@ workspace, as by `dpr-lab compare`.
     CompareStep #figures { height: auto; max-height: 4; }
     """
 
-    def __init__(self, services: Services, *, id: str | None = None) -> None:
-        super().__init__(services, id=id)
+    def __init__(self, services: Services) -> None:
+        super().__init__(services)
         self._compared_subject: tuple[Path, float, tuple[Path, ...], str | None] | None = None
         self._comparisons: list[Comparison] = []
         self._of_arm: list[ArmComparison] = []

@@ -58,8 +58,8 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         Binding("i", "edit", "Edit", id="connect.edit", show=False),
     ]
 
-    def __init__(self, services: Services, *, id: str | None = None) -> None:
-        super().__init__(services, id=id)
+    def __init__(self, services: Services) -> None:
+        super().__init__(services)
         self._exercised: Exercised | str = ""
 
     def compose(self) -> ComposeResult:

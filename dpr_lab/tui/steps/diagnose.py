@@ -94,8 +94,8 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
     DiagnoseStep #place-text { height: auto; max-height: 3; }
     """
 
-    def __init__(self, services: Services, *, id: str | None = None) -> None:
-        super().__init__(services, id=id)
+    def __init__(self, services: Services) -> None:
+        super().__init__(services)
         self._shown: Path | None = None
         self._diagnosis: Diagnosis | None = None
         self._unit: AngleUnit | None = None

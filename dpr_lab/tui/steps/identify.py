@@ -68,8 +68,8 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
     IdentifyStep Chart { width: 1fr; }
     """
 
-    def __init__(self, services: Services, *, id: str | None = None) -> None:
-        super().__init__(services, id=id)
+    def __init__(self, services: Services) -> None:
+        super().__init__(services)
         self.model: Model | MovingArmModel | None = None
         self._shown: Path | None = None
         self._unit: AngleUnit | None = None

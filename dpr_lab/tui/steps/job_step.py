@@ -61,8 +61,8 @@ class JobStep(Step):
 
         step: "JobStep"
 
-    def __init__(self, services: Services, *, id: str | None = None) -> None:
-        super().__init__(services, id=id)
+    def __init__(self, services: Services) -> None:
+        super().__init__(services)
         self.job: JobProcess | None = None
         self._started = 0.0
         self._kernels = 0

@@ -74,8 +74,8 @@ are diagnosed first.
     PlanStep VerticalScroll { height: 1fr; }
     """
 
-    def __init__(self, services: Services, *, id: str | None = None) -> None:
-        super().__init__(services, id=id)
+    def __init__(self, services: Services) -> None:
+        super().__init__(services)
         self._made: PlanResult | None = None
         self._unit: AngleUnit | None = None
 

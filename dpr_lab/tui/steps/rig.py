@@ -70,8 +70,8 @@ the selected rig.
         Binding("pageup", "page(-1)", "Back", id="rig.back", show=False, priority=True),
     ]
 
-    def __init__(self, services: Services, *, id: str | None = None) -> None:
-        super().__init__(services, id=id)
+    def __init__(self, services: Services) -> None:
+        super().__init__(services)
         self._rig: Rig | None = None
         self._named = ""
 

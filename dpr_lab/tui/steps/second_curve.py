@@ -48,8 +48,8 @@ class SecondCurve(Guarded, Horizontal):
             super().__init__()
             self.news = news
 
-    def __init__(self, services: Services, *, id: str | None = None) -> None:
-        super().__init__(id=id)
+    def __init__(self, services: Services) -> None:
+        super().__init__()
         self._services = services
         self._runs: Sequence[Comparison] = ()
         self._names: Sequence[str] = ()

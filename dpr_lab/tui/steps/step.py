@@ -21,7 +21,6 @@ class Step(Guarded, Vertical, can_focus=True):
 
     Args:
         services: services of the app
-        id: id of the widget
     """
 
     NAME: ClassVar[str]
@@ -32,8 +31,8 @@ class Step(Guarded, Vertical, can_focus=True):
     class Done(Message):
         """The step has changed: the stepper is redrawn and the workspace saved."""
 
-    def __init__(self, services: Services, *, id: str | None = None) -> None:
-        super().__init__(id=id)
+    def __init__(self, services: Services) -> None:
+        super().__init__(id=self.NAME.lower())
         self.services = services
 
     @property

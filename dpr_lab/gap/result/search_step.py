@@ -1,0 +1,22 @@
+"""One trial of the search for the set of effects."""
+
+from dpr_lab.gap.result.saved import Number, Saved
+
+
+class SearchStep(Saved):
+    """One trial of the search for the set of effects."""
+
+    move: str
+    """Kind of change."""
+    before: list[str]
+    """Effects of the current set."""
+    tried: list[str]
+    """Effects of the proposed set."""
+    criterion: Number | None = None
+    """Criterion of the proposed set: held-out chi-square plus the penalty of the parameters. None if its fit failed."""
+    change: Number | None
+    """Change of the criterion from the current set to the proposed one; negative is better. None if a fit failed."""
+    accepted: bool
+    """Whether the proposed set became the current one."""
+    reason: str
+    """Reason."""
