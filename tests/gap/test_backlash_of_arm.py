@@ -11,7 +11,7 @@ from sim_device.trials.moving_arm import with_arm
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import weighed
 from sim_device.trials.request import parse_request
-from tests.thinned import thinned
+from tests.thinned import candidates, thinned
 
 CASES = [
     ("driven_double", "driven", "backlash_joint0", 2),
@@ -22,6 +22,7 @@ CASES = [
 ]
 """Rig, mode of its arm, hidden effect, seed."""
 DURATION_S, RATE_HZ = 3.0, 250
+LIKELY = candidates("backlash", "coulomb", "stribeck", "arm_compliance", "latency", "hysteresis", "input_delay")
 
 
 @pytest.mark.slow
@@ -32,7 +33,8 @@ def test_backlash_is_named_and_not_taken_for_friction_compliance_or_latency(case
     if mode != "clamped":
         rig, plant = with_arm(rig, plant, mode)
     hidden = draw_plant(parse_request(f"single:clear:{effect}"), plant, rig)
-    found = diagnose(record(hidden, rig, DURATION_S, RATE_HZ, drives=arm_drive_of(hidden)), rig)
+    runs = record(hidden, rig, DURATION_S, RATE_HZ, drives=arm_drive_of(hidden))
+    found = diagnose(runs, rig, library=LIKELY)
     assert [one.name for one in found.effects] == [effect]
     assert found.effects[0].members == [effect]
     size = found.effects[0].parameters["play_rad"].value

@@ -9,6 +9,7 @@ import pytest
 
 from dpr_lab.drift.estimates import estimate_each
 from dpr_lab.gap.diagnose import diagnose
+from tests.thinned import candidates
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from clean_rigs import KINDS, drawn
@@ -52,4 +53,5 @@ def test_a_camera_whose_scale_is_unsure_has_no_gap(seed: int) -> None:
 def test_a_length_error_beyond_its_stated_uncertainty_is_reported() -> None:
     rig, runs, _ = drawn("camera", 2)
     sure = rig.model_copy(update={"rig": rig.rig.model_copy(update={"L1_std": 0.001})})
-    assert diagnose(runs, sure).assumptions[0].endswith("This contradicts the uncertainty in the file.")
+    said = diagnose(runs, sure, library=candidates("wrong_length", "clock", "coulomb"))
+    assert said.assumptions[0].endswith("This contradicts the uncertainty in the file.")

@@ -13,9 +13,11 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from tests.background_rigs import recordings as background
 from tests.bench_rigs import Rod, one_rod, rod_swing, table
+from tests.thinned import candidates
 
 W2 = 36.0
 KICKS = [(3.4, -1.6), (6.25, 0.9)]
+LOSSES = candidates("air_drag", "friction_drift", "coulomb", "stribeck", "encoder_offset")
 
 
 def recorded(folder: Path, rod: Rod, seed: int = 0) -> tuple[Rig, list[Run]]:
@@ -124,7 +126,7 @@ def test_effects_of_two_rods_are_no_disturbance(seed):
 @pytest.mark.slow
 def test_kicks_of_a_held_out_run_are_listed(tmp_path):
     rig, (kicked, calm) = recorded(tmp_path, Rod(W2, 0.02, 0.1, 0.01, kicks=list(KICKS)))
-    diagnosis = diagnose(calm, rig, held_out=kicked)
+    diagnosis = diagnose(calm, rig, held_out=kicked, library=LOSSES)
     listed = [(f.run, f.at_s) for f in diagnosis.sensor_findings if f.name == "disturbance"]
     assert listed == [("first", pytest.approx(at, abs=0.02)) for at, _ in KICKS]
 
@@ -132,7 +134,7 @@ def test_kicks_of_a_held_out_run_are_listed(tmp_path):
 @pytest.mark.slow
 def test_behind_kicks_the_dry_friction_is_named(tmp_path):
     rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.25, 0.0, kicks=list(KICKS)))
-    diagnosis = diagnose(runs, rig)
+    diagnosis = diagnose(runs, rig, library=LOSSES)
     assert {finding.name for finding in diagnosis.sensor_findings} >= {"disturbance"}
     (dry,) = (effect for effect in diagnosis.effects if effect.name == "coulomb_joint1")
     assert dry.probability > 0.9

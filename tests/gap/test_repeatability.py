@@ -59,7 +59,7 @@ def test_a_clean_rig_has_only_noise() -> None:
 @pytest.mark.slow
 def test_a_named_effect_explains_all_that_is_reproducible() -> None:
     rig, runs, _ = recordings(2, [law("coulomb", 0, 4)])
-    found = diagnose(runs, rig)
+    found = diagnose(runs, rig, library=candidates("coulomb", *SMOOTH))
     budget = of(found)
     assert budget.explained > 0.8
     assert budget.of_reproducible == pytest.approx(1.0, abs=0.02)
@@ -73,7 +73,7 @@ def test_a_named_effect_explains_all_that_is_reproducible() -> None:
 @pytest.mark.slow
 def test_pieces_of_a_single_recording_serve_and_say_so() -> None:
     rig, runs, _ = recordings(2, [law("coulomb", 0, 4)])
-    found = diagnose(runs[:1], rig)
+    found = diagnose(runs[:1], rig, library=candidates("coulomb", *SMOOTH))
     assert of(found).basis == "pieces of one recording"
     assert of(found).of_reproducible == pytest.approx(1.0, abs=0.02)
     assert "do not show differences between releases" in repeatability_sentences(found)[1]

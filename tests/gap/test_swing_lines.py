@@ -18,9 +18,10 @@ from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from tests import one_rod
-from tests.thinned import thinned
+from tests.thinned import candidates, thinned
 
 STEADY = one_rod.Rod(dry=2e-4, damping=1e-3, noise=1e-3, counts=16384, duration=6.0)
+LOSSES = candidates("air_drag", "friction_drift", "coulomb", "stribeck", "encoder_offset")
 
 
 def frequency_of(rod: one_rod.Rod, amplitude: float) -> float:
@@ -68,7 +69,8 @@ def test_an_eccentric_encoder_is_not_called_a_vibration(tmp_path: Path) -> None:
     rig, runs = one_rod.recorded(replace(STEADY, offset=0.0), 1, tmp_path)
     theta = runs[1].theta.copy()
     theta[:, 1] += 6e-3 * np.cos(2 * theta[:, 1])
-    found = diagnose([replace(runs[1], theta=theta)], rig)
+    likely = candidates("encoder", "base_", "detent", "coulomb")
+    found = diagnose([replace(runs[1], theta=theta)], rig, library=likely)
     assert found.probabilities["encoder_eccentricity_joint1"] > 0.9
 
 
@@ -87,7 +89,7 @@ def test_air_drag_is_not_called_a_drift_of_friction_after_one_release(tmp_path: 
         counts=2400,
     )
     rig, runs = one_rod.recorded(rod, seed, tmp_path)
-    found = diagnose(runs[:1], rig)
+    found = diagnose(runs[:1], rig, library=LOSSES)
     assert found.probabilities["air_drag_both"] > 0.8
     assert found.probabilities.get("friction_drift_joint1", 0.0) < 0.2
 
@@ -109,5 +111,5 @@ def test_a_drift_of_friction_that_drag_cannot_imitate_is_named(tmp_path: Path) -
     reading = np.pi + np.round((angle + rng.normal(0.0, 3e-4, len(t))) / step) * step
     theta = run.theta.copy()
     theta[:, 1:] = np.concatenate([np.full(len(run.t) - len(t), reading[0]), reading])[:, None]
-    found = diagnose([replace(run, theta=theta, counts=None)], rig)
+    found = diagnose([replace(run, theta=theta, counts=None)], rig, library=LOSSES)
     assert found.probabilities["friction_drift_joint1"] > 0.9

@@ -14,6 +14,7 @@ from dpr_lab.gap.screen.time_scale import equivalent_length, with_time_scale
 from dpr_lab.identification.misread.tried import second_look
 from dpr_lab.run import Run
 from tests.background_rigs import law, recordings
+from tests.thinned import candidates
 
 
 def filmed(runs: list[Run], factor: float) -> list[Run]:
@@ -53,7 +54,7 @@ def test_a_rod_at_its_own_pace_is_not_doubted(one_rod):
 @pytest.mark.slow
 def test_a_diagnosis_of_one_rod_lists_it_among_the_findings(one_rod):
     rig, runs = one_rod
-    found = diagnose(filmed(runs, 8.0), rig).sensor_findings
+    found = diagnose(filmed(runs, 8.0), rig, library=candidates("coulomb")).sensor_findings
     assert [one.name for one in found].count("time_scale") == 1
 
 
@@ -61,7 +62,7 @@ def test_a_diagnosis_of_one_rod_lists_it_among_the_findings(one_rod):
 @pytest.mark.parametrize(
     ("factor", "cause"),
     [
-        (8.0, "eight times as fast"),
+        pytest.param(8.0, "eight times as fast", marks=pytest.mark.long),
         pytest.param(4.0, "four times as fast", marks=pytest.mark.long),
         pytest.param(0.125, "an eighth as fast", marks=pytest.mark.long),
     ],

@@ -12,6 +12,7 @@ from dpr_lab.gap.screen.recordings import Recordings, TrackingNoise
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from tests.bench_rigs import Rod, one_rod, rod_swing, table
+from tests.thinned import candidates
 
 RATE_HZ, NOISE_RAD = 120.0, 4e-3
 
@@ -56,7 +57,8 @@ def test_white_noise_and_rounded_readings_are_left_as_they_are(tmp_path: Path) -
 @pytest.mark.slow
 def test_a_zero_error_is_named_behind_the_errors_of_a_tracker(tmp_path: Path) -> None:
     rig, runs = tracked(tmp_path, 0.8, 0.03)
-    diagnosis = diagnose(runs[:2], rig, held_out=runs[2:])
+    likely = candidates("encoder", "base_", "com_", "coulomb", "detent", "spring")
+    diagnosis = diagnose(runs[:2], rig, held_out=runs[2:], library=likely)
     assert diagnosis.verdict == "named"
     assert [effect.name for effect in diagnosis.effects] in (["encoder_offset_joint1"], ["base_tilt"])
     assert {finding.run for finding in diagnosis.sensor_findings if finding.name == "non_white_noise"} == {

@@ -11,6 +11,7 @@ from dpr_lab.rig_tables import Parameter
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import weighed as weighed_rig
+from tests.thinned import candidates
 
 
 def weighed(rig: Rig, mass: float, std: float) -> Rig:
@@ -42,7 +43,7 @@ def test_a_mass_weighed_badly_widens_what_follows_from_it(recorded, paper: Rig):
 @pytest.mark.slow
 def test_steps_of_a_play_are_not_missed_counts(recorded, paper: Rig):
     runs = recorded({"backlash_joint2": {"play_rad": 0.012}}, duration=8.0)
-    found = diagnose(runs, paper)
+    found = diagnose(runs, paper, library=candidates("backlash", "missed", "coulomb", "encoder"))
     assert [effect.name for effect in found.effects] == ["backlash_joint2"]
     assert not [finding for finding in found.sensor_findings if finding.name == "missed_counts"]
 
