@@ -79,7 +79,7 @@ class ChainArm:
     hanging: float = 0.0
     """Angle of the joint in the model at theta0 = 0, rad."""
     gear: float | None = None
-    """Turns of its motor per turn of the arm; None without a motor."""
+    """Gear of the only motor on its joint; None without one, or if other actuators act on the joint."""
 
 
 @dataclass(frozen=True, slots=True)
