@@ -36,11 +36,11 @@ def find_config(kind: str, name: str | Path) -> Path:
     path = regular(Path(name), ConfigError)
     if path.is_file():
         return path
-    if path.is_dir():
-        raise ConfigError(f"{name}: is a folder: give a file in it")
     builtin = BUILTIN / kind / f"{name}.toml"
     if path.name == str(name) and builtin.is_file():
         return builtin
+    if path.is_dir():
+        raise ConfigError(f"{name}: is a folder: give a file in it")
     known = sorted(p.stem for p in (BUILTIN / kind).glob("*.toml"))
     problem = f"{name}: is neither a file nor the name of a built-in {kind.removesuffix('s')}"
     raise ConfigError(unknown_name(problem, str(name), known))
