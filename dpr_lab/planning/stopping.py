@@ -19,6 +19,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.shown import listed
 
@@ -99,9 +100,13 @@ def releases(diagnosis: Diagnosis) -> int:
 
 def possible(diagnosis: Diagnosis) -> list[str]:
     """Effects that recur, were not named and are not excluded: one may have its minimum detectable size."""
+    return list(dict.fromkeys(amplitude.effect for amplitude in not_excluded(diagnosis)))
+
+
+def not_excluded(diagnosis: Diagnosis) -> list[Exclusion]:
+    """Amplitudes of these effects that may have their minimum detectable size."""
     tested = diagnosis.evidence.exclusions if diagnosis.evidence else []
-    not_excluded = [exclusion.effect for exclusion in tested if not exclusion.is_excluded]
-    return [name for name in dict.fromkeys(not_excluded) if not EFFECTS[name].event]
+    return [exclusion for exclusion in tested if not (exclusion.is_excluded or EFFECTS[exclusion.effect].event)]
 
 
 def _most_probable(causes: Causes, inseparable: Collection[str]) -> float:

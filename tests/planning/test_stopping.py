@@ -10,11 +10,14 @@ import pytest
 
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis, load_diagnosis
 from dpr_lab.gap.result.evidence import Evidence, Exclusion, RecordingUsed
+from dpr_lab.planning.information import informed
 from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.limits import PlanLimits
+from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.sequence import Planner
 from dpr_lab.planning.stopping import Causes, decided, possible
 from dpr_lab.planning.summary import inseparable
+from dpr_lab.planning.worth.criteria import open_bits
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.planning.worth.reasons import Reason, only_ratios_sentence
 from dpr_lab.report.gap.sections.exclusions import exclusion_words
@@ -103,6 +106,24 @@ def test_no_gap_is_decided_only_if_every_effect_is_excluded_at_its_detectable_si
     assert ("dpr-lab plan" in next_steps(nothing)[0]) is not expected
     listed_in_report = "Not excluded" in " ".join(exclusion_words(nothing))
     assert listed_in_report is (not expected or name == "missed_counts")
+
+
+def test_a_plan_tests_the_effects_that_keep_no_gap_undecided(paper: Rig) -> None:
+    """A turn of joint 2 shows its spring much better than a small swing does."""
+    nothing, known = one_cause(verdict="no_gap", effects=[]), known_before(paper)
+    swings = [CandidateRelease(np.pi, np.pi + 0.3, 5.0), CandidateRelease(0.3, 5.6, 5.0)]
+    small, large = (known.information + swing.information for swing in informed(swings, known.model))
+    for sizes, is_open in ((3.0, False), (3.8, True)):
+        tested = Exclusion(
+            effect="spring_joint2",
+            parameter="stiffness_Nm_per_rad",
+            size=1e-5,
+            estimate=sizes * 2e-6,
+            confidence=NormalDist().cdf(5.0 - sizes),
+        )
+        after_one = replace(known, diagnosis=of_runs(nothing, "P1", exclusions=[tested]))
+        assert open_bits(after_one, known.information) == pytest.approx(0.0, abs=1e-12)
+        assert (open_bits(after_one, large) > 2 * open_bits(after_one, small)) is is_open
 
 
 @pytest.mark.parametrize("changed", [{"verdict": "partly_explained"}, {"hints": ["the clock"]}])

@@ -13,6 +13,9 @@ value of the recording is the expected reduction of the entropy between both cau
 **Library.** A plan must not assume that the causes named so far are correct. Therefore the same bits are computed for
 every amplitude of the library against every other one and against none, at several sizes and even odds, and averaged.
 
+**Effects that are not excluded.** If no gap is visible, "no gap" is open only because of the amplitudes that may have
+their minimum detectable size. For each of them the same bits are computed against none, at this size and even odds.
+
 **Ratios (D-optimality).** log2 of the reduction of the volume of their covariance, with the effects of the model
 fitted.
 
@@ -34,7 +37,8 @@ from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.gap.advice.check_kind import expected_bits
 from dpr_lab.gap.classes.posterior import CALIBRATION, HIDDEN
 from dpr_lab.gap.mounted_ratios import ratio_of
-from dpr_lab.planning.knowledge import RATIO_COLUMNS, Causes, Knowledge
+from dpr_lab.planning.knowledge import RATIO_COLUMNS, Knowledge
+from dpr_lab.planning.stopping import Causes, not_excluded
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,6 +210,22 @@ def library_bits(known: Knowledge, F: Array) -> float:
         total += float(np.interp(d, grid, bits)[~of_same].sum())
         count += int(np.count_nonzero(~of_same))
     return total / count
+
+
+def open_bits(known: Knowledge, F: Array) -> float:
+    """Mean bits, by further information, about the amplitudes that keep "no gap" undecided; 0 without any."""
+    diagnosis = known.diagnosis
+    if diagnosis is None or diagnosis.verdict != "no_gap":
+        return 0.0
+    sizes = {(amplitude.effect, amplitude.parameter): amplitude.size for amplitude in not_excluded(diagnosis)}
+    columns = known.model.columns
+    places = [i for i, column in enumerate(columns) if (column.effect, column.name) in sizes]
+    if not places:
+        return 0.0
+    after, before = (np.diag(given(information, known.fitted, places)) for information in (F, known.information))
+    size = np.array([sizes[columns[i].effect, columns[i].name] for i in places])
+    d = size * np.sqrt(np.maximum(after - before, 0.0) / CALIBRATION.temperature)
+    return float(np.interp(d, *_even_bits()).mean())
 
 
 def ratio_bits(known: Knowledge, F: Array) -> float:

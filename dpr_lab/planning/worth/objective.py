@@ -10,7 +10,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.simulation import SIMULATED_FIT, simulated_distance
-from dpr_lab.planning.worth.criteria import WORTH, OpenPairs, cause_bits, library_bits, ratio_bits
+from dpr_lab.planning.worth.criteria import WORTH, OpenPairs, cause_bits, library_bits, open_bits, ratio_bits
 from dpr_lab.planning.worth.goals import goal_bits
 
 
@@ -20,6 +20,8 @@ class Gain:
 
     causes: Mapping[tuple[str, str], float]
     """Bits of each undecided pair of causes."""
+    open_effects: float
+    """Bits about the effects that keep "no gap" undecided."""
     library: float
     ratios: float
     limits: float
@@ -29,7 +31,7 @@ class Gain:
         """Weighted sum of the bits."""
         library = WORTH.library if self.causes else 1.0
         others = WORTH.ratios * self.ratios + WORTH.limits * self.limits
-        return sum(self.causes.values()) + library * self.library + others
+        return sum(self.causes.values()) + self.open_effects + library * self.library + others
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +88,8 @@ class Objective:
     def gain(self, F: Array) -> Gain:
         """Bits of each part with this information."""
         ratios = ratio_bits(self.known, F) - self.ratios
-        return Gain(self.bits(F), library_bits(self.known, F), ratios, goal_bits(self.known, F, self.limits))
+        limits = goal_bits(self.known, F, self.limits)
+        return Gain(self.bits(F), open_bits(self.known, F), library_bits(self.known, F), ratios, limits)
 
     def worth(self, F: Array) -> float:
         """Weighted sum of the bits with this information."""

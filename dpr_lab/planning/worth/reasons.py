@@ -56,6 +56,8 @@ def reason(before: Expected, after: Expected, needed: bool = False, diagnosed: b
     if added and max(added.values()) >= NOTICEABLE.causes:
         (first, second), bits = max(added.items(), key=lambda bits_by_pair: bits_by_pair[1])
         parts.insert(0, f"separates {first} from {second} ({bits:.2f} bits)")
+    if after.gain.open_effects - before.gain.open_effects >= NOTICEABLE.causes:
+        parts.insert(0, "tests the effects that are not excluded yet")
     if (bits := after.gain.library - before.gain.library) >= NOTICEABLE.library:
         parts.append(_distinguishes(bits, before.gain.library >= NOTICEABLE.library, diagnosed))
     if after.gain.limits - before.gain.limits >= NOTICEABLE.limits:
