@@ -1,10 +1,12 @@
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.evidence import every_shape
 from dpr_lab.gap.evidence.coverage import coverage
 from dpr_lab.gap.evidence.every_shape import intervals_of_all_shapes
 from dpr_lab.gap.evidence.exclusions import exclusions
@@ -86,6 +88,22 @@ def test_the_interval_over_all_shapes_contains_an_effect_in_its_own_shape(looked
     assert intervals is not None
     for parameter, (low, high) in zip(EFFECTS[name].amplitudes, intervals, strict=True):
         assert low <= sizes.get(parameter.name, 0.0) <= high
+
+
+def test_a_vibration_is_tested_in_the_beginning_of_long_recordings(looked_at: Any, monkeypatch: pytest.MonkeyPatch):
+    """All frequencies of a long recording are too many; the interval from its beginning is wider."""
+    sizes = {"cos_m_per_s2": 0.02, "frequency_hz": 11.37}
+    _, problem, model = looked_at({"base_vibration": sizes})
+    whole = intervals_of_all_shapes(EFFECTS["base_vibration"], problem, model)
+    seconds = float(problem.t.max() - problem.t.min()) / 2
+    most = int(100 * seconds)  # fewer than the frequencies of the whole recording
+    monkeypatch.setattr(every_shape, "SHAPES", replace(every_shape.SHAPES, longest_s=seconds, most=most))
+    beginning = intervals_of_all_shapes(EFFECTS["base_vibration"], problem, model)
+    assert whole is not None
+    assert beginning is not None
+    for name, (low, high), (lower, upper) in zip(("cos_m_per_s2", "sin_m_per_s2"), whole, beginning, strict=True):
+        assert upper - lower > high - low
+        assert lower <= sizes.get(name, 0.0) <= upper
 
 
 def test_the_map_of_coverage_contains_every_second(looked_at: Any):

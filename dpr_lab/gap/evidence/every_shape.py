@@ -5,14 +5,15 @@ the interval of an amplitude covers its 90 % intervals in all shapes (an interse
 one of the shapes and an amplitude beyond the limit, the interval of this shape lies inside the limit with a
 probability of at most 5 %, however many other shapes are tested.
 
-A frequency is resolved to half the inverse of the longest recording. Between the values of another shape parameter the
-effect changes little.
+A frequency is resolved to half the inverse of the longest recording. Longer recordings would need more frequencies, so
+a frequency is tested in the first 10 s of each. Between the values of another shape parameter the effect changes
+little.
 
 Source: R. L. Berger (1982), Multiparameter hypothesis testing and acceptance sampling, Technometrics 24, 295-300.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
 from dpr_lab.effects import effect_params, param_index
 from dpr_lab.effects.effect import Effect
 from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.linearise import Linearisation, linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, trajectory
@@ -32,8 +35,10 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 class ShapeSettings:
     """Settings of the test of all shapes."""
 
+    longest_s: float = 10.0
+    """Beginning of each recording in which a frequency is tested, s."""
     most: int = 800
-    """Maximum number of shapes: frequencies up to 40 Hz in recordings of 10 s. The test of more is too slow."""
+    """Maximum number of shapes: frequencies up to 40 Hz in 10 s. The test of more is too slow."""
     block: int = 32
     """Number of columns that are processed at a time, to limit the memory."""
 
@@ -53,10 +58,15 @@ def intervals_of_all_shapes(effect: Effect, problem: Problem, model: Hypothesis)
     """
     if effect.stage not in TRAJECTORY_TORQUES or effect.internal or effect.propose or len(effect.shapes) != 1:
         return None
+    linear, estimate = model.fit.linear, model.fit.estimate
+    if _is_frequency(effect) and problem.disturbance is None:
+        problem, estimate = _beginning(problem, estimate)
+        linear = linearise(problem, estimate, model.fit.free)
     values = _values(effect, problem)
     if not 0 < len(values) <= SHAPES.most:
         return None
-    spaces = [joint_intervals(space, model.residuals.inflation) for space in _spaces(effect, values, problem, model)]
+    tested = _spaces(effect, values, problem, linear, estimate)
+    spaces = [joint_intervals(space, model.residuals.inflation) for space in tested]
     every = [intervals for intervals in spaces if intervals is not None]
     if len(every) < len(spaces):
         return None
@@ -77,19 +87,40 @@ def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, f
     return [(float(x - r), float(x + r)) for x, r in zip(given.solution(), reach, strict=True)]
 
 
+def _is_frequency(effect: Effect) -> bool:
+    (shape,) = effect.shapes
+    return shape.unit == "Hz" and bool(shape.scan)
+
+
+def _beginning(problem: Problem, estimate: Estimate) -> tuple[Problem, Estimate]:
+    """The segments that end within `SHAPES.longest_s` after the first reading."""
+    ends = problem.t[problem.segments.offsets[1:] - 1]
+    kept = np.flatnonzero(ends <= problem.t.min() + SHAPES.longest_s)
+    samples = problem.segments.samples_of(kept)
+    part = replace(
+        problem,
+        segments=problem.segments.chosen(kept),
+        measured=problem.measured[samples],
+        weight=problem.weight[samples],
+    )
+    return part, estimate.changed(initial=estimate.initial[kept])
+
+
 def _values(effect: Effect, problem: Problem) -> Array:
     """Values of the shape parameter; of a frequency, evenly spaced."""
     (shape,) = effect.shapes
-    if not (shape.unit == "Hz" and shape.scan):
+    if not _is_frequency(effect):
         return np.array(shape.scan)
     longest = float(problem.t.max() - problem.t.min())
     return np.arange(shape.scan[0], shape.scan[-1], 0.5 / longest)
 
 
-def _spaces(effect: Effect, values: Array, problem: Problem, model: Hypothesis) -> Iterator[ColumnSpace]:
+def _spaces(
+    effect: Effect, values: Array, problem: Problem, linear: Linearisation, estimate: Estimate
+) -> Iterator[ColumnSpace]:
     """Columns of the amplitudes in each shape, with the model projected out."""
-    linear, amplitudes = model.fit.linear, [param_index(effect.name, p.name) for p in effect.amplitudes]
-    reference = trajectory(problem, model.fit.estimate, spacing=TRAJECTORY.coarse_s)
+    amplitudes = [param_index(effect.name, p.name) for p in effect.amplitudes]
+    reference = trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s)
     fitted, count = linear.A.shape[2], len(amplitudes)
     place = param_index(effect.name, effect.shapes[0].name)
     at_once = max(1, SHAPES.block // count)
