@@ -95,15 +95,15 @@ def _is_frequency(effect: Effect) -> bool:
 def _beginning(problem: Problem, estimate: Estimate) -> tuple[Problem, Estimate]:
     """The segments that end within `SHAPES.longest_s` after the first reading."""
     ends = problem.t[problem.segments.offsets[1:] - 1]
-    kept = np.flatnonzero(ends <= problem.t.min() + SHAPES.longest_s)
-    samples = problem.segments.samples_of(kept)
+    indices = np.flatnonzero(ends <= problem.t.min() + SHAPES.longest_s)
+    samples = problem.segments.samples_of(indices)
     part = replace(
         problem,
-        segments=problem.segments.chosen(kept),
+        segments=problem.segments.chosen(indices),
         measured=problem.measured[samples],
         weight=problem.weight[samples],
     )
-    return part, estimate.changed(initial=estimate.initial[kept])
+    return part, estimate.changed(initial=estimate.initial[indices])
 
 
 def _values(effect: Effect, problem: Problem) -> Array:
