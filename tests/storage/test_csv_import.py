@@ -270,6 +270,8 @@ def test_bad_tables_are_refused_in_a_sentence(tmp_path, content, sentence):
 
 def test_a_column_that_is_named_for_a_rod_is_not_also_taken_for_the_arm(tmp_path):
     file = table(tmp_path / "a.csv", ("Time [s]", "Arm angle (rad)", "Tip angle (rad)"), T, THETA1, THETA2)
+    with pytest.raises(RunError, match=r"--columns 'theta1=Arm angle \(rad\),theta2=Tip angle \(rad\)'"):
+        read(file)
     assert_the_swing(read(file, columns={"theta1": "Arm angle (rad)", "theta2": "Tip angle (rad)"}))
 
 

@@ -243,7 +243,9 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
 
 def _example(names: Sequence[str], named: Mapping[str, str], missing: Sequence[str]) -> str:
     """Option that names the missing columns: the remaining columns in their order if there is one for each."""
-    rest = [name for name in names if name not in named.values() and name != NO_ROD]
+    unknown = [name for name in names if name not in named.values() and name != NO_ROD]
+    # Without the arm, whose column may only have been guessed.
+    rest = unknown if len(unknown) == len(missing) else [name for name in names if name not in (named.get("t"), NO_ROD)]
     complete = len(rest) == len(missing) and not any(re.search(r"[,=]", name) for name in rest)
     pairs = zip(missing, rest if complete else ["NAME"] * len(missing), strict=True)
     text = ",".join(f"{quantity}={name}" for quantity, name in pairs)
