@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.arrays import Array, Flags
+from dpr_lab.estimation.counted_rows import edge_rows
 from dpr_lab.shown import percent
 
 
@@ -53,6 +54,8 @@ def new_readings(t: Array, columns: Sequence[Array]) -> tuple[NDArray[np.intp], 
         t: (n,) increasing times, s
         columns: (n,) readings of each axis
     """
+    if edge_rows(np.column_stack(columns)) is not None:  # the rods turn back while no row is sent
+        return np.arange(len(t)), ""
     middle, bursts = _bursts(t)
     if bursts:
         note = f"the rows come in {len(middle)} bursts of about {len(t) / len(middle):.0f}: one row of each is used"

@@ -8,6 +8,7 @@ import pytest
 from dpr_lab.arrays import Array
 from dpr_lab.estimation.counted_rows import edge_rows
 from dpr_lab.estimation.noise import noise_floor
+from dpr_lab.estimation.repeated_readings import new_readings
 from dpr_lab.gap.screen.record import record
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.run import Run
@@ -86,6 +87,15 @@ def test_turning_points_of_a_fine_encoder_are_kept(tmp_path: Path):
     thinned = record(imported(np.column_stack([t, read])[counted], rig, tmp_path), rig)
     assert len(thinned.t) < len(counted) / 2
     assert np.diff(thinned.t).max() < 0.03
+
+
+def test_half_swings_of_a_fine_encoder_are_no_bursts_of_rows():
+    t, step = np.arange(0.0, 5.0, CLOCK_S), 2 * np.pi / 2400
+    read = step * np.rint((ZERO + 0.8 * np.exp(-0.01 * t) * np.cos(6.3 * t)) / step)
+    counted = np.flatnonzero(np.diff(read)) + 1
+    rows, note = new_readings(t[counted], [read[counted]])
+    assert len(rows) == len(counted)
+    assert not note
 
 
 def test_a_run_file_keeps_the_edges(swing: Array, tmp_path: Path):
