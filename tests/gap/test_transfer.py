@@ -4,12 +4,14 @@ import re
 from collections.abc import Callable
 from dataclasses import astuple, replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.classes.posterior import EffectPosterior
+from dpr_lab.gap.conclusion import verdict
 from dpr_lab.gap.conclusion.verdict import how_far
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.screen.pieces import whole
@@ -39,6 +41,15 @@ def test_one_release_says_that_it_was_not_tested_on_another(dry: list[Run], pape
     assert found.basis == "one release"
     assert "across the quarters of the only release" in found.sentence
     assert len(re.findall(r"\.(?= |$)", found.sentence)) <= 3
+
+
+def test_a_single_recording_that_stays_unexplained_names_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in (("_classes", "an effect"), ("_fitted_only", True), ("how_far", "Not closed.")):
+        monkeypatch.setattr(verdict, name, lambda *_, value=value: value)
+    selection = Mock(share_explained=0.96, chosen=Mock(residuals=Mock(noise_ratio=3.0)))
+    said = {b: verdict._unexplained(selection, [Mock()], Mock(basis=b)) for b in ("one release", "releases left out")}
+    assert "but not in quarters that the fit leaves out." in said["one release"]
+    assert "but not in other recordings." in said["releases left out"]
 
 
 @pytest.mark.slow

@@ -195,7 +195,8 @@ def _unexplained(selection: Selection, posteriors: Sequence[EffectPosterior], tr
         return f"Unexplained: a gap of {remainder}, and no effect of the library fits it."
     closest, verb = _classes(posteriors), "explain" if len(posteriors) > 1 else "explains"
     if share >= RULES.partly_share:
-        doubt = "not in other recordings"
+        alone = transferred.basis == "one release"
+        doubt = "not in quarters that the fit leaves out" if alone else "not in other recordings"
         if not _fitted_only(posteriors, transferred):
             doubt = f"a remainder of {remainder} makes a cause outside the library more probable"
         return (

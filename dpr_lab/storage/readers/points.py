@@ -207,6 +207,13 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     angles = [_direction(rod) for rod in rods]
     lengths = [rod_length(table.path, axis, rods[: k + 1]) for k, axis in enumerate(axes)]
     notes = [f"points used: {used} (for others: --take)"]
+    for axis, angle, length in zip(axes, angles, lengths, strict=True):
+        if length.wrong.any():
+            angle[length.wrong] = np.nan
+            notes.append(
+                f"{axis}: in {np.count_nonzero(length.wrong)} frames the rod has another length, so that the tracker"
+                " followed something else: these readings are left out"
+            )
     notes += [
         f"{axis}: noise {length.std:.2g} rad, from the scatter of the rod's length in the picture"
         for axis, length in zip(axes, lengths, strict=True)

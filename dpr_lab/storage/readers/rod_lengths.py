@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dpr_lab.arrays import Array
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.errors import RunError
 from dpr_lab.shown import percent
 
@@ -32,6 +32,10 @@ class LengthSettings:
     """Standard errors above which the autocorrelation of the lengths is significant."""
     most_alike: float = 0.98
     """Maximum autocorrelation of the lengths of neighbouring frames."""
+    wrong: tuple[float, float] = (8.0, 0.01)
+    """Deviation of a length, in standard deviations and relative to the length, beyond both of which the tracker
+    followed something else in this frame.
+    """
     frames_per_unknown: float = 3.0
     """Minimum number of frames with independent errors for each coefficient of the length as a function of the pose."""
     by_pose: float = 10.0
@@ -51,6 +55,8 @@ class RodLength:
     """Autocorrelation of the errors of neighbouring frames; 0 if it is not significant."""
     varies: float
     """Range of the length as a function of the pose, relative to the length; 0 if it is not significant."""
+    wrong: Flags
+    """(n,) frames in which the length shows that the tracker followed something else."""
 
 
 def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
@@ -81,10 +87,13 @@ def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
     away = np.clip(lengths - length, -LENGTHS.wild * scatter, LENGTHS.wild * scatter)
     by_pose = _by_pose(rods, away)
     away -= by_pose
+    off = np.abs(lengths - length - by_pose)
     scatter, varies = float(median_abs_deviation(away[np.isfinite(away)], scale=ndtri(0.75))), float(np.ptp(by_pose))
     alike = _autocorrelation(away)
     significant = alike > LENGTHS.correlated / np.sqrt(len(valid))
-    return RodLength(scatter / length, min(alike, LENGTHS.most_alike) if significant else 0.0, varies / length)
+    correlation = min(alike, LENGTHS.most_alike) if significant else 0.0
+    wrong = off > max(LENGTHS.wrong[0] * scatter, LENGTHS.wrong[1] * length)
+    return RodLength(scatter / length, correlation, varies / length, wrong)
 
 
 def _autocorrelation(values: Array) -> float:

@@ -106,8 +106,8 @@ def refuse_missing(path: Path, t: Array, whole: Flags) -> None:
         lasts = f" --duration-s {t[last] - t[first]:.6g}" if last < len(t) else ""
         option = f"its longest part with values (--start-s {t[first]:.6g}{lasts})"
     raise RunError(
-        f"{path}: {(~whole).sum()} of {len(whole)} rows have no value (NaN): too many for a recording. Export it again,"
-        f" or use {option}"
+        f"{path}: {(~whole).sum()} of {len(whole)} rows have no value (NaN; in a film also points that the tracker lost"
+        f" or mistook): too many for a recording. Export it again, or use {option}"
     )
 
 
