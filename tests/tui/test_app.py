@@ -123,10 +123,10 @@ async def test_an_unreadable_rig_file_is_reported_without_a_crash(app: DprApp, s
     app.workspace.rig = "no_such_rig.toml"
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("2")
-        assert "no_such_rig.toml: no such file" in str(app.query_one("#description", Static).render())
+        assert "no_such_rig.toml: is neither a file nor the name" in str(app.query_one("#description", Static).render())
         await pilot.press("3")
         assert app.current.NAME == "Capture"
-        assert "no_such_rig.toml: no such file" in said(app)
+        assert "no_such_rig.toml: is neither a file nor the name" in said(app)
 
 
 async def test_errors_become_notices_and_the_app_continues(tmp_path: Path, said) -> None:
