@@ -81,7 +81,7 @@ PLANTED = {
 }
 
 SOFTENED = "frictionloss missing, shoulder"
-"""Named as Stribeck friction, because MuJoCo softens dry friction (`solref`, `solimp`)."""
+"""Stribeck friction remains an alternative, because MuJoCo softens dry friction (`solref`, `solimp`)."""
 
 
 def swing(

@@ -144,8 +144,8 @@ def test_a_right_model_stays_as_it_is(tmp_path: Path, name: str) -> None:
 @pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_a_law_that_no_attribute_holds_is_replaced_by_a_simpler_one(tmp_path: Path) -> None:
-    """The file gets the Coulomb friction of what the diagnosis names as Stribeck friction."""
+def test_softened_friction_is_corrected_as_coulomb_friction(tmp_path: Path) -> None:
+    """The file gets Coulomb friction, whether the diagnosis names it or Stribeck friction."""
     planted = PLANTED[SOFTENED]
     least, text, rig = corrected(tmp_path, planted.before, planted.truth)
     assert (least.causes[0].quantity, least.causes[0].joint, least.unnamed) == (planted.cause, planted.joint, ())
