@@ -57,7 +57,8 @@ def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Di
     kind = kind_of(check)
     if answer.given != kind.takes:
         raise RunError(f"check {check.id} ({check.kind}: {check.text}): give its result, {kind.form(check)}")
-    return _updated(diagnosis, check, kind.result(diagnosis, check, answer, candidates(diagnosis, check.about)))
+    result = kind.result(diagnosis, check, answer, candidates(diagnosis, check.about))
+    return _updated(diagnosis, check, answer, result)
 
 
 def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:
@@ -108,7 +109,7 @@ def posterior(
     return dict(zip(names, after.tolist(), strict=True)), dict(zip(names, factors, strict=True))
 
 
-def _updated(diagnosis: Diagnosis, check: AdvisedCheck, result: Result) -> Diagnosis:
+def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, result: Result) -> Diagnosis:
     """The diagnosis with the probabilities after a result."""
     before = hypotheses(diagnosis, check.about)
     after, factors = posterior(before, result.log_densities)
@@ -120,6 +121,7 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, result: Result) -> Diagn
         before=before,
         after=after,
         log10_bayes_factor=factors,
+        recordings=[run.sha256 for run in answer.runs if run.sha256],
     )
     effects, rivals = _standing(diagnosis, check.about, after)
     moved = {**diagnosis.probabilities, **after, NONE_OF_THEM: _outside(diagnosis, done)}

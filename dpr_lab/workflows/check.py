@@ -12,6 +12,7 @@ from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
+    from dpr_lab.gap.result.checks import AdvisedCheck
     from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.run import Run
 
@@ -65,7 +66,7 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
     if request.runs:
         rig = load_rig(request.rig) if request.rig else stored_rig(request.runs[0])
         runs = tuple(read_runs(request.runs, rig, on_event, torque=request.torque, moving=True))
-        _refuse_used(runs, diagnosis)
+        _refuse_used(runs, diagnosis, check)
     answer = CheckAnswer(runs, rig, request.value, request.std, request.confirmed)
     updated = update(diagnosis, check, answer)
     updated = updated.model_copy(update={"parent": sha256_of(diagnosis_file(request.diagnosis))})
@@ -74,15 +75,17 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
     return updated
 
 
-def _refuse_used(runs: "Sequence[Run]", diagnosis: "Diagnosis") -> None:
-    """Check that the recordings of a check are new: a recording counts as evidence once."""
+def _refuse_used(runs: "Sequence[Run]", diagnosis: "Diagnosis", check: "AdvisedCheck") -> None:
+    """Check that the recordings of a check are new: a recording counts once as evidence about a named effect."""
     recordings = diagnosis.evidence.recordings if diagnosis.evidence else []
-    used = {recording.sha256: recording for recording in recordings if recording.sha256}
+    used = {r.sha256: f"already {'held out in' if r.held_out else 'fitted by'} this diagnosis" for r in recordings}
+    checks_done = [done for done in diagnosis.checks_done if done.check.about == check.about]
+    used |= {
+        sha256: f"already the result of check {done.check.id}" for done in checks_done for sha256 in done.recordings
+    }
     for run in runs:
-        if recording := used.get(run.sha256):
-            role = "held out in" if recording.held_out else "fitted by"
-            problem = f"was already {role} this diagnosis: record the release of the check"
-            raise RunError(f"{run.file or run.name}: {problem}")
+        if run.sha256 and (role := used.get(run.sha256)):
+            raise RunError(f"{run.file or run.name}: was {role}: record the release of the check")
 
 
 def _save(diagnosis: "Diagnosis", out: Path) -> None:

@@ -12,7 +12,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
 from dpr_lab.gap.advice.check_kind import CheckAnswer, expected_bits
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck
+from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
 from dpr_lab.gap.result.diagnosis import Diagnosis, load_diagnosis
 from dpr_lab.gap.result.evidence import Evidence, RecordingUsed
 from dpr_lab.rig import load_rig
@@ -173,18 +173,24 @@ def test_expected_bits_depend_on_the_probabilities_and_the_predictions() -> None
     assert expected_bits([1.0, 0.0], np.inf) == 0.0
 
 
-@pytest.mark.parametrize(("held_out", "role"), [(False, "fitted by"), (True, "held out in")])
-def test_a_recording_that_the_diagnosis_used_is_no_check(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held_out: bool, role: str
+@pytest.mark.parametrize("role", ["fitted by this diagnosis", "held out in this diagnosis", "the result of check 0"])
+def test_a_recording_that_was_already_used_is_no_check(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, role: str
 ) -> None:
     file = tmp_path / "x.mcap"
     tables = BUILTIN / "tables"
     options = ImportOptions(angles="relative", zero="hanging")
     import_csv(tables / "side.csv", load_rig(tables / "bench.toml"), options, out=file)
-    used = RecordingUsed.model_construct(sha256=load_run(file).sha256, held_out=held_out)
-    diagnosis = made().model_copy(update={"evidence": Evidence.model_construct(recordings=[used])})
+    diagnosis, sha256 = made(), load_run(file).sha256
+    if "check" in role:
+        former = diagnosis.checks[0].model_copy(update={"id": "0"})
+        used = {"checks_done": [CheckDone(check=former, result="", before={}, after={}, recordings=[sha256])]}
+    else:
+        recording = RecordingUsed.model_construct(sha256=sha256, held_out=role.startswith("held out"))
+        used = {"evidence": Evidence.model_construct(recordings=[recording])}
+    diagnosis = diagnosis.model_copy(update=used)
     monkeypatch.setattr("dpr_lab.gap.result.diagnosis.load_diagnosis", lambda _: diagnosis)
-    with pytest.raises(RunError, match=f"x.mcap: was already {role} this diagnosis: record the release of the check"):
+    with pytest.raises(RunError, match=f"x.mcap: was already {role}: record the release of the check"):
         take_check(CheckRequest(tmp_path, diagnosis.checks[0].id, (file,)))
 
 
@@ -204,6 +210,7 @@ def test_a_recording_is_taken_by_the_torques_that_are_asked_for(diagnosis: Diagn
     asked, runs = before.checks[0].id, (tmp_path / "x.mcap",)
     done = [take_check(CheckRequest(file, asked, runs, torque=kind)).checks_done[0] for kind in (None, "commanded")]
     assert [one.result for one in done] == [f"recorded: x, driven by {of} torques" for of in ("measured", "commanded")]
+    assert done[0].recordings == done[1].recordings == [load_run(runs[0]).sha256]
     assert done[0].after[TILT] + done[0].after[OFFSET] > 0.9
     np.savetxt(tmp_path / "y.csv", np.column_stack(columns[:3]), delimiter=",", header=names[:59], comments="")
     import_csv(tmp_path / "y.csv", rig, out=tmp_path / "y.mcap")

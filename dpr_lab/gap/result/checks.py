@@ -156,3 +156,5 @@ class CheckDone(Saved):
     """Base-10 logarithm of the Bayes factor of each candidate against all others together; positive if the result
     supports it.
     """
+    recordings: list[str] = []
+    """SHA-256 of the run files that were its result; empty for a measurement."""
