@@ -33,7 +33,7 @@ def demo(
     first demo on a computer compiles the kernels, which takes a minute or two.
 
     With --table: write three recorded releases as CSV tables, the points of their films, and their rig file, to
-    practise on (docs/tutorials/your-table.md, docs/how-to/video.md). Nothing is simulated or diagnosed then.
+    practise on. Nothing is simulated or diagnosed then. See docs/tutorials/your-table.md and docs/how-to/video.md.
 
     Example: dpr-lab demo --out out/demo
     """

@@ -75,9 +75,9 @@ def test_a_campaign_ends_with_scores_and_a_page(tmp_path: Path, cli) -> None:
 def test_a_failed_trial_is_reported_and_the_others_count(tmp_path: Path, cli) -> None:
     done = cli("trials", "campaign", "--n", 1, "--kind", "clean", "--plant", "none", "--jobs", 1, "--out", tmp_path)
     assert done.code == 1
-    assert "trial 0: the simulated device reports: none: no such file" in done.err
+    assert "trial 0: the simulated device reports: none: is neither a file nor the name of a built-in plant" in done.err
     assert "run the command again" in done.err
-    assert "no such file" in (tmp_path / "trials.html").read_text()
+    assert "neither a file nor the name" in (tmp_path / "trials.html").read_text()
 
 
 @pytest.mark.slow

@@ -142,7 +142,8 @@ def test_a_plant_file_s_faults_are_named(tmp_path):
 
 def test_an_unknown_plant_is_named_with_those_there_are():
     with pytest.raises(
-        ConfigError, match=r"nothing: no such file.*arm, bench, driven_double, dry, furuta, paper, tilted"
+        ConfigError,
+        match=r"nothing: is neither .* built-in plant.*arm, bench, driven_double, dry, furuta, paper, tilted",
     ):
         load_plant("nothing")
 

@@ -340,7 +340,7 @@ def test_a_table_in_counts_without_the_arm_does_not_say_that_the_arm_was_read(
     made = import_csv(table.write(tmp_path), paper, table.options, tmp_path / "a.mcap")
     for run in (made, load_run(tmp_path / "a.mcap"), import_csv(table.write(tmp_path), paper, table.options)):
         assert run.arm_read is False
-        assert record(run, paper).arm_moves is None
+        assert record(run, paper).encoder0_moves is None
 
 
 def test_rods_that_hang_and_are_pushed_are_refused(paper: Rig, tmp_path: Path) -> None:

@@ -63,7 +63,7 @@ async def test_a_driven_arm_is_identified_and_compared_on_the_screen(lab, until,
         assert "arm θ0" in pilot.app.query_one("#error", Chart)._content.y_label
 
         (before,) = compare._of_arm
-        compare._of, compare._of_arm = None, []
+        compare._compared_subject, compare._of_arm = None, []
         compare.enter()  # as after the next start of the screen
         await pilot.pause()
         assert compare.job is None
