@@ -19,6 +19,7 @@ candidate in a search is a value (cost `inf`), a bug is an `assert`.
 import difflib
 import re
 from collections.abc import Callable, Iterable
+from typing import Any
 
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 """Characters that move a terminal's cursor or change the direction of text, and code points without a character."""
@@ -27,6 +28,15 @@ _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u20
 def printable(text: str) -> str:
     """Text from a file, a device or a file name, made safe for display: control characters are escaped."""
     return _CONTROL.sub(lambda control: control[0].encode("unicode_escape").decode(), text)
+
+
+def all_printable(value: Any) -> Any:
+    """Content of a JSON file with all its texts made safe for display."""
+    if isinstance(value, dict):
+        return {printable(key): all_printable(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [all_printable(entry) for entry in value]
+    return printable(value) if isinstance(value, str) else value
 
 
 def known_name(name: str, known: Iterable[str], worded: Callable[[str], str] = str) -> str | None:

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -12,7 +12,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.configs import first_fault
 from dpr_lab.dynamics.base import BASE, RATIOS, base_from_ratios
 from dpr_lab.effects import EFFECTS
-from dpr_lab.errors import RunError, printable
+from dpr_lab.errors import RunError, all_printable
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import PARAMETERS, Rig
@@ -372,7 +372,7 @@ def load_model(path: Path | str) -> Model:
             raise RunError(
                 f"{path}: is a model of a rig with a free or driven arm, which only `compare` and `export` take"
             )
-        model = Model.model_validate(_printable(content))
+        model = Model.model_validate(all_printable(content))
         refuse_unknown_effects(model.effects, Path(path))
         return model
     except OSError as error:
@@ -381,15 +381,6 @@ def load_model(path: Path | str) -> Model:
         raise RunError(f"{path}: is not a model of dpr-lab: {first_fault(error)}") from error
     except (ValueError, RecursionError) as error:  # other encoding, invalid JSON, a number of thousands of digits
         raise RunError(f"{path}: is not a model file (JSON): {error}") from error
-
-
-def _printable(value: Any) -> Any:
-    """JSON values whose texts can be displayed."""
-    if isinstance(value, dict):
-        return {printable(key): _printable(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [_printable(entry) for entry in value]
-    return printable(value) if isinstance(value, str) else value
 
 
 def refuse_unknown_effects(effects: Mapping[str, Mapping[str, float]], path: Path) -> None:

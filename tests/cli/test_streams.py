@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from dpr_lab.errors import DprError, printable
+from dpr_lab.errors import DprError, all_printable, printable
 from dpr_lab.kernel_cache import COMPILING
 from tests.thinned import thinned
 
@@ -24,6 +24,9 @@ def test_controls_are_spelled_out() -> None:
     assert printable("a\x1b[2Jb\tc\nd é") == "a\\x1b[2Jb\tc\nd é"
     assert STEERS.search(printable(EVIL)) is None
     assert STEERS.search(str(DprError(EVIL))) is None
+    assert all_printable({"\x07": ["\x07", {"a": "\x07"}, 1.5, None]}) == {
+        "\\x07": ["\\x07", {"a": "\\x07"}, 1.5, None]
+    }
 
 
 def test_commands_print_through_the_console_alone() -> None:

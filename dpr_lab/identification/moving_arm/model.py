@@ -10,7 +10,7 @@ from dpr_lab.configs import first_fault
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects.coulomb import COULOMB_JOINT0
 from dpr_lab.effects.spring import SPRING_JOINT0
-from dpr_lab.errors import RunError
+from dpr_lab.errors import RunError, all_printable
 from dpr_lab.identification.model import EstimatedValue, Number, RigFacts, RunUsed, refuse_unknown_effects
 from dpr_lab.shown import Row, Shown
 from dpr_lab.whole_file import regular, write_text
@@ -138,7 +138,7 @@ def load_moving_arm_model(path: Path) -> MovingArmModel | None:
     if not isinstance(content, dict) or content.get("kind") != KIND:
         return None
     try:
-        model = MovingArmModel.model_validate(content)
+        model = MovingArmModel.model_validate(all_printable(content))
     except ValidationError as error:
         raise RunError(f"{path}: is not a model of dpr-lab: {first_fault(error)}") from error
     refuse_unknown_effects(model.effects, path)

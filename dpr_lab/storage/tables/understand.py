@@ -391,8 +391,7 @@ def _refuse_coarse_times(path: Path, readings: Mapping[str, Array], rows: NDArra
     if changed.sum() > PLAUSIBLE.doubled_share * len(rows):
         raise RunError(
             f"{path}: {changed.sum()} of {len(rows)} rows have the same time as the previous row but other"
-            f" readings: the time"
-            f" column has too few digits. Export it with more, or give the rate (--rate-hz)"
+            " readings: the time column has too few digits. Export it with more, or give the rate (--rate-hz)"
         )
 
 
