@@ -239,7 +239,7 @@ class FittedSets:
         return preliminary_fit(self.problem, start, near.free, iterations=iterations)
 
     def escaped(self, model: Hypothesis) -> Hypothesis:
-        """Refit, once, a set that may be in a local minimum: of a few segments, long segments, or a wrong order."""
+        """Refit a set once: a few segments, long segments or a wrong order may hold it in a local minimum."""
         escaped = self.keep(self._once((model,), lambda: self._escaped(model)))
         self._results[escaped,] = escaped
         return escaped
