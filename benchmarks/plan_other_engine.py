@@ -30,6 +30,8 @@ from dpr_lab.rig import MASSES, PARAMETERS, Rig, load_rig
 from dpr_lab.run import Run
 from dpr_lab.trials.next_release import SEQUENTIAL, STRATEGIES, limits_of
 from dpr_lab.trials.sequential import SequentialLook, played
+from dpr_lab.trials.sequential_summary import forecast_claims
+from dpr_lab.trials.summary import calibration_error, error_if_exact
 
 mujoco: Any = import_module("mujoco")  # its stubs lack half of it
 
@@ -191,6 +193,27 @@ def bars(results: dict[str, list[tuple[list[SequentialLook], bool, bool]]]) -> l
         made.append(at_least(f"{name}: right, or too small to detect (of {stopped})", true, 0.97))
         if name != "menu" and "menu" in mean:
             made.append(at_most(f"{name}: releases over the menu's", mean[name] / mean["menu"], 0.6))
+        made += _of_plans(name, [looks for looks, *_ in each])
+    return made
+
+
+def _as_outcome(look: SequentialLook) -> dict[str, Any]:
+    return {"forecast": look.forecast, "decided": look.decided, "bench_check": look.bench_check}
+
+
+def _of_plans(name: str, played_looks: Sequence[Sequence[SequentialLook]]) -> list[Bar]:
+    """Calibration of the forecasts and time of the plans of one strategy; none without plans."""
+    claims = [claim for looks in played_looks for claim in forecast_claims([_as_outcome(look) for look in looks])]
+    seconds = [look.plan_seconds for looks in played_looks for look in looks if look.plan_seconds is not None]
+    made = list[Bar]()
+    if claims:
+        made.append(at_most(f"{name}: calibration error of {len(claims)} forecasts", calibration_error(claims), 0.05))
+        made.append(Bar(f"{name}: of an exact forecast", "-", error_if_exact(claims), None))
+        mean = float(np.mean([claim.probability for claim in claims]))
+        made.append(Bar(f"{name}: mean forecast", "-", mean, None))
+        made.append(Bar(f"{name}: share that occurred", "-", float(np.mean([claim.true for claim in claims])), None))
+    if seconds:
+        made.append(at_most(f"{name}: CPU time of the slowest plan, s", max(seconds), 5.0))
     return made
 
 

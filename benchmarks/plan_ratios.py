@@ -1,19 +1,23 @@
-"""Standard deviations of the ratios after a plan's releases, relative to those after the menu's, in equal time.
+"""Accuracy of the ratios after a plan's releases, relative to that after the menu's, on plants of MuJoCo.
 
-    python benchmarks/plan_ratios.py --plants 10 --seed 1
+    python benchmarks/plan_ratios.py --plants 4 --repeats 5 --seed 1
 
-Plants like `paper` without an effect are recorded by the menu (X1, X2, X3 of 10 s) and by plans, then identified. One
-plan has as many minutes at the rig as the menu, placing included; another has three releases of 10 s. The ratios are
-geometric means over the five ratios and over the plants.
+Plants without an effect are recorded by the menu (X1, X2, X3 of 10 s) and by plans before any recording, then
+identified: the plan without options, one with as many minutes at the rig as the menu, placing included, and one of
+three releases of 10 s. Each plan is recorded several times, each time placed by hand and with other noise. Two figures
+are compared with the menu's: the standard deviations that `identify` states, and the rms error of the ratios over the
+repeats. Both are geometric means over the five ratios and over the plants.
 """
 
 import sys
+from dataclasses import dataclass, replace
 
 import numpy as np
 from _bars import Bar, at_most, options, show
-from _trial_cases import Case, hidden
 from numpy.typing import NDArray
+from plan_other_engine import Plant, drawn
 
+from dpr_lab.dynamics.base import base_parameters, ratios
 from dpr_lab.identification.identify import identify
 from dpr_lab.planning.candidates import minutes, mounted_now
 from dpr_lab.planning.limits import PlanLimits
@@ -21,15 +25,21 @@ from dpr_lab.planning.plan import plan
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import Plan
 from dpr_lab.rig import Rig
-from dpr_lab.rig_tables import Pose
-from dpr_lab.run import Run
 from dpr_lab.trials.next_release import EQUAL_TIMES, SEQUENTIAL
-from sim_device.plant.config import PlantConfig
-from sim_device.trials.offline_recorder import record
 
 Array = NDArray[np.float64]
 
-IN_EQUAL_TIME = "plan of the menu's minutes"
+MENU = "menu"
+
+
+@dataclass(frozen=True, slots=True)
+class Accuracy:
+    """Accuracy of the ratios of one plant after the releases of one plan."""
+
+    stated: Array
+    """(5,) standard deviations that `identify` states, rms over the repeats."""
+    error: Array
+    """(5,) rms error over the repeats."""
 
 
 def menu_of(rig: Rig) -> list[CandidateRelease]:
@@ -42,51 +52,66 @@ def releases_of(made: Plan) -> list[CandidateRelease]:
     return [CandidateRelease(one.theta1_rad, one.theta2_rad, one.duration_s) for one in made.releases]
 
 
-def planned(rig: Rig, budget_min: float) -> dict[str, list[CandidateRelease]]:
-    """Plans before any recording, by their name."""
-    equal = plan(rig, limits=PlanLimits(recording=EQUAL_TIMES), count=len(rig.poses))
+def planned(rig: Rig) -> dict[str, list[CandidateRelease]]:
+    """The menu, and plans before any recording, by their name."""
+    menu, now = menu_of(rig), mounted_now(rig)
+    budget_min = sum(minutes(release, now, PlanLimits()) for release in menu)
     return {
-        IN_EQUAL_TIME: releases_of(plan(rig, budget_min=budget_min)),
-        f"plan of {len(rig.poses)} x {SEQUENTIAL.duration_s:g} s": releases_of(equal),
+        MENU: menu,
+        "plan": releases_of(plan(rig)),
+        "plan of the menu's minutes": releases_of(plan(rig, budget_min=budget_min)),
+        f"plan of {len(menu)} x {SEQUENTIAL.duration_s:g} s": releases_of(
+            plan(rig, limits=PlanLimits(recording=EQUAL_TIMES), count=len(menu))
+        ),
     }
 
 
-def ratio_std(plant: PlantConfig, rig: Rig, releases: list[CandidateRelease]) -> Array:
-    """(5,) standard deviations of the ratios after some releases."""
-    runs = list[Run]()
-    poses = {f"P{k}": Pose(theta1=one.theta1, theta2=one.theta2) for k, one in enumerate(releases)}
-    for k, ((name, pose), release) in enumerate(zip(poses.items(), releases, strict=True)):
-        runs += record(plant, rig.model_copy(update={"poses": {name: pose}}), release.duration_s, before=k)
-    model = identify(runs, rig.model_copy(update={"poses": poses}))
-    return np.array([ratio.std for ratio in model.ratios.values()])
+def accuracy(plant: Plant, releases: list[CandidateRelease], repeats: int, rng: np.random.Generator) -> Accuracy:
+    """Record the releases several times, and identify each time."""
+    stated, errors = [], []
+    true = ratios(base_parameters(plant.Z, plant.rig.L1, plant.rig.g))
+    for _ in range(repeats):
+        runs = [replace(plant.record(release, rng), name=f"P{k}") for k, release in enumerate(releases)]
+        found = list(identify(runs, plant.rig).ratios.values())
+        stated.append([ratio.std for ratio in found])
+        errors.append(np.array([ratio.value for ratio in found]) - true)
+    return Accuracy(*(np.sqrt(np.mean(np.square(each), axis=0)) for each in (stated, errors)))
 
 
-def shares(seed: int) -> dict[str, float]:
-    """Plan -> standard deviations over those of the menu, geometric mean of the ratios of one plant."""
-    plant, rig = hidden(Case("clean", "clean", seed))
-    menu, now = menu_of(rig), mounted_now(rig)
-    of_menu = ratio_std(plant, rig, menu)
-    made = planned(rig, sum(minutes(release, now, PlanLimits()) for release in menu))
-    return {name: float(np.exp(np.log(ratio_std(plant, rig, each) / of_menu).mean())) for name, each in made.items()}
+def shares(seed: int, repeats: int) -> dict[str, tuple[float, float]]:
+    """Plan -> stated standard deviations and errors over those of the menu, geometric means, of one plant."""
+    plant, rng = drawn(5 * seed + 4), np.random.default_rng(seed)
+    assert not plant.effect, "each fifth plant has no effect"
+    found = {name: accuracy(plant, each, repeats, rng) for name, each in planned(plant.rig).items()}
+    of_menu = found.pop(MENU)
+    return {
+        name: (_mean(each.stated / of_menu.stated), _mean(each.error / of_menu.error)) for name, each in found.items()
+    }
+
+
+def _mean(values: Array) -> float:
+    return float(np.exp(np.log(values).mean()))
 
 
 def main() -> None:
     """Draw, plan, record, identify, print."""
     parser = options(__doc__)
-    parser.add_argument("--plants", type=int, default=10)
+    parser.add_argument("--plants", type=int, default=4)
+    parser.add_argument("--repeats", type=int, default=5, help="recordings of each plan")
     parser.add_argument("--seed", type=int, default=0, help="of the first plant")
     args = parser.parse_args()
-    every = list[dict[str, float]]()
+    every = list[dict[str, tuple[float, float]]]()
     for seed in range(args.seed, args.seed + (1 if args.quick else args.plants)):
-        every.append(shares(seed))
+        every.append(shares(seed, args.repeats))
         print(f"plant {seed}: {every[-1]}", file=sys.stderr, flush=True)
     bars = list[Bar]()
     for name in every[0]:
-        logs = np.log([each[name] for each in every])
-        bars.append(at_most(f"{name}: standard deviations over the menu's", float(np.exp(logs.mean())), 0.6))
-        if len(logs) > 1:
-            error = float(np.exp(logs.std(ddof=1) / len(logs) ** 0.5))
-            bars.append(Bar(f"{name}: standard error of this, factor", "-", error, None))
+        for k, figure in enumerate(("stated standard deviations", "rms errors")):
+            of_plants = np.array([each[name][k] for each in every])
+            bars.append(at_most(f"{name}: {figure} over the menu's", _mean(of_plants), 0.6))
+            if len(of_plants) > 1:
+                error = float(np.exp(np.log(of_plants).std(ddof=1) / len(of_plants) ** 0.5))
+                bars.append(Bar(f"{name}: standard error of this, factor", "-", error, None))
     show("ratios after planned releases", bars, args.json)
 
 

@@ -54,12 +54,12 @@ def pendule_pi(folder: Path) -> tuple[Rig, list[Run]]:
 
 def dfki_driven(design: str) -> Callable[[Path], tuple[Rig, list[Run]]]:
     """Driven records of one design, joint torques known."""
-    return lambda folder: _titled(folder, f"design {design}")
+    return lambda folder: _titled(folder, f"design {design}, driven")
 
 
 def _titled(folder: Path, part: str) -> tuple[Rig, list[Run]]:
-    """Rig and recordings of the page of real rigs whose title contains a part."""
-    (found,) = [one for one in rigs(folder) if part in one.title]
+    """Rig and recordings of the first rig of the page of real rigs whose title contains a part."""
+    found = next(one for one in rigs(folder) if part in one.title)
     return found.rig, found.runs
 
 

@@ -22,7 +22,9 @@ RELEASES = (
     " all."
 )
 
-FORECAST = " P(decided): probability that the causes are decided by then."
+FORECAST = (
+    " P(decided): probability that the causes are decided by then; causes that no release separates count as one."
+)
 
 BITS = "1 bit decides between two equally probable causes."
 

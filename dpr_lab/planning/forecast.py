@@ -3,7 +3,8 @@
 If cause t is true, further releases increase its log odds against each other cause j by a normally distributed amount
 of mean d^2 / 2 and variance d^2 (`dpr_lab.planning.worth.criteria`). The probability of a decision is the share of
 random draws, of the true cause from its posterior and of this amount, in which one cause reaches `SURE`. A cause
-outside the library keeps its probability.
+outside the library keeps its probability. Causes that no release separates count as one, as in the stopping rule: a
+bench check divides them.
 
 A release may also reveal another effect or another alternative, which leaves the causes undecided until a further
 release. `confirmed` is the share of planned releases in blind trials that decided causes which were sure by this
@@ -18,14 +19,14 @@ Source: H. Jeffreys (1946), An invariant form for the prior probability in estim
 Society A 186, 453-461.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
 
 from dpr_lab.acceptance.judge import SURE
-from dpr_lab.arrays import Array
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.planning.worth.criteria import OpenPairs
 
 
@@ -48,22 +49,26 @@ class ForecastSettings:
 FORECAST = ForecastSettings()
 
 
-def decision_probability(pairs: Sequence[OpenPairs], gained: Sequence[Array], releases: int = 1) -> float:
+def decision_probability(
+    pairs: Sequence[OpenPairs], gained: Sequence[Array], releases: int = 1, inseparable: Collection[str] = ()
+) -> float:
     """Probability that further releases decide every open cause.
 
     Args:
         pairs: causes of each named effect
         gained: (n, n) d^2 that the releases add, of each
         releases: number of these releases
+        inseparable: causes that no release separates; they count as one
     """
     probability = 1.0 - (1.0 - FORECAST.confirmed) ** releases
     for pair, d2 in zip(pairs, gained, strict=True):
-        probability *= _decided(pair.probabilities, d2)
+        together = np.array([name in inseparable for name in pair.names])
+        probability *= _decided(pair.probabilities, d2, together)
     return float(probability)
 
 
-def _decided(p: Array, d2: Array) -> float:
-    """Random draws in which the cause of one named effect is decided."""
+def _decided(p: Array, d2: Array, together: Flags) -> float:
+    """Share of random draws in which the cause of one named effect, or those that count as one, are decided."""
     outside = max(1.0 - float(p.sum()), 0.0)
     normal = stats.norm.ppf(stats.qmc.Sobol(len(p), rng=np.random.default_rng(0)).random(FORECAST.draws) % 1.0)
     normal = np.clip(normal, -6.0, 6.0)
@@ -72,6 +77,7 @@ def _decided(p: Array, d2: Array) -> float:
         loss = 0.5 * d2[truth] + np.sqrt(d2[truth]) * normal
         loss[:, truth] = 0.0
         weight = p * np.exp(-np.clip(loss, -500, 500))
-        best = weight.max(axis=1) * (1 - outside) / weight.sum(axis=1)
+        most = np.maximum(weight.max(axis=1), weight[:, together].sum(axis=1))
+        best = most * (1 - outside) / weight.sum(axis=1)
         total += p[truth] * float(np.mean(best >= SURE))
     return total / max(float(p.sum()), 1e-12)

@@ -70,7 +70,7 @@ class PlannedRelease(_Record):
     ratio_std: dict[str, Number]
     """Expected standard deviation of each ratio, by this release and those before it."""
     decided: Number | None
-    """Probability that the causes are distinguished after it; None before any recording, and if they already are."""
+    """Probability that no further release is necessary after it; None before any recording, and if none is now."""
     simulated: Number | None = None
     """Ratio of the simulated to the linearised squared distance of the two most probable causes; None without an
     open pair.
@@ -144,8 +144,8 @@ class Plan(Shown, _Record):
     minutes: Number
     """Duration of all releases."""
     forecast: list[Number]
-    """Probability that the causes are distinguished after 1, 2, ... of these releases; empty before any recording,
-    and if they already are.
+    """Probability that no further release is necessary after 1, 2, ... of these releases; empty before any recording,
+    and if none is necessary now.
     """
     ratio_std: dict[str, Number]
     """Standard deviation of each ratio with the recordings so far; before any, by the rig file's bounds."""

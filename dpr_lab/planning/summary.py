@@ -1,6 +1,6 @@
 """Result of planning from a sequence of releases: their reasons, the forecast, and causes that no release decides."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import pairwise
 from typing import Literal
 
@@ -37,12 +37,13 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     known = objective.known
     after = np.cumsum([known.information, *(step.information for step in steps)], axis=0)
     reasons = _reasons(objective, after)
+    stuck = inseparable(objective, steps)
+    together = {name for pair in stuck for name in pair.causes}
     releases = [
-        _planned(k, step, after[k], objective, reason.text)
+        _planned(k, step, after[k], objective, reason.text, together)
         for k, (step, reason) in enumerate(zip(steps, reasons, strict=True), 1)
     ]
-    stuck = inseparable(objective, steps)
-    state = _state(known, stuck)
+    state = _state(known, together)
     return Plan(
         state=state,
         sentence=_sentence(state, known, releases, stuck, only_ratios_sentence(reasons, state == "record")),
@@ -68,7 +69,9 @@ def _reasons(objective: Objective, after: Array) -> list[Reason]:
     ]
 
 
-def _planned(number: int, step: SequenceStep, F: Array, objective: Objective, reason: str) -> PlannedRelease:
+def _planned(
+    number: int, step: SequenceStep, F: Array, objective: Objective, reason: str, together: Collection[str]
+) -> PlannedRelease:
     release, known = step.release, objective.known
     share = 1.0 if step.simulated is None else min(step.simulated, 1.0)
     gained = [share * d2 for d2 in objective.gained(F)]
@@ -91,18 +94,20 @@ def _planned(number: int, step: SequenceStep, F: Array, objective: Objective, re
         pairs=[PairBits(causes=pair, bits=bits) for pair, bits in objective.bits_of(gained).items()],
         library_bits=library_bits(known, F),
         ratio_std=shown_ratio_std(known, F),
-        decided=_forecast(objective, gained, number),
+        decided=_forecast(objective, gained, number, together),
         simulated=step.simulated,
     )
     return planned.driven_by(release.torques)
 
 
-def _forecast(objective: Objective, gained: Sequence[Array], releases: int) -> float | None:
-    """Probability that this number of releases decides the causes; None before any recording, and if they are."""
-    diagnosis = objective.known.diagnosis
-    if diagnosis is None or decided(diagnosis):
+def _forecast(objective: Objective, gained: Sequence[Array], releases: int, together: Collection[str]) -> float | None:
+    """Probability that this number of releases decides the causes, of which some count as one.
+
+    None before any recording, and if no further one is necessary.
+    """
+    if _state(objective.known, together) != "record":
         return None
-    return decision_probability(objective.pairs, gained, releases)
+    return decision_probability(objective.pairs, gained, releases, together)
 
 
 def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
@@ -139,13 +144,12 @@ def inseparable(objective: Objective, steps: Sequence[SequenceStep]) -> list[Ins
     return stuck
 
 
-def _state(known: Knowledge, stuck: Sequence[Inseparable]) -> State:
+def _state(known: Knowledge, together: Collection[str]) -> State:
     if known.diagnosis is None:
         return "first"
     if decided(known.diagnosis):
         return "enough"
-    names = {name for pair in stuck for name in pair.causes}
-    return "bench check" if stuck and decided(known.diagnosis, names) else "record"
+    return "bench check" if together and decided(known.diagnosis, together) else "record"
 
 
 def _sentence(
@@ -171,13 +175,15 @@ def _sentence(
             f" check. {stuck[0].check}"
         )
     chances = [release.decided or 0.0 for release in releases]
+    together = list(dict.fromkeys(name for pair in stuck for name in pair.causes))
     number = next((k for k, chance in enumerate(chances, 1) if chance >= FORECAST.likely), len(chances))
     more = f"{number} more release{'s' * (number > 1)}"
     advice = "Record release 1, diagnose and plan again. " if len(chances) > 1 else ""
     if diagnosis is not None:
-        reason = undecided(diagnosis)
+        reason = undecided(diagnosis, together)
         advice = f"{reason[:1].upper()}{reason[1:]}. {advice}"
-    return f"{advice}With {more} the probability that the causes are decided is {chances[number - 1]:.2f}.{note}"
+    apart = f", except between {listed(together)}," if together else ""
+    return f"{advice}With {more} the probability that the causes are decided{apart} is {chances[number - 1]:.2f}.{note}"
 
 
 def _assumptions(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[str]:

@@ -36,7 +36,7 @@ def _of_strategy(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     stopped = [outcome for outcome in outcomes if outcome["recordings"] is not None]
     right, true = (sum(outcome[key] for outcome in stopped) for key in ("right", "true"))
     looks = [look for outcome in outcomes for look in outcome["looks"]]
-    claims = [claim for outcome in outcomes for claim in _claims(outcome["looks"])]
+    claims = [claim for outcome in outcomes for claim in forecast_claims(outcome["looks"])]
     seconds = [look["plan_seconds"] for look in looks if look["plan_seconds"] is not None]
     return {
         "trials": len(outcomes),
@@ -55,14 +55,18 @@ def _of_strategy(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     }
 
 
-def _claims(looks: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
-    """Each forecast of a decision after k more releases, and whether it occurred.
+def forecast_claims(looks: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
+    """Each forecast that k more releases are enough, and whether it occurred.
 
-    A trial that a bench check ends earlier counts as undecided. One that ends at the maximum number of releases says
-    nothing about a later release.
+    They are also enough if only a bench check can decide the rest: a forecast counts causes that no release separates
+    as one. A trial that ends at the maximum number of releases says nothing about a later release.
+
+    Args:
+        looks: each with `forecast`, `decided` and `bench_check`
     """
     for first, look in enumerate(looks):
         for k, probability in enumerate(look["forecast"], 1):
             later = looks[first : first + k]
-            if len(later) == k or later[-1]["decided"] or later[-1]["bench_check"]:
-                yield Claim(probability, later[-1]["decided"])
+            ended = later[-1]["decided"] or later[-1]["bench_check"]
+            if len(later) == k or ended:
+                yield Claim(probability, ended)

@@ -145,6 +145,15 @@ def test_a_forecast_grows_with_information_and_with_releases() -> None:
     assert decision_probability([], [], 2) == pytest.approx(1 - (1 - FORECAST.confirmed) ** 2)
 
 
+def test_causes_that_no_release_separates_count_as_one_in_a_forecast() -> None:
+    names, p = ("a", "b", "c"), np.array([0.5, 0.45, 0.03])
+    pairs = OpenPairs("a", names, p, (), ((0,), (1,), (2,)), (np.ones(1),) * 3, (np.eye(1),) * 3)
+    d2 = np.array([[0.0, 0.0, 200.0], [0.0, 0.0, 200.0], [200.0, 200.0, 0.0]])  # no release separates a from b
+    assert decision_probability([pairs], [d2]) < 0.05
+    together = decision_probability([pairs], [d2], inseparable={"a", "b"})
+    assert together == pytest.approx(FORECAST.confirmed, abs=0.01)
+
+
 def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
     p, d2, rng = np.array([0.6, 0.4]), 8.0, np.random.default_rng(3)
     pairs = OpenPairs("a", ("a", "b"), p, (), ((0,), (1,)), (np.ones(1),) * 2, (np.eye(1),) * 2)

@@ -10,13 +10,14 @@ import pytest
 
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis, load_diagnosis
 from dpr_lab.gap.result.evidence import Evidence, Exclusion, RecordingUsed
+from dpr_lab.planning.forecast import FORECAST
 from dpr_lab.planning.information import informed
 from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.sequence import Planner
-from dpr_lab.planning.stopping import Causes, decided, possible
-from dpr_lab.planning.summary import inseparable
+from dpr_lab.planning.stopping import Causes, causes_of, decided, possible
+from dpr_lab.planning.summary import inseparable, summed_up
 from dpr_lab.planning.worth.criteria import open_bits
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.planning.worth.reasons import Reason, only_ratios_sentence
@@ -154,6 +155,22 @@ def test_a_cause_just_below_a_decision_gets_its_bench_check(paper: Rig, probabil
     step = Planner(objective, PlanLimits(), np.random.default_rng(0)).sequence(1, None)
     stuck = inseparable(objective, step)
     assert [pair.causes for pair in stuck] == [("encoder_offset_joint1", "base_tilt")] * listed
+
+
+def test_a_plan_forecasts_a_decision_up_to_causes_that_no_release_separates(paper: Rig) -> None:
+    pair = ("encoder_offset_joint1", "base_tilt")
+    class_of = {"name": pair[0], "members": list(pair), "odds": dict.fromkeys(pair, 0.5)}
+    small = one_cause(8.0)
+    found = of_runs(small.model_copy(update={"effects": [small.effects[0].model_copy(update=class_of)]}), "P1")
+    (causes,) = causes_of(found)
+    known = replace(known_before(paper), causes=(causes,), named=frozenset({pair[0]}), diagnosis=found)
+    objective = Objective.of(known)
+    steps = Planner(objective, PlanLimits(), np.random.default_rng(0)).sequence(1, None)
+    made = summed_up(objective, steps, PlanLimits(), 0.0)
+    assert made.state == "record"
+    assert made.forecast == [pytest.approx(FORECAST.confirmed, abs=0.01)]
+    assert f"A second release must confirm {pair[0]}" in made.sentence
+    assert f"decided, except between {pair[0]} and {pair[1]}," in made.sentence
 
 
 @pytest.mark.parametrize(

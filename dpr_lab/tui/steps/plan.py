@@ -53,7 +53,7 @@ are diagnosed first.
 - **budget**: time at the rig, such as `10min`; without it three releases are planned.
 - **distinguished**: mean expected information about two effects of the library, by all releases up to this
   one; 0 % if they distinguish no two effects, 100 % if all.
-- **P(decided)**: probability that the causes are decided by then.
+- **P(decided)**: probability that the causes are decided by then; causes that no release separates count as one.
 - `{plan.take}` takes the marked release as the next pose and duration of Capture, with the rig file that describes
   its rods, mass and arm. Nothing moves and nothing is released: Capture guides you to the pose as to any other.
 
