@@ -22,7 +22,7 @@ from dpr_lab.checks.wording import conclusion, likeliest
 from dpr_lab.errors import RunError, unknown_name
 from dpr_lab.gap.advice.advise import kind_of
 from dpr_lab.gap.advice.check_kind import CheckAnswer, Result, expected_bits, log_mean
-from dpr_lab.gap.advice.measurement import SETTINGS
+from dpr_lab.gap.advice.measurement import CHECK
 from dpr_lab.gap.result.causes import NamedEffect, RivalEffect
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -75,7 +75,7 @@ def hypotheses(diagnosis: Diagnosis, about: str) -> dict[str, float]:
     if (done := _done(diagnosis, about)) and NONE_OF_THEM in done[-1].after:
         return dict(done[-1].after)
     probabilities = candidates(diagnosis, about)
-    outside = max(1.0 - sum(probabilities.values()), SETTINGS.outside)
+    outside = max(1.0 - sum(probabilities.values()), CHECK.outside)
     total = sum(probabilities.values()) + outside
     return {name: p / total for name, p in (*probabilities.items(), (NONE_OF_THEM, outside))}
 
@@ -187,7 +187,7 @@ def _standing(
     """Named effects and alternatives; members of a class that a check separated become alternatives."""
     named = _named(diagnosis, about)
     total = sum(after[name] for name in named.members)
-    members = [name for name in named.members if after[name] > SETTINGS.dropped * total]
+    members = [name for name in named.members if after[name] > CHECK.dropped * total]
     members = members if about in members else [about]
     split = [name for name in named.members if name not in members]
     standing = named.model_copy(update={"members": members, "probability": sum(after[name] for name in members)})

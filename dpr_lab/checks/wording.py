@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dpr_lab.gap.advice.measurement import SETTINGS
+from dpr_lab.gap.advice.measurement import CHECK
 from dpr_lab.gap.conclusion.verdict import Verdict
 from dpr_lab.gap.result.checks import NONE_OF_THEM, CheckDone
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -45,6 +45,6 @@ def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[
 def bayes_factor(done: CheckDone, name: str) -> str:
     """A Bayes factor as text: `25`, `0.04`, `3000`, `> 10^6`."""
     power = done.log10_bayes_factor.get(name, 0.0)
-    if abs(power) > SETTINGS.largest_power:
-        return f"{'>' if power > 0 else '<'} 10^{np.sign(power) * SETTINGS.largest_power:.0f}"
+    if abs(power) > CHECK.largest_power:
+        return f"{'>' if power > 0 else '<'} 10^{np.sign(power) * CHECK.largest_power:.0f}"
     return f"{float(f'{10**power:.2g}'):g}"

@@ -42,7 +42,7 @@ class NoiseSettings:
     """Minimum time within one step for rounding errors to be dependent, s; a swing reverses faster."""
 
 
-SETTINGS = NoiseSettings()
+NOISE = NoiseSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
     """
     source: Literal["rest", "differences"]
     joints = rig.encoders.joint_angles
-    if len(run.rest) >= SETTINGS.rest_samples:
+    if len(run.rest) >= NOISE.rest_samples:
         source, std = "rest", _rest_std(run.t[run.t < 0], joints.of_rods(run.rest[:, 1:]))
     else:
         source, std = "differences", difference_std(run.t, joints.of_rods(run.theta[:, 1:]))
@@ -111,7 +111,7 @@ def _film_std(film: FilmNoise, joints: JointAngles) -> Array:
 def arm_noise(run: Run, rig: Rig, *, still: bool = True) -> float:
     """Standard deviation of a reading of the arm's encoder, rad: from the rest if recorded, else from differences."""
     rest, swing = run.rest[:, 0], run.swing
-    quiet = len(rest) >= SETTINGS.rest_samples
+    quiet = len(rest) >= NOISE.rest_samples
     std = np.std(rest, keepdims=True) if quiet else difference_std(swing.t, swing.theta[:, :1])
     return float(np.maximum(std, _rounding(run, swing.theta[:, :1], rig.radians_per_count[:1], std, still))[0])
 
@@ -147,7 +147,7 @@ def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Arra
 
 def _still_window(run: Run) -> int:
     """Number of samples within one step from which rounding errors are not independent."""
-    return max(2, round(SETTINGS.still_s * run.rate_hz))
+    return max(2, round(NOISE.still_s * run.rate_hz))
 
 
 def _still(readings: Array, steps: Array, window: int) -> Flags:
@@ -169,7 +169,7 @@ def _rounding(run: Run, readings: Array, counts: Array, std: Array, still: bool)
     """
     steps = counts = np.abs(counts)
     if run.counts is None:
-        steps = np.maximum(_steps(readings, counts), np.where(std > SETTINGS.rounding_rad, 0.0, counts))
+        steps = np.maximum(_steps(readings, counts), np.where(std > NOISE.rounding_rad, 0.0, counts))
     return rounding_std(readings, steps, _still_window(run)) if still else steps / math.sqrt(12)
 
 
@@ -177,11 +177,11 @@ def _steps(readings: Array, counts: Array) -> Array:
     """(m,) step of which the changes of the readings are multiples: a count of the rig, or their smallest; else 0."""
     steps = np.zeros(readings.shape[1])
     for joint, changes in enumerate(np.abs(np.diff(readings, axis=0)).T):
-        moved = changes[changes > SETTINGS.rounding_rad]
+        moved = changes[changes > NOISE.rounding_rad]
         for step in (counts[joint], moved.min(initial=np.inf)):
             # a change much smaller than a step has the phase of a multiple, but is none
             of_step = np.where(moved > 0.5 * step, np.exp(2j * np.pi * moved / step), 0.0)
-            if len(moved) and abs(of_step.mean()) > SETTINGS.on_grid:
+            if len(moved) and abs(of_step.mean()) > NOISE.on_grid:
                 steps[joint] = max(steps[joint], step)
     return steps
 
@@ -255,12 +255,12 @@ def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> Array:
     if run.film_noise is not None:
         return np.full(2, run.film_noise.correlation**apart)
     rest = rig.encoders.joint_angles.of_rods(run.rest[:, 1:])
-    if len(rest) < max(SETTINGS.rest_samples, 2 * apart):
+    if len(rest) < max(NOISE.rest_samples, 2 * apart):
         return np.zeros(2)
     t = run.t[run.t < 0]
     away = _away(np.vander(t - t.mean(), 2), rest, np.ones(len(rest), dtype=bool))
-    alike = (away[apart:] * away[:-apart]).mean(axis=0) / np.maximum((away**2).mean(axis=0), SETTINGS.rounding_rad**2)
-    return np.where(alike > SETTINGS.correlated / np.sqrt(len(rest)), np.clip(alike, 0.0, SETTINGS.most_alike), 0.0)
+    alike = (away[apart:] * away[:-apart]).mean(axis=0) / np.maximum((away**2).mean(axis=0), NOISE.rounding_rad**2)
+    return np.where(alike > NOISE.correlated / np.sqrt(len(rest)), np.clip(alike, 0.0, NOISE.most_alike), 0.0)
 
 
 def _rest_std(t: Array, joints: Array) -> Array:
@@ -274,7 +274,7 @@ def _about(line: Array, values: Array) -> float:
     away = _away(line, values, used)
     for _ in range(2):
         usual = float(np.quantile(np.abs(away[used]), 0.9)) / NORMAL_Q90
-        tame = np.abs(away) <= SETTINGS.wild * usual
+        tame = np.abs(away) <= NOISE.wild * usual
         if not usual or tame[used].all():
             break
         used, away = tame, _away(line, values, tame)

@@ -73,13 +73,12 @@ class GaussNewton:
     far: float = 20.0
     """chi2 per reading above which a fit is far from the noise."""
     to_beat: float = np.inf
-    """chi2 of another fit: the iteration ends if the predicted reduction of chi2, `exceeded` times, does not reach it.
-    """
+    """chi2 of a better fit; the iteration ends if `exceeded` times the predicted reduction would not reach it."""
     exceeded: float = 2.0
     """Largest expected ratio of the reduction by all further steps to the predicted one."""
 
 
-SETTINGS = GaussNewton()
+GAUSS_NEWTON = GaussNewton()
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +151,7 @@ def fit(
     iterations: int = 12,
     first: Linearisation | None = None,
     predicted: Array | None = None,
-    settings: GaussNewton = SETTINGS,
+    settings: GaussNewton = GAUSS_NEWTON,
 ) -> Fit:
     """Fit the free parameters and all initial states, and linearise the result.
 
@@ -234,7 +233,7 @@ def descend(
     iterations: int,
     first: Linearisation | None = None,
     predicted: Array | None = None,
-    settings: GaussNewton = SETTINGS,
+    settings: GaussNewton = GAUSS_NEWTON,
 ) -> Iteration:
     """Iterate as `fit` does, without the final linearisation; arguments as there."""
     start, free = problem.with_zeros(start), problem.all_free(free)
@@ -246,7 +245,7 @@ def descend(
 
 
 def iterate(
-    problem: Problem, free: tuple[FreeParameter, ...], state: Iteration, settings: GaussNewton = SETTINGS
+    problem: Problem, free: tuple[FreeParameter, ...], state: Iteration, settings: GaussNewton = GAUSS_NEWTON
 ) -> Iteration:
     """Take one damped step, with a new or a frozen Jacobian."""
     state = replace(_linearised(problem, free, state), number=state.number + 1)

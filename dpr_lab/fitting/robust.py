@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.fitting.gauss_newton import SETTINGS, Fit, GaussNewton, descend, fit
+from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON, Fit, GaussNewton, descend, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.spread import NORMAL_MAD
 
@@ -16,7 +16,7 @@ def without_outstanding(
     *,
     iterations: int = 12,
     outstanding: float = 9.0,
-    settings: GaussNewton = SETTINGS,
+    settings: GaussNewton = GAUSS_NEWTON,
 ) -> Fit:
     """Refit from the estimate that results when the worst-fitting segments are down-weighted.
 

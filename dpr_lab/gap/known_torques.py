@@ -25,7 +25,7 @@ class RowRules:
     """Uncertainty of this share. An earlier torque was logged too late."""
 
 
-RULES = RowRules()
+ROWS = RowRules()
 
 
 def with_likeliest_noise(
@@ -66,7 +66,7 @@ def earlier_share(recordings: Recordings, model: Hypothesis) -> float:
     early = -float(model.fit.estimate.params[param_index(INPUT_DELAY.name, "delay_s")])
     intervals = [float(np.median(np.diff(r.setup.torques.t))) for r in recordings.records if r.setup.torques]
     share = early / max(intervals, default=np.inf)
-    return min(share, RULES.earlier) if 0.0 < share <= RULES.earlier + RULES.slack else 0.0
+    return min(share, ROWS.earlier) if 0.0 < share <= ROWS.earlier + ROWS.slack else 0.0
 
 
 def no_worse(held: Hypothesis, earlier: Hypothesis) -> bool:

@@ -32,7 +32,7 @@ class ShutterRules:
     """Minimum fraction of the excess chi-square that it must explain to be tried."""
 
 
-RULES = ShutterRules()
+SHUTTER = ShutterRules()
 ORDINARY = (*COULOMB, AIR_DRAG_BOTH, BASE_TILT)
 """Causes that every filmed rig has."""
 
@@ -55,7 +55,7 @@ def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesi
     noise = model.residuals.independent_noise
     if now is not None:
         return shutter if gain > PENALTY.parameter * noise else None
-    return shutter if gain > max(THRESHOLDS.chance * noise, RULES.share * excess(model)) else None
+    return shutter if gain > max(THRESHOLDS.chance * noise, SHUTTER.share * excess(model)) else None
 
 
 def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
@@ -68,10 +68,10 @@ def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
 def _improved(recordings: Recordings, problem: Problem, model: Hypothesis, start: Shutter) -> tuple[float, Shutter]:
     """Predicted reduction of chi2 by another delay, and the shutter with it."""
     limit = _longest_delay(recordings)
-    delays = [start.delay + RULES.part * limit, start.delay - RULES.part * limit]
+    delays = [start.delay + SHUTTER.part * limit, start.delay - SHUTTER.part * limit]
     corrected = [recordings.with_shutter(Shutter(start.lines, delay)) for delay in delays]
     after, before = (runs.cut(recordings.working_length)[0].measured for runs in corrected)
-    columns = problem.whitened((before - after)[:, :, None] / (2 * RULES.part * limit))
+    columns = problem.whitened((before - after)[:, :, None] / (2 * SHUTTER.part * limit))
     others = [parameter for effect in ORDINARY for parameter in effect_parameters(effect, limits=problem.limits)]
     free = (*model.fit.free, *(parameter for parameter in others if parameter not in model.fit.free))
     linear, fitted = linearise(problem, model.fit.estimate, free), len(free)

@@ -43,8 +43,7 @@ from dpr_lab.tui.terminal.display import Display
 from dpr_lab.tui.terminal.drivers import our_driver
 from dpr_lab.tui.terminal.plain import Plain
 from dpr_lab.tui.terminal.sight import Sight
-from dpr_lab.tui.terminal.signals import SETTINGS as ENDING
-from dpr_lab.tui.terminal.signals import end_on_signals
+from dpr_lab.tui.terminal.signals import ENDING, end_on_signals
 from dpr_lab.tui.texts import ABOUT_TERMS, NOTICES
 from dpr_lab.tui.themes import THEMES
 from dpr_lab.tui.viewed_app import ViewedApp

@@ -12,7 +12,7 @@ from contextlib import suppress
 from typing import Any
 
 from dpr_lab.errors import ConfigError, LinkError
-from dpr_lab.tui.terminal.signals import SETTINGS
+from dpr_lab.tui.terminal.signals import ENDING
 
 HOST = "127.0.0.1"
 NEEDS = "this option needs textual-serve: pip install 'dpr-lab[web]'"
@@ -180,7 +180,7 @@ def _screen_type() -> type:
                 return
             with suppress(TimeoutError):
                 # A screen gives itself `patience_s` to end.
-                async with asyncio.timeout(SETTINGS.patience_s + 5.0):
+                async with asyncio.timeout(ENDING.patience_s + 5.0):
                     await super().stop()
                     await process.wait()
             if process.returncode is None:

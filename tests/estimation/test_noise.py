@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.noise import SETTINGS, arm_noise, difference_std, noise_floor, rounding_std, same_rounding
+from dpr_lab.estimation.noise import NOISE, arm_noise, difference_std, noise_floor, rounding_std, same_rounding
 from dpr_lab.rig import load_rig
 from dpr_lab.run import Run
 
@@ -90,8 +90,8 @@ def test_differences_across_a_gap_do_not_count():
 
 
 def test_the_line_through_a_rest_costs_two_degrees_of_freedom():
-    t = np.arange(-SETTINGS.rest_samples, 50) / 1000
-    rest = np.tile([3e-4, -3e-4, -3e-4, 3e-4], SETTINGS.rest_samples // 4)  # orthogonal to every straight line
+    t = np.arange(-NOISE.rest_samples, 50) / 1000
+    rest = np.tile([3e-4, -3e-4, -3e-4, 3e-4], NOISE.rest_samples // 4)  # orthogonal to every straight line
     theta = np.pi + np.zeros((len(t), 3))
     theta[t < 0, 1:] += rest[:, None]
     noise = noise_floor(Run("rest", t, theta, None, None, "paper", "", 1000.0), with_joint2("absolute"))

@@ -13,7 +13,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
 from dpr_lab.gap.advice import bench_measurement
 from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion
-from dpr_lab.gap.advice.measurement import SETTINGS, Predictions, predictions
+from dpr_lab.gap.advice.measurement import CHECK, Predictions, predictions
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.checks import NONE_OF_THEM, Quantity
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -209,7 +209,7 @@ def test_probabilities_are_calibrated_where_truth_is_drawn_from_the_model() -> N
         u = float(np.exp(rng.uniform(np.log(1e-5), np.log(1e-2))))
         size = predicted.candidates.get(cause, predicted.background)
         amplitude = rng.normal(size.mean, size.std)
-        if cause == NONE_OF_THEM and rng.random() < SETTINGS.elsewhere:
+        if cause == NONE_OF_THEM and rng.random() < CHECK.elsewhere:
             amplitude = predicted.scale * rng.standard_cauchy()
         probabilities, _ = posterior(prior, predicted.log_densities(rng.normal(amplitude, u), u))
         given += [probabilities[name] for name in names]

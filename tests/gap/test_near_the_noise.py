@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.gap.conclusion.verdict import RULES, shows_reduction
+from dpr_lab.gap.conclusion.verdict import VERDICT, shows_reduction
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
@@ -51,7 +51,7 @@ def test_a_significant_effect_that_leaves_nearly_all_of_a_residual_is_not_accept
     ("gap", "estimate", "upper", "shown"),
     [
         (0.2, 0.43, 1.0, True),  # 0.2 of the noise: the interval decides
-        (0.2, 0.43, RULES.closes - 0.01, False),
+        (0.2, 0.43, VERDICT.closes - 0.01, False),
         (0.2, -0.1, 1.0, False),  # no reduction at all
         (3.0, 0.43, 1.0, False),  # far above the noise the estimate decides
         (3.0, 0.6, 0.7, True),

@@ -11,8 +11,7 @@ import pytest
 from dpr_lab.errors import IdentificationError
 from dpr_lab.estimation.arm_motion import arm_motion
 from dpr_lab.identification.identify import identify
-from dpr_lab.identification.misread.energy import SETTINGS as ENERGY
-from dpr_lab.identification.misread.energy import energy_rise
+from dpr_lab.identification.misread.energy import ENERGY, energy_rise
 from dpr_lab.identification.misread.readings import readings
 from dpr_lab.identification.misread.refuse import refuse_misread
 from dpr_lab.identification.misread.tried import fitted, impossible, second_look

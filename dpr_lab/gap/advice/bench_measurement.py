@@ -8,7 +8,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.units import read_quantity, split_quantity
 from dpr_lab.errors import RunError
 from dpr_lab.gap.advice.check_kind import CheckAnswer, NextStep, OpenQuestion, Result, expected_bits
-from dpr_lab.gap.advice.measurement import SETTINGS, Predictions, has, predictions
+from dpr_lab.gap.advice.measurement import CHECK, Predictions, has, predictions
 from dpr_lab.gap.result.checks import SENTENCE_END, AdvisedCheck, Quantity
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.shown import listed
@@ -71,7 +71,7 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
     value, std = _read(check, answer)
     predicted = predictions(diagnosis, check, prior)
     _refuse_impossible(check, value, std, predicted.largest)
-    explained = predicted.nearest(value, std) <= SETTINGS.questioned
+    explained = predicted.nearest(value, std) <= CHECK.questioned
     if not answer.confirmed and (doubt := _question(diagnosis, check, value, explained, predicted)):
         raise RunError(doubt)
     words = f"{check.measurand.name} = {check.measurand.shown(value)} ± {check.measurand.shown(std)}"
@@ -122,7 +122,7 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
             f" above the limit of {quantity.shown(largest)}. Check the number and its unit"
         )
     if check.amplitudes[0].sign == "positive" or len(check.amplitudes) > 1:
-        if value < -SETTINGS.questioned * std:
+        if value < -CHECK.questioned * std:
             raise RunError(f"check {check.id}: {quantity.name} cannot be negative: {quantity.shown(value)}")
 
 
@@ -136,10 +136,10 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
     confused = [
         f" Did you measure {name}, whose estimate is {quantity.shown(size)}?"
         for name, size in fitted
-        if abs(value - size) <= SETTINGS.questioned * SETTINGS.model_error * abs(size)
+        if abs(value - size) <= CHECK.questioned * CHECK.model_error * abs(size)
     ]
     name, size = max(fitted, key=lambda pair: abs(pair[1]), default=("", np.inf))
-    larger = not estimate and abs(value) > SETTINGS.undetermined * abs(size)
+    larger = not estimate and abs(value) > CHECK.undetermined * abs(size)
     if explained and (estimate or not (confused or larger)):
         return ""
     contradicts = f"check {check.id}: no candidate cause predicts {quantity.shown(value)} for the {quantity.name}."

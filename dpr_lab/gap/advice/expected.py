@@ -7,7 +7,7 @@ import numpy as np
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.covariance import considered
 from dpr_lab.fitting.estimate import FreeParameter
-from dpr_lab.gap.advice.measurement import SETTINGS, magnitude
+from dpr_lab.gap.advice.measurement import CHECK, magnitude
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.result.checks import AdvisedCheck
@@ -66,5 +66,5 @@ def _of_score(test: ScoreTest, score: Score, chosen: Hypothesis, names: tuple[st
     if not places:
         return None
     covariance = test.projected(score.columns).covariance()[np.ix_(places, places)] * chosen.residuals.inflation
-    covariance = covariance + np.diag((SETTINGS.linear_error * score.amplitudes[places]) ** 2)
+    covariance = covariance + np.diag((CHECK.linear_error * score.amplitudes[places]) ** 2)
     return magnitude(score.amplitudes[places], NORMAL_Q90**2 * covariance)

@@ -76,7 +76,7 @@ class CheckSettings:
     """Iterations of a fit to new recordings."""
 
 
-SETTINGS = CheckSettings()
+CHECK = CheckSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +117,7 @@ class Predictions:
         densities = {name: prediction.log_density(value, std) for name, prediction in self.candidates.items()}
         broad = float(np.log(voigt_profile(value / self.scale, std / self.scale, 1.0) / self.scale))
         little = self.background.log_density(value, std)
-        h = SETTINGS.elsewhere
+        h = CHECK.elsewhere
         return densities | {NONE_OF_THEM: float(np.logaddexp(np.log1p(-h) + little, np.log(h) + broad))}
 
     def nearest(self, value: float, std: float) -> float:
@@ -135,18 +135,18 @@ def predictions(diagnosis: Diagnosis, check: AdvisedCheck, names: Iterable[str])
     """
     typical, estimate = check.amplitudes[0].typical, estimate_of(diagnosis, check)
     size = abs(estimate.value) if estimate else typical
-    background = Prediction(0.0, SETTINGS.background * min(typical, size))
-    present = Prediction(0.0, SETTINGS.broad * typical)
+    background = Prediction(0.0, CHECK.background * min(typical, size))
+    present = Prediction(0.0, CHECK.broad * typical)
     if estimate:
         low, high = estimate.interval90
         fitted = (high - low) / 2 / NORMAL_Q90
-        present = Prediction(estimate.value, float(np.hypot(fitted, SETTINGS.model_error * estimate.value)))
+        present = Prediction(estimate.value, float(np.hypot(fitted, CHECK.model_error * estimate.value)))
     largest = max(typical, size)
     return Predictions(
         {name: present if has(name, check.measures, check.amplitudes[0].name) else background for name in names},
         background,
-        SETTINGS.broad * largest,
-        SETTINGS.largest * largest,
+        CHECK.broad * largest,
+        CHECK.largest * largest,
         estimate,
     )
 

@@ -8,7 +8,7 @@ from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.errors import RunError
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.advice.check_kind import CheckAnswer, NextStep, OpenQuestion, Result, expected_bits, log_mean
-from dpr_lab.gap.advice.measurement import SETTINGS
+from dpr_lab.gap.advice.measurement import CHECK
 from dpr_lab.gap.bare_model import fit_bare_model
 from dpr_lab.gap.classes.posterior import CALIBRATION
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis, refit_with
@@ -84,11 +84,11 @@ def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: Chec
     if others:
         initial = others_model.fit.estimate.changed(params=effect_params(others))
         free = free_parameters(initial, tuple(others), problem)
-        others_model = hypothesis(problem, others, fit(problem, initial, free, iterations=SETTINGS.iterations))
+        others_model = hypothesis(problem, others, fit(problem, initial, free, iterations=CHECK.iterations))
     known = recorded(recordings.records, problem, others_model.fit)
     test = score_test(problem, others_model.fit, [EFFECTS[name] for name in names], known)
     return {
-        name: refit_with(problem, others_model, test, score, SETTINGS.iterations)
+        name: refit_with(problem, others_model, test, score, CHECK.iterations)
         for name in names
         if (score := test.of(name)) is not None
     }

@@ -43,7 +43,7 @@ class DescriptionRules:
     """
 
 
-RULES = DescriptionRules()
+DESCRIPTION = DescriptionRules()
 
 
 def description(
@@ -66,17 +66,17 @@ def description(
         return _stopped(records, rig, selection)
     open_ = not at_noise_floor(selection.chosen) or transferred.withdrawn or transferred.oversized
     residuals = selection.base.residuals
-    if not (residuals.chi2 > RULES.gap * residuals.dof and open_):
+    if not (residuals.chi2 > DESCRIPTION.gap * residuals.dof and open_):
         return Description()
     look = second_look([_trusted(record) for record in records], rig)
-    if not look.tried and selection.share_explained >= RULES.closed:
+    if not look.tried and selection.share_explained >= DESCRIPTION.closed:
         return Description()
     return Description(look.sentence, bool(look.sentence) and _as_good(look, selection))
 
 
 def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Description:
     """A stop that the arm hits, or a drive that is not described, as the cause if no effect explains the motion."""
-    if at_noise_floor(selection.chosen) or selection.share_explained >= RULES.closed:
+    if at_noise_floor(selection.chosen) or selection.share_explained >= DESCRIPTION.closed:
         return Description()
     runs = [record.run.swing for record in records]
     stops = [] if HARD_STOP_JOINT0.name in selection.chosen.effects else [stop_sentence(run, rig) for run in runs]
@@ -120,7 +120,7 @@ def _delay_within_row(problem: Problem, selection: Selection) -> str:
     for torques in (setup.torques for setup in problem.segments.setups if setup.torques):
         interval, ranges = float(np.median(np.diff(torques.t))), np.ptp(torques.joints, axis=0)
         changes = np.median(np.abs(np.diff(torques.joints, axis=0)), axis=0)
-        if abs(delay) < interval and np.any(changes > RULES.torque_step * ranges):
+        if abs(delay) < interval and np.any(changes > DESCRIPTION.torque_step * ranges):
             return (
                 f"The torques change much between rows, which are {1e3 * interval:.3g} ms apart: a delay of"
                 f" {1e3 * delay:.2g} ms can be due to their unknown course between two rows. Export the torques at the"
@@ -135,4 +135,4 @@ def _as_good(look: SecondLook, selection: Selection) -> bool:
         return True
     of_arm = any(EFFECTS[name].stage == "arm" for name in selection.chosen.effects)
     refuting = [trial.share for trial in look.tried if not (trial.reading.arm and of_arm)]
-    return max(refuting, default=0.0) >= selection.share_explained - RULES.as_good
+    return max(refuting, default=0.0) >= selection.share_explained - DESCRIPTION.as_good

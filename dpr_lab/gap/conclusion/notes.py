@@ -8,7 +8,7 @@ from dpr_lab.gap.conclusion.verdict import Verdict
 from dpr_lab.gap.result.causes import NamedFamily
 from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.gap.state import Advised
-from dpr_lab.gap.transfer.lone_recording import RULES as LONE
+from dpr_lab.gap.transfer.lone_recording import LONE
 from dpr_lab.shown import listed, parameter_words, percent
 
 

@@ -27,7 +27,7 @@ class OtherScaleRules:
     """Minimum share of the excess chi-square that the model at the other scale explains."""
 
 
-RULES = OtherScaleRules()
+OTHER_SCALE = OtherScaleRules()
 SCALES = (2.0, 0.5)
 """True angle over the reading, as for a wrong number of counts per turn."""
 
@@ -65,7 +65,7 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
 def _closes(scaled: Hypothesis, selection: Selection) -> bool:
     """Whether the model at another scale explains the gap; of two models that leave it open neither is evidence."""
     before, after = selection.base.residuals.excess, max(scaled.residuals.excess, 0.0)
-    return at_noise_floor(scaled) or after <= (1 - RULES.explains) * before
+    return at_noise_floor(scaled) or after <= (1 - OTHER_SCALE.explains) * before
 
 
 def _scaled_fit(

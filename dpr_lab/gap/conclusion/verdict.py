@@ -50,7 +50,7 @@ class VerdictRules:
     """Standard deviations of the residual up to which the named set is complete."""
 
 
-RULES = VerdictRules()
+VERDICT = VerdictRules()
 
 
 def verdict(
@@ -72,7 +72,7 @@ def verdict(
     """
     kind = "unexplained" if withheld else _verdict(selection, posteriors, transferred)
     detectable, effects = visible_counts
-    return "inconclusive" if kind == "no_gap" and detectable < RULES.visible * effects else kind
+    return "inconclusive" if kind == "no_gap" and detectable < VERDICT.visible * effects else kind
 
 
 def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
@@ -84,17 +84,17 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], transf
     chosen, share = selection.chosen, selection.share_explained
     if not chosen.effects:
         return "no_gap" if _small(chosen) and not _only_held_out(transferred) else "unexplained"
-    complete = share >= RULES.named_share or at_noise_floor(chosen)
+    complete = share >= VERDICT.named_share or at_noise_floor(chosen)
     most = max(posterior.probability for posterior in posteriors)
-    sure = most >= RULES.sure
+    sure = most >= VERDICT.sure
     tested = transferred.tested and transferred.basis != "one release"
     transfers = not tested or (not transferred.withdrawn and shows_reduction(transferred))
     transfers = transfers and not transferred.worse_free_run
-    if chosen.residuals.z < RULES.noise and complete and sure and transfers and not transferred.oversized:
+    if chosen.residuals.z < VERDICT.noise and complete and sure and transfers and not transferred.oversized:
         return "named"
     no_reduction = _fitted_only(posteriors, transferred)
-    likely = any(cause.outside <= RULES.outside * cause.probability for cause in listed_causes(posteriors))
-    if (complete or share >= RULES.partly_share) and not no_reduction and likely:
+    likely = any(cause.outside <= VERDICT.outside * cause.probability for cause in listed_causes(posteriors))
+    if (complete or share >= VERDICT.partly_share) and not no_reduction and likely:
         return "partly_explained"
     only_expected = set(chosen.effects) <= selection.expected
     return "no_gap" if _small(selection.base) and only_expected else "unexplained"
@@ -107,8 +107,8 @@ def shows_reduction(transferred: Transfer) -> bool:
     the share reaches the minimum.
     """
     closed = transferred.closed
-    small = 0.0 < closed.estimate and transferred.gap_ratio < RULES.gap_from
-    return (closed.interval90[1] if small else closed.estimate) >= RULES.closes
+    small = 0.0 < closed.estimate and transferred.gap_ratio < VERDICT.gap_from
+    return (closed.interval90[1] if small else closed.estimate) >= VERDICT.closes
 
 
 def _fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) -> bool:
@@ -116,24 +116,24 @@ def _fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) -
     if not transferred.tested:
         return False
     tested = transferred.basis != "one release"
-    improbable = max(posterior.probability for posterior in posteriors) < RULES.rather
+    improbable = max(posterior.probability for posterior in posteriors) < VERDICT.rather
     no_reduction = transferred.closed.estimate <= 0 and not _undecided(transferred) and (tested or improbable)
     return no_reduction or (tested and len(transferred.withdrawn) == len(posteriors))
 
 
 def _undecided(transferred: Transfer) -> bool:
     """Whether the held-out data show no gap that could close, so that they neither confirm nor refute."""
-    return transferred.closed.estimate <= 0 and transferred.closed.interval90[1] >= RULES.closes
+    return transferred.closed.estimate <= 0 and transferred.closed.interval90[1] >= VERDICT.closes
 
 
 def _only_held_out(transferred: Transfer) -> bool:
     """Whether the held-out recordings show a gap, of which the fitted ones show nothing."""
-    return transferred.basis == "held-out runs" and transferred.gap_ratio > RULES.held_out_gap
+    return transferred.basis == "held-out runs" and transferred.gap_ratio > VERDICT.held_out_gap
 
 
 def _small(model: Hypothesis) -> bool:
     """Whether the remainder is noise, or too small to be called a gap."""
-    return at_noise_floor(model) or model.residuals.noise_ratio < RULES.gap_from
+    return at_noise_floor(model) or model.residuals.noise_ratio < VERDICT.gap_from
 
 
 def sentence(
@@ -194,7 +194,7 @@ def _unexplained(selection: Selection, posteriors: Sequence[EffectPosterior], tr
     if not posteriors:
         return f"Unexplained: a gap of {remainder}, and no effect of the library fits it."
     closest, verb = _classes(posteriors), "explain" if len(posteriors) > 1 else "explains"
-    if share >= RULES.partly_share:
+    if share >= VERDICT.partly_share:
         alone = transferred.basis == "one release"
         doubt = "not in quarters that the fit leaves out" if alone else "not in other recordings"
         if not _fitted_only(posteriors, transferred):
@@ -235,7 +235,9 @@ def _causes_named(
 ) -> Sequence[EffectPosterior]:
     """The causes in the sentence: they carry over to held-out data, and are not merely known effects."""
     carrying = [cause for cause in posteriors if cause.name not in transferred.withdrawn]
-    likely = [cause for cause in carrying if cause.name not in selection.expected or cause.probability >= RULES.rather]
+    likely = [
+        cause for cause in carrying if cause.name not in selection.expected or cause.probability >= VERDICT.rather
+    ]
     return likely or carrying
 
 
@@ -291,4 +293,4 @@ def _class(posterior: EffectPosterior) -> str:
 
 def _doubt(cause: EffectPosterior) -> str:
     """The probability of an effect that is probably not the cause although it explains a part of the gap."""
-    return "" if cause.probability >= RULES.rather else f" (probability only {percent(cause.probability)})"
+    return "" if cause.probability >= VERDICT.rather else f" (probability only {percent(cause.probability)})"

@@ -30,7 +30,7 @@ class LineSettings:
     """Minimum number of half swings from which a frequency is determined."""
 
 
-SETTINGS = LineSettings()
+LINES = LineSettings()
 
 
 def on_swing_line(problem: Problem, effect: str, estimate: Estimate) -> bool:
@@ -51,8 +51,8 @@ def on_swing_line(problem: Problem, effect: str, estimate: Estimate) -> bool:
     if not lines:
         return False
     low, high = min(line[0] for line in lines), max(line[1] for line in lines)
-    width = SETTINGS.resolution / max(line[2] for line in lines)
-    return any(n * low - width <= frequency <= n * high + width for n in range(1, SETTINGS.harmonics + 1))
+    width = LINES.resolution / max(line[2] for line in lines)
+    return any(n * low - width <= frequency <= n * high + width for n in range(1, LINES.harmonics + 1))
 
 
 def _line(problem: Problem, run: int) -> tuple[float, float, float] | None:
@@ -67,7 +67,7 @@ def _line(problem: Problem, run: int) -> tuple[float, float, float] | None:
     crossings = t[before_crossing] - from_hanging[before_crossing] * (t[before_crossing + 1] - t[before_crossing]) / (
         from_hanging[before_crossing + 1] - from_hanging[before_crossing]
     )
-    if len(crossings) <= SETTINGS.swings:
+    if len(crossings) <= LINES.swings:
         return None
     intervals = crossings[2:] - crossings[:-2]  # whole periods, which a zero error does not change
     usual = float(np.median(intervals))

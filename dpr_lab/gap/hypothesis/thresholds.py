@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.gauss_newton import SETTINGS
+from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 
 
@@ -20,7 +20,7 @@ class Thresholds:
 
     noise_floor: float = 4.0
     """Standard deviations of the residual below which it counts as noise."""
-    far: float = SETTINGS.far
+    far: float = GAUSS_NEWTON.far
     """chi2 per degree of freedom above which fits may end in local minima."""
     chance: float = 30.0
     """Reduction of chi2 below which an effect is due to chance: the maximum over some 600 shapes."""

@@ -66,7 +66,7 @@ class DisturbanceRules:
     """Iterations of a fit of initial states."""
 
 
-RULES = DisturbanceRules()
+DISTURBANCE = DisturbanceRules()
 
 
 def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
@@ -123,7 +123,7 @@ class Disturbed:
 def _followed(recordings: Recordings, ratios: Array) -> tuple[Problem, Fit]:
     """One recording in short segments, fitted with given ratios."""
     short, initial = recordings.cut(LENGTHS.first)
-    return short, fit(short, Estimate.of(ratios, effect_params({}), initial), (), iterations=RULES.iterations)
+    return short, fit(short, Estimate.of(ratios, effect_params({}), initial), (), iterations=DISTURBANCE.iterations)
 
 
 def _without_readings(recording: Record, disturbed: Sequence[Disturbed]) -> Record:
@@ -165,9 +165,9 @@ def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float |
     top = int(np.argmax(energy))
     if _only_rose_before(energy, energy, top, begins, 0.0):
         return float(begins[_first_followed(level, top)])
-    if len(energy) < 2 * RULES.smoothed:
+    if len(energy) < 2 * DISTURBANCE.smoothed:
         return None
-    if level[0] > max(RULES.first, RULES.first * float(level[1:].max())):
+    if level[0] > max(DISTURBANCE.first, DISTURBANCE.first * float(level[1:].max())):
         # Free rods do not follow the readings under a push, so that only the readings show their speed.
         energy[0] = energies(problem, fit.estimate.changed(initial=recordings.cut(LENGTHS.first)[1]))[0]
     smooth, scatter = _smoothed(energy), _scatter(energy)
@@ -187,7 +187,7 @@ def _first_followed(level: Array, top: int) -> int:
         top: segment with the maximum energy
     """
     usual = max(float(np.median(level[top:])), 1.0)
-    followed = np.flatnonzero(level[top:] < RULES.outstanding * usual)
+    followed = np.flatnonzero(level[top:] < DISTURBANCE.outstanding * usual)
     return top + int(followed[0]) if len(followed) else top
 
 
@@ -201,10 +201,10 @@ def _held_until(recordings: Recordings, ratios: Array) -> float | None:
     usual = max(float(level[1:].max()), 1.0)
     # Free rods do not follow the readings of held ones, so that only the readings show their speed.
     speed = np.abs(recordings.cut(LENGTHS.first)[1][:, 2:]).max(axis=1)
-    if level[0] < RULES.first * usual or speed[0] > RULES.at_rest * speed.max():
+    if level[0] < DISTURBANCE.first * usual or speed[0] > DISTURBANCE.at_rest * speed.max():
         return None
     duration = float(problem.t[problem.segments.offsets[1]] - problem.t[0])  # at a low rate longer than LENGTHS.first
-    first = np.flatnonzero(recording.t < recording.t[0] + RULES.held * duration)[1:]
+    first = np.flatnonzero(recording.t < recording.t[0] + DISTURBANCE.held * duration)[1:]
     for i in first.tolist():
         begin = float(recording.t[i])
         free = recording.only((recording.t >= begin) & (recording.t < begin + duration))
@@ -220,19 +220,19 @@ def _only_rose_before(energy: Array, later: Array, top: int, begins: Array, scat
     """Whether the energy rises until the segment `top`, early in the recording, and then only decreases."""
     most = float(later[top:].max())
     rise = (most - float(energy[: top + 1].min())) / most
-    if top == 0 or rise < max(RULES.rises, RULES.scatters * scatter / most):
+    if top == 0 or rise < max(DISTURBANCE.rises, DISTURBANCE.scatters * scatter / most):
         return False
     after = later[top:]
     second_rise = float(np.max(after - np.minimum.accumulate(after))) / most
-    early = begins[top] - begins[0] <= RULES.early * (begins[-1] - begins[0])
-    return bool(early and second_rise < 0.5 * rise and second_rise < max(RULES.rises, 2 * scatter / most))
+    early = begins[top] - begins[0] <= DISTURBANCE.early * (begins[-1] - begins[0])
+    return bool(early and second_rise < 0.5 * rise and second_rise < max(DISTURBANCE.rises, 2 * scatter / most))
 
 
 def _smoothed(energy: Array) -> Array:
     """Running medians; at the ends over the nearest segments."""
-    half = RULES.smoothed // 2
+    half = DISTURBANCE.smoothed // 2
     padded = np.pad(energy, half, mode="edge")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, RULES.smoothed), axis=1))
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, DISTURBANCE.smoothed), axis=1))
 
 
 def _scatter(energy: Array) -> float:
@@ -247,18 +247,18 @@ def _outstanding(recordings: Recordings, ratios: Array) -> list[Disturbed]:
     edges, chi2 = short.segments.offsets, followed.linear.chi2_by_segment
     level = np.where(np.isfinite(chi2), chi2, np.inf) / np.diff(edges)
     order = np.argsort(-level)
-    most = min(max(1, int(RULES.most * len(level))), len(level) - 1)
-    worse = [k for k in range(1, most + 1) if level[order[k - 1]] > RULES.outstanding * level[order[k]]]
+    most = min(max(1, int(DISTURBANCE.most * len(level))), len(level) - 1)
+    worse = [k for k in range(1, most + 1) if level[order[k - 1]] > DISTURBANCE.outstanding * level[order[k]]]
     if not worse:
         return []
     others, disturbed = max(float(level[order[worse[-1]]]), 1.0), []
     for s in sorted(order[: worse[-1]].tolist()):
-        if level[s] < RULES.visible:
+        if level[s] < DISTURBANCE.visible:
             continue
         kick = _kick(recordings, short, followed, s, others)
         if kick is not None:
             disturbed.append(Disturbed(kick, kick, "the speed jumps as after a kick: no segment contains this instant"))
-        elif level[s] > RULES.pushed * others:
+        elif level[s] > DISTURBANCE.pushed * others:
             first, last = float(short.t[edges[s]]), float(short.t[edges[s + 1] - 1])
             evidence = f"until {last:.2g} s the rods move as if a hand pushed them, not as free rods: excluded"
             disturbed.append(Disturbed(first, float(np.nextafter(last, np.inf)), evidence))
@@ -275,9 +275,9 @@ def _kick(recordings: Recordings, short: Problem, followed: Fit, s: int, others:
     for i in range(MIN_SAMPLES, len(near.t) - MIN_SAMPLES + 1):
         instant = 0.5 * float(near.t[i - 1] + near.t[i])
         halves, initial = recordings.only([replace(near, breaks=np.array([instant]))]).cut(np.inf)
-        cut = descend(halves, followed.estimate.changed(initial=initial), (), iterations=RULES.iterations)
+        cut = descend(halves, followed.estimate.changed(initial=initial), (), iterations=DISTURBANCE.iterations)
         chi2 = float(halves.chi2_by_segment(halves.predict(cut.estimate)).sum())
         if chi2 < best:
             best, best_instant = chi2, instant
-    enough = float(followed.linear.chi2_by_segment[s]) / RULES.cut_off
-    return best_instant if best < enough and best < RULES.alike * others * len(near.t) else None
+    enough = float(followed.linear.chi2_by_segment[s]) / DISTURBANCE.cut_off
+    return best_instant if best < enough and best < DISTURBANCE.alike * others * len(near.t) else None

@@ -41,7 +41,7 @@ class InputRules:
     """Factor of chi-square up to which the rods' other zero fits as well."""
 
 
-RULES = InputRules()
+INPUT = InputRules()
 
 
 def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
@@ -63,12 +63,12 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
     if _reduced(as_read) > DESCRIPTION.doubted or _gain(as_read) < 0.0:
         if cause := measured_scale(_moving(recordings), recordings.rig):
             raise IdentificationError(cause)
-        as_read = _fitted(recordings, start, RULES.likely)
+        as_read = _fitted(recordings, start, INPUT.likely)
         if not angles_are_right(_moving(recordings), recordings.rig):
             _refuse_other_angles(recordings, start, as_read)
     if _falls_upwards(as_read, recordings):
         turned = _fitted(_reinterpreted(recordings, TURNED_RODS), start)
-        if turned.chi2 < RULES.alike * as_read.chi2 and not _falls_upwards(turned, recordings):
+        if turned.chi2 < INPUT.alike * as_read.chi2 and not _falls_upwards(turned, recordings):
             raise IdentificationError(TURNED_RODS.cause(recordings.rig.rods.mounted))
     if motor is None or not recordings.driven_arm:
         return
@@ -113,11 +113,11 @@ def _refuse_other_angles(recordings: Recordings, start: Array, as_read: Fit) -> 
     Raises:
         IdentificationError: one of these interpretations explains the recordings; the message names it.
     """
-    mirrored = _fitted(_reinterpreted(recordings, ScaledReadings(arm=-1.0)), start, RULES.likely)
+    mirrored = _fitted(_reinterpreted(recordings, ScaledReadings(arm=-1.0)), start, INPUT.likely)
     if _far_better(mirrored, as_read, DESCRIPTION.better):
         of_rods = _gain(mirrored) < 0.0  # then arm and input agree with each other
         raise IdentificationError(wrong_sign(recordings.rig, _reduced(as_read), _reduced(mirrored), of_rods=of_rods))
-    tried = [(_fitted(_reinterpreted(recordings, other), start, RULES.likely), other) for other in OTHER_ANGLES]
+    tried = [(_fitted(_reinterpreted(recordings, other), start, INPUT.likely), other) for other in OTHER_ANGLES]
     best, other = min(tried, key=lambda pair: pair[0].chi2)
     if _far_better(best, as_read, DESCRIPTION.better_angles):
         raise IdentificationError(other.cause(recordings.rig.rods.mounted))
@@ -131,7 +131,7 @@ def _moving(recordings: Recordings) -> list[Run]:
 def _refuse_still(recordings: Recordings) -> None:
     for recording in recordings.records:
         run, turn = recording.run, float(np.ptp(recording.joints[:, -1]))
-        if recording.setup.arm_moves and turn < RULES.still * float(np.median(recording.sigma[:, -1])):
+        if recording.setup.arm_moves and turn < INPUT.still * float(np.median(recording.sigma[:, -1])):
             raise RunError(
                 f"{run.file or run.name}: its arm is {run.arm_mode}, but encoder 0 stands still (range {turn:.2g} rad):"
                 " if the arm was held, import with --arm clamped, else check the column of theta0"

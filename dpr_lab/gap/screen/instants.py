@@ -198,7 +198,7 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
     # random jitter increases the scatter at the positions of all cycles, a late reading only that of related cycles
     spreads = [NORMAL_MAD * np.median(np.abs(z - np.median(z))) for cycle, z in by_cycle.items() if cycle > ORDER]
     spread = max(1.0, float(np.quantile(spreads, INSTANTS.unshared)))
-    places = {cycle: _standing_out(z, INSTANTS.contrast) for cycle, z in by_cycle.items()}
+    places = {cycle: _largest(z, INSTANTS.contrast) for cycle, z in by_cycle.items()}
     largest = max(size for size, _ in places.values())
     if largest < INSTANTS.significance * spread:
         return None
@@ -238,7 +238,7 @@ def _by_place(position: Integers, cycle: int, score: Array, information: Array) 
     return np.bincount(position, score, cycle) / np.sqrt(known)
 
 
-def _standing_out(z: Array, contrast: float) -> tuple[float, int]:
+def _largest(z: Array, contrast: float) -> tuple[float, int]:
     """Size and position of the largest delay (cycle,); 0 if others in the cycle are nearly as large."""
     size = np.abs(z)
     first = int(np.argmax(size))

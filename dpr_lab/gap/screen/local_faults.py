@@ -77,7 +77,7 @@ def local_faults(
     steps: list[tuple[int, float]] = []
     if keep.sum() >= 4 * half:
         grid = np.arange(t[0], t[-1] + 0.5 * period, period)
-        z = _standing_out(_spline(t[keep], angle[keep], grid), half, noise, period)
+        z = _significance(_spline(t[keep], angle[keep], grid), half, noise, period)
         for instant_near in grid[_peaks(z, half)]:
             window = (half + 0.5) * period
             first, last = (
@@ -95,7 +95,7 @@ def local_faults(
     return LocalFaults(np.array(outliers, dtype=np.int64), tuple(steps))
 
 
-def _standing_out(even: Array, half: int, noise: tuple[float, float], period: float) -> Array:
+def _significance(even: Array, half: int, noise: tuple[float, float], period: float) -> Array:
     """(n,) significance of a step or an outlier at each sample, in standard deviations; 0 at the ends.
 
     A swing that is too fast for the polynomial leaves residuals of its own; only larger deviations are accepted.

@@ -17,8 +17,7 @@ from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.segments import STEP
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.noise import SETTINGS as NOISE
-from dpr_lab.estimation.noise import noise_floor, rest_correlation
+from dpr_lab.estimation.noise import NOISE, noise_floor, rest_correlation
 from dpr_lab.fitting.cut import MIN_SAMPLES, cut
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES, SCREEN, Finding, Screened, jitter_of, screen, with_arm
 from dpr_lab.gap.screen.shutter import Shutter

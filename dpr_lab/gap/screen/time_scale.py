@@ -33,7 +33,7 @@ class TimeScaleRules:
     """Number of swings to be timed with a stopwatch."""
 
 
-RULES = TimeScaleRules()
+TIME_SCALE = TimeScaleRules()
 
 
 def with_time_scale(recordings: Recordings, ratios: Array) -> Recordings:
@@ -68,16 +68,16 @@ def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
     nominal = equivalent_length(whole_parameters(rig.nominal, rig.L1, rig.g), setup, rig)
     end = (rig.L1 if setup.mounting == "inner" else rig.L2) or nominal
     factor = math.sqrt(length / nominal)
-    too_long = length > max(RULES.longer * end, RULES.apart * nominal)
-    if not math.isfinite(factor) or not (too_long or RULES.apart * length < nominal):
+    too_long = length > max(TIME_SCALE.longer * end, TIME_SCALE.apart * nominal)
+    if not math.isfinite(factor) or not (too_long or TIME_SCALE.apart * length < nominal):
         return ""
     stamps = f"{factor:.2g} times too long" if too_long else f"{1 / factor:.2g} times too short"
     film = "in slow motion, of unknown frame rate" if too_long else "with fewer frames per second than stated"
     masses = "has a counterweight" if too_long else "is much shorter, or has its mass near the joint"
-    expected = RULES.swings * 2 * math.pi * math.sqrt(nominal / rig.g)
+    expected = TIME_SCALE.swings * 2 * math.pi * math.sqrt(nominal / rig.g)
     return (
         f"the rod swings like a simple pendulum of {length:.3g} m; by the rig file it is {nominal:.3g} m. Either"
         f" the time stamps are {stamps} (a video {film}), or the rod {masses}. These recordings cannot decide."
-        f" Time {RULES.swings} small swings with a stopwatch: {expected:.3g} s by the rig file,"
+        f" Time {TIME_SCALE.swings} small swings with a stopwatch: {expected:.3g} s by the rig file,"
         f" {factor * expected:.3g} s by the time stamps"
     )

@@ -51,7 +51,7 @@ class TrackingNoiseSettings:
     """
 
 
-SETTINGS = TrackingNoiseSettings()
+TRACKING = TrackingNoiseSettings()
 
 
 def tracking_noise(recordings: Recordings, problem: Problem, bare: Fit) -> TrackingNoise | None:
@@ -69,18 +69,18 @@ def tracking_noise(recordings: Recordings, problem: Problem, bare: Fit) -> Track
     if windows is None:
         return None
     t, residuals = windows
-    times = np.asarray(SETTINGS.smooth) * np.sqrt(recordings.rig.L1 / recordings.rig.g)
+    times = np.asarray(TRACKING.smooth) * np.sqrt(recordings.rig.L1 / recordings.rig.g)
     axes = [axis for axis in range(2) if np.isfinite(residuals[axis]).all() and residuals[axis].any()]
-    minus2logs = np.zeros(len(SETTINGS.correlations))
-    variances = np.ones((2, len(SETTINGS.correlations)))
+    minus2logs = np.zeros(len(TRACKING.correlations))
+    variances = np.ones((2, len(TRACKING.correlations)))
     for axis in axes:
         values, variances[axis] = _profile(t, residuals[axis], times)
         minus2logs += values
     best = int(np.argmin(minus2logs))
-    if minus2logs[0] - minus2logs[best] < SETTINGS.significant:
+    if minus2logs[0] - minus2logs[best] < TRACKING.significant:
         return None
-    correlation, factor = SETTINGS.correlations[best], np.sqrt(variances[:, best])
-    if (factor > SETTINGS.rougher / _rough_part(correlation)).any():
+    correlation, factor = TRACKING.correlations[best], np.sqrt(variances[:, best])
+    if (factor > TRACKING.rougher / _rough_part(correlation)).any():
         return None
     return TrackingNoise(correlation, factor)
 
@@ -96,8 +96,8 @@ def _windows(problem: Problem, bare: Fit) -> tuple[Array, Array] | None:
     """(n,) instants of a window, s, and (2, n, windows) residuals relative to their noise; None if they are too few."""
     residual = problem.by_sample(bare.linear.residual)
     interval = float(np.median(np.diff(problem.t)))
-    n = min(int(np.quantile(np.diff(problem.segments.offsets), SETTINGS.shorter)), SETTINGS.most)
-    if n < SETTINGS.fewest:
+    n = min(int(np.quantile(np.diff(problem.segments.offsets), TRACKING.shorter)), TRACKING.most)
+    if n < TRACKING.fewest:
         return None
     chosen = [
         slice(first, first + n)
@@ -105,7 +105,7 @@ def _windows(problem: Problem, bare: Fit) -> tuple[Array, Array] | None:
         for first in range(begin, end - n + 1, n)
         if np.ptp(problem.t[first : first + n]) < (n - 0.5) * interval and problem.read[first : first + n, 0].all()
     ]
-    if len(chosen) < SETTINGS.windows:
+    if len(chosen) < TRACKING.windows:
         return None
     residuals = np.array([residual[window].T for window in chosen], dtype=np.float64)  # (windows, 2, n)
     return interval * np.arange(n, dtype=np.float64), residuals.transpose(1, 2, 0)
@@ -115,9 +115,9 @@ def _profile(t: Array, residual: Array, times: Array) -> tuple[Array, Array]:
     """(correlations,) minus twice the log-likelihood at the best remainder, and the variance of the errors there."""
     apart = np.abs(t[:, None] - t)
     lags = np.abs(np.subtract.outer(np.arange(len(t)), np.arange(len(t))))
-    smooth = [v * np.exp(-0.5 * (apart / s) ** 2) for s in times for v in SETTINGS.remainders]
+    smooth = [v * np.exp(-0.5 * (apart / s) ** 2) for s in times for v in TRACKING.remainders]
     values, variances = [], []
-    for correlation in SETTINGS.correlations:
+    for correlation in TRACKING.correlations:
         covariance = np.power(correlation, lags) + np.stack(smooth)
         L = np.linalg.cholesky(covariance + 1e-9 * np.eye(len(t)))
         variance = (np.linalg.solve(L, residual) ** 2).mean(axis=(1, 2))

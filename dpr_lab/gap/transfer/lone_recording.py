@@ -34,7 +34,7 @@ class LoneRules:
     """Remainder of the others, in units of the noise, below which a smaller one makes no difference."""
 
 
-RULES = LoneRules()
+LONE = LoneRules()
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) ->
         names: of the recordings
     """
     fit, run = model.fit, problem.segments.run
-    if len(names) < RULES.recordings or not np.isfinite(fit.linear.chi2):
+    if len(names) < LONE.recordings or not np.isfinite(fit.linear.chi2):
         return None
     dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
     noise = np.maximum(model.residuals.level * np.bincount(run, dof, len(names)), 1.0)
@@ -71,7 +71,7 @@ def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) ->
 
 def alone(name: str, remainder: float, others: float) -> LoneRecording | None:
     """The recording if its remainder far exceeds that of the others, in units of the noise."""
-    return LoneRecording(name, remainder, others) if remainder > RULES.ratio * max(others, RULES.least) else None
+    return LoneRecording(name, remainder, others) if remainder > LONE.ratio * max(others, LONE.least) else None
 
 
 def _refitted(fit: Fit, chosen: Flags) -> Array:

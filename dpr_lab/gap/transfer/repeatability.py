@@ -41,8 +41,7 @@ from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.gap_budget import GapBudget, VaryingParameter
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.transfer.out_of_sample import block
-from dpr_lab.gap.where.discrepancy import RULES as DISCREPANCY
-from dpr_lab.gap.where.discrepancy import discrepancy_columns
+from dpr_lab.gap.where.discrepancy import DISCREPANCY, discrepancy_columns
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.setup import only_inner
 
@@ -69,7 +68,7 @@ class RepeatabilityRules:
     """Relative size of a singular value that counts as zero."""
 
 
-RULES = RepeatabilityRules()
+REPEATABILITY = RepeatabilityRules()
 
 
 def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem, selection: Selection) -> GapBudget:
@@ -90,15 +89,15 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     residuals = residual_statistics(problem, after)
     dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
     noise, total = residuals.level * float(dof[followed].sum()), float(left_out_chi2(before, fold)[followed].sum())
-    if residual_statistics(problem, before).z < RULES.gap_from or not followed.any() or total <= noise:
+    if residual_statistics(problem, before).z < REPEATABILITY.gap_from or not followed.any() or total <= noise:
         return split(
             [total] * 4, noise, names, (), "There is no gap above the noise, so there is no repeatability to compute."
         )
     parts = _Parts.of(problem, after, fold, followed)
     explained = parts.left_out()
-    if fold.max() == 0 or min(np.bincount(fold[followed], minlength=fold.max() + 1)) < RULES.segments:
+    if fold.max() == 0 or min(np.bincount(fold[followed], minlength=fold.max() + 1)) < REPEATABILITY.segments:
         length = everything.working_length
-        fewer = f"Recordings of fewer than {RULES.segments} segments of {length:.2g} s"
+        fewer = f"Recordings of fewer than {REPEATABILITY.segments} segments of {length:.2g} s"
         reason = f"{fewer} do not show which part of the gap is reproducible."
         return split([total, *[float(explained.sum())] * 3], noise, names, (), reason)
     if residuals.z > THRESHOLDS.noise_floor:
@@ -130,7 +129,7 @@ def split(
     levels: Sequence[float], noise: float, names: Sequence[str], varying: Sequence[VaryingParameter], undecided: str
 ) -> GapBudget:
     """Shares from the remaining chi2 after each step: bare model, corrected model, free torques, own parameters."""
-    finite = np.nan_to_num([*levels, 0.0], nan=noise, posinf=RULES.unfollowed)
+    finite = np.nan_to_num([*levels, 0.0], nan=noise, posinf=REPEATABILITY.unfollowed)
     falling = np.minimum.accumulate(np.maximum(finite, noise))
     total = max(float(falling[0]), np.finfo(np.float64).tiny)
     explained, unmodelled, own_parameters = (np.abs(np.diff(falling[:4])) / total).tolist()
@@ -160,8 +159,8 @@ def _fitted_to_all(everything: Recordings, known: Problem, *models: Fit) -> tupl
             first = carried(known.segments, model.estimate.initial, problem.segments, initial)
             estimate = model.estimate.changed(initial=first, zeros=np.zeros((0, 2)))
             free = tuple(parameter for parameter in model.free if parameter.block != "zeros")
-            refitted.append(fit(problem, estimate, free, iterations=RULES.iterations))
-        if min(model.chi2 for model in refitted) < RULES.far * problem.read.sum():
+            refitted.append(fit(problem, estimate, free, iterations=REPEATABILITY.iterations))
+        if min(model.chi2 for model in refitted) < REPEATABILITY.far * problem.read.sum():
             break
     before, after = refitted
     return problem, before, after
@@ -244,7 +243,7 @@ class _Parts:
             if removed:
                 columns = self.X[segments][:, :, removed]
                 flat = columns.reshape(error.size, -1)
-                error = error - columns @ np.linalg.lstsq(flat, error.ravel(), rcond=RULES.singular)[0]
+                error = error - columns @ np.linalg.lstsq(flat, error.ravel(), rcond=REPEATABILITY.singular)[0]
             chi2[segments] = np.sum(error**2, axis=1)
         return chi2
 
@@ -258,7 +257,7 @@ class _Parts:
             wider = replace(self, X=X, precision=precision)
             chi2 = wider.left_out()
             blocks = np.add.reduceat(before - chi2, np.arange(0, len(chi2), self.block))
-            chance = RULES.beyond_chance * float(np.std(blocks)) * len(blocks) ** 0.5
+            chance = REPEATABILITY.beyond_chance * float(np.std(blocks)) * len(blocks) ** 0.5
             if chi2.sum() < least.sum() and blocks.sum() > chance:
                 best, least = wider, chi2
         return best
@@ -266,7 +265,7 @@ class _Parts:
     def varying(self) -> list[_Varying]:
         """Parameters that differ between recordings beyond chance, the most significant first."""
         chosen: list[_Varying] = []
-        while len(chosen) < RULES.varying:
+        while len(chosen) < REPEATABILITY.varying:
             others = [i for i in self.candidates if i not in [parameter.column for parameter in chosen]]
             common = np.concatenate([self.X, *(self._local(parameter.column) for parameter in chosen)], axis=2)
             flat = common.reshape(self.e.size, -1)
@@ -292,7 +291,7 @@ class _Parts:
         runs = L.shape[2]
         contrasts = np.linalg.svd(np.ones((1, runs)))[2][1:].T  # the common value is no difference between recordings
         H, gradient = np.einsum("smi,smj->ij", L, L), np.einsum("smi,sm->i", L, e)
-        inverse = np.linalg.pinv(contrasts.T @ H @ contrasts, rcond=RULES.singular, hermitian=True)
+        inverse = np.linalg.pinv(contrasts.T @ H @ contrasts, rcond=REPEATABILITY.singular, hermitian=True)
         V = contrasts @ inverse @ contrasts.T
         values = V @ gradient
         scores = np.einsum("smi,sm->si", L, e - L @ values)
@@ -306,7 +305,7 @@ def _without(H: Array, gradient: Array, removed: Sequence[int]) -> tuple[Array, 
     """Normal equations of a recording, with some columns fitted to it alone."""
     if not removed:
         return H, gradient
-    taken = H[:, removed] @ np.linalg.pinv(H[np.ix_(removed, removed)], rcond=RULES.singular, hermitian=True)
+    taken = H[:, removed] @ np.linalg.pinv(H[np.ix_(removed, removed)], rcond=REPEATABILITY.singular, hermitian=True)
     return H - taken @ H[removed], gradient - taken @ gradient[removed]
 
 

@@ -44,7 +44,7 @@ class DiscrepancyRules:
     """Ratio of the mean squared torques at low and high speed above which the sentence names the larger one."""
 
 
-RULES = DiscrepancyRules()
+DISCREPANCY = DiscrepancyRules()
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +65,9 @@ class Discrepancy:
         """Size and location of the discrepancy, by the joint of the larger torque."""
         joint = int(np.argmax(self.torque_Nm))
         text = f"{1e3 * self.torque_Nm[joint]:.2g} mN m rms in joint {(1, 2, 0)[joint]}"
-        if self.slow[joint] > RULES.mostly:
+        if self.slow[joint] > DISCREPANCY.mostly:
             text += ", mostly at low speed"
-        elif self.slow[joint] < 1 / RULES.mostly:
+        elif self.slow[joint] < 1 / DISCREPANCY.mostly:
             text += ", mostly at high speed"
         return f"Unmodelled remainder: {text}."
 
@@ -140,8 +140,8 @@ def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
         remaining = max(total - float(np.sum(along_each / (eigen + ridge))), 1e-3 * total)
         return n * np.log(remaining / total) + float(np.sum(np.log1p(eigen / ridge)))
 
-    ridge = min(RULES.ridges, key=cost)
-    if cost(ridge) > -RULES.likelier:
+    ridge = min(DISCREPANCY.ridges, key=cost)
+    if cost(ridge) > -DISCREPANCY.likelier:
         return None
     m = vectors @ ((vectors.T @ gradient) / (eigen + ridge))
     variance = (total - float(np.sum(along_each / (eigen + ridge)))) / model.residuals.dof

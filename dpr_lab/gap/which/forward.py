@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from dpr_lab.fitting.gauss_newton import SETTINGS
+from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, joint_gain
 from dpr_lab.gap.hypothesis.thresholds import (
@@ -38,7 +38,7 @@ class Beam:
     """Number of sets that are extended to the next size."""
     worse: float = 4.0
     """Ratio to the excess of the best set up to which another set is extended."""
-    exceeded: float = SETTINGS.exceeded
+    exceeded: float = GAUSS_NEWTON.exceeded
     """Largest expected ratio of a fitted reduction to the predicted one, far from the noise."""
     as_promising: float = 0.5
     """Fraction of the reduction to the noise floor that the score of another effect must predict for it to be fitted

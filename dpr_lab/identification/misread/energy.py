@@ -38,10 +38,10 @@ class EnergyRiseSettings:
     """
 
 
-SETTINGS = EnergyRiseSettings()
+ENERGY = EnergyRiseSettings()
 
 
-def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseSettings = SETTINGS) -> float:
+def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseSettings = ENERGY) -> float:
     """Smallest sum of energy increases over the energy's range for any ratios; 0 for passive rods or if unknown.
 
     Runs with a moving arm, with a single rod, or with much noise are ignored.

@@ -10,9 +10,8 @@ from dpr_lab.dynamics.base import RATIOS, whole_parameters
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.noise import noise_floor
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, alone_share, unknown_ratios
-from dpr_lab.fitting.gauss_newton import SETTINGS as GAUSS_NEWTON
-from dpr_lab.identification.misread.energy import SETTINGS as ENERGY
-from dpr_lab.identification.misread.energy import energy_rise
+from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
+from dpr_lab.identification.misread.energy import ENERGY, energy_rise
 from dpr_lab.identification.misread.readings import Misreading, other_zeros, readings
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.ratio_fit import RatioFit, first_fit, short_fit

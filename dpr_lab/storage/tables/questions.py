@@ -14,8 +14,8 @@ from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import TO_RADIANS, TO_SECONDS
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, QuestionSettings, TableQuestion
 from dpr_lab.storage.tables.plausible import odd_notes
-from dpr_lab.storage.tables.readings import SETTINGS as READ
 from dpr_lab.storage.tables.readings import (
+    READ,
     OtherReading,
     ReadTable,
     angles,

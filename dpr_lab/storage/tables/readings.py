@@ -63,7 +63,7 @@ class ReadingSettings:
     """Factor by which the residual of the torques must be smaller with this zero."""
 
 
-SETTINGS = ReadingSettings()
+READ = ReadingSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,19 +156,19 @@ class ReadTable:
 
 def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
     """Interpretations that conserve the energy of a swing clearly better than `fit`, the current one; best first."""
-    if fit.residual <= SETTINGS.right:
+    if fit.residual <= READ.right:
         return []
     tried: list[tuple[float, OtherReading]] = []
     slower = [_slower(read.values, read.options, fit.time_scale)] if np.isfinite(fit.time_scale) else []
     for reading in (*read.others(), *slower):
         rods = read.rods(reading.values, reading.options)
         refitted = energy_fit(read.t * reading.time_factor, rods, read.torques, read.rig)
-        if refitted is not None and refitted.residual < min(SETTINGS.sure, fit.residual / SETTINGS.better):
+        if refitted is not None and refitted.residual < min(READ.sure, fit.residual / READ.better):
             tried.append((refitted.residual, reading))
     if not tried and read.torques is None and (moved := _as_counts(read) or _with_other_zeros(read)):
         return [moved]
     best = min((residual for residual, _ in tried), default=np.inf)
-    alike = [reading for residual, reading in tried if residual <= SETTINGS.alike * best]
+    alike = [reading for residual, reading in tried if residual <= READ.alike * best]
     fewest = min((len(reading.causes) for reading in alike), default=0)
     return [reading for reading in alike if len(reading.causes) == fewest]
 
@@ -189,7 +189,7 @@ def _as_counts(read: ReadTable) -> OtherReading | None:
 
 def _conserves(fit: EnergyFit | None) -> bool:
     """Whether the energy of a free swing shows that an interpretation is right."""
-    return fit is not None and fit.residual <= SETTINGS.right / SETTINGS.alike
+    return fit is not None and fit.residual <= READ.right / READ.alike
 
 
 def _with_other_zeros(read: ReadTable) -> OtherReading | None:
@@ -208,18 +208,18 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
         return torque_balance(read.t, read.rods(values, options), read.torques, read.rig)
 
     given = balance(read.values, read.options)
-    if given is None or (residual := given.residual()) <= SETTINGS.balanced:
+    if given is None or (residual := given.residual()) <= READ.balanced:
         return []
     tried: list[tuple[float, OtherReading]] = []
     nearest = given.zeros(nearest=True)
-    balancing = nearest if residual <= SETTINGS.near_balance else given.zeros()
+    balancing = nearest if residual <= READ.near_balance else given.zeros()
     zeros = _with_zeros(read, _by_energy(read, balancing))
     for reading in (*read.others(), zeros):
         other = None if reading.time_factor != 1 else balance(reading.values, reading.options)
         if other is not None:
             tried.append((other.residual(), reading))
-    limit = min(SETTINGS.sure_balance, residual / SETTINGS.better_balance)
-    limit = min(limit, SETTINGS.alike_balance * min((unbalance for unbalance, _ in tried), default=np.inf))
+    limit = min(READ.sure_balance, residual / READ.better_balance)
+    limit = min(limit, READ.alike_balance * min((unbalance for unbalance, _ in tried), default=np.inf))
     alike = sorted(
         ((unbalance, reading) for unbalance, reading in tried if unbalance <= limit), key=lambda pair: pair[0]
     )
@@ -227,8 +227,8 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
     fewest = min((len(reading.causes) for reading in named), default=0)
     if named:
         return [reading for reading in named if len(reading.causes) == fewest]
-    far = np.abs(nearest).max() >= SETTINGS.wrong_zero_rad
-    far = far and given.residual(nearest) <= min(SETTINGS.sure_balance, residual / SETTINGS.better_zero)
+    far = np.abs(nearest).max() >= READ.wrong_zero_rad
+    far = far and given.residual(nearest) <= min(READ.sure_balance, residual / READ.better_zero)
     return [_with_zeros(read, _by_energy(read, nearest))] if far else []
 
 
@@ -241,7 +241,7 @@ def _by_energy(read: ReadTable, balancing: tuple[float, float]) -> tuple[float, 
         return balancing
     rods = read.rods(read.values, read.options)
     added = energy_zeros(read.t, rods, read.rig)
-    if added is None or abs((added[0] - balancing[0] + np.pi) % (2 * np.pi) - np.pi) > SETTINGS.wrong_zero_rad:
+    if added is None or abs((added[0] - balancing[0] + np.pi) % (2 * np.pi) - np.pi) > READ.wrong_zero_rad:
         return balancing
     return added if _conserves(energy_fit(read.t, rods + added, None, read.rig)) else balancing
 
@@ -251,7 +251,7 @@ def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
     values, options, rig = read.values, read.options, read.rig
     if options.unit != "counts":
         from_pi = np.abs((np.asarray(added) % (2 * np.pi)) - np.pi)
-        if from_pi.max() < SETTINGS.wrong_zero_rad:  # the rest is an error of the zero, which a diagnosis names
+        if from_pi.max() < READ.wrong_zero_rad:  # the rest is an error of the zero, which a diagnosis names
             return _changed(values, options, read.columns, zero=True)
         return with_zeros(values, options, added)
     turned = (rig.encoders.joint_angles.of_rods(added) + np.pi) % (2 * np.pi) - np.pi
@@ -276,12 +276,12 @@ def with_zeros(values: Values, options: ImportOptions, added: ArrayLike, toleran
         tolerance: maximum difference from a usual zero error up to which an offset is replaced by it, rad
     """
     turned = (np.asarray(added) + np.pi) % (2 * np.pi) - np.pi
-    usual = np.round(turned / SETTINGS.usual_zero_rad) * SETTINGS.usual_zero_rad
+    usual = np.round(turned / READ.usual_zero_rad) * READ.usual_zero_rad
     inner, outer = np.where(np.abs(turned - usual) <= tolerance, usual, turned).tolist()
     unit = TO_RADIANS[options.unit or "rad"]
     columns = (inner, (outer - inner + np.pi) % (2 * np.pi) - np.pi if options.angles == "relative" else outer)
     digits = 1 if options.unit == "deg" else 3
-    offset = tuple(round(zero / unit, digits) if abs(zero) > SETTINGS.zero_rad else 0.0 for zero in columns)
+    offset = tuple(round(zero / unit, digits) if abs(zero) > READ.zero_rad else 0.0 for zero in columns)
     moved = {axis: values[axis] + value for axis, value in zip(AXES[1:], offset, strict=True)}
     cause = "the angles have other zeros"
     return OtherReading((cause,), (), {**values, **moved}, options, offset=(offset[0], offset[1]))

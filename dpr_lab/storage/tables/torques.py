@@ -15,7 +15,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import bare
 from dpr_lab.storage.tables.options import ImportOptions
-from dpr_lab.storage.tables.readings import SETTINGS as READ
+from dpr_lab.storage.tables.readings import READ
 from dpr_lab.storage.tables.table import Table
 
 KINDS = ("measured", "commanded")

@@ -22,7 +22,7 @@ class SightingSettings:
     """
 
 
-SETTINGS = SightingSettings()
+SIGHTING = SightingSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +38,13 @@ class Sighting:
 
     def fresh(self, now: float) -> bool:
         """Whether it is still current."""
-        return now - self.at <= SETTINGS.fresh_s
+        return now - self.at <= SIGHTING.fresh_s
 
     def settles(self, ordered: float) -> bool:
         """Whether it shows the result of a release command given at this time, `time.monotonic()`, s."""
         if self.latched is None:
             return False
-        return self.at >= ordered if not self.latched else self.at > ordered + SETTINGS.outcome_s
+        return self.at >= ordered if not self.latched else self.at > ordered + SIGHTING.outcome_s
 
     def ago(self, now: float) -> str:
         """`last seen 3.2 s ago`."""

@@ -26,7 +26,7 @@ from dpr_lab.tui.recorder.messages import (
     RecorderFailed,
     RecorderReport,
 )
-from dpr_lab.tui.recorder.sighting import SETTINGS as SIGHTING
+from dpr_lab.tui.recorder.sighting import SIGHTING
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.texts import NOTICES, counted_runs

@@ -19,7 +19,7 @@ from dpr_lab.transports import TRANSPORTS
 from dpr_lab.transports.discover import Links, SerialPortFound, discover
 from dpr_lab.tui.line_breaks import Hanging
 from dpr_lab.tui.recorder.messages import Connected, Exercise, Exercised, Idle, RecorderFailed, RecorderReport
-from dpr_lab.tui.recorder.sighting import SETTINGS as SIGHTING
+from dpr_lab.tui.recorder.sighting import SIGHTING
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.texts import NOTICES

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 from textual.drivers.web_driver import WebDriver
 
-from dpr_lab.tui.terminal.signals import SETTINGS
+from dpr_lab.tui.terminal.signals import ENDING
 
 
 class PageDriver(WebDriver):
@@ -30,7 +30,7 @@ class PageDriver(WebDriver):
         """Read the input; its end ends the screen, or terminates it if this takes too long."""
         super().run_input_thread()
         if not self.exit_event.is_set():
-            watch = threading.Timer(SETTINGS.patience_s, os._exit, (SETTINGS.exit_code,))
+            watch = threading.Timer(ENDING.patience_s, os._exit, (ENDING.exit_code,))
             watch.daemon = True
             watch.start()
             os.kill(os.getpid(), signal.SIGTERM)

@@ -18,7 +18,7 @@ class EndSettings:
     """Maximum time for a regular end, s: a recorder that does not answer is ended by signals within 15 s."""
 
 
-SETTINGS = EndSettings()
+ENDING = EndSettings()
 
 
 def end_on_signals(end: Callable[[], object], restore: Callable[[], object]) -> None:
@@ -35,10 +35,10 @@ def end_on_signals(end: Callable[[], object], restore: Callable[[], object]) -> 
 
     def give_up() -> None:
         restore()
-        os._exit(SETTINGS.exit_code)
+        os._exit(ENDING.exit_code)
 
     def caught(number: int, frame: FrameType | None) -> None:
-        watch = threading.Timer(SETTINGS.patience_s, give_up)
+        watch = threading.Timer(ENDING.patience_s, give_up)
         watch.daemon = True
         watch.start()
         end()
