@@ -102,28 +102,31 @@ def biases(H: NDArray[np.float64], prior: NDArray[np.float64], fitted: list[int]
     return errors.sum(axis=1) - errors[np.arange(len(H)), np.arange(len(H))]
 
 
-def held_out_error(rig: Rig, runs: list[Run], chosen: int) -> float:
-    """Median error of free runs along the recordings that were not fitted, rad; inf where nothing could be fitted."""
+def held_out_errors(rig: Rig, runs: list[Run], chosen: int) -> dict[str, float]:
+    """Error of the free run along each recording that was not fitted, rad; inf where nothing could be fitted."""
     others = [run for k, run in enumerate(runs) if k != chosen]
     try:
         found = diagnose([runs[chosen]], rig, held_out=others)
     except DprError as error:
         print(f"  {runs[chosen].name}: {error}", file=sys.stderr)
-        return np.inf
-    return float(np.median([found.gap.free_run_rad[run.name]["after"] for run in others]))
+        return {run.name: np.inf for run in others}
+    free = found.gap.free_run_rad
+    return {run.name: free[run.name]["after"] for run in others if run.name in free}
 
 
 def bars(name: str, rig: Rig, runs: list[Run]) -> list[Bar]:
-    """The plan's choice over the median of all choices."""
+    """The plan's choice over the median of all choices, by the median over the recordings that every fit predicts."""
     expected = expected_errors(rig, runs)
-    errors = []
+    predicted = list[dict[str, float]]()
     for k, run in enumerate(runs):
-        errors.append(held_out_error(rig, runs, k))
+        predicted.append(held_out_errors(rig, runs, k))
+        every = np.median(list(predicted[-1].values()))
         print(
-            f"{run.name}: expected error {expected[k]:.3g}, held-out error {errors[-1]:.4f} rad",
-            file=sys.stderr,
-            flush=True,
+            f"{run.name}: expected error {expected[k]:.3g}, held-out error {every:.4f} rad", file=sys.stderr, flush=True
         )
+    names = [run.name for run in runs]
+    common = [name for name in names if all(name in errors or name == names[k] for k, errors in enumerate(predicted))]
+    errors = [np.median([each[name] for name in common if name in each]) for each in predicted]
     best = int(np.argmin(expected))
     return [
         at_most(f"{name}: held-out error of the plan's choice over the median", errors[best] / np.median(errors), 1)

@@ -21,6 +21,10 @@ def accept(
     ],
     rig: RigName,
     limits: Annotated[Path, typer.Option(help="Limits file (TOML): sizes of effects and ranges of ratios.")],
+    diagnosis: Annotated[
+        Path | None,
+        typer.Option(help="Diagnosis of these runs, its JSON file or folder; default: they are diagnosed first."),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder of accept.json and of the diagnosis, whose report shows the limits.")
     ] = None,
@@ -41,7 +45,7 @@ def accept(
 
     with Listener() as listener:
         request = DiagnoseRequest(tuple(runs), rig, out=out, any_clock=any_clock, torque=torque)
-        accepted = accept_runs(request, limits, listener)
+        accepted = accept_runs(request, limits, listener, diagnosis)
     acceptance = accepted.acceptance
     if as_json:
         emit(accepted.to_json())

@@ -126,6 +126,8 @@ class LimitForecast(_Record):
     """Distance from the limit within which a value remains undecided after the plan; None if it is undetectable at
     any size.
     """
+    reached_rad_per_s: Number | None = None
+    """Speed that the joint of a friction limit reaches, if it is below the speed of the limit; None otherwise."""
     decides: bool
     """Whether a quantity at half its limit, or in the middle of its range, would then pass."""
 

@@ -53,7 +53,7 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
         ratio_std=shown_ratio_std(known, known.information),
         detectable=_detectable(known, after[-1]),
         inseparable=stuck,
-        limits=limit_forecasts(known, after[-1], limits),
+        limits=limit_forecasts(known, after[-1], limits, [step.release for step in steps]),
         assumptions=_assumptions(known, releases),
         seconds=seconds,
     )

@@ -20,7 +20,7 @@ from dpr_lab.shown import FIXED_BY
 if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison
     from dpr_lab.identification.model import Model
-    from dpr_lab.planning.result import Plan, PlannedRelease
+    from dpr_lab.planning.result import LimitForecast, Plan, PlannedRelease
 
 RATIO_COLUMNS = ("ratio", "value ± std", "90 % interval", "unit")
 RATIO_NOTE = (
@@ -146,10 +146,15 @@ def limit_forecast_rows(made: "Plan") -> list[tuple[str, ...]]:
             limit.quantity,
             "" if limit.reach is None else f"{limit.reach:.2g}",
             limit.unit,
-            "yes" if limit.decides else "no",
+            "yes" if limit.decides else "no" + _too_slow(limit),
         )
         for limit in made.limits
     ]
+
+
+def _too_slow(limit: "LimitForecast") -> str:
+    """Why the speed of a friction limit is not reached; empty if it is."""
+    return "" if limit.reached_rad_per_s is None else f": the joint reaches {limit.reached_rad_per_s:.3g} rad/s"
 
 
 def ratio_std_rows(made: "Plan", release: "PlannedRelease") -> list[tuple[str, ...]]:

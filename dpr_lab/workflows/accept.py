@@ -5,11 +5,12 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dpr_lab.errors import ConfigError
 from dpr_lab.gap.result import RECORD as DIAGNOSIS_RECORD
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult, diagnose
 from dpr_lab.workflows.events import OnEvent, Warned, ignore
-from dpr_lab.workflows.reading import read_runs
+from dpr_lab.workflows.reading import read_diagnosis, read_runs
 
 if TYPE_CHECKING:
     from dpr_lab.acceptance.judge import Acceptance
@@ -35,15 +36,23 @@ class AcceptResult:
         return asdict(self.acceptance)
 
 
-def accept(request: DiagnoseRequest, limits: Path, on_event: OnEvent = ignore) -> AcceptResult:
+def accept(
+    request: DiagnoseRequest, limits: Path, on_event: OnEvent = ignore, diagnosis_file: Path | None = None
+) -> AcceptResult:
     """Test whether a rig meets the limits in a file.
 
     Events: those of a diagnosis. The folder of the request gets `RECORD` and the files of the diagnosis, whose report
     has a section on the limits.
 
+    Args:
+        request: runs and rig
+        limits: limits file
+        on_event: called for each event
+        diagnosis_file: diagnosis of these runs, its JSON file or folder; None: they are diagnosed first
+
     Raises:
-        ConfigError: the rig or the limits file is not valid.
-        RunError: a run cannot be used.
+        ConfigError: the rig, the limits file or the diagnosis is not valid; the diagnosis is with another rig file.
+        RunError: a run cannot be used; the diagnosis is of other runs.
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.
     """
@@ -57,10 +66,23 @@ def accept(request: DiagnoseRequest, limits: Path, on_event: OnEvent = ignore) -
     if request.out:
         refuse_file(request.out)
     runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque, moving=True)
-    diagnosis = diagnose(replace(request, out=None), on_event).diagnosis
+    if diagnosis_file is None:
+        diagnosis = diagnose(replace(request, out=None), on_event).diagnosis
+    else:
+        diagnosis = read_diagnosis(diagnosis_file, runs)
+        _refuse_other_rig(diagnosis_file, diagnosis, rig)
     acceptance = _with_recordings(judged(diagnosis, wanted, runs, rig), wanted, diagnosis, runs, rig)
     files = _save(acceptance, diagnosis, runs, rig, request.out, on_event) if request.out else {}
     return AcceptResult(acceptance, files)
+
+
+def _refuse_other_rig(file: Path, diagnosis: "Diagnosis", rig: "Rig") -> None:
+    """Refuse a diagnosis with other lengths, masses or settings: its intervals are not those of this rig file."""
+    if diagnosis.evidence is None or diagnosis.evidence.rig_sha256 != rig.sha256:
+        raise ConfigError(
+            f"{file}: was not made with this file of rig {rig.name}, or by an older version: diagnose the runs again,"
+            " or omit --diagnosis"
+        )
 
 
 def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig: "Rig") -> "Acceptance":

@@ -5,20 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import ConfigError, RunError
-from dpr_lab.shown import listed
+from dpr_lab.errors import ConfigError
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
 from dpr_lab.workflows.events import OnEvent, ignore
-from dpr_lab.workflows.reading import read_runs
+from dpr_lab.workflows.reading import read_diagnosis, read_runs
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.planning.result import Plan
     from dpr_lab.rig import Rig
-    from dpr_lab.run import Run
 
 RECORD = "plan.json"
 """In the folder of a plan: what `plan --json` prints."""
@@ -80,7 +75,6 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
         IdentificationError: the recordings are read with another zero, unit, sign or order than they were written with.
         DprError: a result cannot be written.
     """
-    from dpr_lab.gap.result.diagnosis import load_diagnosis
     from dpr_lab.planning.limits import PlanLimits, load_plan_limits
     from dpr_lab.planning.plan import plan as plan_runs
     from dpr_lab.rig import load_rig
@@ -95,28 +89,14 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
     diagnosis, runs = None, []
     if request.runs:
         if request.diagnosis:
-            diagnosis = load_diagnosis(request.diagnosis)
             runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque, moving=True)
-            refuse_other_runs(request.diagnosis, diagnosis, runs)
+            diagnosis = read_diagnosis(request.diagnosis, runs)
         else:
             wanted = DiagnoseRequest(request.runs, request.rig, any_clock=request.any_clock, torque=request.torque)
             diagnosis = diagnose(wanted, on_event).diagnosis
             runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque, moving=True)
     planned = plan_runs(rig, runs, diagnosis, limits=limits, budget_min=budget, seed=request.seed)
     return _kept(planned, rig, request.out)
-
-
-def refuse_other_runs(file: Path, diagnosis: "Diagnosis", runs: "Sequence[Run]") -> None:
-    """Refuse a diagnosis of other runs: its causes would be combined with the information of these runs."""
-    from dpr_lab.gap.screen.pieces import whole
-
-    closed = diagnosis.gap.closed_held_out
-    fitted, given = {whole(name) for name in closed.per_run}, {run.name for run in runs}
-    if fitted and not fitted <= given <= fitted | {whole(name) for name in closed.held_out}:
-        raise RunError(
-            f"{file}: is a diagnosis of {listed(sorted(fitted))}, not of {listed(sorted(given))}: give its runs, or"
-            " omit --diagnosis and these runs are diagnosed first"
-        )
 
 
 def minutes(text: str) -> float:

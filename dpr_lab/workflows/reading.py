@@ -1,12 +1,15 @@
-"""Reading of the runs of a request, with an event for each."""
+"""Reading of the runs of a request, with an event for each, and of their diagnosis."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dpr_lab.errors import RunError
+from dpr_lab.shown import listed
 from dpr_lab.workflows.events import OnEvent, RunRead
 
 if TYPE_CHECKING:
+    from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
 
@@ -52,3 +55,32 @@ def read_runs(
     if not any_clock:
         refuse_wrong_clocks(runs)
     return runs
+
+
+def read_diagnosis(file: Path, runs: "Sequence[Run]") -> "Diagnosis":
+    """Read the diagnosis of some runs, its JSON file or folder.
+
+    Raises:
+        ConfigError: not a diagnosis.
+        RunError: the diagnosis is of other runs.
+    """
+    from dpr_lab.gap.result.diagnosis import load_diagnosis
+
+    diagnosis = load_diagnosis(file)
+    refuse_other_runs(file, diagnosis, runs)
+    return diagnosis
+
+
+def refuse_other_runs(file: Path, diagnosis: "Diagnosis", runs: "Sequence[Run]") -> None:
+    """Refuse a diagnosis of other runs: its causes would be combined with the information of these runs."""
+    from dpr_lab.gap.screen.pieces import whole
+
+    instead = "give its runs, or omit --diagnosis and these runs are diagnosed first"
+    closed = diagnosis.gap.closed_held_out
+    fitted, given = {whole(name) for name in closed.per_run}, {run.name for run in runs}
+    if fitted and not fitted <= given <= fitted | {whole(name) for name in closed.held_out}:
+        raise RunError(f"{file}: is a diagnosis of {listed(sorted(fitted))}, not of {listed(sorted(given))}: {instead}")
+    used = {whole(run.name): run.sha256 for run in diagnosis.evidence.recordings} if diagnosis.evidence else {}
+    changed = [run.name for run in runs if run.sha256 and used.get(run.name, run.sha256) not in ("", run.sha256)]
+    if changed:
+        raise RunError(f"{file}: is a diagnosis of another recording of the name {listed(changed)}: {instead}")

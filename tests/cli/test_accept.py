@@ -51,6 +51,13 @@ def test_the_report_shows_each_limit_with_its_answer(runs: list[Path], tmp_path:
     answers = {limit["quantity"]: limit["answer"] for limit in json.loads((out / "accept.json").read_text())["limits"]}
     assert answers == {"latency_joint2.delay_s": "pass", "c2/b": "fail"}
     assert json.loads((out / "diagnosis.json").read_text())["files"]["report"] == str(out / "diagnosis.html")
+    again = cli("accept", *runs, "--rig", "paper", "--limits", file, "--diagnosis", out, "--json")
+    assert {limit["quantity"]: limit["answer"] for limit in again.json["limits"]} == answers
+    other = cli("accept", *runs, "--rig", "multiarm", "--limits", file, "--diagnosis", out)
+    assert other.code == 3
+    fewer = cli("accept", *runs[:2], "--rig", "paper", "--limits", file, "--diagnosis", out)
+    assert fewer.code == 3
+    assert "is a diagnosis of" in fewer.err
 
 
 def test_a_limits_file_that_is_not_there_is_refused_before_the_work(runs: list[Path], tmp_path: Path, cli) -> None:

@@ -12,8 +12,8 @@ from dpr_lab.planning.result import Plan, PlannedRelease
 from dpr_lab.rig import load_rig
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.run import Run
-from dpr_lab.workflows.plan import refuse_other_runs
 from dpr_lab.workflows.planned_rigs import planned_rigs
+from dpr_lab.workflows.reading import refuse_other_runs
 from tests.a_diagnosis import made
 from tests.schemas import validator
 

@@ -8,7 +8,7 @@ from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.identification.expected import Releases, ratio_information
-from dpr_lab.planning.information import informed, laid_out
+from dpr_lab.planning.information import informed, laid_out, reached_speeds
 from dpr_lab.planning.knowledge import Knowledge, known_before
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.simulation import simulated_distance
@@ -53,6 +53,25 @@ def test_a_limit_of_a_cable_is_forecast_with_its_other_amplitudes_free(known: Kn
     assert alone is not None
     assert cable.reach > alone
     assert not detent.decides
+
+
+def test_a_friction_limit_is_decided_only_if_the_joint_reaches_its_speed(known: Knowledge) -> None:
+    (one,) = informed([CALM], known.model)
+    reached = reached_speeds([CALM], known.model)
+    F = known.prior + 1e6 * one.information
+    for share, decides in ((0.9, True), (1.1, False)):
+        joints = {name: {"max": 1.0, "speed_rad_s": share * speed, "unit": "N m"} for name, speed in reached.items()}
+        forecasts = limit_forecasts(known, F, Limits.model_validate({"friction": joints}), [CALM])
+        assert [limit.decides for limit in forecasts] == [decides] * 2
+        slow = [limit.reached_rad_per_s for limit in forecasts]
+        assert slow == ([None] * 2 if decides else list(reached.values()))
+
+
+def test_a_joint_without_a_rod_or_with_a_clamp_has_no_speed(known: Knowledge) -> None:
+    alone, clamped = CandidateRelease(2.2, 2.2, 4.0, "inner"), CandidateRelease(2.2, 2.2, 4.0, "clamped")
+    assert reached_speeds([alone], known.model)["joint2"] == 0.0
+    assert reached_speeds([clamped], known.model)["joint2"] == pytest.approx(0.0, abs=1e-6)
+    assert reached_speeds([alone], known.model)["joint1"] > 3.0
 
 
 def test_a_release_from_near_upright_is_predictable_for_less_long_than_a_calm_one(known: Knowledge) -> None:

@@ -2,9 +2,11 @@ import numpy as np
 import pytest
 
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis
+from dpr_lab.gap.result.evidence import Evidence, JointFriction
 from dpr_lab.report.gap import tables as gap_tables
 from dpr_lab.report.gap.figures import save_gap_figures, where_figure
 from dpr_lab.report.gap.html import write_gap_report
+from dpr_lab.report.gap.sections.friction import friction_figure, friction_rows, friction_words
 from dpr_lab.report.gap.summary import basis_words, budget_bar, summary_note
 from dpr_lab.report.words import in_words, named
 
@@ -245,3 +247,21 @@ def test_an_improbable_effect_is_not_listed_as_a_cause(diagnosis, tmp_path) -> N
     assert [label.split(":")[0] for label, _ in bar.parts] == ["terms without a probable cause", TILT, "remainder"]
     assert COULOMB in summary_note(result)
     assert summary_note(diagnosis()) == ""
+
+
+def test_the_friction_torque_of_each_joint_is_shown_with_its_interval(diagnosis) -> None:
+    curve = JointFriction(
+        speed_rad_per_s=[-2.0, -0.02, 0.02, 2.0],
+        torque_Nm=[-3e-3, -1e-3, 1e-3, 3e-3],
+        std_Nm=[1e-5, 2e-5, 2e-5, 1e-5],
+        coefficients=2,
+    )
+    made = diagnosis(effects=[effect("hysteresis_joint1", 0.9, 0.3)])
+    made = made.model_copy(update={"evidence": Evidence.model_construct(friction={"joint1": curve})})
+    joint, other = friction_words(made)
+    assert joint.startswith("Joint 1: 1.000 ± 0.020 mN m at 0.0200 rad/s and 3.000 ± 0.010 mN m at 2.00 rad/s")
+    assert named("hysteresis_joint1") in other
+    assert friction_rows(made)[0] == ("joint 1", "-2.00", "-3.000 ± 0.010", "-3.016 to -2.984")
+    (axes,) = friction_figure(made).axes
+    (band,) = axes.collections
+    assert band.get_paths()[0].vertices[:, 1].min() == pytest.approx(-3.0 - 1.645e-2, abs=1e-5)

@@ -1,10 +1,11 @@
 """Limits of a rig (`dpr-lab accept`) as goals of a plan, and whether its releases decide them.
 
 A limit is decided by a 90 % interval, 1.645 standard deviations on either side. A quantity at half its limit, or in the
-middle of its range, passes on average if this half width is smaller than its distance from the limit.
+middle of its range, passes on average if this half width is smaller than its distance from the limit. A friction limit
+also needs a recording in which the joint reaches its speed in both directions.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,9 @@ from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.evidence.joint_friction import GRID, linear_torque
+from dpr_lab.planning.information import reached_speeds
 from dpr_lab.planning.knowledge import Knowledge
+from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import LimitForecast
 from dpr_lab.planning.worth.criteria import WORTH, detectable, given, shown_ratio_std
 
@@ -53,17 +56,41 @@ def goal_bits(known: Knowledge, F: Array, limits: Limits) -> float:
     return float(np.sum(-np.log2(np.maximum(shares, 0.5)))) if shares else 0.0
 
 
-def limit_forecasts(known: Knowledge, F: Array, limits: Limits) -> list[LimitForecast]:
-    """Each limit of a file, and whether releases with some information decide it; arguments as of `goals`."""
+def limit_forecasts(
+    known: Knowledge, F: Array, limits: Limits, releases: Sequence[CandidateRelease] = ()
+) -> list[LimitForecast]:
+    """Each limit of a file, and whether releases decide it.
+
+    Args:
+        known: what is known now
+        F: (k, k) information after the releases
+        limits: what the rig must keep
+        releases: the releases; a friction limit is decided only if the joint reaches its speed in one of them or before
+    """
+    slow = _too_slow(known, limits, releases)
     return [
         LimitForecast(
             quantity=goal.quantity,
             unit=goal.unit,
             reach=goal.reach,
-            decides=goal.single and goal.reach is not None and goal.reach < goal.room,
+            reached_rad_per_s=slow.get(goal.quantity),
+            decides=goal.quantity not in slow and goal.single and goal.reach is not None and goal.reach < goal.room,
         )
         for goal in goals(known, F, limits)
     ]
+
+
+def _too_slow(known: Knowledge, limits: Limits, releases: Sequence[CandidateRelease]) -> dict[str, float]:
+    """Friction limit -> speed that its joint reaches, for those whose speed it does not reach, rad/s."""
+    if not limits.friction:
+        return {}
+    planned, evidence = reached_speeds(releases, known.model), known.diagnosis.evidence if known.diagnosis else None
+    slow: dict[str, float] = {}
+    for joint, limit in limits.friction.items():
+        recorded = evidence.friction[joint].speed_rad_per_s[-1] if evidence and joint in evidence.friction else 0.0
+        if (reached := max(recorded, planned[joint])) < limit.speed_rad_s:
+            slow[friction_quantity(joint, limit)] = reached
+    return slow
 
 
 def _of_effects(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:

@@ -6,6 +6,7 @@ from dpr_lab.report.gap.sections.closing import CLOSING
 from dpr_lab.report.gap.sections.curves import CURVES
 from dpr_lab.report.gap.sections.domain import DOMAIN
 from dpr_lab.report.gap.sections.exclusions import EXCLUSIONS
+from dpr_lab.report.gap.sections.friction import FRICTION
 from dpr_lab.report.gap.sections.metric import METRIC
 from dpr_lab.report.gap.sections.provenance import PROVENANCE
 from dpr_lab.report.gap.sections.residuals import RESIDUALS
@@ -15,6 +16,7 @@ SECTIONS: tuple[EvidenceSection, ...] = (
     CURVES,
     CLOSING,
     BUDGET,
+    FRICTION,
     METRIC,
     RESIDUALS,
     DOMAIN,

@@ -1,0 +1,103 @@
+"""Friction torque of each joint against its speed, with its 90 % interval."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dpr_lab.acceptance.judge import NOT_OF_SPEED
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.evidence import JointFriction
+from dpr_lab.report import style
+from dpr_lab.report.digits import interval, plus_minus, three
+from dpr_lab.report.figures import empty_figure, legend_above, new_figure
+from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.words import named
+from dpr_lab.shown import listed
+
+
+def friction_figure(diagnosis: Diagnosis) -> Figure:
+    """Friction torque over the speed of each joint."""
+    friction = evidence_of(diagnosis).friction
+    with style.house_style():
+        if not friction:
+            return empty_figure("No joint moves in both directions.")
+        figure = new_figure(3.0)
+        panels = figure.subplots(1, len(friction), squeeze=False)[0]
+        for axes, (joint, curve) in zip(panels, friction.items(), strict=True):
+            _draw_joint(axes, joint, curve)
+        legend_above(figure)
+        return figure
+
+
+def _draw_joint(axes: Axes, joint: str, curve: JointFriction) -> None:
+    speed, (torque, std) = curve.speed_rad_per_s, (np.array(values) for values in _in_mNm(curve))
+    axes.fill_between(
+        speed,
+        torque - NORMAL_Q90 * std,
+        torque + NORMAL_Q90 * std,
+        label="90 % interval",
+        color=style.EVOLUTION["color"],
+        alpha=0.25,
+        linewidth=0,
+    )
+    axes.plot(speed, torque, label="friction torque", **style.EVOLUTION)
+    axes.axhline(0.0, color="#555555", linewidth=0.8)
+    axes.set(title=_words(joint), xlabel="speed of the joint (rad/s)", ylabel="torque (mN m)")
+    axes.margins(x=0.01)
+
+
+def friction_words(diagnosis: Diagnosis) -> list[str]:
+    """Torque of each joint at its smallest and its largest speed."""
+    sentences = []
+    for joint, curve in evidence_of(diagnosis).friction.items():
+        torque, std = _in_mNm(curve)
+        sizes = [
+            f"{plus_minus(torque[k], std[k])} mN m at {three(curve.speed_rad_per_s[k])} rad/s"
+            for k in (len(torque) // 2, -1)
+        ]
+        sentences.append(f"{_words(joint).capitalize()}: {' and '.join(sizes)} (standard deviation).")
+    other = [named(effect.name) for effect in diagnosis.effects if effect.name in NOT_OF_SPEED]
+    if other:
+        sentences.append(f"Not contained, because it depends on more than the speed: {listed(other)}.")
+    return sentences or ["No joint moves in both directions."]
+
+
+def friction_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Some speeds of each joint."""
+    rows = []
+    for joint, curve in evidence_of(diagnosis).friction.items():
+        points = list(zip(curve.speed_rad_per_s, *_in_mNm(curve), strict=True))
+        for speed, torque, std in points[:: PAGE.every]:
+            within = interval(torque - NORMAL_Q90 * std, torque + NORMAL_Q90 * std, torque, std)
+            rows.append((_words(joint), three(speed), plus_minus(torque, std), within))
+    return rows
+
+
+def _in_mNm(curve: JointFriction) -> tuple[list[float], list[float]]:
+    """Torques and their standard deviations, mN m."""
+    return [1e3 * torque for torque in curve.torque_Nm], [1e3 * std for std in curve.std_Nm]
+
+
+def _words(joint: str) -> str:
+    return f"joint {joint[-1]}"
+
+
+FRICTION = EvidenceSection(
+    name="friction",
+    title="Friction torque",
+    words=friction_words,
+    figure=friction_figure,
+    alternative="Line charts of the friction torque of each joint over its speed, with its 90 % interval.",
+    caption="Friction torque of each joint, up to the speed that it reaches in both directions: viscous friction, the"
+    " named friction laws and a free-form curve, fitted together. The band is the 90 % interval at each speed.",
+    symbols="T(u) = c u + sum of the friction laws at the speed u, positive against a positive speed, at the assumed b."
+    " Its variance is g(u)^T C g(u), with C the covariance of the fitted values and g(u) the derivative of T(u).",
+    tables=(
+        FoldedTable(
+            "Friction torque, values",
+            ("joint", "speed (rad/s)", "torque (mN m)", "90 % interval (mN m)"),
+            friction_rows,
+        ),
+    ),
+)
