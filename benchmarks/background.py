@@ -32,7 +32,7 @@ from dpr_lab.trials.score import Claim
 from dpr_lab.trials.summary import calibration_error
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.background_rigs import Law, recordings, rig_and_base
+from tests.background_rigs import NAMED, Law, recordings, rig_and_base
 from tests.faulty_loggers import FAULTS
 
 SURE = 0.9
@@ -77,8 +77,8 @@ class Case:
     """Of the logger; empty for none."""
     true: tuple[str, ...]
     """The dominant effect, then the small ones, and the mount if it gives way."""
-    largest: tuple[str, ...]
-    """The effects that alone cause the largest gap, or nearly the largest."""
+    gaps: dict[str, float]
+    """Residual of the bare model over the noise if one law acts alone, mount and zero apart, by law."""
     verdict: str
     named: tuple[tuple[str, float], ...]
     """With their probabilities, in the order of the verdict."""
@@ -97,6 +97,16 @@ class Case:
         """Whether the first named effect is one of some laws, wrong values of the rig file apart."""
         effects = [name for name, _ in self.named if not name.startswith(WRONG_VALUES)]
         return bool(effects) and any(alike(effects[0], law) for law in laws)
+
+    @property
+    def largest(self) -> list[str]:
+        """The effects that alone cause the largest gap, or nearly the largest."""
+        return [name for name, gap in self.gaps.items() if gap >= LARGEST * max(self.gaps.values())]
+
+    def small(self, *, seen: bool) -> list[bool]:
+        """Whether each small effect of the library is named, of those that alone leave more or less than the noise."""
+        names = {law for law in self.gaps if law != self.true[0] and law.startswith(NAMED)}
+        return [any(alike(name, law) for name, _ in self.named) for law in names if (self.gaps[law] >= 1) == seen]
 
     @property
     def claims(self) -> list[Claim]:
@@ -131,14 +141,14 @@ def described(rig: Rig, rng: np.random.Generator) -> Rig:
     return Rig.model_validate(values)
 
 
-def largest_alone(seed: int, acting: Sequence[Law], rods: int, rate_hz: float) -> tuple[str, ...]:
-    """The effects that alone leave the largest residuals of the bare model, or nearly the largest."""
+def gaps_alone(seed: int, acting: Sequence[Law], rods: int, rate_hz: float) -> dict[str, float]:
+    """The residual over the noise that the bare model leaves of each law."""
     gaps = {}
     for name in dict.fromkeys(law.name for law in acting):
         rig, runs, _ = recordings(seed, [law for law in acting if law.name == name], rods=rods, rate_hz=rate_hz)
         alone = Recordings(tuple(record(run, rig) for run in runs), rig)
         gaps[name] = fit_bare_model(alone, nominal_ratios(rig))[2].residuals.noise_ratio
-    return tuple(name for name, gap in gaps.items() if gap >= LARGEST * max(gaps.values()))
+    return gaps
 
 
 def diagnosed(draw: Draw) -> Case:
@@ -165,7 +175,7 @@ def diagnosed(draw: Draw) -> Case:
         draw.seed,
         fault,
         (*(law.name for law in laws), *(() if draw.clean else ("mount",))),
-        largest_alone(draw.seed, laws, rods, rate_hz),
+        gaps_alone(draw.seed, laws, rods, rate_hz),
         found.verdict,
         tuple((effect.name, effect.probability) for effect in found.effects),
         size_off,
@@ -180,16 +190,23 @@ def bars(done: list[Case]) -> list[Bar]:
     offs = [case.size_off for case in done if case.size_off is not None]
     claims = [claim for case in done for claim in case.claims]
     sure = [claim.true for claim in claims if claim.probability > SURE]
+    seen, unseen = ([named for case in done for named in case.small(seen=seen)] for seen in (True, False))
     return [
         at_least(f"dominant effect first (of {len(done)})", float(np.mean([case.first_right for case in done])), 0.93),
         at_least("effect of the largest gap first", float(np.mean([c.first_is(c.largest) for c in done])), 0.93),
         at_most("sure wrong names, per case", float(np.mean([case.sure_wrong for case in done])), 0.02),
         at_least(f"of {len(sure)} names above 0.9: right", float(np.mean(sure)) if sure else 1.0, 0.95),
         at_most(f"calibration error, of {len(claims)} names", calibration_error(claims), 0.05),
+        Bar(f"small effects above the noise (of {len(seen)}): named", "-", _mean(seen), None),
+        Bar(f"small effects below it (of {len(unseen)}): named", "-", _mean(unseen), None),
         Bar("verdict unexplained, share", "-", float(np.mean([case.verdict == "unexplained" for case in done])), None),
         Bar("size within 90 % interval, share", "-", float(np.mean(np.abs(offs) < 1)) if offs else None, None),
         Bar("seconds a case, median", "-", float(np.median([case.seconds for case in done])), None),
     ]
+
+
+def _mean(truths: list[bool]) -> float | None:
+    return float(np.mean(truths)) if truths else None
 
 
 def main() -> None:

@@ -17,12 +17,12 @@ SIZE = 3e-3
 
 
 @pytest.fixture
-def record_of(recorded: Callable[..., list[Run]], screened: Callable[..., Any]) -> Callable[[float], Record]:
+def record_of(recorded: Callable[..., list[Run]], screened: Callable[..., Any]) -> Callable[..., Record]:
     """A recording in which encoder 2 steps at an instant, s."""
 
-    def made(at: float) -> Record:
+    def made(at: float, size: float = SIZE) -> Record:
         one = screened(recorded({}, duration=2.0)).records[0]
-        one.joints[one.t >= at, 1] += SIZE
+        one.joints[one.t >= at, 1] += size
         return one
 
     return made
@@ -42,6 +42,17 @@ def test_a_step_of_the_readings_is_seen_also_some_readings_from_where_the_residu
 def test_a_zero_that_differs_or_a_step_of_the_residual_alone_is_no_step(record_of):
     record = record_of(-1.0)  # another zero during the whole recording
     assert not any(shows_step(record, step_at(record, place)) for place in (3, 60, 200, len(record.t) - 4))
+
+
+def test_a_small_step_must_be_seen_in_the_readings_not_only_be_possible(record_of):
+    record = record_of(-1.0)
+    size = 8.0 * float(np.median(record.sigma[:, 1]))  # one that three standard errors of the readings do not exclude
+    places = range(40, len(record.t) - 40, 40)
+    seen = [shows_step(record, step_at(record, place, sign * size)) for place in places for sign in (1.0, -1.0)]
+    assert np.mean(seen) < 0.2
+    for place in places[::8]:
+        stepped = record_of(float(record.t[place]), size)
+        assert shows_step(stepped, step_at(stepped, place, size))
 
 
 def test_a_step_of_one_count_is_the_resolution_of_the_encoder(record_of, paper: Rig):

@@ -42,7 +42,9 @@ class StepSettings:
     part: float = 0.5
     """Fraction of the step of a residual that the readings must be able to contain."""
     errors: float = 3.0
-    """Standard errors of the step of the readings that count in favour of a step."""
+    """Standard errors by which the readings may show less than the step of the residual. A step of the readings of as
+    many standard errors is seen.
+    """
     counts: float = 1.5
     """Size of a step, in counts, up to which it is the resolution of an encoder. An edge is counted at the same angle
     in both directions, so that readings taken at edges differ by one count after a reversal.
@@ -87,9 +89,11 @@ def visible_steps(
 
 
 def shows_step(record: Record, step: ReadingStep) -> bool:
-    """Whether the readings about an instant can contain a step: a polynomial with a step is fitted to them.
+    """Whether the readings about an instant contain a step: a polynomial with a step is fitted to them.
 
-    A step with fewer readings before or after it is no step but a zero of the recording.
+    The step of the readings must not be far below that of the residual, and it must be seen. A small step of a residual
+    is within the errors of readings that have none: they must be nearer to this step than to none. A step with fewer
+    readings before or after it is no step but a zero of the recording.
     """
     after, side = int(np.searchsorted(record.t, step.at)), STEPS.side
     around = np.arange(-side, side)
@@ -103,7 +107,8 @@ def shows_step(record: Record, step: ReadingStep) -> bool:
         window = slice(first - side, first + side)
         projection = float(shape @ record.joints[window, step.joint]) / power
         error = float(np.median(record.sigma[window, step.joint])) / power**0.5
-        if np.sign(step.size) * projection + STEPS.errors * error >= STEPS.part * abs(step.size):
+        shown, least, scatter = np.sign(step.size) * projection, STEPS.part * abs(step.size), STEPS.errors * error
+        if shown + scatter >= least and shown >= min(least, scatter):
             return True
     return False
 
