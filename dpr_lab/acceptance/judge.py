@@ -25,7 +25,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy import stats
 
 from dpr_lab.acceptance.limits import Limits, friction_quantity
 from dpr_lab.effects import EFFECTS
@@ -128,10 +127,12 @@ def _frictions(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 def _largest(curve: JointFriction, speed: float, diagnosis: Diagnosis) -> Range:
     """Interval of the largest friction torque up to a speed."""
+    from scipy.special import chdtri  # slow to import, and every diagnosis imports this module
+
     u = np.array(curve.speed_rad_per_s)
     within = np.append(u[np.abs(u) <= speed], [-speed, speed])
     size, std = np.abs(np.interp(within, u, curve.torque_Nm)), np.interp(within, u, curve.std_Nm)
-    simultaneous = float(np.sqrt(stats.chi2.ppf(SURE, curve.coefficients)))
+    simultaneous = float(np.sqrt(chdtri(curve.coefficients, 1.0 - SURE)))
     factors = _scale_factors(diagnosis, 1)
     lower, upper = float((size - simultaneous * std).max()), float((size + NORMAL_Q90 * std).max())
     return max(0.0, lower) * min(factors), upper * max(factors)
@@ -163,6 +164,8 @@ def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float]) -> Iterator[JudgedLimit]:
     """The median error over releases; its logarithm is assumed to be normal."""
+    from scipy.special import stdtrit  # slow to import, and every diagnosis imports this module
+
     if (limit := limits.free_run) is None:
         return
     reason = f"the description of the recordings is probably wrong: {diagnosis.hints[0]}" if diagnosis.hints else ""
@@ -171,7 +174,7 @@ def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float])
         reason = reason or f"fewer than two recordings are longer than {limit.horizon_s:g} s"
     else:
         logs = np.log(np.maximum(list(errors.values()), np.finfo(float).tiny))
-        spread = float(stats.t.ppf(SURE, len(logs) - 1) * logs.std(ddof=1) / np.sqrt(len(logs)))
+        spread = float(stdtrit(len(logs) - 1, SURE) * logs.std(ddof=1) / np.sqrt(len(logs)))
         interval = float(np.exp(logs.mean() - spread)), float(np.exp(logs.mean() + spread))
     answer = _answer(interval, None, limit.max)
     yield _judged(f"free run over {limit.horizon_s:g} s", limit.unit, (None, limit.max), interval, answer, reason)

@@ -31,11 +31,15 @@ class Listing(TyperGroup):
         Raises:
             BadParameter: the first argument is a file.
         """
-        names = self.list_commands(ctx)
-        if args[0] not in names and Path(args[0]).is_file():
+        if args[0] not in self.commands and Path(args[0]).is_file():
+            names = self.list_commands(ctx)
             commands = ", ".join(names) if len(names) < 10 else f"{ctx.command_path} --help lists them"
             raise typer.BadParameter(f"{args[0]} is a file: write a command before it ({commands})", ctx)
         return super().resolve_command(ctx, args)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names of the commands, none of which is imported."""
+        return list(self.commands)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the list."""

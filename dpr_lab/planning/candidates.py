@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import qmc
 
 from dpr_lab.arrays import Array
 from dpr_lab.planning.acting import allowed_rods, arm_states
@@ -47,7 +46,9 @@ SEARCH = Search()
 
 def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Array:
     """(n, 2) reachable start angles: an evenly spread set, and small angles about hanging."""
-    points = qmc.Sobol(2, rng=rng).random_base2(int(np.ceil(np.log2(count))) + 4)
+    from scipy.stats.qmc import Sobol  # slow to import
+
+    points = Sobol(2, rng=rng).random_base2(int(np.ceil(np.log2(count))) + 4)
     spread = 2 * np.pi * points
     reached = spread[limits.poses.reachable(spread)]
     if len(reached) < count:  # a narrow range

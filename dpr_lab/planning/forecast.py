@@ -23,7 +23,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from dpr_lab.acceptance.judge import SURE
 from dpr_lab.arrays import Array, Flags
@@ -69,8 +68,11 @@ def decision_probability(
 
 def _decided(p: Array, d2: Array, together: Flags) -> float:
     """Share of random draws in which the cause of one named effect, or those that count as one, are decided."""
+    from scipy.special import ndtri  # slow to import
+    from scipy.stats.qmc import Sobol
+
     outside = max(1.0 - float(p.sum()), 0.0)
-    normal = stats.norm.ppf(stats.qmc.Sobol(len(p), rng=np.random.default_rng(0)).random(FORECAST.draws) % 1.0)
+    normal = ndtri(Sobol(len(p), rng=np.random.default_rng(0)).random(FORECAST.draws) % 1.0)
     normal = np.clip(normal, -6.0, 6.0)
     total = 0.0
     for truth in range(len(p)):

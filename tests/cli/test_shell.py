@@ -60,15 +60,6 @@ def test_help_imports_nothing_heavy() -> None:
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_a_diagnosis_on_the_terminal_loads_no_figures() -> None:
-    program = (
-        "import sys\nfrom dpr_lab.cli.diagnose import show\nfrom tests.a_diagnosis import made\n"
-        "show(made())\nprint('matplotlib' in sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "False"
-
-
 @pytest.mark.slow
 def test_dpr_lab_never_loads_the_simulated_device() -> None:
     program = (
