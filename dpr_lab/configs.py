@@ -20,6 +20,9 @@ _PACKAGE = Path(__file__).parent
 # In an installed wheel the built-in files are inside the package; in a checkout they are top-level folders.
 BUILTIN = _PACKAGE / "builtin" if (_PACKAGE / "builtin").is_dir() else _PACKAGE.parent / "configs"
 
+KEY = "[key]"
+"""Last part of the location of a key that pydantic refuses; the part before it is the key."""
+
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -89,7 +92,7 @@ def _line_of(error: ValueError, text: str) -> str:
 
 
 def _sentence(path: str, fault: "ErrorDetails", model: type[BaseModel]) -> str:
-    shown = "" if isinstance(fault["input"], dict) else f" = {fault['input']!r}"
+    shown = "" if isinstance(fault["input"], dict) or fault["loc"][-1:] == (KEY,) else f" = {fault['input']!r}"
     place = f"{key_words(fault['loc'])}{shown}: " if fault["loc"] else ""  # empty for keys that do not fit together
     sentence = f"{path}: {place}{fault_words(fault)}"
     keys = _keys_of(model, fault["loc"][:-1])
@@ -119,6 +122,7 @@ def first_fault(error: ValidationError) -> str:
 
 def key_words(location: Sequence[int | str]) -> str:
     """A place in a file, with the entries of lists counted from 1: `masses, entry 2, rod`."""
+    location = [part for part in location if part != KEY]
     parts = [f"entry {part + 1}" if isinstance(part, int) else part for part in location]
     separators = [
         ", " if isinstance(part, int) or isinstance(before, int) else "." for before, part in pairwise(location)

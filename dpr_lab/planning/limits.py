@@ -230,7 +230,8 @@ def refuse_impossible_plan(path: Path, limits: PlanLimits, rig: Rig) -> None:
             f"{path}: rods.elbow: does not contain {rig.rods.elbow}, the elbow of rig {rig.name}: add it, or change the"
             " rig file"
         )
-    grid = np.stack(np.meshgrid(*[np.linspace(0.0, 2 * np.pi, 181)] * 2), axis=-1).reshape(-1, 2)
+    ranges = (limits.poses.theta1_rad, limits.poses.theta2_rad)
+    grid = np.stack(np.meshgrid(*[np.linspace(*ends, 181) for ends in ranges]), axis=-1).reshape(-1, 2)
     if not limits.poses.reachable(grid).any():
         raise ConfigError(
             f"{path}: poses: no pose is inside the limits of theta1_rad, theta2_rad and elbow_rad: widen one of them"

@@ -237,6 +237,10 @@ def test_a_plan_after_runs_lists_the_undecided_causes(two_runs: list[Run], two_f
         ("[drive]\ntorque_Nm = [0.1, -0.1]", "drive.torque_Nm, entry 2 = -0.1"),
         ('[effects.coulomb_jont2]\ntorque_Nm = {max = 1.0, unit = "N m"}', "coulomb_joint2"),
         ("[minutes]\nplace = nan", "minutes.place"),
+        (
+            '[friction.joint3]\nmax = 1.0\nspeed_rad_s = 1.0\nunit = "N m"',
+            "friction.joint3: must be 'joint1' or 'joint2'",
+        ),
         ("[poses", "not valid TOML"),
     ],
 )
@@ -247,6 +251,13 @@ def test_wrong_limits_are_refused_with_key_and_value(paper: Rig, tmp_path: Path,
         load_plan_limits(path, paper)
     assert str(path) in str(refused.value)
     assert words in str(refused.value)
+
+
+def test_a_latch_with_a_single_pose_is_planned(paper: Rig, tmp_path: Path) -> None:
+    path = tmp_path / "limits.toml"
+    path.write_text("[poses]\ntheta1_rad = [1.6, 1.6001]\ntheta2_rad = [1.0, 1.0001]\n[recording]\nlongest_s = 10.0")
+    (release,) = plan(paper, limits=load_plan_limits(path, paper), count=1).releases
+    assert (release.theta1_rad, release.theta2_rad) == (pytest.approx(1.6, abs=1e-3), pytest.approx(1.0, abs=1e-3))
 
 
 @pytest.mark.parametrize(("name", "says"), [("driven_double", True), ("paper", False)])
