@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from sim_device.options import Options
 
 DESCRIPTION = """\
-A device made of software. It speaks the same protocol as the board, over a pseudo terminal (serial, or CAN in SLCAN) or
-over TCP on this machine, and is ready once it prints one line of JSON with the URL to connect to."""
+A simulated device. It speaks the same protocol as the board, over a pseudo terminal (serial, or CAN in SLCAN) or over
+TCP on this machine, and is ready once it prints one line of JSON with the URL to connect to."""
 
 EXAMPLE = """\
 example:
@@ -115,7 +115,7 @@ def _uid(text: str) -> int:
 def _fault_lines() -> str:
     from sim_device.faults import FAULTS
 
-    return "\n".join(f"  {name:<17}{kind.meaning}" for name, kind in FAULTS.items())
+    return "\n".join(f"  {name:<19}{kind.meaning}" for name, kind in FAULTS.items())
 
 
 def _tell(options: argparse.Namespace) -> int:

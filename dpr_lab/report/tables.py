@@ -104,8 +104,12 @@ def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: An
         return f"Not reliable: {'; '.join(model.failures).rstrip('.')}."
     fitted = _worst(list(model.fit.rms_rad.values()), list(model.fit.noise_rad.values()))
     held_out = [_worst(c.segment_rms_rad, c.noise_rad) for c in comparisons if c.held_out]
-    residual, floor = (_pair_with_unit(by_axis, angles) for by_axis in (model.fit.rms_rad, model.fit.noise_rad))
-    sizes = f"rms residual θ1, θ2: {residual}; noise floor: {floor}"
+    rods = 1 if model.fitted else 2
+    residual, floor = (
+        f"{pair(angles.small_per_rad * size for size in [*by_axis.values()][:rods])} {angles.small}"
+        for by_axis in (model.fit.rms_rad, model.fit.noise_rad)
+    )
+    sizes = f"rms residual {', '.join(('θ1', 'θ2')[:rods])}: {residual}; noise floor: {floor}"
     if fitted > NOISE_LIKE.most and _driven_by_noise(fitted, model.fit.chi2_per_dof):
         verdict = (
             f"The residual is noise alone: it is {three(fitted)} times the noise of the readings, because the"
@@ -236,13 +240,14 @@ def comparison_rows(comparisons: "Sequence[Comparison]", angles: AngleUnit = RAD
             ("held out" if comparison.held_out else "fitted")
             + (f", {comparison.torque_kind} torques" if comparison.torque_kind else ""),
             str(comparison.segments),
-            pair(angles.small_per_rad * comparison.segment_rms_rad),
-            pair(angles.small_per_rad * comparison.noise_rad),
-            pair(_noise_ratio(comparison.segment_rms_rad, comparison.noise_rad)),
-            pair(angles.small_per_rad * comparison.free_run_rms_rad),
+            pair(angles.small_per_rad * comparison.segment_rms_rad[:rods]),
+            pair(angles.small_per_rad * comparison.noise_rad[:rods]),
+            pair(_noise_ratio(comparison.segment_rms_rad, comparison.noise_rad)[:rods]),
+            pair(angles.small_per_rad * comparison.free_run_rms_rad[:rods]),
             ("≥ " if to_the_end(comparison) else "") + three(comparison.horizon_s),
         ]
         for comparison in comparisons
+        for rods in [1 if np.array_equal(*comparison.measured.T) else 2]  # equal angles: one rod in two halves
     ]
 
 
@@ -362,7 +367,3 @@ def _worst(rms: Sequence[float] | Array, noise: Sequence[float] | Array) -> floa
 def _noise_ratio(rms: Array, noise: Array) -> Array:
     """Residual / noise floor by axis; NaN where the noise floor is unknown."""
     return np.divide(rms, noise, out=np.full(len(rms), np.nan), where=noise > 0)
-
-
-def _pair_with_unit(by_axis: dict[str, float], angles: AngleUnit) -> str:
-    return f"{pair(angles.small_per_rad * value for value in by_axis.values())} {angles.small}"

@@ -74,6 +74,7 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
         RunError: a run or the model cannot be used, or there are no runs.
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.
+        KeyboardInterrupt: re-raised with the name of the complete file, if report and models were being written.
     """
     from dpr_lab.gap.diagnose import STAGES
     from dpr_lab.gap.diagnose import diagnose as diagnose_runs
@@ -121,7 +122,13 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
         from dpr_lab.report.saving import save_diagnosis
 
         on_event(StageBegan(stages, stages, "report"))
-        files = save_diagnosis(diagnosis, runs, rig, request.out, lambda sentence: on_event(Warned(sentence)))
+        try:
+            files = save_diagnosis(diagnosis, runs, rig, request.out, lambda sentence: on_event(Warned(sentence)))
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(
+                f"interrupted: {request.out / RECORD} is complete, but report or models are missing."
+                " Run the same command again to write them"
+            ) from None
         result = _kept(DiagnoseResult(diagnosis, files), request.out)
     return result
 

@@ -85,6 +85,30 @@ def test_a_gap_that_grows_is_not_reported_to_close() -> None:
     assert how_far(grown) == "On held-out runs the gap does not close (-51 %, 90 % interval -74 % to -22 %)."
 
 
+@pytest.mark.parametrize(
+    ("low", "words"),
+    [
+        (0.0, "do not show how far the gap closes (97 %, 90 % interval 0 % to 100 %): record a second release."),
+        (0.8, "of the only release the gap closes by 97 % (90 % interval 80 % to 100 %)."),
+    ],
+)
+def test_a_single_release_whose_quarters_differ_shows_no_reduction(low: float, words: str) -> None:
+    closed = GapReduction(0.97, (low, 1.0))
+    assert how_far(Transfer("one release", True, closed, 1.0, (), {}, {}, {}, (), (), (), None)).endswith(words)
+
+
+@pytest.mark.parametrize(
+    ("probabilities", "named"),
+    [((0.98, 0.24), ["a"]), ((0.4, 0.24, 0.01), ["a", "b"]), ((0.98, 0.7), ["a", "b"])],
+)
+def test_the_sentence_names_improbable_causes_only_without_a_probable_one(
+    probabilities: tuple[float, ...], named: list[str]
+) -> None:
+    causes = [EffectPosterior(name, (name,), (), p) for name, p in zip("abc", probabilities, strict=False)]
+    selection, transferred = Mock(expected=frozenset()), Mock(withdrawn=())
+    assert [cause.name for cause in verdict._causes_named(selection, causes, transferred)] == named
+
+
 def test_held_out_data_without_a_gap_of_their_own_refute_nothing() -> None:
     nothing_to_close = reduction(
         np.array([[3.0, -4.0, 2.0, -2.0], [1.0, -4.0, 0.0, -2.0]]), np.random.default_rng(1), 1

@@ -53,6 +53,15 @@ def test_base_parameters_are_listed_if_the_runs_identify_their_scale(model):
     assert all(len(row) == len(tables.BASE_COLUMNS) and "±" in row[1] for row in rows)
 
 
+def test_one_rod_has_one_residual(model, comparison):
+    both = comparison()
+    alone = replace(both, measured=both.measured[:, [0, 0]])
+    assert [len(tables.comparison_rows([made])[0][3].split(", ")) for made in (both, alone)] == [2, 1]
+    whole = model()
+    assert "θ1, θ2" in tables.summary(whole)
+    assert "θ1:" in tables.summary(whole.model_copy(update={"fitted": [*whole.ratios.values()]}))
+
+
 def test_a_compared_run_in_mrad_and_times_noise(comparison):
     (row,) = tables.comparison_rows([comparison(held_out=True, residual=2.0)])
 

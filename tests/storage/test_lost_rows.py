@@ -34,7 +34,7 @@ def tracked(theta: np.ndarray) -> list[np.ndarray]:
 def test_frames_that_are_missing_in_their_column_are_gaps(tmp_path: Path, every: int) -> None:
     kept = np.delete(np.arange(N), [30, 31, 32, 90])
     file = write(tmp_path, "frame,theta1,theta2", 7 + every * kept.astype(float), *THETA[kept].T)
-    with pytest.raises(RunError, match=r"give --rate-hz \(frames per second of the camera\): 'frame' counts the rows"):
+    with pytest.raises(RunError, match=r"'frame' counts the rows: give their rate \(--rate-hz\)"):
         import_csv(file, RIG)
     run = import_csv(file, RIG, ImportOptions(rate_hz=FPS))
     np.testing.assert_allclose(run.t, T[kept], atol=1e-9)

@@ -1,5 +1,6 @@
 """Each mistake in a table is refused or questioned with the option that mends it; a right table is not."""
 
+import re
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,11 @@ from dpr_lab.storage.inspect import info
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.preview import preview
+from dpr_lab.storage.tables.torques import coarse_torques
 from dpr_lab.storage.writer import RunWriter
 from dpr_lab.workflows.events import ignore
 from dpr_lab.workflows.reading import read_runs
+from dpr_lab.workflows.sample_tables import write_sample_tables
 from sim_device.plant.config import ArmConfig, load_plant
 from sim_device.trials.offline_recorder import record
 from tests.storage.mutated_tables import MutatedTable, mutated_tables
@@ -101,7 +104,8 @@ def test_torques_of_rows_that_are_far_apart_are_questioned(
 ) -> None:
     for name, coarse in (("driven/none", False), ("driven/every_tenth", True)):
         questions = preview(tables[name].write(tmp_path), paper, tables[name].options).questions
-        assert any("do not show when they act" in question.sentence for question in questions) == coarse
+        assert any("do not show when such a change acts" in question.sentence for question in questions) == coarse
+    assert coarse_torques(np.array([[0.0, 0.0], [1.0, 0.0]]), 0.1, "the input changes").startswith("the input changes")
 
 
 AXES = ("theta1", "theta2")
@@ -192,6 +196,14 @@ def test_the_file_of_another_rig_is_questioned(name: str, rig: str) -> None:
     questions = preview(SAMPLES / f"{name}.csv", load_rig(rig), ImportOptions(**RIGHT)).questions
     (question,) = [one for one in questions if "is it the file of the recorded rig" in one.sentence]
     assert f"the rig file {rig!r} allows" in question.sentence
+
+
+def test_a_film_read_too_fast_is_questioned_with_its_rate(tmp_path: Path) -> None:
+    write_sample_tables(tmp_path)
+    rig, options = load_rig(tmp_path / "bench.toml"), ImportOptions(pose="side", rate_hz=120)
+    (question,) = preview(tmp_path / "film_side.csv", rig, options).questions
+    low, high = re.findall(r"were (\S+) to (\S+) rows or frames per second", question.sentence)[0]
+    assert float(low) < 100 < float(high) < 120
 
 
 @pytest.mark.parametrize(

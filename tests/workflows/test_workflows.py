@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 
@@ -125,6 +126,10 @@ def test_a_diagnosis_reports_its_stages_and_fits(recorded, tmp_path: Path, monke
     result = diagnose(DiagnoseRequest(files, "paper", out=tmp_path), heard)
     assert heard.of(events.StageBegan) == [events.StageBegan(4, 9, "which"), events.StageBegan(9, 9, "report")]
     assert json.loads(record.read_text()) == result.to_json() == {"nothing": "to see", "files": dict(result.files)}
+
+    monkeypatch.setattr("dpr_lab.report.saving.save_diagnosis", Mock(side_effect=KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt, match=r"diagnosis.json is complete.*Run the same command again"):
+        diagnose(DiagnoseRequest(files, "paper", out=tmp_path))
 
 
 def test_effects_are_chosen_by_name() -> None:

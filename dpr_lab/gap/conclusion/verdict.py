@@ -31,13 +31,15 @@ class VerdictRules:
     sure: float = 0.6
     """Minimum probability of the most probable class of a set that is named."""
     rather: float = 0.5
-    """Probability below which the sentence adds that the effect is probably not the cause."""
+    """Probability below which the sentence omits an effect, or adds the probability if no other is more probable."""
     outside: float = 10.0
     """Ratio of the probability of a cause outside the library to that of an effect. If every effect exceeds it, the
     verdict is "unexplained".
     """
     closes: float = 0.5
-    """Minimum share of the gap that a set must close on held-out recordings to be the cause."""
+    """Minimum share of the gap that a set must close on held-out recordings to be the cause. If the interval from the
+    quarters of one release extends below it, the sentence asks for a second release.
+    """
     gap_from: float = 0.5
     """Ratio to the noise from which a remainder that no effect explains is a gap."""
     held_out_gap: float = 1.0
@@ -168,7 +170,6 @@ def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPo
         return _no_gap(selection.base)
     if kind == "named":
         causes = _causes_named(selection, posteriors, transferred)
-        causes = listed_causes(causes) or causes
         least = min(cause.probability for cause in causes)
         return (
             f"The gap is explained by {_classes(causes)} (probability {percent(least)}). "
@@ -233,12 +234,14 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
 def _causes_named(
     selection: Selection, posteriors: Sequence[EffectPosterior], transferred: Transfer
 ) -> Sequence[EffectPosterior]:
-    """The causes in the sentence: they carry over to held-out data, and are not merely known effects."""
+    """The causes in the sentence: they carry over to held-out data, and are not merely known effects.
+
+    Less probable ones are named only if no other is; the table of the causes lists them.
+    """
     carrying = [cause for cause in posteriors if cause.name not in transferred.withdrawn]
-    likely = [
-        cause for cause in carrying if cause.name not in selection.expected or cause.probability >= VERDICT.rather
-    ]
-    return likely or carrying
+    unexpected = [cause for cause in carrying if cause.name not in selection.expected]
+    likely = [cause for cause in carrying if cause.probability >= VERDICT.rather]
+    return likely or listed_causes(unexpected) or listed_causes(carrying) or carrying
 
 
 def _no_gap(base: Hypothesis) -> str:
@@ -258,6 +261,11 @@ def how_far(transferred: Transfer) -> str:
     if _undecided(transferred):
         return f"{_tested_on(transferred)} the gap is too small to show a reduction."
     interval = f"90 % interval {percent(low)} to {percent(high)}"
+    if estimate > 0 and low < VERDICT.closes and transferred.basis == "one release":
+        return (
+            f"The quarters of the only release do not show how far the gap closes ({percent(estimate)}, {interval}):"
+            " record a second release."
+        )
     if estimate > 0:
         return f"{_tested_on(transferred)} the gap closes by {percent(estimate)} ({interval})."
     return f"{_tested_on(transferred)} the gap does not close ({percent(estimate)}, {interval})."

@@ -215,10 +215,13 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
             f"{table.path}: column {name!r} is in {unit} by its name: remove --time-unit, or rename the column"
         )
     missing = [q for q in (("t",) if timed else ()) + ("theta1", "theta2") if q not in named]
+    if missing == ["t"] and (counted := counter(table)):
+        raise RunError(
+            f"{table.path}: no column of times; {counted!r} counts the rows: give their rate (--rate-hz), for a film"
+            " the frames per second of the camera"
+        )
     if missing:
         rate = "; for a table without time give --rate-hz" if "t" in missing else ""
-        if rate and (counted := counter(table)):
-            rate += f" (frames per second of the camera): {counted!r} counts the rows"
         needed = "; both rods are needed" if NO_ROD not in names and missing != ["t"] else ""
         unnamed = all(_NO_NAME.fullmatch(name) for name in names if name != NO_ROD)
         clocks = [name for name in names if "t" in missing and is_time(re.sub(r"\d+\W*$", "", name))]

@@ -192,10 +192,12 @@ def _rig_questions(table: InterpretedTable, settings: QuestionSettings) -> list[
     factor = max(np.max(least / ratios), np.max(ratios / most))
     if residual > settings.same_rig or factor <= settings.other_rig:
         return []
+    slow, fast = (table.options.rate_hz or 0) * np.sqrt([np.max(ratios / most), np.min(ratios / least)])
+    filmed = f" Or were {slow:.3g} to {fast:.3g} rows or frames per second recorded (--rate-hz)?" if slow < fast else ""
     return [
         TableQuestion(
             f"the inertia of the rods relative to their weight differs by {percent(factor - 1)} from the nearest value"
-            f" that the rig file {table.rig.rig.name!r} allows: is it the file of the recorded rig (--rig)?"
+            f" that the rig file {table.rig.rig.name!r} allows: is it the file of the recorded rig (--rig)?{filmed}"
             " Otherwise correct its lengths, masses, inertias and their bounds"
         )
     ]
@@ -307,7 +309,8 @@ def _torque_doubts(table: InterpretedTable, settings: QuestionSettings) -> list[
     """
     if table.torques is None:
         return []
-    coarse = coarse_torques(table.torques[table.swing], settings.torque_step)
+    words = "the input of the arm changes" if table.arm_moves else "the torques change"
+    coarse = coarse_torques(table.torques[table.swing], settings.torque_step, words)
     if table.arm_moves:
         return [TableQuestion(coarse)] if coarse else []
     read = table.read(settings)

@@ -197,20 +197,21 @@ def better_torques(
     return best if residual < min(READ.sure, fit.residual / READ.better) else None
 
 
-def coarse_torques(torques: Array, limit: float) -> str:
-    """Doubt about torques whose rows are too far apart to show when they act; empty if they are not.
+def coarse_torques(torques: Array, limit: float, words: str) -> str:
+    """Doubt about torques, or an input of the arm, whose rows are too far apart; empty if they are not.
 
     Args:
         torques: (n, 2) from the release on, N m
         limit: median change between rows, relative to the range, above which they are too far apart
+        words: subject and verb of the sentence
     """
     changes, ranges = np.median(np.abs(np.diff(torques, axis=0)), axis=0), np.ptp(torques, axis=0)
     share = float(np.max(changes / np.maximum(ranges, np.finfo(float).tiny)))
     if share <= limit:
         return ""
     return (
-        f"the torques change by {percent(share)} of their range from row to row, so that the rows do not show when"
-        " they act, and a diagnosis may name a delay of the input: export them at the rate of the controller"
+        f"{words} by {percent(share)} of the range from row to row. The rows do not show when such a change acts, and a"
+        " diagnosis may name a delay of the input: export the table at the rate of the controller"
     )
 
 
