@@ -307,7 +307,7 @@ def as_mounted(theta: Array, mounting: Mounting, name: str, settings: MountingSe
 
 
 def elbow_turn(theta: Array, mounting: Mounting, settings: MountingSettings = MOUNTED) -> float:
-    """Impossible range of joint 2 for this mounting, rad; zero for both rods. Angles (n, 3)."""
+    """Range by which joint 2 turns although it cannot with this mounting, rad; zero for both rods. Angles (n, 3)."""
     if mounting == "both" or not len(theta):
         return 0.0
     tails = [settings.tail, 1 - settings.tail]

@@ -36,8 +36,8 @@ def main() -> None:
     try:
         # Our matrices are small: threads of the linear algebra slow them down, and lanes already use the cores.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        # A start makes objects by the hundred thousand, nearly all of which stay: to look for those that may go costs
-        # a tenth of it.
+        # The imports create some hundred thousand objects, nearly all of which live until the end. Searching them for
+        # garbage takes a tenth of the start.
         gc.set_threshold(100_000, 50, 50)
         keep_bytecode()
         _open_streams()

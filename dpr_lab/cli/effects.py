@@ -11,12 +11,27 @@ from dpr_lab.cli.listing import Listing
 if TYPE_CHECKING:
     from dpr_lab.effects.effect import Effect
 
+
+class EffectCommands(Listing):
+    """Commands about effects; the name of an effect in the place of a command is answered with `show`."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the command.
+
+        Raises:
+            BadParameter: no command has this name.
+        """
+        if args[0] not in self.list_commands(ctx):
+            raise typer.BadParameter(f"no command {args[0]!r}; for an effect: {ctx.command_path} show {args[0]}", ctx)
+        return super().resolve_command(ctx, args)
+
+
 app = typer.Typer(
     help="""List and describe the effects that a diagnosis can name.
 
     Example: dpr-lab effects list
     """,
-    cls=Listing,
+    cls=EffectCommands,
     no_args_is_help=True,
 )
 

@@ -16,17 +16,17 @@ def tui(
     rig: Annotated[
         str | None,
         typer.Option(
-            help="Rig file, or the name of a built-in one; default: the last one.", autocompletion=complete_rig
+            help="Rig file, or the name of a built-in one; default: the one used last.", autocompletion=complete_rig
         ),
     ] = None,
     link: Annotated[
-        str | None, typer.Option(help="Link to the device; default: the last one, or that of the rig file.")
+        str | None, typer.Option(help="Link to the device; default: the one used last, or that of the rig file.")
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of runs, model, report and diagnosis; default: the last one. Another folder begins without"
-            " selected runs and results."
+            help="Folder of runs, model, report and diagnosis; default: the one used last. Another folder begins"
+            " without selected runs and results."
         ),
     ] = None,
     allow_release: Annotated[

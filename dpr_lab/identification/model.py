@@ -372,6 +372,8 @@ def load_model(path: Path | str) -> Model:
             raise RunError(
                 f"{path}: is a model of a rig with a free or driven arm, which only `compare` and `export` take"
             )
+        if isinstance(content, dict) and "verdict" in content:
+            raise RunError(f"{path}: is a diagnosis; its corrected model is model.json in the same folder")
         model = Model.model_validate(all_printable(content))
         refuse_unknown_effects(model.effects, Path(path))
         return model

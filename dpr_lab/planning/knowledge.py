@@ -210,7 +210,7 @@ def _can_act(effect: Effect, rig: Rig, acting: Acting) -> bool:
 
 
 def _noise_of(rig: Rig) -> Array:
-    """(3,) of joints 1, 2 and 0."""
+    """(3,) noise densities of the encoders of joints 1, 2 and 0, rad/sqrt(Hz)."""
     return np.asarray(rig.reading_std[[1, 2, 0]] / np.sqrt(rig.link.rate_hz), dtype=np.float64)
 
 

@@ -43,7 +43,7 @@ def simulated_distance(
 
     Args:
         release: the release
-        known: what is known now
+        known: knowledge before the release
         pairs: the causes
         truth: index of the cause that is simulated
         other: index of the cause that is fitted

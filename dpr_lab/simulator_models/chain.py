@@ -87,7 +87,7 @@ class ModelChain:
     """The rods in a model, and their arm."""
 
     rods: tuple[ChainRod, ...]
-    """The inner rod, and the outer one; a single rod is on an arm."""
+    """The inner and the outer rod; a single rod only in a model with an arm."""
     elbow_mass: float
     """Mass of the parts on the axis of joint 2 that are fixed to the inner rod, kg."""
     gravity: float

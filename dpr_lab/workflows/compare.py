@@ -98,5 +98,10 @@ def _follow(file: Path, model: "Model", request: CompareRequest, on_event: OnEve
     from dpr_lab.workflows.reading import read_runs
 
     rig = stored_rig(file)
+    if (rig.name, rig.L1) != (model.rig.name, model.rig.L1):
+        raise RunError(
+            f"{file}: run of rig {rig.name}, L1 = {rig.L1:g} m, but the model is of {model.rig.name}, L1 ="
+            f" {model.rig.L1:g} m: give a model of this rig"
+        )
     (run,) = read_runs([file], rig, on_event, request.any_clock, request.torque, moving=True)
     return follow(run, rig, model)

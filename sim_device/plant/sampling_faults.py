@@ -52,7 +52,7 @@ def between_ticks(theta: NDArray[np.float64], later: NDArray[np.float64]) -> NDA
 
 
 def _within(begin_s: float, lasts_s: float | None, first: int, count: int, rate_hz: float) -> NDArray[np.bool_]:
-    """(count,) whether a sample of a swing lies in a stretch of some duration; None until the end."""
+    """(count,) whether a sample lies in an interval of the swing; without a duration until the end."""
     since = np.arange(first, first + count) / rate_hz - begin_s
     return (since >= 0.0) & (since < (np.inf if lasts_s is None else lasts_s))
 

@@ -27,7 +27,7 @@ from sim_device.trials.seal import keep, salted, seal
 from sim_device.trials.toml import toml_text
 
 SEED_BITS = 128
-"""Number of bits of a random seed: too many to try, even with all that is public of the trial."""
+"""Number of bits of a random seed: too many to find the seed by trying, from all published data of the trial."""
 
 
 @dataclass(frozen=True, slots=True)

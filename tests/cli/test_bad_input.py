@@ -61,6 +61,11 @@ def test_a_file_in_the_place_of_a_command_is_refused_with_the_commands(cli, tmp_
     assert "dpr-lab --help lists them" in cli(tmp_path / "a.csv").err
 
 
+def test_an_effect_in_the_place_of_a_command_is_answered_with_the_command(cli) -> None:
+    done = cli("effects", "coulomb_joint1")
+    assert (done.code, "effects show coulomb_joint1" in done.err) == (2, True)
+
+
 def test_no_such_rig_lists_those_there_are(tmp_path: Path, cli) -> None:
     done = capture(cli, "sim://", tmp_path, "nonesuch")
     assert done.code == 3

@@ -82,6 +82,8 @@ def test_days_sessions_and_labels() -> None:
     assert grouped(shuffled, "label").names == ("cold", "warm")
     with pytest.raises(RunError, match="all 2 runs are of one day"):
         grouped(runs[:2], "day")
+    with pytest.raises(RunError, match="the run is of one day"):
+        grouped(runs[:1], "day")
 
 
 @pytest.mark.slow

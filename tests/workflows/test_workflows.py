@@ -105,6 +105,14 @@ def test_identification_reports_its_progress_and_stops_on_request(recorded, tmp_
     with pytest.raises(RunError, match="no run can be compared"):
         compare(CompareRequest((missing,), result.file, tmp_path, leave_out=True))
 
+    saved = json.loads(result.file.read_text())
+    (tmp_path / "other.json").write_text(json.dumps(saved | {"rig": saved["rig"] | {"L1": 0.3}}))
+    with pytest.raises(RunError, match=r"L1 = 0.4 m, but the model is of paper, L1 = 0.3 m: give a model of this rig"):
+        compare(CompareRequest(files, tmp_path / "other.json", tmp_path))
+    (tmp_path / "diagnosis.json").write_text('{"verdict": "no_gap"}')
+    with pytest.raises(RunError, match=r"is a diagnosis; its corrected model is model.json in the same folder"):
+        compare(CompareRequest(files, tmp_path / "diagnosis.json", tmp_path))
+
 
 def test_a_diagnosis_reports_its_stages_and_fits(recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What the diagnosis does is not this test's: here it tells three things, and finds nothing."""

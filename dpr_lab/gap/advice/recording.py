@@ -59,7 +59,10 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
 
 
 def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior: Mapping[str, float]) -> Result:
-    """Densities of the runs: each candidate is fitted to them, tempered; a cause outside has their mean."""
+    """Tempered likelihood of the check's runs under each candidate, after a fit of it.
+
+    A cause outside the library has the mean of the candidates.
+    """
     open_ones = {check.about, *check.splits, *(r.name for r in diagnosis.rivals if r.instead_of == check.about)}
     fitted = _fitted(diagnosis, check.about, [name for name in prior if name in open_ones], answer)
     best = min(fitted.values(), key=lambda candidate: candidate.cost)

@@ -79,7 +79,7 @@ def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
 def visible_steps(
     records: Sequence[Record], steps: list[ReadingStep], rig: RigConstants
 ) -> list[tuple[int, int, float]]:
-    """Joint, run and instant of the best steps of encoders whose readings are counts and can contain the step."""
+    """Joint, run and instant of the steps that the readings can contain, of encoders that report counts; best first."""
     least = [2 * np.pi * STEPS.counts / abs(counts) for counts in (rig.counts_per_rev1, rig.counts_per_rev2)]
     possible = (
         step for step in steps if records[step.run].screened.on_grid[step.joint] and abs(step.size) > least[step.joint]

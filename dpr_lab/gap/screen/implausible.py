@@ -14,7 +14,7 @@ class ImplausibleSettings:
     fastest: float = 200.0
     """Maximum speed, rad/s: no laboratory rod rotates thirty times per second."""
     moved: float = 8.0
-    """Motion of a rod, in standard deviations, from which an equal reading counts as repeated."""
+    """Minimum motion of a rod, in standard deviations, for which an unchanged reading is a repeated one."""
     goes_on: float = 0.25
     """Fraction of the motion per sample by which the rod must move just before and after a repeated reading."""
     catches_up: float = 0.6

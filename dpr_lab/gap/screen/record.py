@@ -140,7 +140,7 @@ class Record:
         return replace(remaining, screened=replace(self.screened, findings=(*self.screened.findings, *findings)))
 
     def only(self, samples: slice | Flags) -> "Record":
-        """Some of its readings."""
+        """The record with selected samples only."""
         shown = None if self.shown is None else self.shown[samples]
         return replace(self, t=self.t[samples], joints=self.joints[samples], sigma=self.sigma[samples], shown=shown)
 

@@ -129,7 +129,7 @@ def free_runs(recordings: Recordings, estimate: Estimate, length_s: float = FREE
 
 
 def _own_start(recordings: Recordings, record: Record, estimate: Estimate) -> Estimate:
-    """The model with the initial state from the first readings of a recording, which is its only run."""
+    """The model for one recording alone, with the initial state fitted to its first readings."""
     estimate = estimate.changed(params=without_events(estimate.params))
     head = record.t - record.t[0] < FREE_RUN.settle_s
     head[:MIN_SAMPLES] = True

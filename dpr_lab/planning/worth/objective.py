@@ -44,7 +44,7 @@ class Objective:
     before: tuple[Array, ...]
     """(n, n) D^2 of the runs recorded so far, for each named effect."""
     ratios: float
-    """Bits about the ratios so far."""
+    """Information about the ratios from the runs and releases so far, bits."""
     limits: Limits = field(default_factory=Limits)
     """Limits of the rig."""
 

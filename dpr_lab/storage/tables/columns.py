@@ -179,7 +179,7 @@ def _on_arm(names: Sequence[str]) -> dict[str, str]:
 
 
 def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[list[str], dict[str, str]]:
-    """The only column that varies, apart from the time, if there is one; and the time of a table without names."""
+    """Name of the angle if only one column apart from the time varies; and the time column of a table without names."""
     if table.settled:
         return [], {}
     clock = {}

@@ -37,7 +37,7 @@ class StampSettings:
     elsewhere: int = 1000
     """Maximum number of rows, evenly spaced over the table, from which the usual size is determined."""
     far: float = 1e3
-    """Maximum distance of an instant from the fitted rows, in units of their duration, at which they predict it."""
+    """Maximum distance of a predicted instant from the fitted rows, in units of the duration of these rows."""
     misfit: float = 4.0
     """Minimum prediction error at the recorded stamp, in units of the usual size, in at least one column."""
     fit: float = 2.0

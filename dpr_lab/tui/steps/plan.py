@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 COLUMNS = ("release", "start pose", "duration", "minutes", "distinguished")
 FORECAST = "P(decided)"
 PLANNING = "planning the next releases"
-ONE = "take a release from the list: {plan.start} makes the list"
+ONE = "select a release in the list first; {plan.start} makes the list"
 OTHER_SETUP = (
     "{text}: the rig file describes other rods or masses. Change [rods] or [added_mass] in it ({rig.write} in step"
     " {rig}), then plan again"

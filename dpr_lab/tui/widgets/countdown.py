@@ -144,7 +144,9 @@ class Countdown(ModalScreen[bool]):
                 await asyncio.sleep(max(started + self.SECOND_S - time.monotonic(), 0.0))
             await self._be_seen()
             if self._sight.multiplexer != self._multiplexer:
-                raise SafetyStop(f"{self._sight.multiplexer} answered only now in place of the terminal: try again")
+                raise SafetyStop(
+                    f"{self._sight.multiplexer} has confirmed the countdown instead of the terminal: try again"
+                )
         except SafetyStop as unseen:
             self.stop(str(unseen))
             return

@@ -27,7 +27,7 @@ class Moment:
     states: Array
     """(n, 4 + memory) theta1, theta2, omega1, omega2, rad and rad/s, and additional states."""
     noise: Array
-    """(n, 3) unit normal numbers of the ticks."""
+    """(n, 3) standard normal numbers, a row for each tick."""
 
 
 Reading = Callable[[Array, Moment, Values], Array]

@@ -178,7 +178,7 @@ def _integrate_sticking(
         if solved.status == 1:
             began, first, x = first, float(solved.t_events[0][-1]), solved.y_events[0][-1].copy()
             x[1 + dry.joint] = 0.0 if dry.joint == 1 else x[2]
-            # after a release the joint is at the limit, where rounding must not hold it again
+            # A joint that has just broken away transmits the limit torque; rounding must not stop it again.
             side = _starts(body, dry, x) if side else _pushed(body, dry, x)
             if first == began:  # a slide shorter than a step, whose start was taken for its end
                 x[1 + dry.joint] += side * BEGUN

@@ -228,7 +228,7 @@ SENSORS = (
     ),
     OutOfLibraryEffect(
         "overspeed_loss",
-        "encoder 2: lost counts above a limit of speed",
+        "encoder 2: lost counts above a limit speed",
         Size("share", 2e-3, 2e-2),
         shape=(Size("limit_rad_per_s", 3.0, 8.0),),
         motion=counting_too_fast,
