@@ -115,7 +115,7 @@ def export(
     """
     json_mode(as_json)
     if out is None and not xarray:
-        raise typer.BadParameter("--out is required: its suffix is the format; or give --xarray")
+        raise typer.BadParameter("give --out FILE, whose suffix determines the format, or --xarray")
     if out is not None and xarray and out.suffix.lower() != ".nc":
         raise typer.BadParameter(f"--xarray writes NetCDF, but {out.name} does not end with .nc")
     from dpr_lab.storage.export import export as export_run

@@ -136,7 +136,7 @@ class ArmPlan(RigTable):
     """Permitted states of the arm in a planned release, and the limits of its motor."""
 
     modes: tuple[ArmState, ...] | None = None
-    """States of the arm; None: held, and that of the rig file (driven only with `input`)."""
+    """Permitted states. None: held, and the mode of the rig file; a driven arm also needs `input`."""
     input: Positive | None = None
     """Largest magnitude of the motor's input, in the unit of `[motor]` of the rig file: N m, A or V."""
     speed_rad_s: Positive = 1e6

@@ -18,7 +18,7 @@ COLUMNS = ("hidden effect", "true size", "diagnosis", "estimated size, 90 % inte
 
 
 def comparison_rows(opened: Opened, rig: Rig) -> list[tuple[str, ...]]:
-    """One row for each hidden effect, and one for each effect named wrongly; the sizes of an effect are lines."""
+    """One row for each hidden and each wrongly named effect; a cell has one line for each size."""
     truth, diagnosis = opened.truth, Diagnosis.model_validate(opened.diagnosis)
     unmatched = [effect for effect in diagnosis.effects if effect.name in opened.outcome.named]
     sizes = truth.sizes(rig, assumed_inertia(opened.diagnosis, rig))

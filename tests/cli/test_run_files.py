@@ -74,7 +74,7 @@ def test_an_export_for_xarray_needs_no_name(runs: list[Path], tmp_path: Path, cl
     assert done.json["out"] == str(tmp_path / "x1.nc"), done.err
     with xarray.open_dataset(tmp_path / "x1.nc") as opened:
         assert opened["theta1_rad"].dims == ("t_s",)
-    assert "--out is required" in cli("run", "export", copied).err
+    assert "give --out FILE" in cli("run", "export", copied).err
     wrong = cli("run", "export", copied, "--xarray", "--out", "x1.csv")
     assert wrong.code == 2
     assert "x1.csv does not end with .nc" in wrong.err

@@ -68,7 +68,7 @@ def widened_model(model: MovingArmModel, factor: float) -> MovingArmModel:
 
 
 def _possible(model: MovingArmModel, rig: Rig) -> bool:
-    """Whether bodies with the values of a model exist; an arm whose inertia is not determined stays as it is."""
+    """Whether rigid bodies can have the values of a model; always if the inertia of the arm is not determined."""
     if "A" not in {name.split("/")[0] for name in model.ratios}:
         return True
     try:

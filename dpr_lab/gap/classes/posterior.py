@@ -255,7 +255,7 @@ def _hidden(selection: Selection, effect: Effect) -> tuple[str, ...]:
 
 def _cost(selection: Selection, without: Hypothesis, score: Score) -> float:
     fitted = selection.fitted.get(without.key | {score.effect.name})
-    if fitted is not None:  # what remains of the selected set is noise for all
+    if fitted is not None:  # every set is compared with the residual of the selected one as noise
         return fitted.cost_at(selection.chosen.residuals.inflation)
     price = PENALTY.parameter * without.residuals.inflation * (len(score.columns) + len(score.effect.shapes))
     # a linear score is too optimistic; an effect that was not worth a fit can be nearly as good at best

@@ -48,8 +48,9 @@ class DisturbanceRules:
     rises: float = 0.05
     """Minimum rise of the energy, relative to its maximum, that indicates a push by hand."""
     first: float = 3.0
-    """Chi2 per reading of the first segment, and its ratio to that of the worst other one, above which free rods do not
-    follow its readings."""
+    """Limit of the chi-square per reading of the first segment, and of its ratio to the worst other one. Above both,
+    something else than gravity and friction acts in it.
+    """
     at_rest: float = 0.3
     """Maximum speed of rods that a hand holds, relative to their maximum speed: a record may begin in mid-swing."""
     held: float = 0.8

@@ -54,8 +54,8 @@ class MisreadSettings:
     spare: float = 1.05
     """Factor on the limits of the ratios, because ratios are uncertain."""
     slow: float = 2.5
-    """Ratio of the time of a swing to that of a mass point at L1 from which a run counts as slow: longer beginnings are
-    examined then.
+    """Ratio of the period of a run to that of a mass point at L1, above which the examined beginning of the run is
+    longer.
     """
     rate_hz: float = 250.0
     """Sample rate for other interpretations, Hz; their difference must be far above the noise."""

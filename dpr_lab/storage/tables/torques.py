@@ -88,7 +88,7 @@ def find_torques(
 
 
 def _stated(names: Sequence[str], source: str | None, stated: Mapping[str, str], path: object) -> Pairs:
-    """The stated columns as one kind."""
+    """Columns of the torques that the options name; they are of one kind."""
     for joint, name in stated.items():
         if name not in names:
             raise RunError(f"{path}: no column is named {name!r} ({joint}); the table has: {', '.join(names)}")

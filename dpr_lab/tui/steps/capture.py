@@ -283,7 +283,7 @@ Grey values are old: no message has arrived from the device since then, and the 
     async def action_connect(self) -> None:
         """Connect again after the cable was unplugged."""
         if self.device.connected is not None:
-            raise DprError(f"Already connected: {self.services.key_of('Connect')} shows the device, and others")
+            raise DprError(f"Already connected: {self.services.key_of('Connect')} shows this device and other links")
         if self.device.opening is None:
             self._ended = None
             await self.services.connect()
