@@ -1,7 +1,7 @@
 """Importing this makes the figures of reports, and saves a blank picture instead of drawing them.
 
 To draw the figures of a report takes as long as the diagnosis. Tests of figures draw them in their own process, and a
-command that a test starts as a new process, such as those of the documentation, draws its figures too.
+command that a test starts as a new process, such as those of long pages of the documentation, draws its figures too.
 """
 
 from pathlib import Path

@@ -11,6 +11,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,11 @@ STOP_TIMEOUT_S = 60.0
 LIVE = {"acquisition", "cli", "faults", "firmware_c", "sim_device", "transports", "tui"}
 """Folders whose tests talk to running devices. One that fails is repeated once, because a machine may stop for seconds;
 the summary lists it as `RERUN`, and it is a bug in the test or in the product."""
+
+
+def pytest_configure() -> None:
+    """Start the process that commands and simulated devices are forked from, before the processes that run tests."""
+    import_module("tests.warm_process").start_server()
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -71,6 +77,16 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 def pytest_collection_finish() -> None:
     """What is there to stay is not looked through again."""
     gc.freeze()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def warm_devices() -> Iterator[None]:
+    """The simulated devices that dpr-lab starts are forked from a process with the libraries loaded."""
+    warm, modules = import_module("tests.warm_process"), ("dpr_lab.child_process", "dpr_lab.trials.sealing")
+    with pytest.MonkeyPatch.context() as patch:
+        for module in map(import_module, modules):
+            patch.setattr(module, "subprocess", warm.starts_device(partial(warm.started, "sim_device")))
+        yield
 
 
 @pytest.fixture(autouse=True)

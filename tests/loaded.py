@@ -12,9 +12,8 @@ import signal
 import subprocess
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib import import_module
-from types import SimpleNamespace
 from typing import Any
 
 from numba.core.registry import cpu_target
@@ -25,8 +24,7 @@ from dpr_lab.report.schemas import SCHEMAS
 from dpr_lab.trials import sealing
 from sim_device.__main__ import main as simulate
 from tests.schemas import validator
-
-DEVICE = [sys.executable, "-m", "sim_device"]
+from tests.warm_process import starts_device
 
 
 class Forked(subprocess.Popen[bytes]):
@@ -69,22 +67,6 @@ def run_and_exit(function: Callable[[], int]) -> None:
         os._exit(code)
 
 
-def started(command: Sequence[str], **options: Any) -> Any:
-    """A program, or the simulated device."""
-    if list(command[:3]) != DEVICE:
-        return subprocess.Popen(command, **options)
-    return Forked(lambda: simulate([*command[3:]]), **options)
-
-
-def finished(command: Sequence[str], *, stdin: int, text: bool, capture_output: bool, check: bool) -> Any:
-    """As `subprocess.run`, with what `dpr_lab.trials.sealing` gives it."""
-    assert capture_output
-    assert not check
-    with started(command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=text) as process:
-        out, err = process.communicate()
-    return subprocess.CompletedProcess(command, process.returncode, out, err)
-
-
 for module in pkgutil.walk_packages(dpr_lab.__path__, "dpr_lab."):
     if not module.name.startswith(("dpr_lab.tui", "dpr_lab.__main__", "dpr_lab.cli.tui")):
         import_module(module.name)
@@ -94,12 +76,8 @@ import_module("tests.one_compiler")
 import_module("tests.valid_files")
 import_module("tests.blank_figures")
 for starts in (child_process, sealing):
-    starts.subprocess = SimpleNamespace(  # pyright: ignore[reportAttributeAccessIssue]
-        Popen=started,
-        run=finished,
-        PIPE=subprocess.PIPE,
-        DEVNULL=subprocess.DEVNULL,
-        TimeoutExpired=subprocess.TimeoutExpired,
+    starts.subprocess = starts_device(  # pyright: ignore[reportAttributeAccessIssue]
+        lambda words, **options: Forked(lambda: simulate([*words]), **options)
     )
 for name in SCHEMAS:
     validator(name)

@@ -10,8 +10,11 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+from tests import warm_process
 from tests.thinned import FULL
+from tests.warm_process import start_server, started
 
 ROOT = Path(__file__).parents[1]
 PRINTED = ROOT / "docs" / "reference" / "command-line.md"
@@ -211,8 +214,8 @@ def _tried(line: str) -> str:
 @contextmanager
 def device(link: str) -> Iterator[str]:
     """A simulated device, and the URL of its line."""
-    words = [sys.executable, "-m", "sim_device", "--exit-with-parent", "--link", link]
-    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+    words, pipe = ["--exit-with-parent", "--link", link], subprocess.PIPE
+    with started("sim_device", words, stdin=pipe, stdout=pipe, text=True) as process:
         try:
             assert process.stdout is not None
             yield json.loads(process.stdout.readline())["url"]
@@ -220,12 +223,31 @@ def device(link: str) -> Iterator[str]:
             process.kill()
 
 
-def follow(page: Path, folder: Path, patience_s: float) -> None:
-    """Run what a page has to run, in a folder, and fail with what was said last."""
+def forked_program() -> str:
+    """A `dpr-lab` that is forked from a process with the libraries loaded, as a script."""
+    start_server()
+    path = os.environ.get("PYTHONPATH")
+    environment = "-u PYTHONPATH" if path is None else f"PYTHONPATH='{path}'"
+    return f"#!/bin/sh\nexec env {environment} '{sys.executable}' -S '{warm_process.__file__}' dpr_lab \"$@\"\n"
+
+
+def follow(page: Path, folder: Path, patience_s: float, *, forked: bool = False) -> None:
+    """Run what a page has to run, in a folder, and fail with what was said last.
+
+    Args:
+        page: the page
+        folder: where it is followed
+        patience_s: longest time, s
+        forked: whether `dpr-lab` is a `forked_program`, to which a signal does not get
+    """
     steps = script(page)
-    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    environment = {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)}
     with ExitStack() as stack:
+        programs = Path(stack.enter_context(TemporaryDirectory()))
+        if forked:
+            (programs / "dpr-lab").write_text(forked_program(), encoding="utf-8")
+            (programs / "dpr-lab").chmod(0o700)
+        path = os.pathsep.join([str(programs), str(Path(sys.executable).parent), os.environ["PATH"]])
+        environment = {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)}
         for variable, link in (("SERIAL", "pty"), ("CAN", "slcan")):
             if f"${variable}" in steps:
                 environment[variable] = stack.enter_context(device(link))

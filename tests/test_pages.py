@@ -120,7 +120,7 @@ def check_ratios(file: Path) -> None:
 def test_a_page_can_be_followed(page: str, tmp_path: Path) -> None:
     if page == "docs/worked-example.md" and not RECORD.is_file():
         pytest.skip(f"no real record at {RECORD}")
-    follow(ROOT / page, tmp_path, patience_s=3000)
+    follow(ROOT / page, tmp_path, patience_s=3000, forked=page in QUICK)
     if page in IDENTIFIED:
         check_ratios(tmp_path / IDENTIFIED[page])
     for file, truth in VERDICTS.get(page, {}).items():

@@ -1,49 +1,89 @@
-"""`python -m dpr_lab` again and again: a process with the libraries loaded that forks one for each.
+"""Processes that are forked from one with the libraries loaded: one for all processes that run tests.
 
-What is asked for comes as lines of JSON on stdin: the words after `python -m dpr_lab`, the folder, the environment, and
-the files of the three streams. Each is answered by a line with the exit code.
+    python tests/warm.py SOCKET
+
+Each connection asks for one process: a program (`dpr_lab` or `sim_device`), its words, folder, environment and session
+as JSON, with the descriptors of its three streams. The answers are the number of the process, and its status when it
+has ended. The server ends with its stdin. `tests/warm_process.py` is the other end.
 """
 
 import atexit
 import json
 import os
 import runpy
+import select
+import shutil
+import socket
 import sys
 import threading
 import traceback
+from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 
 
 def main() -> None:
-    """Fork for every line."""
-    import_module("tests.loaded")
-    for line in sys.stdin:
-        asked, child = json.loads(line), os.fork()
-        if child == 0:
-            become(**asked)
-        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+    """Answer every connection by a process of its own; load the libraries for the first."""
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    listener.bind(sys.argv[1])
+    listener.listen(64)
+    print("listening", flush=True)
+    while listener in select.select([sys.stdin, listener], [], [])[0]:
+        line, _ = listener.accept()
+        import_module("tests.loaded")
+        if os.fork() == 0:
+            answer(line)
+        line.close()
+        count_ended()
+    count_ended()
+    shutil.rmtree(Path(sys.argv[1]).parent)
 
 
-def become(words: list[str], folder: str, environment: dict[str, str], streams: list[str]) -> None:
-    """Take the place of a fresh process: its words, folder, environment and streams."""
+def count_ended() -> None:
+    """Let the processor time of what has ended count as that of the tests."""
+    with suppress(ChildProcessError):
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
+
+
+def answer(line: socket.socket) -> None:
+    """Fork what a connection asks for, and wait for its end."""
+    message, streams, _, _ = socket.recv_fds(line, 1 << 20, 3)
+    if (child := os.fork()) == 0:
+        become(streams, **json.loads(message))
+    for stream in streams:
+        os.close(stream)
+    with suppress(OSError):  # who asked has ended
+        line.send(str(child).encode())
+    _, status = os.waitpid(child, 0)
+    with suppress(OSError):
+        line.send(str(status).encode())
+    os._exit(0)
+
+
+def become(
+    streams: list[int], program: str, words: list[str], folder: str, environment: dict[str, str], session: bool
+) -> None:
+    """Take the place of a fresh process."""
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(environment)
+    if session:
+        os.setsid()
     for number, (name, stream) in enumerate(zip(("stdin", "stdout", "stderr"), streams, strict=True)):
-        opened = os.open(stream, os.O_WRONLY if number else os.O_RDONLY)
-        os.dup2(opened, number)
-        os.close(opened)
+        os.dup2(stream, number)
         setattr(sys, name, open(number, "w" if number else "r", closefd=False))
         setattr(sys, f"__{name}__", getattr(sys, name))
-    sys.argv = ["dpr_lab", *words]
-    os._exit(ended())
+    os.closerange(3, 1 << 16)
+    sys.argv = [program, *words]
+    os._exit(ended(program))
 
 
-def ended() -> int:
-    """Run the program to its end, as the interpreter does, but for taking down all that is loaded; its exit code."""
+def ended(program: str) -> int:
+    """Run a program to its end, as the interpreter does, but for taking down all that is loaded; its exit code."""
     code: object = 0
     try:
-        runpy.run_module("dpr_lab", run_name="__main__", alter_sys=True)
+        runpy.run_module(program, run_name="__main__", alter_sys=True)
     except SystemExit as end:
         code = end.code or 0
     except BaseException:

@@ -7,10 +7,9 @@ import re
 import shlex
 import signal
 import subprocess
-import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -20,6 +19,7 @@ import pytest
 
 from tests.pages import ROOT, blocks
 from tests.schemas import validator
+from tests.warm_process import started
 
 
 @dataclass(frozen=True)
@@ -37,43 +37,13 @@ Cli = Callable[..., Done]
 MadeOnce = Callable[[str, Callable[[Path], None]], Path]
 
 
-class Warm:
-    """Commands in processes that are forked from one with the libraries loaded (`tests/warm.py`).
-
-    Variables that Python or a library reads when it is loaded make it start afresh.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self._streams = [folder / name for name in ("in", "out", "err")]
-        self._loaded = _of_loading()
-        server = [sys.executable, str(Path(__file__).parents[1] / "warm.py")]
-        self._server = subprocess.Popen(server, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-
-    def __call__(self, *arguments: object, cwd: Path | None = None, stdin: str = "") -> Done:
-        words = list(map(str, arguments))
-        done = self._run(words, cwd, stdin)
-        validate_printed(words, done.out)
-        return done
-
-    def _run(self, words: list[str], cwd: Path | None, stdin: str) -> Done:
-        if _of_loading() != self._loaded:
-            command = [sys.executable, "-m", "dpr_lab", *words]
-            done = subprocess.run(command, capture_output=True, text=True, input=stdin, timeout=150, cwd=cwd)
-            return Done(done.returncode, done.stdout, done.stderr)
-        for stream in self._streams:
-            stream.write_text(stdin if stream is self._streams[0] else "")
-        streams = [str(stream) for stream in self._streams]
-        asked = {"words": words, "folder": str(cwd or Path.cwd()), "environment": dict(os.environ), "streams": streams}
-        assert self._server.stdin is not None
-        assert self._server.stdout is not None
-        self._server.stdin.write(json.dumps(asked) + "\n")
-        self._server.stdin.flush()
-        code = int(self._server.stdout.readline())
-        return Done(code, self._streams[1].read_text(), self._streams[2].read_text())
-
-    def end(self) -> None:
-        """No more commands."""
-        self._server.communicate()
+def command(*arguments: object, cwd: Path | None = None, stdin: str = "") -> Done:
+    """Run a command in a process of its own, to its end."""
+    words, pipe = list(map(str, arguments)), subprocess.PIPE
+    with started("dpr_lab", words, cwd=cwd, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as process:
+        out, err = process.communicate(stdin)
+    validate_printed(words, out)
+    return Done(process.returncode, out, err)
 
 
 SCHEMA_OF = {
@@ -110,16 +80,9 @@ def validate_printed(words: list[str], out: str) -> None:
         _strict.add(name)
 
 
-def _of_loading() -> dict[str, str]:
-    names = ("NUMBA", "PYTHON", "OMP", "OPENBLAS", "XDG", "HOME", "MPL")
-    return {name: value for name, value in os.environ.items() if name.startswith(names)}
-
-
 @pytest.fixture(scope="session")
-def cli(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cli]:
-    warm = Warm(tmp_path_factory.mktemp("streams"))
-    yield warm
-    warm.end()
+def cli() -> Cli:
+    return command
 
 
 @pytest.fixture(scope="session")

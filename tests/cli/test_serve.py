@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import fields
@@ -15,6 +14,7 @@ from typing import Any
 import pytest
 
 from dpr_lab.workflows.service import METHODS
+from tests.warm_process import started
 
 pytestmark = pytest.mark.slow
 
@@ -23,8 +23,8 @@ class Client:
     """The other end of the streams."""
 
     def __init__(self, folder: Path) -> None:
-        command = [sys.executable, "-m", "dpr_lab", "serve", "--stdio"]
-        self.process = subprocess.Popen(command, cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        pipe = subprocess.PIPE
+        self.process = started("dpr_lab", ["serve", "--stdio"], cwd=folder, stdin=pipe, stdout=pipe)
         self.received: list[dict[str, Any]] = []
 
     def write(self, line: bytes) -> None:

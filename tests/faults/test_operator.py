@@ -4,7 +4,6 @@ import os
 import resource
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.storage.inspect import info, recover, verify
+from tests.warm_process import started
 
 FULL = os.environ.get("DPR_LAB_FULL") == "1"
 KILLS, AT_A_TIME = (50, 2) if FULL else (1, 1)
@@ -34,12 +34,8 @@ def by_turns(*numbers: signal.Signals) -> list[Any]:
 
 def start(out: Path, link: str, *words: str, clock: str = "realtime") -> subprocess.Popen[str]:
     command = ["capture", "--rig", "paper", "--pose", "X1", "--yes", "--link", LINKS[link].format(clock=clock)]
-    return subprocess.Popen(
-        [sys.executable, "-m", "dpr_lab", *command, "--out", out, *words],
-        stdin=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    words = (*command, "--out", str(out), *words)
+    return started("dpr_lab", words, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
 
 
 def await_file(out: Path, process: subprocess.Popen[str], size: int = 1) -> Path:

@@ -34,6 +34,7 @@ from dpr_lab.tui.widgets.countdown import Countdown
 from dpr_lab.tui.workspace import Workspace
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
+from tests.warm_process import started
 
 DATA = Path(__file__).parent / "data"
 SNAPSHOTS = Path(__file__).parent / "snapshots"
@@ -199,8 +200,7 @@ class Cable:
 
     def plug(self) -> None:
         """Put the cable in."""
-        command = [sys.executable, "-m", "sim_device", "--seed", "1", *self._options]
-        self._device = subprocess.Popen(command, stdout=subprocess.PIPE)
+        self._device = started("sim_device", ["--seed", "1", *self._options], stdout=subprocess.PIPE)
         assert self._device.stdout is not None
         url = json.loads(self._device.stdout.readline())["url"]
         self._link.unlink(missing_ok=True)

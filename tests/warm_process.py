@@ -1,0 +1,113 @@
+"""`dpr_lab` and `sim_device` as processes that are forked from one with the libraries loaded (`tests/warm.py`)."""
+
+import atexit
+import json
+import os
+import select
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+DEVICE = [sys.executable, "-m", "sim_device"]
+SERVER = "DPR_LAB_TESTS_SERVER"
+"""Variable that holds the socket of the server and the variables that it was started with."""
+
+
+def start_server() -> None:
+    """Start the server for this process and all that it starts; it loads the libraries when it is first asked."""
+    if SERVER in os.environ:
+        return
+    place = Path(tempfile.mkdtemp(prefix="dpr-lab-tests-")) / "server"
+    command = [sys.executable, str(Path(__file__).with_name("warm.py")), str(place)]
+    server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert server.stdout is not None
+    assert server.stdout.readline() == b"listening\n"
+    atexit.register(server.communicate)  # it ends with its stdin
+    os.environ[SERVER] = json.dumps([str(place), _of_loading()])
+
+
+def _of_loading() -> dict[str, str]:
+    """Variables that Python or a library reads when it is loaded."""
+    names = ("NUMBA", "PYTHON", "OMP", "OPENBLAS", "XDG", "HOME", "MPL")
+    return {name: value for name, value in os.environ.items() if name.startswith(names)}
+
+
+class WarmProcess(subprocess.Popen[Any]):
+    """As `Popen` of `python -m PROGRAM WORDS`. The process is a child of the server, which passes on its status."""
+
+    def __init__(self, place: str, program: str, words: Sequence[object], **options: Any) -> None:
+        environment = options.pop("env", None) or os.environ
+        self._place, self._line = place, socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._asked = {
+            "program": program,
+            "words": list(map(str, words)),
+            "folder": str(options.pop("cwd", None) or Path.cwd()),
+            "environment": dict(environment),
+            "session": options.pop("start_new_session", False),
+        }
+        super().__init__([program], **options)
+
+    def _execute_child(self, *details: Any) -> None:
+        pipes = details[10:16]  # p2cread, p2cwrite, c2pread, c2pwrite, errread, errwrite
+        ends = [end if end >= 0 else number for number, end in enumerate((pipes[0], pipes[3], pipes[5]))]
+        self._line.connect(self._place)
+        socket.send_fds(self._line, [json.dumps(self._asked).encode()], ends)
+        self.pid = int(self._line.recv(64))
+        self._child_created = True
+        self._close_pipe_fds(*pipes)  # pyright: ignore[reportAttributeAccessIssue, reportUnknownMemberType]
+
+    def _try_wait(self, wait_flags: int) -> tuple[int, int]:
+        if wait_flags & os.WNOHANG and not select.select([self._line], [], [], 0)[0]:
+            return 0, 0
+        status = int(self._line.recv(64))
+        self._line.close()
+        return self.pid, status
+
+    def _internal_poll(self, *_: Any, **__: Any) -> int | None:
+        if self.returncode is None:
+            pid, status = self._try_wait(os.WNOHANG)
+            if pid:
+                self._handle_exitstatus(status)  # pyright: ignore[reportAttributeAccessIssue, reportUnknownMemberType]
+        return self.returncode
+
+
+def started(program: str, words: Sequence[object], **options: Any) -> "subprocess.Popen[Any]":
+    """A process of a program, a fresh one where variables differ that are read when the libraries are loaded."""
+    start_server()
+    place, loaded = json.loads(os.environ[SERVER])
+    if "env" in options or _of_loading() != loaded:
+        return subprocess.Popen([sys.executable, "-m", program, *map(str, words)], **options)
+    return WarmProcess(place, program, words, **options)
+
+
+def starts_device(start: "Callable[..., subprocess.Popen[Any]]") -> SimpleNamespace:
+    """In place of `subprocess` in a module that starts the simulated device: `start(words, **options)` does it."""
+
+    def popen(command: Sequence[str], **options: Any) -> "subprocess.Popen[Any]":
+        if list(command[:3]) == DEVICE:
+            return start(command[3:], **options)
+        return subprocess.Popen(command, **options)
+
+    def run(command: Sequence[str], *, capture_output: bool, check: bool, **options: Any) -> Any:
+        assert capture_output
+        assert not check
+        with popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options) as process:
+            out, err = process.communicate()
+        return subprocess.CompletedProcess(command, process.returncode, out, err)
+
+    return SimpleNamespace(
+        Popen=popen,
+        run=run,
+        PIPE=subprocess.PIPE,
+        DEVNULL=subprocess.DEVNULL,
+        TimeoutExpired=subprocess.TimeoutExpired,
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(started(sys.argv[1], sys.argv[2:]).wait())
