@@ -1,4 +1,4 @@
-"""`dpr-lab accept` on three releases of a simulated rig: exit codes, JSON and refusals."""
+"""`dpr-lab accept` on two releases of a simulated rig: exit codes, JSON and refusals."""
 
 import json
 from pathlib import Path
@@ -17,7 +17,7 @@ LIMITS = {
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory, cli) -> list[Path]:
     out = tmp_path_factory.mktemp("accepted")
-    poses = ("--pose", "X1", "--pose", "X2", "--pose", "X3", "--duration", "3")
+    poses = ("--pose", "X1", "--pose", "X3", "--duration", "2")
     done = cli("capture", "--rig", "paper", "--link", "sim://?clock=fast&seed=1", *poses, "--out", out)
     assert done.code == 0, done.err
     return sorted(out.glob("*.mcap"))

@@ -161,7 +161,8 @@ def test_an_identified_model_is_a_start(worn: list[Path], model: Path, cli) -> N
 
 
 def test_a_rig_without_a_gap_has_none(runs: list[Path], cli) -> None:
-    told = cli("diagnose", *runs, "--rig", "paper", "--json").json
+    library = "coulomb_joint1,coulomb_joint2,encoder_offset_joint1,latency_joint2,spring_joint1"
+    told = cli("diagnose", *runs, "--rig", "paper", "--library", library, "--json").json
     assert told["verdict"] == "no_gap"
     assert told["effects"] == []
     assert told["probabilities"]["no_gap"] > 0.9

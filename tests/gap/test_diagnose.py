@@ -94,7 +94,8 @@ def test_dirty_sensors_are_no_effect(recorded, paper: Rig, dirt: dict[str, float
 
 @pytest.mark.slow
 def test_indistinguishable_effects_form_one_class_with_a_bench_check(recorded, paper: Rig):
-    found = diagnose(recorded({"encoder_offset_joint1": {"offset_rad": 2e-3}}), paper)
+    runs = recorded({"encoder_offset_joint1": {"offset_rad": 2e-3}}, duration=2.5)
+    found = diagnose(runs, paper, library=candidates(*LIKELY, "base_"))
     (item,) = found.effects
     assert set(item.members) == {"encoder_offset_joint1", "base_tilt"}
     assert any("spirit level" in advice for advice in found.advice)

@@ -23,7 +23,7 @@ LOSSES = candidates("air_drag", "friction_drift", "coulomb", "stribeck", "encode
 def recorded(folder: Path, rod: Rod, seed: int = 0) -> tuple[Rig, list[Run]]:
     """Two releases of a rod, the first of them disturbed as `rod` says."""
     rng = np.random.default_rng(seed)
-    t, rig = np.arange(0.0, 9.0, 0.005), one_rod(1.5 * 9.81 / W2, 0.1, 4096, rng)
+    t, rig = np.arange(0.0, 9.0, 0.01), one_rod(1.5 * 9.81 / W2, 0.1, 4096, rng)
     calm = Rod(W2, rod.viscous, rod.dry, rod.drag)
     runs = []
     for name, one, start in (("first", rod, 1.2), ("second", calm, 0.9)):

@@ -49,7 +49,7 @@ def test_shares_sum_to_one_for_any_remainder() -> None:
 @pytest.mark.slow
 def test_a_clean_rig_has_only_noise() -> None:
     rig, runs, _ = recordings(1, [])
-    found = diagnose(runs, rig)
+    found = diagnose(runs, rig, library=candidates("coulomb", *SMOOTH))
     budget = of(found)
     assert budget.noise > 0.98
     assert budget.of_reproducible is None

@@ -30,7 +30,7 @@ from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import weighed
 from sim_device.trials.request import parse_request
 from tests.background_rigs import Law, law, recordings
-from tests.thinned import thinned
+from tests.thinned import candidates, thinned
 
 Truth = Mapping[str, Mapping[str, float]]
 
@@ -129,7 +129,7 @@ def test_friction_and_drag_that_hide_each_other_are_found_together() -> None:
     """Next to viscous friction, each changes the decay in the opposite direction."""
     drag = Law("air_drag", 0, 2.5e-4, lambda t, angle, speed: -2.5e-4 * speed * abs(speed))
     rig, runs, _ = recordings(1, [law("coulomb", 0, 5.0), drag], rods=1, seconds=4.0)
-    found = diagnose(runs, rig)
+    found = diagnose(runs, rig, library=candidates("coulomb", "stribeck", "friction", "air_drag"))
     assert found.model_effects.keys() == {"coulomb_joint1", "air_drag_both"}
     assert min(effect.probability for effect in found.effects) > 0.9
 

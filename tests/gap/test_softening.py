@@ -11,6 +11,7 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.which import softening
 from dpr_lab.gap.which.softening import SIZES, springs_like_scale
 from tests.background_rigs import law, laws, recordings
+from tests.thinned import candidates
 
 SCALE = ("encoder_scale_joint1",)
 
@@ -61,5 +62,6 @@ def test_a_spring_that_replaces_a_scale_error_is_not_sure():
     of_rig = [of for of in laws(np.random.default_rng([97021, 9]), rods=1, dominant=True) if "spring" not in of.name]
     of_rig = [of for of in of_rig if not of.name.startswith("encoder_scale")]
     rig, runs, _ = recordings(97021, [*of_rig, law("encoder_scale", 0, 200.0)], rods=1)
-    probabilities = {effect.name: effect.probability for effect in diagnose(runs, rig).effects}
+    library = candidates("coulomb", "stribeck", "spring", "encoder", "air_drag", "detent")
+    probabilities = {effect.name: effect.probability for effect in diagnose(runs, rig, library=library).effects}
     assert probabilities.get("spring_joint1", 0.0) <= 0.1

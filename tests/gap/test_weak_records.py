@@ -125,7 +125,7 @@ def test_several_clamped_elbows_are_identified_within_the_bounds(paper: Rig) -> 
 def test_a_zero_offset_and_dry_friction_of_one_rod_are_not_called_cogging(tmp_path: Path) -> None:
     rod = Rod()
     rig, runs = recorded(rod, 0, tmp_path)
-    diagnosis = diagnose(runs, rig)
+    diagnosis = diagnose(runs, rig, library=candidates("coulomb", "encoder", "base_", "com_", "detent", "rotor"))
     named = {effect.name: effect for effect in diagnosis.effects}
     assert set(named) & {"encoder_offset_joint1", "base_tilt", "com_offset_link1"}
     assert "coulomb_joint1" in named
@@ -141,7 +141,8 @@ def test_a_zero_offset_and_dry_friction_of_one_rod_are_not_called_cogging(tmp_pa
 def test_friction_unequal_in_both_directions_does_not_stand_for_a_zero_offset(tmp_path: Path) -> None:
     rod = replace(Rod(), dry=0.0103, damping=0.0029, length=0.256, mass=0.0655, noise=1.9e-3, duration=12.0)
     rig, runs = recorded(rod, 1, tmp_path)
-    named = {effect.name for effect in diagnose(runs, rig).effects}
+    library = candidates("coulomb", "encoder", "base_", "com_", "friction")
+    named = {effect.name for effect in diagnose(runs, rig, library=library).effects}
     assert "coulomb_joint1" in named
     assert named & {"encoder_offset_joint1", "base_tilt", "com_offset_link1"}
     assert "friction_curve_joint1" not in named
@@ -175,7 +176,7 @@ def filmed(folder: Path) -> tuple[Rig, Run]:
 @pytest.mark.slow
 def test_a_spring_that_needs_gravity_to_lift_the_rod_does_not_stand_for_a_zero_offset(tmp_path: Path) -> None:
     rig, run = filmed(tmp_path)
-    diagnosis = diagnose([run], rig)
+    diagnosis = diagnose([run], rig, library=candidates("coulomb", "spring", "encoder", "base_", "com_", "detent"))
     named = {effect.name: effect for effect in diagnosis.effects}
     assert "spring_joint1" not in named
     zero = named.keys() & {"encoder_offset_joint1", "base_tilt", "com_offset_link1"}
@@ -188,7 +189,8 @@ def test_a_spring_that_needs_gravity_to_lift_the_rod_does_not_stand_for_a_zero_o
 def test_whole_turns_between_recordings_show_a_wrong_number_of_counts(tmp_path: Path) -> None:
     """An encoder with 4000 counts, of which the rig file says 4096; the rod was turned once between the releases."""
     rig, runs = recorded(Rod(scale=-0.0234, turns=(0, 1)), 5, tmp_path)
-    found = {effect.name: effect for effect in diagnose(runs, rig).effects}
+    library = candidates("coulomb", "spring", "encoder", "detent")
+    found = {effect.name: effect for effect in diagnose(runs, rig, library=library).effects}
     scale = found["encoder_scale_joint1"]
     assert scale.probability > 0.9
     assert next(iter(scale.parameters.values())).value == pytest.approx(-0.0234, abs=2e-3)
