@@ -41,9 +41,10 @@ SETTINGS = AdviceSettings()
 CRAMER_RAO_NOTE = (
     "Cramér-Rao: lower bound of the standard deviation of an unbiased estimate for independent residuals"
     " with the variance of the fit. `identify` prints larger values if the model is incomplete, because the"
-    " residuals are then correlated in time (misfit inflation)."
+    " residuals are then correlated in time (misfit inflation). Values follow from the nine parameters below: the"
+    " bounds of the rig file may shift a ratio within its interval of `identify`."
 )
-"""Explanation of the two standard deviations of a ratio."""
+"""How value and standard deviation of a ratio differ from those of `identify`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -188,6 +188,6 @@ def failures(diagnosis: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.
         ),
         "sensor": f"{len(diagnosis.sensor_findings)} sensor faults" if diagnosis.sensor_findings else "",
     }
-    always = [f"inconclusive: {diagnosis.sentence}"] if diagnosis.verdict == "inconclusive" else []
+    always = ["inconclusive: the recordings cannot show a gap"] if diagnosis.verdict == "inconclusive" else []
     always += [f"description: {hint}" for hint in diagnosis.hints]
     return [*always, *(f"{reason}: {sentences[reason]}" for reason in reasons if sentences[reason])]
