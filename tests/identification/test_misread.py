@@ -11,6 +11,7 @@ import pytest
 from dpr_lab.errors import IdentificationError
 from dpr_lab.estimation.arm_motion import arm_motion
 from dpr_lab.identification.identify import identify
+from dpr_lab.identification.misread import tried
 from dpr_lab.identification.misread.energy import ENERGY, energy_rise
 from dpr_lab.identification.misread.readings import readings
 from dpr_lab.identification.misread.refuse import refuse_misread
@@ -283,6 +284,22 @@ def test_a_noisy_film_in_slow_motion_is_named(paper: Rig, tmp_path: Path) -> Non
     columns = {"t_s": 4 * t, "theta1_rad": swung[:, 0], "theta2_rad": swung[:, 1]}
     film = replace(table(tmp_path, "film", rig, columns), film_noise=FilmNoise((noise, noise), 0.0))
     assert "the swing is four times as fast" in second_look([film], rig).sentence
+
+
+def test_a_slow_swing_that_nothing_explains_is_fitted_again_at_faster_times_only(
+    swings, paper: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    factors: list[float] = []
+
+    def nothing_fits(runs: list[Run], rig: Rig, *, time_factor: float = 1.0, **settings: object) -> None:
+        factors.append(time_factor)
+
+    monkeypatch.setattr(tried, "fitted", nothing_fits)
+    slow = replace(swings[0], t=4 * swings[0].t, rate_hz=swings[0].rate_hz / 4)
+    assert not second_look([slow], paper).tried
+    assert factors[-3:] == [1 / 2, 1 / 4, 1 / 8]
+    assert factors.count(1 / 8) == 2
+    assert factors.count(8.0) == 1
 
 
 def test_angles_from_points_in_a_film_need_no_scale_factor(swings, paper: Rig) -> None:

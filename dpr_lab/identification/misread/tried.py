@@ -134,8 +134,10 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
     explained = better_readings(runs, rig, first, 1 + before / SETTINGS.better_hint)
     if not explained and all(_slowness(run, rig) > SETTINGS.slow for run in runs):
         # Segments of a slow motion contain little of the swing, so that unlikely masses fit them nearly as well.
-        paced = better_readings(runs, rig, first, first)
-        explained = [(reading, ratio_fit) for reading, ratio_fit in paced if reading.time_factor < 1.0]
+        faster = [reading for reading in readings(rig) if reading.time_factor < 1.0]
+        if any(_explaining(faster, runs, rig, first, first)):  # seldom, and all other interpretations take long
+            paced = better_readings(runs, rig, first, first)
+            explained = [(reading, ratio_fit) for reading, ratio_fit in paced if reading.time_factor < 1.0]
     if explained:
         tried = [
             BetterReading(reading, float(1 - max(fit.chi2_per_dof - 1, 0.0) / before)) for reading, fit in explained
@@ -169,17 +171,22 @@ def better_readings(
         chi2_per_dof: of the rods with the given interpretation
         limit: chi2_per_dof below which an interpretation explains the runs
     """
-    limit = max(min(SETTINGS.explained, limit), chi2_per_dof / SETTINGS.far_better)
     good: list[tuple[Misreading, RatioFit]] = []
     for tried in (readings(rig), other_zeros(runs, rig)):  # zeros at any angle also explain these mistakes
-        good = good or [
-            (reading, other)
-            for reading, other in _otherwise(tried, runs, rig, limit)
-            if residual(other) < SETTINGS.suspicious
-            and other.chi2_per_dof * _larger_noise(reading, runs, rig) ** 2 < max(limit, chi2_per_dof / SETTINGS.better)
-        ]
+        good = good or list(_explaining(tried, runs, rig, chi2_per_dof, limit))
     good = sorted(good, key=lambda pair: pair[1].chi2_per_dof)
     return [pair for pair in good if pair[1].chi2_per_dof < SETTINGS.better * good[0][1].chi2_per_dof]
+
+
+def _explaining(
+    tried: Iterable[Misreading], runs: Sequence[Run], rig: Rig, chi2_per_dof: float, limit: float
+) -> Iterator[tuple[Misreading, RatioFit]]:
+    """Those of some interpretations that explain the runs far better, with their fits; arguments as above."""
+    limit = max(min(SETTINGS.explained, limit), chi2_per_dof / SETTINGS.far_better)
+    for reading, other in _otherwise(tried, runs, rig, limit):
+        compared = other.chi2_per_dof * _larger_noise(reading, runs, rig) ** 2
+        if residual(other) < SETTINGS.suspicious and compared < max(limit, chi2_per_dof / SETTINGS.better):
+            yield reading, other
 
 
 def _larger_noise(reading: Misreading, runs: Sequence[Run], rig: Rig) -> float:
