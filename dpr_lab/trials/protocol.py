@@ -81,7 +81,7 @@ def read_trial(folder: Path) -> Trial:
     """
     file = folder / "trial.json"
     if not file.is_file():
-        raise RunError(f"{folder}: contains no finished trial; start one: dpr-lab trials draw --out NEW_FOLDER")
+        raise RunError(f"{folder}: contains no trial; draw one: dpr-lab trials draw --out NEW_FOLDER")
     content = read_json(file)
     try:
         return Trial(folder, content["seal"], content["asked"], tuple(folder / name for name in content["runs"]))

@@ -282,7 +282,8 @@ def _missing(rig: "Rig") -> Iterator[RigFinding]:
 
     if not rig.poses:
         yield RigFinding("missing", "poses", "none: capture needs a pose; the import of tables does not")
-    if all(rig.parameters[name].measured is None for name in MASSES) and rig.added_mass is None:
+    masses = ("m1",) if rig.rods.mounted == "inner" else MASSES
+    if all(rig.parameters[name].measured is None for name in masses) and rig.added_mass is None:
         message = (
             "no mass is weighed (measured, std): only ratios can be identified, and the scale of all masses is unknown"
         )
@@ -306,9 +307,12 @@ def _odd_geometry(rig: "Rig") -> Iterator[RigFinding]:
 
 
 def _odd_parameters(rig: "Rig") -> Iterator[RigFinding]:
+    from dpr_lab.report.tables import OF_OUTER_ROD
     from dpr_lab.rig import MASSES
 
     for name, p in rig.parameters.items():
+        if rig.rods.mounted == "inner" and name in OF_OUTER_ROD:
+            continue
         key = f"parameters.{name}"
         if name in MASSES:
             usual = (0.0, USUAL.mass[1]) if name == "mb" else USUAL.mass  # a model may have no mass at the elbow
@@ -354,7 +358,8 @@ def _odd_poses(rig: "Rig") -> Iterator[RigFinding]:
         if (largest := max(map(abs, pose.theta))) > math.tau:
             yield RigFinding("odd", key, f"{largest:g} rad is more than one turn: is the angle in degrees?")
         if max(map(math.cos, pose.theta[1:])) < -0.99:
-            yield RigFinding("odd", key, "both rods hang: there is no swing after the release (0 = upright)")
+            hang = "both rods hang" if rig.rods.number == 2 else "the rod hangs"
+            yield RigFinding("odd", key, f"{hang}: there is no swing after the release (0 = upright)")
         if pose.tolerance > USUAL.tolerance:
             yield RigFinding("odd", key, f"a tolerance of {pose.tolerance:g} rad is too large for a pose")
 

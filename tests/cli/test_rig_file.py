@@ -59,6 +59,16 @@ def test_flags_describe_arm_length_geared_joints_zeros_and_mounted_rods(cli, tmp
 ONE = ("--name", "qube", "--rods", "inner", "--l1", "0.129", "--m1", "0.024")
 
 
+def test_a_single_rod_is_checked_without_the_missing_one(cli, tmp_path: Path) -> None:
+    heavy = ("--name", "p", "--rods", "inner", "--l1", "0.4", "--m1", "150", "--out", "p.toml")
+    assert cli("rig", "new", *heavy, cwd=tmp_path).code == 0
+    findings = cli("rig", "check", "p.toml", "--json", cwd=tmp_path).json["findings"]
+    assert [(finding["state"], finding["key"]) for finding in findings] == [
+        ("missing", "parameters"),
+        ("odd", "parameters.m1"),
+    ]
+
+
 def test_flags_describe_one_rod_on_an_arm_with_a_motor(cli, tmp_path: Path) -> None:
     motor = ("--input", "voltage", "--kt", "0.042", "--ke", "0.042", "--resistance", "8.4+-0.1", "--gear", "2")
     words = (*ONE, "--l0", "0.085", "--l0-std", "0.001", "--arm", "driven", *motor)

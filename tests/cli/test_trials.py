@@ -119,8 +119,8 @@ def test_wrong_words_are_refused(tmp_path: Path, cli) -> None:
     [
         (("draw", "--rig", "nonesuch", "--out", "t"), 3, "nor the name of a built-in rig"),
         (("draw", "--plant", "nonesuch", "--out", "t"), 3, "nor the name of a built-in plant"),
-        (("run", "nowhere"), 3, "contains no finished trial"),
-        (("open", "nowhere"), 3, "contains no finished trial"),
+        (("run", "nowhere"), 3, "contains no trial; draw one"),
+        (("open", "nowhere"), 3, "contains no trial; draw one"),
         (("campaign", "--rig", "nonesuch", "--out", "t"), 3, "nor the name of a built-in rig"),
         (
             ("campaign", "--arm", "free", "--kind", "form", "--n", "1", "--out", "t"),
