@@ -21,8 +21,8 @@ class MergeSettings:
     """Settings of segment merging."""
 
     ranges_rad: tuple[float, ...] = (0.2, 0.05, 0.0125)
-    """Maximum deviations of a free run from the readings, rad, from which the fit still converges; the next one is
-    used after a failure.
+    """Maximum deviation of a free run from the readings, rad, up to which segments are merged: the fit converges from
+    there. After a failure the next smaller one is used.
     """
     follows: float = 3.0
     """Reduced chi-square above which longer segments would only amplify the model error."""

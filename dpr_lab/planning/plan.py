@@ -28,7 +28,7 @@ class PlanLength:
     """Number of planned releases."""
 
     usual: int = 3
-    """Number without a budget: this many releases distinguish most effects."""
+    """Number without a budget; three releases distinguish most effects."""
     most: int = 12
     """Maximum number within a budget."""
 

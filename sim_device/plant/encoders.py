@@ -45,7 +45,7 @@ class NoisyEncoders:
 
 
 def standard_noise(seed: int, stream: RandomStream, release: int, first: int, count: int) -> NDArray[np.float64]:
-    """(count, 3) unit normal noise of the ticks `first`, `first + 1`, ..."""
+    """(count, 3) standard normal noise of the ticks `first`, `first + 1`, ..."""
     start, stop = first // BLOCK, (first + max(count, 1) - 1) // BLOCK
     blocks = [_noise_block(seed, stream, release, number) for number in range(start, stop + 1)]
     joined = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)

@@ -61,6 +61,6 @@ def release_speed(operator: OperatorConfig, seed: int, release: int) -> NDArray[
 
 
 def _draw(seed: int, release: int) -> NDArray[np.float64]:
-    """(2, 3) unit normal deviations of angle and speed; zero for the clamped arm."""
+    """(2, 3) standard normal deviations of angle and speed; zero for the clamped arm."""
     rods = generator(seed, RandomStream.OPERATOR, release).standard_normal((2, JOINTS - 1))
     return np.concatenate([np.zeros((2, 1)), rods], axis=1)

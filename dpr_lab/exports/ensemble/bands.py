@@ -175,7 +175,7 @@ def level_of(models: int, settings: BandSettings = BANDS) -> float:
 
 
 def fewest_models(settings: BandSettings = BANDS) -> int:
-    """Number of models from which their band reaches its level."""
+    """Smallest number of models whose band can cover its nominal share of the readings."""
     return round((1 + settings.level) / (1 - settings.level))
 
 

@@ -135,7 +135,7 @@ def square_root(covariance: Array) -> Array:
 
 
 def signed(values: Mapping[str, float]) -> dict[str, float]:
-    """Values with those entries set to zero that are negative and must not be."""
+    """Values, with zero in place of negative ones of parameters that cannot be negative."""
     return {name: max(value, 0.0) if name in _positive() else value for name, value in values.items()}
 
 

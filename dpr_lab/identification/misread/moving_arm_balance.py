@@ -39,8 +39,8 @@ class ArmBalanceSettings:
     scaled: float = 1.5
     """Factor from which the scale of the arm's angle is doubted."""
     agree: float = 1.2
-    """Factor within which both estimates of the scale must agree: noise of an arm that hardly moves reduces them
-    differently, and a wrong L0 changes only one of them.
+    """Factor within which both estimates of the scale must agree. They differ if the arm hardly moves, because noise
+    reduces them by different amounts, or if L0 is wrong, which changes only one of them.
     """
     sure: float = 3.0
     """Number of standard deviations by which the squared scale must exceed a limit."""

@@ -43,7 +43,7 @@ class PointSettings:
     share_of_repeats: float = 0.1
     """Minimum share of such frames for them to count as repeated: the noise of a slow motion causes a few."""
     straight: float = 1e-3
-    """Second difference of a point, relative to their median, below which the point counts as interpolated."""
+    """Second difference of a point, relative to the median of all, below which the point counts as interpolated."""
     fine: float = 20.0
     """Minimum median of the second differences, in units of the resolution of the table, for a test of interpolated
     points; coarser coordinates, such as whole pixels, lie on straight lines by chance.
