@@ -80,7 +80,9 @@ def parse_config(text: str, source: str, model: type[Model]) -> Model:
     try:
         return model.model_validate(table)
     except ValidationError as error:
-        raise ConfigError("\n".join(_sentence(source, fault, model) for fault in error.errors())) from error
+        refused = ConfigError("\n".join(_sentence(source, fault, model) for fault in error.errors()))
+        refused.keys = [key_words(fault["loc"]) for fault in error.errors()]
+        raise refused from error
 
 
 def _line_of(error: ValueError, text: str) -> str:

@@ -18,7 +18,7 @@ candidate in a search is a value (cost `inf`), a bug is an `assert`.
 
 import difflib
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -101,6 +101,8 @@ class ConfigError(DprError):
     """A configuration file that is missing, malformed or out of range."""
 
     exit_code = 3
+    keys: Sequence[str] = ()
+    """The key of each line of the message, if the file was read; empty where several keys contradict each other."""
 
 
 class LinkError(DprError):

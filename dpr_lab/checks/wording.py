@@ -5,9 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from dpr_lab.gap.advice.measurement import CHECK
-from dpr_lab.gap.conclusion.verdict import Verdict
 from dpr_lab.gap.result.checks import NONE_OF_THEM, CheckDone
-from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.diagnosis import Diagnosis, Verdict
 
 
 def likeliest(probabilities: Mapping[str, float]) -> str:

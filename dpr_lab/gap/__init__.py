@@ -9,6 +9,7 @@ one question each, which the docstring of the module states.
     bare model                 bare_model.fit_bare_model         what remains without effects?
     where                      where.locate.locate               at which angle, speed or time does it remain?
     which                      which.select.forward, refined     which set of effects explains it?
+                               corrections.CORRECTIONS           does it show that recordings need a correction?
     classes                    classes.posterior.effect_posterior  which effects are indistinguishable, how probable?
     transfer                   transfer.transfer.transfer        does the set predict recordings that were not fitted?
     advice                     advice.advise.advise              which check separates the alternatives?

@@ -19,10 +19,10 @@ from dpr_lab.gap.conclusion.at_bounds import second_moments
 from dpr_lab.gap.conclusion.conclusion import conclude
 from dpr_lab.gap.conclusion.description import description
 from dpr_lab.gap.conclusion.uncertainty import covariance
+from dpr_lab.gap.corrections import CORRECTIONS
 from dpr_lab.gap.evidence.evidence import evidence
-from dpr_lab.gap.known_torques import earlier_share, no_worse, with_other_noise
+from dpr_lab.gap.known_torques import with_other_noise
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
 from dpr_lab.gap.screen.disturbances import without_disturbances
 from dpr_lab.gap.screen.input import refuse_wrong_input
 from dpr_lab.gap.screen.pieces import in_pieces
@@ -32,6 +32,7 @@ from dpr_lab.gap.screen.time_scale import with_time_scale
 from dpr_lab.gap.state import (
     Advised,
     Classified,
+    Drafted,
     Event,
     Fitted,
     Located,
@@ -50,7 +51,8 @@ from dpr_lab.gap.transfer.transfer import transfer
 from dpr_lab.gap.where.discrepancy import discrepancy
 from dpr_lab.gap.where.locate import locate
 from dpr_lab.gap.which.applicable import applicable
-from dpr_lab.gap.which.select import Draft, forward, refined
+from dpr_lab.gap.which.fitted_sets import FittedSets
+from dpr_lab.gap.which.select import forward, refined
 from dpr_lab.identification.misread.refuse import refuse_impossible_scale
 from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.progress import StageBegan
@@ -155,76 +157,48 @@ def _located(fitted: Fitted) -> Located:
     return Located.after(fitted, places=locate(fitted.problem, fitted.bare))
 
 
+def _drafted(located: Located) -> Drafted:
+    """The set of forward selection."""
+    request, prediction = located.request, located.held_out_prediction
+    _begin(request, "which")
+    library = applicable(request.library, located.problem, of_points=located.recordings.of_points)
+    sets = FittedSets(
+        located.recordings,
+        located.problem,
+        library,
+        located.bare,
+        request.on_progress,
+        expected=frozenset(expected_of(request.rig.joints.geared)) & library.keys(),
+        held_out_chi2=None if prediction is None else lambda model: float(prediction.chi2(model).sum()),
+    )
+    return Drafted.after(located, sets=sets, search=forward(sets, request.max_effects))
+
+
+def _searched_again(corrected: Drafted) -> Drafted:
+    """Fit the bare model to corrected recordings and repeat forward selection."""
+    return _drafted(_located(_fitted(corrected)))
+
+
 def _selected(located: Located) -> Selected:
     """The selected set of effects.
 
-    Known torques initially have noise. The set of forward selection shows whether this noise is real (`known_torques`);
-    if not, the bare model is fitted and the effects are searched again. This is decided before the set is refined,
-    which takes most of the time, and once more for the refined set.
+    The recordings are corrected before the set is refined, which takes most of the time, and the noise of known torques
+    once more for the refined set.
     """
-    located, draft = _with_torque_model(located, _drafted(located))
-    located, draft = _with_shutter(located, draft)
-    selected = Selected.after(located, selection=refined(draft))
-    if changed := with_other_noise(selected.recordings, selected.problem, selected.selection.chosen):
-        located, draft = _searched_again(replace(located, recordings=changed))
-        selected = Selected.after(located, selection=refined(draft))
-    refuse_impossible_scale(selected.selection.chosen.fit.estimate.ratios, selected.request.runs, selected.request.rig)
-    return selected
-
-
-def _with_torque_model(located: Located, draft: Draft, most_changes: int = 2) -> tuple[Located, Draft]:
-    """Repeat forward selection with the noise and the intermediate values of known torques that its result implies."""
-    for _ in range(most_changes):
-        changed = with_other_noise(located.recordings, located.problem, draft.model)
-        if changed is None:
-            break
-        located, draft = _searched_again(replace(located, recordings=changed))
-    if share := earlier_share(located.recordings, draft.model):
-        recordings, held_out = (runs.with_earlier_torques(share) for runs in (located.recordings, located.held_out))
-        located_earlier, draft_earlier = _searched_again(replace(located, recordings=recordings, held_out=held_out))
-        if no_worse(draft.model, draft_earlier.model):
-            return located_earlier, draft_earlier
-    return located, draft
-
-
-def _with_shutter(located: Located, draft: Draft) -> tuple[Located, Draft]:
-    """Forward selection with readings that are corrected for a rolling shutter, if they are explained better.
-
-    First the bare model proposes the delay, because an effect may imitate a part of it. Then the selected set does,
-    which contains other causes.
-    """
-    for selected in (False, True):
-        model = draft.model if selected else located.bare
-        shutter = likeliest_shutter(located.recordings, located.problem, model)
-        if shutter is None:
-            continue
-        known = located.recordings.shutter is not None
-        recordings = located.recordings.with_shutter(shutter)
-        corrected, corrected_draft = _searched_again(replace(located, recordings=recordings))
-        if known or explains_more(draft.model, corrected_draft.model):
-            located, draft = corrected, corrected_draft
-    return located, draft
-
-
-def _searched_again(located: Located) -> tuple[Located, Draft]:
-    """Fit the bare model to changed recordings and repeat forward selection."""
-    located = _located(_fitted(located))
-    return located, _drafted(located)
-
-
-def _drafted(located: Located) -> Draft:
-    request, prediction = located.request, located.held_out_prediction
-    _begin(request, "which")
-    return forward(
-        located.recordings,
-        located.problem,
-        located.bare,
-        applicable(request.library, located.problem, of_points=located.recordings.of_points),
-        max_effects=request.max_effects,
-        expected=expected_of(request.rig.joints.geared),
-        held_out_chi2=None if prediction is None else lambda model: float(prediction.chi2(model).sum()),
-        on_progress=request.on_progress,
-    )
+    drafted = _drafted(located)
+    for correction in CORRECTIONS:
+        for _ in range(correction.most):
+            corrected = correction.correct(drafted)
+            if corrected is None:
+                break
+            again = _searched_again(corrected)
+            drafted = again if correction.better(drafted, again) else drafted
+    selection = refined(drafted.sets, drafted.search)
+    if changed := with_other_noise(drafted.recordings, drafted.problem, selection.chosen):
+        drafted = _searched_again(replace(drafted, recordings=changed))
+        selection = refined(drafted.sets, drafted.search)
+    refuse_impossible_scale(selection.chosen.fit.estimate.ratios, located.request.runs, located.request.rig)
+    return Selected.after(drafted, selection=selection)
 
 
 def _classified(selected: Selected) -> Classified:
@@ -269,10 +243,7 @@ def _advised(before: Transferred) -> Advised:
 
 def _supported(before: Advised) -> Supported:
     _begin(before.request, "evidence")
-    parts = evidence(
-        before.recordings, before.held_out, before.problem, before.selection, before.transfer, before.free_runs
-    )
-    return Supported.after(before, evidence=parts)
+    return Supported.after(before, evidence=evidence(before))
 
 
 def _silent(event: Event) -> None:

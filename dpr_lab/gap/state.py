@@ -3,6 +3,7 @@
     ScreenedRuns    request, recordings, held-out recordings
     Fitted        + segments, bare model
     Located       + places
+    Drafted       + result of forward selection
     Selected      + selected set of effects
     Classified    + classes with their probabilities
     Transferred   + performance on held-out recordings, size of the gap
@@ -37,6 +38,8 @@ from dpr_lab.gap.transfer.out_of_sample import OutOfSample
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
 from dpr_lab.gap.where.locate import Place
+from dpr_lab.gap.which.fitted_sets import FittedSets
+from dpr_lab.gap.which.search import SearchState
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.tried import Description
 from dpr_lab.identification.moving_arm.setup import drive_gain
@@ -102,6 +105,14 @@ class Located(Fitted):
     """Maps of the gap over the coordinates at which it may arise."""
 
     places: tuple[Place, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drafted(Located):
+    """The search after forward selection, which may show that the recordings need a correction."""
+
+    sets: FittedSets
+    search: SearchState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -241,6 +242,7 @@ class RigFinding:
     state: Literal["wrong", "missing", "odd"]
     """`wrong`: the file cannot be used; `missing`: a function is not available; `odd`: a possible mistake."""
     key: str
+    """Key of the rig file; empty if the remark is about several."""
     text: str
 
 
@@ -273,7 +275,7 @@ def check_rig(name: str | Path) -> list[RigFinding]:
         rig = load_rig(name)
     except ConfigError as error:
         problems = [line.removeprefix(f"{name}: ") for line in str(error).splitlines()]
-        return [RigFinding("wrong", "", problem) for problem in problems]
+        return [RigFinding("wrong", key, text) for key, text in zip_longest(error.keys, problems, fillvalue="")]
     return [*_missing(rig), *_odd_geometry(rig), *_odd_parameters(rig), *_odd_poses(rig)]
 
 

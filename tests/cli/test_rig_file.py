@@ -197,7 +197,8 @@ def changed(tmp_path: Path, old: str, new: str) -> Path:
         ("rate_hz = 1000", "rate_hz = 20", "odd", "link.rate_hz"),
         ("# noise_counts = 0.5 ", "noise_counts = 0.0 ", "odd", "encoders.noise_counts"),
         ("L2 = 0.25", "# L2 = 0.25", "missing", "rig.L2"),
-        ("[poses.X1]", "[pose.X1]", "wrong", ""),
+        ("[poses.X1]", "[pose.X1]", "wrong", "pose"),
+        ("rate_hz = 1000", 'rate_hz = "fast"', "wrong", "link.rate_hz"),
     ],
 )
 def test_wrong_missing_and_implausible_entries_are_reported(

@@ -11,6 +11,7 @@ from dpr_lab.fitting.whitening import innovations, padded
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
+from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.select import forward
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Torques
@@ -65,8 +66,9 @@ def test_the_noise_of_measured_torques_is_no_gap(bare, paper: Rig) -> None:
 def test_torques_count_as_exact_if_the_residual_is_far_above_the_noise(screened, bare, paper: Rig) -> None:
     runs = driven_runs(paper, 100, fault=DriveFault("torque_offset_joint1", {"offset_Nm": (0.03, 0.0)}))[1][:2]
     other = {"coulomb_joint2": EFFECTS["coulomb_joint2"]}
-    with_noise = forward(screened(runs), *bare(runs), other)
-    assert with_noise.state.trace[-1].move == "short segments"  # no set in full segments: it is searched again
+    problem, base = bare(runs)
+    with_noise = forward(FittedSets(screened(runs), problem, other, base))
+    assert with_noise.trace[-1].move == "short segments"  # no set in full segments: it is searched again
     found = diagnose(runs, paper, library=other)
     _, problem, exact = fit_bare_model(replace(screened(runs), exact_torques=True), nominal_ratios(paper))
     assert problem.disturbance is None

@@ -25,7 +25,7 @@ def fitted(bare: Callable[..., Any], screened: Callable[..., Any]) -> Callable[.
         rig, runs, _ = recordings(5, laws, rods=rods)
         rig = rig.model_copy(update={"rig": rig.rig.model_copy(update={"L1": length * rig.L1})})
         problem, base = bare(runs, rig)
-        return FittedSets(screened(runs, rig), problem, {n: EFFECTS[n] for n in effects}, base, lambda event: None)
+        return FittedSets(screened(runs, rig), problem, {n: EFFECTS[n] for n in effects}, base)
 
     return sets_of
 

@@ -11,6 +11,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.classes.posterior import CALIBRATION, effect_posterior, outside
 from dpr_lab.gap.conclusion.components import components
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.select import forward, refined
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.rig import Rig
@@ -32,7 +33,8 @@ def test_a_set_of_lower_cost_is_as_probable_as_the_selected_one_at_most(
     runs = recorded({"coulomb_joint2": {"torque_Nm": 2e-3}}, duration=2.0)
     problem, base = bare(runs)
     library = {name: EFFECTS[name] for name in ("coulomb_joint2", "viscous_ground_link2", "base_tilt")}
-    found = refined(forward(screened(runs), problem, base, library))
+    sets = FittedSets(screened(runs), problem, library, base)
+    found = refined(sets, forward(sets))
     chosen = found.chosen
     assert chosen.effects == ("coulomb_joint2",)
     unit = 2 * chosen.residuals.inflation * CALIBRATION.temperature
@@ -64,7 +66,8 @@ def test_a_richer_form_of_the_named_effect_is_no_alternative_if_it_may_follow_th
     runs = recorded({"coulomb_joint2": {"torque_Nm": 2e-3}}, duration=2.0)
     problem, base = bare(runs)
     name, richer = "coulomb_joint2", "friction_curve_joint2"
-    found = refined(forward(screened(runs), problem, base, {each: EFFECTS[each] for each in (name, richer)}))
+    sets = FittedSets(screened(runs), problem, {each: EFFECTS[each] for each in (name, richer)}, base)
+    found = refined(sets, forward(sets))
     chosen = found.chosen
     assert chosen.effects == (name,)
     better = costing(replace(chosen, effects=(richer,), curves={}), chosen.cost - 20 * chosen.residuals.inflation)
@@ -84,6 +87,7 @@ def test_an_effect_that_every_rig_has_compensates_for_nothing(
     runs = recorded({"coulomb_joint2": {"torque_Nm": 2e-3}}, duration=2.0)
     problem, base = bare(runs)
     name = "coulomb_joint2"
-    found = replace(refined(forward(screened(runs), problem, base, {name: EFFECTS[name]})), own_shares={name: 0.001})
+    sets = FittedSets(screened(runs), problem, {name: EFFECTS[name]}, base)
+    found = replace(refined(sets, forward(sets)), own_shares={name: 0.001})
     assert outside(found, name) > 0.7
     assert outside(found, name, members=("encoder_offset_joint2",)) == CALIBRATION.outside_when_closed

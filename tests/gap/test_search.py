@@ -106,7 +106,7 @@ def sets(bare: Callable[..., Any], screened: Callable[..., Any], recorded: Calla
     runs = recorded(TRUTHS["two effects"], duration=2.0)
     problem, base = bare(runs)
     library = {name: EFFECTS[name] for name in LIBRARY if EFFECTS[name].stage != "load"}
-    return FittedSets(screened(runs), problem, library, base, lambda event: None)
+    return FittedSets(screened(runs), problem, library, base)
 
 
 @pytest.mark.slow
@@ -224,7 +224,7 @@ def test_an_indistinguishable_effect_fits_as_well_although_its_own_fit_was_stuck
     runs = recorded({dry: {"torque_Nm": 1.5e-3}, clock: {"excess": 2e-3}}, duration=2.0)
     problem, base = bare(runs)
     library = {name: EFFECTS[name] for name in (dry, clock, length)}
-    sets = FittedSets(screened(runs), problem, library, base, lambda event: None)
+    sets = FittedSets(screened(runs), problem, library, base)
     chosen = base
     for name in (dry, clock):
         score = sets.test(chosen).of(name)

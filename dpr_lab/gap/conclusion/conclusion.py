@@ -33,23 +33,24 @@ PLACES_SHOWN = 6
 def conclude(state: Supported, seconds: float) -> Diagnosis:
     """Build the diagnosis; `seconds` is its computing time."""
     chosen, minimum_sizes = state.selection.chosen, detectable(state.selection.chosen, state.selection.final_test)
-    withheld = state.description.withholds
+    withheld, transfer = state.description.withholds, state.transfer
     visible_counts = visible(minimum_sizes, state.recordings.prior.limits)
-    kind = verdict(state.selection, state.posteriors, state.transfer, visible_counts, withheld=withheld)
+    kind = verdict(state, visible_counts)
     shown = state.posteriors if kind == "named" else listed_causes(state.posteriors)
     named = [named_effect(state, posterior) for posterior in shown] if kind in ("named", "partly_explained") else []
     named_families = families(state.problem, state.selection, named)
-    estimate, residuals = chosen.fit.estimate, chosen.residuals
+    estimate, residuals, setups = chosen.fit.estimate, chosen.residuals, state.problem.segments.setups
+    sizes, all_ratios = named_params(estimate.params), ratios(state)
     shown_ratios, of_ratios = determined(state)
-    alone = only_inner(state.problem.segments.setups)
+    alone = only_inner(setups)
     return Diagnosis(
         verdict=kind,
-        sentence=sentence(kind, state.selection, state.posteriors, state.transfer, visible_counts, state.description),
+        sentence=sentence(kind, state, visible_counts),
         notes=notes(state, kind, named_families),
         hints=[state.description.hint] if state.description.hint else [],
-        basis=state.transfer.basis,
-        transfer=_transfer(state.transfer),
-        withdrawn=list(state.transfer.withdrawn),
+        basis=transfer.basis,
+        transfer=_transfer(transfer),
+        withdrawn=list(transfer.withdrawn),
         gap=state.gap,
         where=[_where(place) for place in state.places[:PLACES_SHOWN]],
         where_sentence=where_sentence(state.places),
@@ -57,25 +58,18 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
         families=named_families,
         rivals=[] if withheld else rivals(state.posteriors, closest=kind == "unexplained"),
         probabilities=dict(probabilities(state.selection, () if withheld else state.posteriors, kind)),
-        detectable={name: dict(sizes) for name, sizes in minimum_sizes.items()},
+        detectable={name: dict(least) for name, least in minimum_sizes.items()},
         absorbed=state.absorbed,
         sensor_findings=_sensor_findings(state),
-        remedies=remedies(
-            named,
-            named_params(estimate.params),
-            state.recordings.constants,
-            {*state.transfer.withdrawn, *state.transfer.oversized},
-        ),
+        remedies=remedies(named, sizes, state.recordings.constants, {*transfer.withdrawn, *transfer.oversized}),
         advice=[step.text for step in state.advice],
         checks=_checks(state, [effect.name for effect in named]),
-        ratios=shown_ratios if alone else ratios(state),
-        fitted=[*ratios(state).values()] if alone else [],
+        ratios=shown_ratios if alone else all_ratios,
+        fitted=[*all_ratios.values()] if alone else [],
         ratio_covariance=ratio_covariance(state).tolist(),
         determined=shown_ratios,
         determined_covariance=of_ratios.tolist(),
-        p_over_b=float(estimate.ratios[ON_ELBOW])
-        if any(setup.alone for setup in state.problem.segments.setups)
-        else None,
+        p_over_b=float(estimate.ratios[ON_ELBOW]) if any(setup.alone for setup in setups) else None,
         chi2_per_dof=residuals.chi2 / residuals.dof,
         exact_torques=state.recordings.exact_torques,
         segments=len(state.problem.segments),
@@ -83,7 +77,7 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
         scale=state.scale,
         search=list(state.selection.trace),
         posterior=components(state.problem, state.selection, state.recordings.rig, state.remainder),
-        model_effects=named_params(estimate.params),
+        model_effects=sizes,
         assumptions=assumptions(state, minimum_sizes),
         evidence=state.evidence,
         seconds=seconds,

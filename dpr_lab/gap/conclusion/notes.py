@@ -4,8 +4,8 @@ from collections.abc import Collection, Iterator, Sequence
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.families import FAMILIES
-from dpr_lab.gap.conclusion.verdict import Verdict
 from dpr_lab.gap.result.causes import NamedFamily
+from dpr_lab.gap.result.diagnosis import Verdict
 from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.gap.state import Advised
 from dpr_lab.gap.transfer.lone_recording import LONE

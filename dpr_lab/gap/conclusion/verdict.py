@@ -2,20 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.result.causes import PROBABLE
-from dpr_lab.gap.result.diagnosis import UNCERTAIN
+from dpr_lab.gap.result.diagnosis import UNCERTAIN, Verdict
 from dpr_lab.gap.screen.pieces import are_pieces
+from dpr_lab.gap.state import Transferred
 from dpr_lab.gap.transfer.transfer import Transfer
-from dpr_lab.gap.which.selected import Selection
-from dpr_lab.identification.misread.tried import Description
 from dpr_lab.shown import listed, percent
-
-Verdict = Literal["no_gap", "inconclusive", "named", "partly_explained", "unexplained"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,24 +51,14 @@ class VerdictRules:
 VERDICT = VerdictRules()
 
 
-def verdict(
-    selection: Selection,
-    posteriors: Sequence[EffectPosterior],
-    transferred: Transfer,
-    visible_counts: tuple[int, int],
-    *,
-    withheld: bool = False,
-) -> Verdict:
+def verdict(state: Transferred, visible_counts: tuple[int, int]) -> Verdict:
     """Choose the verdict; with more than one release, by the reduction on held-out recordings.
 
     Args:
-        selection: the selected set of effects
-        posteriors: of each of them
-        transferred: their performance on held-out recordings
+        state: the selected set, its probabilities and its performance on held-out recordings
         visible_counts: number of effects that are detectable at their typical size, and of those detectable at any
-        withheld: whether a wrong description of the recordings explains as much
     """
-    kind = "unexplained" if withheld else _verdict(selection, posteriors, transferred)
+    kind = "unexplained" if state.description.withholds else _verdict(state)
     detectable, effects = visible_counts
     return "inconclusive" if kind == "no_gap" and detectable < VERDICT.visible * effects else kind
 
@@ -82,7 +68,8 @@ def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterio
     return tuple(posterior for posterior in posteriors if posterior.probability >= PROBABLE)
 
 
-def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], transferred: Transfer) -> Verdict:
+def _verdict(state: Transferred) -> Verdict:
+    selection, posteriors, transferred = state.selection, state.posteriors, state.transfer
     chosen, share = selection.chosen, selection.share_explained
     if not chosen.effects:
         return "no_gap" if _small(chosen) and not _only_held_out(transferred) else "unexplained"
@@ -138,22 +125,14 @@ def _small(model: Hypothesis) -> bool:
     return at_noise_floor(model) or model.residuals.noise_ratio < VERDICT.gap_from
 
 
-def sentence(
-    kind: Verdict,
-    selection: Selection,
-    posteriors: Sequence[EffectPosterior],
-    transferred: Transfer,
-    visible_counts: tuple[int, int],
-    described: Description,
-) -> str:
-    """The verdict in sentences; arguments as of `verdict`, and the test of the description."""
+def sentence(kind: Verdict, state: Transferred, visible_counts: tuple[int, int]) -> str:
+    """The verdict in sentences; arguments as of `verdict`."""
+    hint = state.description.hint
     if kind == "inconclusive":
         return _inconclusive(visible_counts)
-    if described.withholds:
-        gap = selection.base.residuals.noise_ratio
-        return f"Unexplained: a gap of {_in_noise(gap)}. {described.hint}"
-    text = _sentence(kind, selection, posteriors, transferred)
-    return f"{text} {described.hint}" if described.hint else text
+    if state.description.withholds:
+        return f"Unexplained: a gap of {_in_noise(state.selection.base.residuals.noise_ratio)}. {hint}"
+    return f"{_sentence(kind, state)} {hint}".rstrip()
 
 
 def _inconclusive(visible_counts: tuple[int, int]) -> str:
@@ -165,26 +144,26 @@ def _inconclusive(visible_counts: tuple[int, int]) -> str:
     )
 
 
-def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPosterior], transferred: Transfer) -> str:
+def _sentence(kind: Verdict, state: Transferred) -> str:
     if kind == "no_gap":
-        return _no_gap(selection.base)
+        return _no_gap(state.selection.base)
+    if kind == "unexplained":
+        return _unexplained(state)
+    causes, reduction = _causes_named(state), how_far(state.transfer)
     if kind == "named":
-        causes = _causes_named(selection, posteriors, transferred)
         least = min(cause.probability for cause in causes)
         return (
-            f"The gap is explained by {_classes(causes)} (probability {percent(least)}). "
-            f"{how_far(transferred)}"
+            f"The gap is explained by {_classes(causes)} (probability {percent(least)}). {reduction}"
             " Nothing above the noise floor remains."
         )
-    if kind == "partly_explained":
-        causes = listed_causes(_causes_named(selection, posteriors, transferred)) or listed_causes(posteriors)
-        remains = _remainder(selection.chosen, transferred)
-        return f"The gap is partly explained by {_classes(causes, doubts=True)}. {how_far(transferred)} {remains}"
-    return _unexplained(selection, posteriors, transferred)
+    causes = listed_causes(causes) or listed_causes(state.posteriors)
+    remains = _remainder(state.selection.chosen, state.transfer)
+    return f"The gap is partly explained by {_classes(causes, doubts=True)}. {reduction} {remains}"
 
 
-def _unexplained(selection: Selection, posteriors: Sequence[EffectPosterior], transferred: Transfer) -> str:
+def _unexplained(state: Transferred) -> str:
     """Why no effect is the cause: none fits, or the closest ones explain too little or only the fitted recordings."""
+    selection, posteriors, transferred = state.selection, state.posteriors, state.transfer
     share, remainder = selection.share_explained, _in_noise(selection.chosen.residuals.noise_ratio)
     if not posteriors and _small(selection.chosen):
         return (
@@ -231,15 +210,13 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
     return f"{remainder} has another cause or another form."
 
 
-def _causes_named(
-    selection: Selection, posteriors: Sequence[EffectPosterior], transferred: Transfer
-) -> Sequence[EffectPosterior]:
+def _causes_named(state: Transferred) -> Sequence[EffectPosterior]:
     """The causes in the sentence: they carry over to held-out data, and are not merely known effects.
 
     Less probable ones are named only if no other is; the table of the causes lists them.
     """
-    carrying = [cause for cause in posteriors if cause.name not in transferred.withdrawn]
-    unexpected = [cause for cause in carrying if cause.name not in selection.expected]
+    carrying = [cause for cause in state.posteriors if cause.name not in state.transfer.withdrawn]
+    unexpected = [cause for cause in carrying if cause.name not in state.selection.expected]
     likely = [cause for cause in carrying if cause.probability >= VERDICT.rather]
     return likely or listed_causes(unexpected) or listed_causes(carrying) or carrying
 

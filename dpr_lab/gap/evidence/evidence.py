@@ -1,9 +1,7 @@
 """Evidence of a finished diagnosis, computed in one place."""
 
-from collections.abc import Mapping
 from datetime import UTC, datetime
 
-from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.evidence.coverage import coverage
 from dpr_lab.gap.evidence.exclusions import exclusions
 from dpr_lab.gap.evidence.joint_friction import joint_friction
@@ -12,41 +10,23 @@ from dpr_lab.gap.evidence.validation import validation
 from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.result.evidence import Closing, Evidence, RecordingUsed
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.transfer.free_run import FreeRuns
-from dpr_lab.gap.transfer.transfer import Transfer
-from dpr_lab.gap.which.selected import Selection
+from dpr_lab.gap.state import Advised
 from dpr_lab.version import __version__
 
 
-def evidence(
-    recordings: Recordings,
-    held_out: Recordings,
-    problem: Problem,
-    selection: Selection,
-    transferred: Transfer,
-    runs_by_model: Mapping[str, FreeRuns],
-) -> Evidence:
-    """Compute the evidence.
-
-    Args:
-        recordings: the fitted runs
-        held_out: held-out runs; may be empty
-        problem: the segments of the fitted runs
-        selection: the selected set of effects
-        transferred: performance of the selected set on held-out recordings
-        runs_by_model: free runs of the models before and after along all recordings, fitted and held out
-    """
-    budget, curves = validation(recordings, problem, selection.models, runs_by_model)
-    least = detectable(selection.chosen, selection.final_test)
-    rig = recordings.rig
+def evidence(state: Advised) -> Evidence:
+    """Compute the evidence."""
+    recordings, problem, selection = state.recordings, state.problem, state.selection
+    budget, curves = validation(recordings, problem, selection.models, state.free_runs)
+    least, rig = detectable(selection.chosen, selection.final_test), recordings.rig
     return Evidence(
         version=__version__,
         made_utc=datetime.now(UTC).isoformat(timespec="seconds"),
         rig=rig.name,
         rig_sha256=rig.sha256,
-        recordings=[*_used(recordings, held_out=False), *_used(held_out, held_out=True)],
-        coverage=coverage(recordings, held_out),
-        closing=[Closing(effect=name, left_rad=left, closed=closed) for name, left, closed in transferred.closing],
+        recordings=[*_used(recordings, held_out=False), *_used(state.held_out, held_out=True)],
+        coverage=coverage(recordings, state.held_out),
+        closing=[Closing(effect=name, left_rad=left, closed=closed) for name, left, closed in state.transfer.closing],
         residuals=residual_look(problem, selection.models),
         exclusions=exclusions(problem, selection.chosen, selection.final_test, least),
         friction=joint_friction(problem, selection.chosen),

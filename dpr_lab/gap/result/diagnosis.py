@@ -25,6 +25,9 @@ from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import Row, Shown, percent
 from dpr_lab.whole_file import regular
 
+Verdict = Literal["no_gap", "inconclusive", "named", "partly_explained", "unexplained"]
+Basis = Literal["one release", "releases left out", "held-out runs"]
+
 UNCERTAIN = "Nothing above the noise floor remains, but the causes are uncertain."
 """Last sentence of the verdict if effects explain the whole gap, but none of the causes is certain."""
 
@@ -49,7 +52,7 @@ class SensorFinding(Saved):
 class Diagnosis(Shown, Saved):
     """The gap between simulation and rig: its location, its causes, their probabilities, and its reduction."""
 
-    verdict: Literal["no_gap", "inconclusive", "named", "partly_explained", "unexplained"]
+    verdict: Verdict
     """`no_gap`, `inconclusive` (the recordings cannot show a gap), `named`, `partly_explained` or `unexplained`."""
     sentence: str
     """The verdict, up to three sentences: causes, gap reduction, remainder; more after checks."""
@@ -59,7 +62,7 @@ class Diagnosis(Shown, Saved):
     """
     hints: list[str] = []
     """Evidence for a wrong description of the recordings, with the option or key of the rig file that corrects it."""
-    basis: Literal["one release", "releases left out", "held-out runs"] = "releases left out"
+    basis: Basis = "releases left out"
     """Data on which the verdict was tested."""
     transfer: dict[str, dict[str, Interval]] = {}
     """Effect -> held-out run -> share of the gap without the effect that the effect closes."""

@@ -21,7 +21,6 @@ Source: Wilcoxon (1945), Individual comparisons by ranking methods, Biometrics B
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -31,13 +30,12 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.cross_validation import FOLDS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.result.diagnosis import Basis
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FreeRunError, FreeRuns
 from dpr_lab.gap.transfer.lone_recording import LoneRecording, lone_recording
 from dpr_lab.gap.transfer.out_of_sample import GapReduction, OutOfSample, left_out, reduction, share
 from dpr_lab.gap.which.selected import Selection
-
-Basis = Literal["one release", "releases left out", "held-out runs"]
 
 
 @dataclass(frozen=True, slots=True)

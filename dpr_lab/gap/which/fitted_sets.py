@@ -81,7 +81,7 @@ class FittedSets:
     library: Mapping[str, Effect]
     bare: Hypothesis
     """The model without effects."""
-    on_progress: Progress
+    on_progress: Progress = lambda event: None
     expected: frozenset[str] = frozenset()
     """Effects that the rig is known to have, of any size: they need not be visible in a recording."""
     held_out_chi2: Callable[[Hypothesis], float] | None = None

@@ -7,11 +7,9 @@ segments are searched first, because the influence of an effect is closer to lin
 to be fitted to a local minimum, the search is repeated from a better fit.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from functools import reduce
 
-from dpr_lab.effects.effect import Effect
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refit_without
 from dpr_lab.gap.hypothesis.thresholds import (
@@ -22,8 +20,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
     far_from_noise,
     indifference,
 )
-from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.which.fitted_sets import FittedSets, Progress
+from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.forward import forward_selection, refutes_process_noise
 from dpr_lab.gap.which.moves import HELD_OUT, REFINE, REVISIONS, SHORT, START
@@ -35,53 +32,20 @@ MOST_REVISIONS = 3
 """Maximum number of revisions of the selected set."""
 
 
-@dataclass(frozen=True, slots=True)
-class Draft:
-    """A search after forward selection, before the moves that refine the set."""
-
-    sets: FittedSets
-    state: SearchState
-
-    @property
-    def model(self) -> Hypothesis:
-        """The set that forward selection arrived at."""
-        return self.state.current
+def forward(sets: FittedSets, max_effects: int = 4) -> SearchState:
+    """Start the search by forward selection, up to a maximum number of effects."""
+    start = short_segments(max_effects) if far_from_noise(sets.bare) else START
+    return run((start, forward_selection(max_effects)), sets, SearchState.bare(sets, max_effects))
 
 
-def forward(
-    recordings: Recordings,
-    problem: Problem,
-    base: Hypothesis,
-    library: Mapping[str, Effect],
-    *,
-    max_effects: int = 4,
-    expected: Iterable[str] = (),
-    held_out_chi2: Callable[[Hypothesis], float] | None = None,
-    on_progress: Progress = lambda event: None,
-) -> Draft:
-    """Start the search by forward selection.
-
-    Args:
-        recordings: the runs
-        problem: their segments
-        base: the bare model, fitted
-        library: effects to choose from
-        max_effects: maximum number of effects in a set
-        expected: effects of the library that the rig is known to have
-        held_out_chi2: returns the sum of chi2 on held-out runs for a set; None without held-out runs
-        on_progress: called at the start of each fit and score test
-    """
-    known = frozenset(expected) & set(library)
-    return _draft(FittedSets(recordings, problem, library, base, on_progress, known, held_out_chi2), max_effects)
-
-
-def refined(draft: Draft) -> Selection:
+def refined(sets: FittedSets, state: SearchState) -> Selection:
     """Refine the set of forward selection to the set that explains the gap."""
-    selection = _one_search(draft)
-    bare = _better_bare_model(draft.sets.problem, selection)
+    selection = _one_search(sets, state)
+    bare = _better_bare_model(sets.problem, selection)
     if bare is None:
         return selection
-    return _one_search(_draft(draft.sets.from_bare(bare), draft.state.max_effects))
+    sets = sets.from_bare(bare)
+    return _one_search(sets, forward(sets, state.max_effects))
 
 
 def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | None:
@@ -97,16 +61,9 @@ def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | N
     return bare if escaped or (at_noise_floor(bare) and not at_noise_floor(base)) else None
 
 
-def _draft(sets: FittedSets, max_effects: int) -> Draft:
-    start = short_segments(max_effects) if far_from_noise(sets.bare) else START
-    state = SearchState.bare(sets, max_effects)
-    return Draft(sets, run((start, forward_selection(max_effects)), sets, state))
-
-
-def _one_search(draft: Draft) -> Selection:
-    """Complete one search from a draft: refinement, revisions, held-out runs."""
-    sets = draft.sets
-    state = run(REFINE, sets, draft.state)
+def _one_search(sets: FittedSets, state: SearchState) -> Selection:
+    """Complete one search after forward selection: refinement, revisions, held-out runs."""
+    state = run(REFINE, sets, state)
     for _ in range(MOST_REVISIONS):
         before = state.current
         state = _revised(sets, state)

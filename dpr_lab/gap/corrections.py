@@ -1,0 +1,58 @@
+"""Corrections of the recordings that a set of effects implies; after each, the effects are searched again.
+
+noise of torques       initially that at rest; the set shows that it is smaller, or that the torques are exact
+earlier torques        torques act before their rows, which looks like a negative delay
+rolling shutter        readings of a film are corrected; first as the bare model proposes it, because an effect may
+imitate a part of the delay, then as the set does, which contains other causes
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.known_torques import earlier_share, no_worse, with_other_noise
+from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
+from dpr_lab.gap.state import Drafted
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """One property of the recordings, as a search shows it."""
+
+    correct: Callable[[Drafted], Drafted | None]
+    """Returns the state with other recordings; None if they need no change."""
+    better: Callable[[Drafted, Drafted], bool]
+    """Whether the search of the other recordings (second state) replaces that of the former ones."""
+    most: int = 1
+    """Maximum number of corrections in succession."""
+
+
+def _other_noise(state: Drafted) -> Drafted | None:
+    """The state with less noise of known torques, or none."""
+    changed = with_other_noise(state.recordings, state.problem, state.search.current)
+    return changed and replace(state, recordings=changed)
+
+
+def _earlier_torques(state: Drafted) -> Drafted | None:
+    share = earlier_share(state.recordings, state.search.current)
+    if not share:
+        return None
+    recordings, held_out = (runs.with_earlier_torques(share) for runs in (state.recordings, state.held_out))
+    return replace(state, recordings=recordings, held_out=held_out)
+
+
+def _shutter(state: Drafted, model: Hypothesis) -> Drafted | None:
+    shutter = likeliest_shutter(state.recordings, state.problem, model)
+    return shutter and replace(state, recordings=state.recordings.with_shutter(shutter))
+
+
+def _shutter_explains_more(before: Drafted, after: Drafted) -> bool:
+    return before.recordings.shutter is not None or explains_more(before.search.current, after.search.current)
+
+
+CORRECTIONS = (
+    Correction(_other_noise, lambda before, after: True, most=2),
+    Correction(_earlier_torques, lambda before, after: no_worse(before.search.current, after.search.current)),
+    Correction(lambda state: _shutter(state, state.bare), _shutter_explains_more),
+    Correction(lambda state: _shutter(state, state.search.current), _shutter_explains_more),
+)
