@@ -2,7 +2,6 @@
 
     python benchmarks/diagnosis.py --cases 40            all groups, 40 trials each
     python benchmarks/diagnosis.py --quick               6 each
-    python benchmarks/diagnosis.py --prototype FOLDER    compared with the prototype in that folder (diag.py)
     python benchmarks/diagnosis.py --real FOLDER         and recordings of real rigs
 
 Foreign effects that were held back are listed separately from those used to choose thresholds.
@@ -18,7 +17,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 from _bars import Bar, at_least, at_most, options, show
-from _prototype import prototype_score
 from _real import real_bars
 from _trial_cases import Case, Scored, hidden, run_all, warm_up
 
@@ -152,16 +150,6 @@ def _there(outcomes: Sequence[TrialOutcome], effect: bool) -> list[TrialOutcome]
     return [o for o in outcomes if bool(o.truth) == effect]
 
 
-def beside(folder: Path, cases: Sequence[Case]) -> list[Bar]:
-    """The prototype on the same recordings of those single effects that it knows; a yardstick, not a target."""
-    found = prototype_score(folder, cases)
-    return [
-        Bar(f"prototype, single: first right (of {found['trials']:g})", "-", found["first"], None),
-        Bar(f"prototype, clean: false alarms (of {found['clean']:g})", "-", found["false_alarms"], None),
-        Bar("prototype, seconds a case, median", "-", found["seconds"], None),
-    ]
-
-
 def parsed() -> argparse.Namespace:
     """The command line."""
     parser = options(__doc__)
@@ -169,7 +157,6 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--only", action="append", choices=list(GROUPS), help="only this group, repeatable")
     parser.add_argument("--seed", type=int, default=FIRST_SEED, help="of the first trial (default: %(default)s)")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes (default: all cores)")
-    parser.add_argument("--prototype", type=Path, metavar="FOLDER", help="prototype to run on the single effects")
     parser.add_argument("--real", type=Path, metavar="FOLDER", help="recordings of real rigs to diagnose as well")
     parser.add_argument("--keep", type=Path, metavar="FILE", help="write every trial as a line of JSON")
     return parser.parse_args()
@@ -200,8 +187,6 @@ def main() -> None:
     cases = trials_of(names, 6 if chosen.quick else chosen.cases, chosen.seed)
     done = campaign(cases, chosen.workers, chosen.keep)
     made = [at_most(f"trials that ended in an error (of {len(cases)})", len(cases) - len(done), 0), *bars(done)]
-    if chosen.prototype is not None:
-        made += beside(chosen.prototype, [case for case in cases if case.group in ("single", "clean")])
     if chosen.real is not None:
         made += real_bars(chosen.real)
     wrong = [astray(scored) for scored in done if is_astray(scored.outcome)]

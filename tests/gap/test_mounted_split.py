@@ -1,4 +1,4 @@
-"""Effects that a release of the inner rod alone distinguishes, unlike one of both rods (benchmarks/mounted.py)."""
+"""Effects that a release of the inner rod alone distinguishes, unlike one of both rods."""
 
 from dataclasses import replace
 

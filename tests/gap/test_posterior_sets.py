@@ -76,6 +76,7 @@ def test_a_richer_form_of_the_named_effect_is_no_alternative_if_it_may_follow_th
         for chi2 in (chosen.residuals.chi2 + 1e3, 1e8)
     )
     (alternative,) = effect_posterior(near, name).alternatives
+    assert effect_posterior(far, name).alternatives == ()  # of probability zero
     assert alternative.probability == pytest.approx(effect_posterior(near, name).probability)
     assert effect_posterior(far, name).probability > 0.95
 

@@ -75,6 +75,10 @@ class Calibration:
     """
     unseen: float = 0.5
     """Probability of no gap if most effects are undetectable in the recordings: close to zero."""
+    least_listed: float = 1e-9
+    """Probability from which an alternative is listed: smaller ones say nothing, and which they are would depend on the
+    order of the library.
+    """
     least_left: float = 1e-6
     """Minimum share of the excess that remains: the error of the integrator is never exactly zero."""
 
@@ -155,6 +159,7 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
         alternatives=tuple(
             Alternative(alternative.name, alternative.members, alternative.cosine, alternative.cost, float(weight))
             for alternative, weight in zip(alternatives, weights[1:-1], strict=True)
+            if weight >= calibration.least_listed
         ),
         probability=float(weights[0]),
         odds=tuple((prior / prior.sum()).tolist()),
@@ -175,7 +180,7 @@ def _class_members(
 def _alternatives(
     selection: Selection, without: Hypothesis, test: ScoreTest, named: Score, others: Mapping[str, Score]
 ) -> list[Alternative]:
-    """The best effects in place of the named one, the least cost first."""
+    """The best effects in place of the named one, the least cost first; of equal cost, in the order of their names."""
     alternatives = (
         Alternative(other, (other,), test.cosine(named, score), _cost(selection, without, score))
         for other, score in others.items()
@@ -183,7 +188,7 @@ def _alternatives(
         and without.key | {other} not in selection.impossible
         and not _takes_over(selection, without, other)
     )
-    return sorted(alternatives, key=lambda alternative: alternative.cost)[:ALTERNATIVES]
+    return sorted(alternatives, key=lambda alternative: (alternative.cost, alternative.name))[:ALTERNATIVES]
 
 
 def _prior_odds(selection: Selection, without: Hypothesis, alternative: Alternative, calibration: Calibration) -> float:
