@@ -47,7 +47,10 @@ def test_a_single_recording_that_stays_unexplained_names_no_others(monkeypatch: 
     for name, value in (("_classes", "an effect"), ("_fitted_only", True), ("how_far", "Not closed.")):
         monkeypatch.setattr(verdict, name, lambda *_, value=value: value)
     selection = Mock(share_explained=0.96, chosen=Mock(residuals=Mock(noise_ratio=3.0)))
-    said = {b: verdict._unexplained(selection, [Mock()], Mock(basis=b)) for b in ("one release", "releases left out")}
+    states = {b: Mock(selection=selection, posteriors=[Mock()]) for b in ("one release", "releases left out")}
+    for basis, state in states.items():
+        state.transfer.basis = basis
+    said = {basis: verdict._unexplained(state) for basis, state in states.items()}
     assert "but not in quarters that the fit leaves out." in said["one release"]
     assert "but not in other recordings." in said["releases left out"]
 
@@ -105,8 +108,8 @@ def test_the_sentence_names_improbable_causes_only_without_a_probable_one(
     probabilities: tuple[float, ...], named: list[str]
 ) -> None:
     causes = [EffectPosterior(name, (name,), (), p) for name, p in zip("abc", probabilities, strict=False)]
-    selection, transferred = Mock(expected=frozenset()), Mock(withdrawn=())
-    assert [cause.name for cause in verdict._causes_named(selection, causes, transferred)] == named
+    state = Mock(selection=Mock(expected=frozenset()), posteriors=causes, transfer=Mock(withdrawn=()))
+    assert [cause.name for cause in verdict._causes_named(state)] == named
 
 
 def test_held_out_data_without_a_gap_of_their_own_refute_nothing() -> None:

@@ -156,35 +156,32 @@ def transfer(
     basis: Basis = "held-out runs" if held_out else "releases left out"
     if not held_out and len(recordings.records) == 1:
         basis = "one release"
-    test = held_out or left_out(recordings, problem)
-    tested = held_out is not None or len(test.dof) >= FOLDS.quarters
-    noise = np.asarray(selection.chosen.residuals.level * test.dof, dtype=np.float64)
+    test = _Test(held_out or left_out(recordings, problem), selection.chosen.residuals.level, rng)
+    tested = held_out is not None or len(test.data.dof) >= FOLDS.quarters
     models: dict[str, Hypothesis] = {"": selection.base, **selection.without_substitute}
-    chi2 = {name: _bounded(test.chi2(model)) for name, model in models.items()}
-    chosen = _bounded(test.chi2(selection.chosen))
-    above_noise = {name: np.stack([values - noise, chosen - noise]) for name, values in chi2.items()}
-    shares = {name: _by_run(test, pair, rng) for name, pair in above_noise.items()}
-    of_fitted_runs = _cross_validated(recordings, problem, selection, rng) if held_out else shares[""]
-    closed = reduction(above_noise[""], rng, test.block)
+    chosen = test.excess(selection.chosen)
+    pairs = {name: np.stack([test.excess(model), chosen]) for name, model in models.items()}
+    shares = {name: test.by_run(pair) for name, pair in pairs.items()}
+    of_fitted_runs = shares[""]
+    if held_out:
+        of_others = _Test(left_out(recordings, problem), test.level, rng)
+        ends = np.stack([of_others.excess(model) for model in (selection.base, selection.chosen)])
+        of_fitted_runs = of_others.by_run(ends)
+    closed = test.reduction(pairs[""])
     least_kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.estimate >= TRANSFER.kept else 1.0)
-
-    def carries_over(name: str, smaller: Hypothesis) -> bool:
-        helps = _helps(test, chi2[name] - chosen)
-        if not helps or above_noise[name][0].sum() < TRANSFER.gap_from * noise.sum():
-            return helps
-        least = least_kept * _share_of_fitted(smaller, selection.chosen)
-        return reduction(above_noise[name], rng, test.block).interval90[1] >= least
-
     failed = tuple(
-        name for name, smaller in selection.without_substitute.items() if tested and not carries_over(name, smaller)
+        name
+        for name, smaller in selection.without_substitute.items()
+        if tested and not test.carries_over(pairs[name], least_kept * _share_of_fitted(smaller, selection.chosen))
     )
     before, after = (runs_by_model[name].errors for name in ("before", "after"))
+    of_gap, of_noise = float(pairs[""][0].sum()), float(test.noise.sum())
     return Transfer(
         basis=basis,
         tested=tested,
         closed=closed,
-        gap_ratio=float(np.sqrt(max(float(above_noise[""][0].sum()), 0.0) / max(float(noise.sum()), 1.0))),
-        closing=tuple(_closing(test, selection, above_noise[""], noise)),
+        gap_ratio=float(np.sqrt(max(of_gap, 0.0) / max(of_noise, 1.0))),
+        closing=tuple(_closing(test, selection, pairs[""])),
         left_out=of_fitted_runs,
         held_out=shares[""] if held_out else {},
         effects={name: shares[name] for name in selection.without_substitute},
@@ -194,6 +191,41 @@ def transfer(
         worse_free_run=worse_free_run(before, after, expected, held_out.names if held_out else before),
         lone=lone_recording(problem, selection.chosen, [record.run.name for record in recordings.records]),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Test:
+    """Chi2 above the noise of data that were not fitted."""
+
+    data: OutOfSample
+    level: float
+    """Chi2 of the noise per reading."""
+    rng: np.random.Generator
+    """Random generator of the bootstrap."""
+
+    @property
+    def noise(self) -> Array:
+        """(segments,) chi2 of the noise."""
+        return np.asarray(self.level * self.data.dof, dtype=np.float64)
+
+    def excess(self, model: Hypothesis) -> Array:
+        """(segments,) chi2 above the noise by a model."""
+        return np.minimum(np.nan_to_num(self.data.chi2(model), nan=np.inf), TRANSFER.wildest) - self.noise
+
+    def reduction(self, pair: Array) -> GapReduction:
+        """Share of the gap closed, from (2, segments) chi2 above the noise without and with effects."""
+        return reduction(pair, self.rng, self.data.block)
+
+    def by_run(self, pair: Array) -> dict[str, GapReduction]:
+        """The same for each run."""
+        return {name: self.reduction(pair[:, rows]) for name, rows in self.data.runs}
+
+    def carries_over(self, pair: Array, least: float) -> bool:
+        """Whether an effect improves the prediction, and closes at least a share of the gap if that is measurable."""
+        helps = _helps(self.data, pair[0] - pair[1])
+        if not helps or pair[0].sum() < TRANSFER.gap_from * self.noise.sum():
+            return helps
+        return self.reduction(pair).interval90[1] >= least
 
 
 def worse_free_run(
@@ -229,31 +261,13 @@ def worse_free_run(
     return WorseFreeRun(of_before**0.5, of_after**0.5, max(ends))
 
 
-def _closing(test: OutOfSample, selection: Selection, ends: Array, noise: Array) -> Iterator[tuple[str, float, float]]:
+def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[tuple[str, float, float]]:
     """The gap as effects are added one by one, from the bare model to the set with all effects (`ends`)."""
-    between = [_bounded(test.chi2(model)) - noise for _, model in selection.path[:-1]]
+    between = [test.excess(model) for _, model in selection.path[:-1]]
     remaining = [ends[0], *between, *([ends[1]] if selection.path else [])]
     for name, above in zip(["", *(name for name, _ in selection.path)], remaining, strict=True):
-        rms = test.noise_rad * np.sqrt(max(float(above.sum()), 0.0) / test.dof.sum())
+        rms = test.data.noise_rad * np.sqrt(max(float(above.sum()), 0.0) / test.data.dof.sum())
         yield name, float(rms), share(np.stack([ends[0], above]))
-
-
-def _cross_validated(
-    recordings: Recordings, problem: Problem, selection: Selection, rng: np.random.Generator
-) -> dict[str, GapReduction]:
-    """Reduction of the gap for each fitted run, predicted from the other runs."""
-    test = left_out(recordings, problem)
-    noise = np.asarray(selection.chosen.residuals.level * test.dof, dtype=np.float64)
-    above_noise = [_bounded(test.chi2(model)) - noise for model in (selection.base, selection.chosen)]
-    return _by_run(test, np.stack(above_noise), rng)
-
-
-def _bounded(chi2: Array) -> Array:
-    return np.minimum(np.nan_to_num(chi2, nan=np.inf), TRANSFER.wildest)
-
-
-def _by_run(test: OutOfSample, above: Array, rng: np.random.Generator) -> dict[str, GapReduction]:
-    return {name: reduction(above[:, rows], rng, test.block) for name, rows in test.runs}
 
 
 def _helps(test: OutOfSample, reductions: Array) -> bool:
