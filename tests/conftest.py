@@ -46,6 +46,13 @@ def pytest_configure() -> None:
     import_module("tests.warm_process").start_server()
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """In a fresh clone Python compiles the tests and the libraries once."""
+    with import_module("tests.compiled_once").compiled_once():
+        return (yield)
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark live and slow tests, compile kernels for all processes, validate written results, and sort the files.

@@ -54,7 +54,7 @@ def test_a_rod_at_its_own_pace_is_not_doubted(one_rod):
 @pytest.mark.slow
 def test_a_diagnosis_of_one_rod_lists_it_among_the_findings(one_rod):
     rig, runs = one_rod
-    found = diagnose(filmed(runs, 8.0), rig, library=candidates("coulomb")).sensor_findings
+    found = diagnose(filmed(runs[:1], 8.0), rig, library=candidates("coulomb")).sensor_findings
     assert [one.name for one in found].count("time_scale") == 1
 
 

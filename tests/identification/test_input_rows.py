@@ -28,7 +28,7 @@ def test_an_input_that_acts_before_its_rows_is_named(renewed: str, share: float)
     rig, runs = rig_of(plant, "driven"), []
     a = plant.rods["J1"] + plant.rods["m1"] * plant.rods["l1"] ** 2
     for number in range(2):
-        t = np.arange(0, 3, 0.001)
+        t = np.arange(0, 2, 0.001)
         torque = 0.05 * np.sin(7 * t + number) + 0.03 * np.sin(11.3 * t)
         acting = torque if renewed == "always" else np.repeat(torque[::ROW], ROW)
         theta = swing(plant, np.array([0, 4.2 + 0.3 * number, 4.2 + 0.3 * number, 0, 0, 0]), t, acting)

@@ -73,7 +73,7 @@ def test_the_seal_does_not_reveal_the_seed(tmp_path: Path) -> None:
     assert secret.bit_length() > 90
     public = {name: tomllib.loads(told["rig"])["parameters"][name]["measured"] for name in MASSES}
     assert all(mass == round(mass, 4) for mass in public.values())
-    for seed in (secret, *range(2000), *(secret >> bits for bits in (32, 64, 96)), secret & (1 << 32) - 1):
+    for seed in (secret, *range(500), *(secret >> bits for bits in (32, 64, 96)), secret & (1 << 32) - 1):
         _, rig = weighed(load_plant("paper", seed), load_rig("paper"), SPREAD.scales_step)
         assert {name: rig.parameters[name].measured for name in MASSES} != public
 

@@ -176,7 +176,7 @@ _PUSHED = np.array([[1.0, 0.0], [-1.0, 1.0]])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("driven", "passive"), [(1, 2), (2, 1)])
+@pytest.mark.parametrize(("driven", "passive"), [pytest.param(1, 2, marks=pytest.mark.long), (2, 1)])
 def test_a_joint_without_a_torque_column_is_passive(paper: Rig, tmp_path: Path, driven: int, passive: int) -> None:
     expected = np.zeros_like(TAU)
     expected[:, driven - 1] = TAU[:, 0]
