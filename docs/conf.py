@@ -48,7 +48,7 @@ def write_command_line(app: Sphinx) -> None:
             continue
         inner = getattr(command, "commands", {})
         names += [[name, *rest] for rest in ([], *([sub] for sub in inner))]
-    parts = ["# Command line\n\nWhat `--help` says, command by command.\n"]
+    parts = ["# Command line\n\nOutput of `--help` for each command.\n"]
     for words in names:
         said = subprocess.run(
             [sys.executable, "-m", "dpr_lab", *words, "--help"],

@@ -20,7 +20,9 @@ def accept(
         list[Path], typer.Argument(help="Run files (.mcap); with three or more releases, more limits are decidable.")
     ],
     rig: RigName,
-    limits: Annotated[Path, typer.Option(help="Limits file (TOML): sizes of effects and ranges of ratios.")],
+    limits: Annotated[
+        Path, typer.Option(help="Limits file (TOML): effects, friction torque, ratios, error of a free run.")
+    ],
     diagnosis: Annotated[
         Path | None,
         typer.Option(help="Diagnosis of these runs, its JSON file or folder; default: they are diagnosed first."),

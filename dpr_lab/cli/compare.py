@@ -14,7 +14,7 @@ def compare(
     runs: Annotated[
         list[Path], typer.Argument(help="Run files (.mcap); runs that the model was not fitted to are held out.")
     ],
-    model: Annotated[Path, typer.Option(help="Model that `identify` wrote.")],
+    model: Annotated[Path, typer.Option(help="Model written by `identify` or `diagnose`.")],
     out: Annotated[Path, typer.Option(help="Folder of the figures and the report.")] = Path("report"),
     any_clock: AnyClock = False,
     torque: TorqueKind = None,

@@ -52,7 +52,7 @@ def identify(
     torque: TorqueKind = None,
     as_json: Json = False,
 ) -> None:
-    """Identify the kinetic parameters from recorded free swings.
+    """Identify the kinetic parameters from recorded swings.
 
     Example: dpr-lab identify runs/*.mcap --rig paper --out model.json
     """

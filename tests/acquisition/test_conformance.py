@@ -55,11 +55,11 @@ def test_each_deviation_of_a_device_from_the_protocol_is_named(simulated) -> Non
         found = {one.what: one for one in conformity(link, PATIENT)}  # pyright: ignore[reportArgumentType]
     finally:
         link.close()
-    refused = found["what IDLE refuses"]
+    refused = found["commands refused in IDLE"]
     assert not refused.ok
     assert "step" in refused.message
-    assert not found["a whole run: hold, stream, release, stop"].ok
-    assert "latched True" in found["a whole run: hold, stream, release, stop"].message
+    assert not found["complete run: hold, stream, release, stop"].ok
+    assert "latched True" in found["complete run: hold, stream, release, stop"].message
 
 
 def test_it_asks_for_the_rods_to_be_off() -> None:
