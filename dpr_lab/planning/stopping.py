@@ -4,7 +4,9 @@ A cause is decided if one effect of a class and of its alternatives has a probab
 validated by data that were not fitted: by another release, or by the quarters of a single release. The quarters, and
 the pieces of a long recording, share the pose and all other conditions of the release. A single release therefore
 decides one cause only, with a margin: one of its amplitudes has at least `margin` standard deviations, twice the size
-that counts as detectable. Several causes, and the absence of a gap, are confirmed by a second release.
+that counts as detectable, and every other effect is excluded as described below. A small second cause that the first
+release shows but does not suffice to name thus gets its second release. Several causes, and the absence of a gap, are
+confirmed by a second release.
 
 "No gap" is a statement about sizes: every effect of the library that recurs is excluded at its minimum detectable size
 in these recordings (`Exclusion.is_excluded`). An estimate too large to be excluded and too small to be named is
@@ -32,6 +34,8 @@ class Stopping:
     """Minimum number of releases for several causes, or for the decision that there is no gap."""
     margin: float = 10.0
     """Minimum amplitude of a cause that a single release decides, in standard deviations."""
+    listed: int = 3
+    """Maximum number of effects that a sentence lists."""
 
 
 STOPPING = Stopping()
@@ -84,6 +88,8 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
             return "a second release must confirm several causes"
         if not _is_large(diagnosis.effects[0]):
             return f"a second release must confirm {diagnosis.effects[0].name}"
+        if not no_gap and possible(diagnosis):
+            return f"a second release must test {_most_significant(diagnosis)}, not excluded by the first"
     if no_gap and (names := possible(diagnosis)):
         return f"no gap is visible, but {listed(names)} may have the minimum detectable size"
     return ""
@@ -101,6 +107,14 @@ def releases(diagnosis: Diagnosis) -> int:
 def possible(diagnosis: Diagnosis) -> list[str]:
     """Effects that recur, were not named and are not excluded: one may have its minimum detectable size."""
     return list(dict.fromkeys(amplitude.effect for amplitude in not_excluded(diagnosis)))
+
+
+def _most_significant(diagnosis: Diagnosis) -> str:
+    """The effects that are not excluded as a list, the largest estimate in standard deviations first."""
+    ranked = sorted(not_excluded(diagnosis), key=lambda tested: -abs(tested.estimate) / tested.size)
+    names = list(dict.fromkeys(tested.effect for tested in ranked))
+    rest = len(names) - STOPPING.listed + 1
+    return listed(names if rest <= 1 else [*names[: STOPPING.listed - 1], f"{rest} others"])
 
 
 def not_excluded(diagnosis: Diagnosis) -> list[Exclusion]:

@@ -16,7 +16,7 @@ from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.sequence import Planner
-from dpr_lab.planning.stopping import Causes, causes_of, decided, possible
+from dpr_lab.planning.stopping import Causes, causes_of, decided, possible, undecided
 from dpr_lab.planning.summary import inseparable, summed_up
 from dpr_lab.planning.worth.criteria import open_bits
 from dpr_lab.planning.worth.objective import Objective
@@ -107,6 +107,24 @@ def test_no_gap_is_decided_only_if_every_effect_is_excluded_at_its_detectable_si
     assert ("dpr-lab plan" in next_steps(nothing)[0]) is not expected
     listed_in_report = "Not excluded" in " ".join(exclusion_words(nothing))
     assert listed_in_report is (not expected or name == "missed_counts")
+
+
+@pytest.mark.parametrize(
+    ("sizes", "runs", "expected"), [(3.0, ["P1"], True), (4.5, ["P1"], False), (4.5, ["P1", "P2"], True)]
+)
+def test_a_single_release_decides_a_cause_only_if_every_other_effect_is_excluded(
+    sizes: float, runs: list[str], expected: bool
+) -> None:
+    """A release can show the smaller one of two causes without naming it."""
+    confidence = NormalDist().cdf(5.0 - sizes)
+    names = ("latency_joint2", "spring_joint2", "base_tilt", "clock_rate")
+    tested = [
+        Exclusion(effect=name, parameter="amplitude", size=5.0, estimate=sizes + 0.1 * k, confidence=confidence)
+        for k, name in enumerate(names)
+    ]
+    found = of_runs(one_cause(advice=[]), *runs, exclusions=tested)
+    assert decided(found) is expected
+    assert ("must test clock_rate, base_tilt and 2 others," in undecided(found)) is not expected
 
 
 def test_a_plan_tests_the_effects_that_keep_no_gap_undecided(paper: Rig) -> None:

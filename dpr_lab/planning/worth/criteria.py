@@ -13,8 +13,9 @@ value of the recording is the expected reduction of the entropy between both cau
 **Library.** A plan must not assume that the causes named so far are correct. Therefore the same bits are computed for
 every amplitude of the library against every other one and against none, at several sizes and even odds, and averaged.
 
-**Effects that are not excluded.** If no gap is visible, "no gap" is open only because of the amplitudes that may have
-their minimum detectable size. For each of them the same bits are computed against none, at this size and even odds.
+**Effects that are not excluded.** If no gap is visible, or causes explain it, the answer is open because of amplitudes
+that may have their minimum detectable size too. For each of them the same bits are computed against none, at this
+size and even odds.
 
 **Ratios (D-optimality).** log2 of the reduction of the volume of their covariance, with the effects of the model
 fitted.
@@ -213,9 +214,9 @@ def library_bits(known: Knowledge, F: Array) -> float:
 
 
 def open_bits(known: Knowledge, F: Array) -> float:
-    """Mean bits, by further information, about the amplitudes that keep "no gap" undecided; 0 without any."""
+    """Mean bits, by further information, about the amplitudes that are not excluded; 0 if part of the gap remains."""
     diagnosis = known.diagnosis
-    if diagnosis is None or diagnosis.verdict != "no_gap":
+    if diagnosis is None or diagnosis.verdict not in ("no_gap", "named"):
         return 0.0
     sizes = {(amplitude.effect, amplitude.parameter): amplitude.size for amplitude in not_excluded(diagnosis)}
     columns = known.model.columns

@@ -21,7 +21,7 @@ class Gain:
     causes: Mapping[tuple[str, str], float]
     """Bits of each undecided pair of causes."""
     open_effects: float
-    """Bits about the effects that keep "no gap" undecided."""
+    """Bits about the effects that are not excluded."""
     library: float
     ratios: float
     limits: float
