@@ -85,6 +85,7 @@ PYTHONPATH={ROOT} python - <<'END'
 import re
 from pathlib import Path
 import numpy as np
+from scipy.integrate import solve_ivp
 from dpr_lab.dynamics.arm import ArmParameters
 from tests.point_masses import point_masses
 page = Path({str(ROOT / "docs/how-to/moving-arm.md")!r}).read_text()
@@ -98,9 +99,13 @@ for name, J0, push in (("sine", 2.6e-4, 0.1 / 16 * volts), ("swing", 1e9, 0 * t)
     theta += np.random.default_rng(1).normal(0, 3e-4, theta.shape)
     rows = np.column_stack([t, theta[:, 0], theta[:, 1] - np.pi, volts])
     np.savetxt(f"{{name}}.csv", rows, "%.6f", ",", header="t,theta0,theta1,voltage", comments="")
+slope = lambda t, x: [x[1], -1.5 / 0.4 * (9.81 * np.sin(x[0]) - 0.8 * np.sin(4 * t) * np.cos(x[0]))]
+angle = solve_ivp(slope, (0, t[-1]), [0.5, 0.0], t_eval=t, rtol=1e-8).y[0]
+rows = np.column_stack([t, 0.05 * np.sin(4 * t), angle])
+np.savetxt("on_cart.csv", rows, "%.6f", ",", header="t,x_cart,angle", comments="")
 END
 """
-"""Tables of a Furuta pendulum, its arm driven and clamped, and the rig file of the page."""
+"""Tables of a Furuta pendulum, its arm driven and clamped, and of a rod on a cart; the rig file of the page."""
 
 TAKEN_FOR_GRANTED = {
     "docs/how-to/moving-arm.md": FURUTA,

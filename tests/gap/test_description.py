@@ -16,11 +16,13 @@ from dpr_lab.gap.conclusion.verdict import _in_noise, listed_causes
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.plain import as_json
-from dpr_lab.rig import Rig, load_rig
+from dpr_lab.rig import Rig, load_rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.workflows.diagnose import failures
+from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
+from dpr_lab.workflows.rig_toml import Measure
 from sim_device.plant.config import load_plant
 from sim_device.trials.driven import driven_runs
 from sim_device.trials.offline_recorder import record
@@ -238,3 +240,31 @@ def test_a_gravity_that_no_place_on_earth_has_is_questioned_instead_of_the_lengt
 )
 def test_a_gap_of_the_size_of_the_noise_is_not_called_one_times_it(ratio: float, words: str) -> None:
     assert _in_noise(ratio) == words
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_small_swing_on_a_cart_shows_the_sign_of_the_cart_and_no_spring(tmp_path: Path, sign: int) -> None:
+    """A cart of five times the mass of the rod, as a long arm: with the wrong sign it acts like a spring."""
+    t, length, ratio = np.arange(0.0, 4.0, 0.01), 0.4, 1 / 6
+    one = Measure(0.1)
+    measured = RigMeasures("cart", length, None, one, None, mounted="inner", L0=10.0, arm="prescribed")
+    rig = parse_rig(draft_rig(measured))
+
+    def slope(_: float, x: NDArray[np.float64]) -> list[float]:
+        """Angle and speed of a uniform rod, position and speed of the cart."""
+        s, c, h = np.sin(x[0]), np.cos(x[0]), length / 2
+        pushed = ratio * h * x[1] ** 2 * s - 2.0 * x[3]
+        turned = -(9.81 * s + c * pushed) / (4 / 3 * h - ratio * h * c**2)
+        return [x[1], turned, x[3], pushed - ratio * h * c * turned]
+
+    angle, _, place, _ = solve_ivp(slope, (0.0, t[-1]), [0.12, 0.0, 0.0, 0.0], t_eval=t, rtol=1e-9, atol=1e-10).y
+    noise = np.random.default_rng(15).normal(0.0, 5e-4, len(t))
+    run = bench_rigs.table(
+        tmp_path, "cart", rig, {"t_s": t, "theta0_rad": sign * place / 10, "theta1_rad": angle + noise}
+    )
+    some = {name: EFFECTS[name] for name in ("spring_joint1", "com_offset_link1", "coulomb_joint1")}
+    found = diagnose([run], rig, library=some)
+    assert found.effects == []
+    assert ("--scale theta0=-1" in found.sentence) == (sign == 1)
+    assert found.verdict == ("unexplained" if sign == 1 else "no_gap")

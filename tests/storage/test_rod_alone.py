@@ -317,3 +317,22 @@ def test_whole_turns_from_an_encoder_zeroed_while_hanging_are_kept(one: Rig, tmp
     file = table(tmp_path, "t_s,theta1_rad", T, 2 * np.pi + SWING)
     run = import_csv(file, one, ImportOptions(zero="hanging"))
     np.testing.assert_allclose(run.theta[:, 1], 3 * np.pi + SWING[-len(run.t) :], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("names", "unit", "hint"),
+    [
+        ("time_s,angle,position", 1.0, "theta0=position,theta1=angle --scale theta0=-0.1 (for metres)"),
+        ("t,pos_m,theta,x_cart_mm", 1.0, "theta0=x_cart_mm,theta1=theta --scale theta0=-0.0001"),
+        ("tempo_s,angulo_graus,carro_cm", 180 / np.pi, "theta0=carro_cm,theta1=angulo_graus --scale theta0=-0.0573"),
+    ],
+)
+def test_the_position_of_a_cart_is_no_angle_and_a_note_says_how_to_use_it(
+    one: Rig, tmp_path: Path, names: str, unit: float, hint: str
+) -> None:
+    columns = {name: 0.1 * np.sin(3 * T) for name in names.split(",")}
+    columns[names.split(",")[0]] = T
+    columns[next(name for name in columns if name.startswith(("ang", "theta")))] = SWING * unit
+    read = understand(table(tmp_path, names, *columns.values()), one, ImportOptions(zero="hanging"))
+    assert read.theta[:, 1] == pytest.approx(SWING + np.pi)
+    assert any(note.endswith(hint) for note in read.notes)

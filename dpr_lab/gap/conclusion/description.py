@@ -66,7 +66,9 @@ def description(
         return _stopped(records, rig, selection)
     open_ = not at_noise_floor(selection.chosen) or transferred.withdrawn or transferred.oversized
     residuals = selection.base.residuals
-    if not (residuals.chi2 > DESCRIPTION.gap * residuals.dof and open_):
+    # With a wrong sign of its motion, an arm acts on small swings like a spring, which closes a small gap too.
+    carried = any(record.run.arm is not None for record in records) and selection.chosen.effects
+    if not (carried or (residuals.chi2 > DESCRIPTION.gap * residuals.dof and open_)):
         return Description()
     look = second_look([_trusted(record) for record in records], rig)
     if not look.tried and selection.share_explained >= DESCRIPTION.closed:

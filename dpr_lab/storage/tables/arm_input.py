@@ -1,5 +1,6 @@
-"""Columns of known inputs: torques of the joints, or the input of a driven arm."""
+"""Columns of known inputs: torques of the joints, the input of a driven arm, or the motion of a cart."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +12,9 @@ from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig, refuse_impossible_arm, refuse_impossible_inner
 from dpr_lab.rig_tables import MotorTable
+from dpr_lab.storage.tables.columns import bare, varies
 from dpr_lab.storage.tables.options import ImportOptions
+from dpr_lab.storage.tables.table import Table
 from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, Pairs, find_torques, held_torque
 
 _NAMES = {
@@ -29,6 +32,26 @@ _UNITS = {
 _KIND = "(?:measured|meas|commanded|command|cmd|desired|des|motor|arm)?"
 _UNNAMED = f"{_KIND}(?:input|u|control|action){_KIND}"
 """Names of an input whose kind is that of the rig file: `input`, as `run export` writes it, and usual others."""
+_CART = re.compile("(?:x|pos|position)?(?:cart|carriage|trolley|slider|carro)(?:x|pos|position)?([cm]?m)?")
+_PLACE = re.compile("(?:x|pos|position)([cm]?m)?")
+"""Names that are also those of angles or points: of a cart only if no column has a plain name."""
+_METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+_ANGLES = {"rad": 1.0, "deg": 180 / math.pi}
+
+
+@dataclass(frozen=True, slots=True)
+class CartSettings:
+    """How the rail of a cart is described.
+
+    Attributes:
+        rail_m: length of the arm that represents it, m: at 1 m/s it turns at 0.1 rad/s, and g / L1 exceeds the square
+            of this speed more than a thousand times
+    """
+
+    rail_m: float = 10.0
+
+
+SETTINGS = CartSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,3 +226,39 @@ def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
     pattern = re.compile(rf"{_KIND}(?:{words})0?{_KIND}")
     unused = [name for name in names if pattern.fullmatch(re.sub(r"[\W_]+", "", name.lower()))]
     return [f"column {name} is not used, because the arm is free; if it is driven, use --arm driven" for name in unused]
+
+
+def cart_note(
+    table: Table, used: Mapping[str, str], rig: Rig, options: ImportOptions, settings: CartSettings = SETTINGS
+) -> list[str]:
+    """A note on how to import the motion of a cart if a column with its position is not used.
+
+    On an arm of length R that turns by theta_0 = -x / R, the rod feels the acceleration of a cart at x, because the
+    terms with the squared speed of the arm vanish for a long arm.
+
+    Args:
+        table: the table
+        used: quantity -> name of its column
+        rig: the recorded rig
+        options: with the unit of the angles and the mode of the arm
+        settings: the length of the arm
+    """
+    if rig.rods.number != 1 or options.arm != "clamped" or options.unit not in _ANGLES or table.settled:
+        return []
+    free = {
+        name: match
+        for name, column in zip(table.names, table.values, strict=True)
+        if name not in used.values() and varies(column)
+        for pattern in (_CART, _PLACE)
+        if (match := pattern.fullmatch(bare(name)))
+    }
+    carts = {name: match for name, match in free.items() if match.re is _CART} or free
+    if len(carts) != 1:
+        return []
+    ((name, match),) = carts.items()
+    factor = -_METRES[match[1] or "m"] * _ANGLES[options.unit] / settings.rail_m
+    return [
+        f"column {name} is not used. If it is the position of a cart that carries the rod, describe the rail as a long"
+        f' arm, L0 = {settings.rail_m:g} in [rig] and mode = "prescribed" in [arm], and import with --columns'
+        f" theta0={name},theta1={used['theta1']} --scale theta0={factor:.4g}{'' if match[1] else ' (for metres)'}"
+    ]

@@ -19,10 +19,10 @@ UNITS = ("rad", "deg", "counts")
 NO_ROD = "joint 2, without a rod"
 """Name of a substitute column."""
 
-_TIME_NAME = r"(t|time|timestamp|elapsed|tout|zeit)?({unit})?(?<=.)"
+_TIME_NAME = r"(t|time|timestamp|elapsed|tout|zeit|temps|tempo|tiempo)?({unit})?(?<=.)"
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds", "us": "us|usec|microseconds"}
-_ANGLE_UNIT = r"(rad|radians?|deg|degrees?)"
-_ANGLE_WORD = "(theta|th|phi|q|angle|joint|pos|position|θ|φ)"
+_ANGLE_UNIT = r"(rad|radians?|deg|degrees?|gra(?:us|dos|di))"
+_ANGLE_WORD = "(theta|th|phi|q|angle|angulo|angolo|winkel|joint|pos|position|θ|φ)"
 _MEASURED = "(meas|measured|act|actual)"
 _ANGLE_NAME = (
     rf"{_ANGLE_WORD}{{axis}}{_ANGLE_UNIT}?|(enc|encoder){{axis}}{_ANGLE_UNIT}"
@@ -36,8 +36,10 @@ _ON_ARM = {"theta0": f"theta{_ANGLE_UNIT}?", "theta1": f"alpha{_ANGLE_UNIT}?"}
 _ROD_NAME = rf"(rod|pendulum)(angle|pos|position)?{_ANGLE_UNIT}?"
 _COUNT_NAME = rf"(counts?|enc|encoder){{axis}}(counts?|ticks?)?|{_ANGLE_WORD}{{axis}}(counts?|ticks?)"
 _ONE_ROD = re.compile(f"{_ANGLE_NAME}|{_COUNT_NAME}|{_ROD_NAME}".format(axis=""))
+_PLACE = re.compile("pos(ition)?([cm]?m)?")
+"""A position is the angle of the rod only if no other column is: next to an angle it is that of a cart."""
 _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
-_SAID_UNIT = re.compile(r"(?<![a-z])(rad|deg|counts)(ians|rees)?(?![a-z])|(°)")
+_SAID_UNIT = re.compile(r"(?<![a-z])(rad|deg|counts)(ians|rees)?(?![a-z])|°|(?<![a-z])gra(us|dos|di)(?![a-z])")
 _ONLY_UNIT = re.compile(
     r"\W*(rad|radians?|deg|degrees?|°|counts?|ticks?|m?s|us|sec|seconds|px|pixels?|[mc]?m)\W*", re.I
 )
@@ -160,6 +162,7 @@ def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tu
     given, notes = dict(given), table.notes
     given |= {} if {"theta0", "theta1"} & set(given) else _on_arm(table.names)
     alone = [name for name in table.names if _ONE_ROD.fullmatch(bare(name))]
+    alone = [name for name in alone if not _PLACE.fullmatch(bare(name))] or alone
     if "theta1" not in given and not any("theta1" in guess for guess in guessed):
         if len(alone) != 1:
             alone, clock = _only_varying(table, given, timed)
@@ -189,12 +192,13 @@ def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[
     varying = [
         name
         for name, column in zip(table.names, table.values, strict=True)
-        if name not in times and not is_time(name) and not runs(column) and _varies(column)
+        if name not in times and not is_time(name) and not runs(column) and varies(column)
     ]
     return (varying, clock) if len(varying) == 1 else ([], {})
 
 
-def _varies(column: Array) -> bool:
+def varies(column: Array) -> bool:
+    """Whether a column has different values."""
     known = column[np.isfinite(column)]
     return bool(len(known) and np.ptp(known) > 0.0)
 

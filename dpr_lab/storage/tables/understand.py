@@ -22,7 +22,7 @@ from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
 from dpr_lab.run import FilmNoise, as_mounted
 from dpr_lab.storage.readers import read_any
-from dpr_lab.storage.tables.arm_input import known_inputs, stated_arm, unused_input
+from dpr_lab.storage.tables.arm_input import cart_note, known_inputs, stated_arm, unused_input
 from dpr_lab.storage.tables.clock_wrap import continues_across, unwrapped_times, wrap_behind
 from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, numbers, with_still_joint2
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
@@ -148,7 +148,7 @@ def _readings(
     t, rounded = even_times(t, readings)
     outliers = drop_outliers(readings, rig, options)
     t, misplaced = stamps_at_gaps(t, {axis: _unwrapped(column, options) for axis, column in readings.items()})
-    return t, readings, [*outliers, *empty, *filter(None, (rounded, misplaced))]
+    return t, readings, [*outliers, *empty, *filter(None, (rounded, misplaced)), *cart_note(table, names, rig, options)]
 
 
 @dataclass(frozen=True, slots=True)
