@@ -11,6 +11,7 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.gauss_newton import StopReason, fit
 from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.classes.posterior import CALIBRATION
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep
@@ -66,6 +67,7 @@ def assert_same(one: Diagnosis, other: Diagnosis) -> None:
     assert one.verdict == other.verdict
     assert sorted(effect.name for effect in one.effects) == sorted(effect.name for effect in other.effects)
     assert one.probabilities == pytest.approx(other.probabilities, abs=1e-6)
+    assert not [p for p in one.probabilities.values() if 0.0 < p < CALIBRATION.least_listed]
     assert one.model_effects.keys() == other.model_effects.keys()
     for name, sizes in other.model_effects.items():
         assert one.model_effects[name] == pytest.approx(sizes, rel=SIZE_TOLERANCE)

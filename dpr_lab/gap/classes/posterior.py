@@ -79,23 +79,21 @@ class Calibration:
     """Probability from which an alternative is listed: smaller ones say nothing, and which they are would depend on the
     order of the library.
     """
+    alternatives: int = 5
+    """Maximum number of alternatives of each named effect."""
+    hidden: float = 0.5
+    """Fraction of an effect's size: a richer form is a probable alternative if parameters of this size are
+    undetectable.
+    """
+    same_score: float = 1e-3
+    """Relative difference of linear scores up to which they count as equal."""
+    negligible: float = 50.0
+    """Difference of log probability beyond which another set has no weight."""
     least_left: float = 1e-6
     """Minimum share of the excess that remains: the error of the integrator is never exactly zero."""
 
 
 CALIBRATION = Calibration()
-
-ALTERNATIVES = 5
-"""Maximum number of alternatives of each named effect."""
-
-HIDDEN = 0.5
-"""Fraction of an effect's size: a richer form is a probable alternative if parameters of this size are undetectable."""
-
-SAME_SCORE = 1e-3
-"""Relative difference of linear scores up to which they count as equal."""
-
-NEGLIGIBLE = 50.0
-"""Difference of log probability beyond which another set has no weight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +147,7 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
         ]
     )
     scaled = -added_cost / (2 * chosen.residuals.inflation * calibration.temperature)
-    weights = np.exp(np.clip(scaled, -NEGLIGIBLE, NEGLIGIBLE))
+    weights = np.exp(np.clip(scaled, -calibration.negligible, calibration.negligible))
     weights[1:-1] *= [_prior_odds(selection, without, alternative, calibration) for alternative in alternatives]
     of_outside = outside(selection, name, calibration, members=plausibilities)
     weights *= (1 - of_outside) / weights.sum()
@@ -174,7 +172,7 @@ def _class_members(
     same = [other for other, score in others.items() if _in_one_class(selection, without, test, named, score)]
     hidden = [other for other in _hidden(selection, named.effect) if other in others and other not in same]
     sizes = {other: _plausibility(selection, without, others[other]) for other in (*same, *hidden)}
-    return dict(sorted(sizes.items(), key=lambda member: -member[1]))
+    return dict(sorted(sizes.items(), key=lambda member: (-member[1], member[0])))
 
 
 def _alternatives(
@@ -188,7 +186,8 @@ def _alternatives(
         and without.key | {other} not in selection.impossible
         and not _takes_over(selection, without, other)
     )
-    return sorted(alternatives, key=lambda alternative: (alternative.cost, alternative.name))[:ALTERNATIVES]
+    ranked = sorted(alternatives, key=lambda alternative: (alternative.cost, alternative.name))
+    return ranked[: CALIBRATION.alternatives]
 
 
 def _prior_odds(selection: Selection, without: Hypothesis, alternative: Alternative, calibration: Calibration) -> float:
@@ -242,7 +241,7 @@ def _in_one_class(selection: Selection, without: Hypothesis, test: ScoreTest, sc
     if fitted is not None:
         return fitted.cost - selection.chosen.cost < margin
     related = other.effect.name in score.effect.nested or score.effect.name in other.effect.nested
-    return not related and score.gain - other.gain < max(margin, SAME_SCORE * score.gain)
+    return not related and score.gain - other.gain < max(margin, CALIBRATION.same_score * score.gain)
 
 
 def _hidden(selection: Selection, effect: Effect) -> tuple[str, ...]:
@@ -254,7 +253,7 @@ def _hidden(selection: Selection, effect: Effect) -> tuple[str, ...]:
         score.effect.name
         for score in selection.final_test.ranking
         if effect.name in score.effect.nested
-        and all(minimum is None or minimum > HIDDEN * size for minimum in least[score.effect.name].values())
+        and all(minimum is None or minimum > CALIBRATION.hidden * size for minimum in least[score.effect.name].values())
     )
 
 

@@ -36,7 +36,7 @@ from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.gap.advice.check_kind import expected_bits
-from dpr_lab.gap.classes.posterior import CALIBRATION, HIDDEN
+from dpr_lab.gap.classes.posterior import CALIBRATION
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.planning.knowledge import RATIO_COLUMNS, Knowledge
 from dpr_lab.planning.stopping import Causes, not_excluded
@@ -167,7 +167,7 @@ def _with_hidden(name: str, about: str, columns: Sequence[int], known: Knowledge
         return sizes
     shared = {known.model.columns[i].name for i in known.places[about]}
     added = np.array([known.model.columns[i].name not in shared for i in columns])
-    return np.where(added, np.maximum(np.abs(sizes), HIDDEN * np.abs(target).max()), sizes)
+    return np.where(added, np.maximum(np.abs(sizes), CALIBRATION.hidden * np.abs(target).max()), sizes)
 
 
 def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
