@@ -3,8 +3,8 @@
     python tests/warm.py SOCKET
 
 Each connection asks for one process: a program (`dpr_lab` or `sim_device`), its words, folder, environment and session
-as JSON, with the descriptors of its three streams. The answers are the number of the process, and its status when it
-has ended. The server ends with its stdin. `tests/warm_process.py` is the other end.
+as a line of JSON, with the descriptors of its three streams. The answers are the number of the process, and its status
+when it has ended. The server ends with its stdin. `tests/warm_process.py` is the other end.
 """
 
 import atexit
@@ -24,7 +24,7 @@ from pathlib import Path
 
 def main() -> None:
     """Answer every connection by a process of its own; load the libraries for the first."""
-    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     listener.bind(sys.argv[1])
     listener.listen(64)
     print("listening", flush=True)
@@ -48,16 +48,20 @@ def count_ended() -> None:
 
 def answer(line: socket.socket) -> None:
     """Fork what a connection asks for, and wait for its end."""
-    message, streams, _, _ = socket.recv_fds(line, 1 << 20, 3)
+    message, streams, _, _ = socket.recv_fds(line, 1 << 16, 3)
+    while not message.endswith(b"\n"):
+        if not (more := line.recv(1 << 16)):  # who asked has ended
+            os._exit(1)
+        message += more
     if (child := os.fork()) == 0:
         become(streams, **json.loads(message))
     for stream in streams:
         os.close(stream)
     with suppress(OSError):  # who asked has ended
-        line.send(str(child).encode())
+        line.send(child.to_bytes(4))
     _, status = os.waitpid(child, 0)
     with suppress(OSError):
-        line.send(str(status).encode())
+        line.send(status.to_bytes(4))
     os._exit(0)
 
 

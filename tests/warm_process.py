@@ -42,7 +42,7 @@ class WarmProcess(subprocess.Popen[Any]):
 
     def __init__(self, place: str, program: str, words: Sequence[object], **options: Any) -> None:
         environment = options.pop("env", None) or os.environ
-        self._place, self._line = place, socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._place, self._line = place, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._asked = {
             "program": program,
             "words": list(map(str, words)),
@@ -56,17 +56,23 @@ class WarmProcess(subprocess.Popen[Any]):
         pipes = details[10:16]  # p2cread, p2cwrite, c2pread, c2pwrite, errread, errwrite
         ends = [end if end >= 0 else number for number, end in enumerate((pipes[0], pipes[3], pipes[5]))]
         self._line.connect(self._place)
-        socket.send_fds(self._line, [json.dumps(self._asked).encode()], ends)
-        self.pid = int(self._line.recv(64))
+        message = json.dumps(self._asked).encode() + b"\n"
+        self._line.sendall(message[socket.send_fds(self._line, [message], ends) :])
+        self.pid = self._answer()
         self._child_created = True
         self._close_pipe_fds(*pipes)  # pyright: ignore[reportAttributeAccessIssue, reportUnknownMemberType]
 
     def _try_wait(self, wait_flags: int) -> tuple[int, int]:
         if wait_flags & os.WNOHANG and not select.select([self._line], [], [], 0)[0]:
             return 0, 0
-        status = int(self._line.recv(64))
+        status = self._answer()
         self._line.close()
         return self.pid, status
+
+    def _answer(self) -> int:
+        if len(answer := self._line.recv(4, socket.MSG_WAITALL)) < 4:
+            raise ChildProcessError("the process that commands are forked from has ended")
+        return int.from_bytes(answer)
 
     def _internal_poll(self, *_: Any, **__: Any) -> int | None:
         if self.returncode is None:

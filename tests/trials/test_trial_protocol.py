@@ -87,7 +87,7 @@ def test_a_folder_that_is_taken_is_refused(diagnosed: Trial) -> None:
 def test_a_folder_without_a_trial_is_refused(tmp_path: Path, content: str | None) -> None:
     if content is not None:
         (tmp_path / "trial.json").write_text(content)
-    with pytest.raises(RunError, match=r"finished trial|trial\.json"):
+    with pytest.raises(RunError, match=r"contains no trial|trial\.json"):
         read_trial(tmp_path)
 
 
