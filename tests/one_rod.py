@@ -37,6 +37,8 @@ class Rod:
     """Quadratic drag over gravity torque at the natural frequency squared."""
     offset: float = 8.5e-3
     """Zero error of the potentiometer, rad."""
+    drift: float = 0.0
+    """Rate of the zero error, rad/s."""
     scale: float = 0.0
     """Relative error of its scale."""
     turns: tuple[int, int] = (0, 0)
@@ -123,9 +125,8 @@ def recorded(rod: Rod, seed: int, folder: Path) -> tuple[Rig, list[Run]]:
     for number, start in enumerate(RELEASES):
         t = np.arange(0.0, rod.duration, 1 / RATE_HZ)
         true = swing(rod, start, np.maximum(t + rng.normal(0.0, rod.jitter, len(t)), 0.0))
-        read = (
-            (1 + rod.scale) * (true + 2 * np.pi * rod.turns[number]) + rod.offset + rod.eccentric * np.sin(true + 1.0)
-        )
+        zero = rod.offset + rod.drift * t + rod.eccentric * np.sin(true + 1.0)
+        read = (1 + rod.scale) * (true + 2 * np.pi * rod.turns[number]) + zero
         count = 2 * np.pi / rod.counts
         read = count * np.rint((read + rng.normal(0.0, rod.noise, len(t))) / count)
         file = folder / f"release_{number}.csv"

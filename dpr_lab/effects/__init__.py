@@ -22,6 +22,7 @@ from dpr_lab.effects.dead_zone import DEAD_ZONE_JOINT0
 from dpr_lab.effects.detent import DETENT_JOINT0, DETENT_JOINT1, DETENT_JOINT2
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.effect import Effect, Recorded, Shape
+from dpr_lab.effects.encoder_drift import ENCODER_DRIFT
 from dpr_lab.effects.encoder_eccentricity import ENCODER_ECCENTRICITY, ENCODER_ECCENTRICITY_JOINT0
 from dpr_lab.effects.encoder_offset import ENCODER_OFFSET_JOINT0, ENCODER_OFFSET_JOINT1, ENCODER_OFFSET_JOINT2
 from dpr_lab.effects.encoder_scale import ENCODER_SCALE, ENCODER_SCALE_JOINT0
@@ -105,6 +106,7 @@ EFFECTS: dict[str, Effect] = {
         AIR_DRAG_JOINT0,
         BACKLASH_JOINT1,
         BACKLASH_JOINT0,
+        *ENCODER_DRIFT,
     )
 }
 EFFECTS |= plugin_rows("effects", Effect, EFFECTS, lambda _, effect: effect.name, refusal)

@@ -7,6 +7,7 @@ import numpy as np
 
 from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
 from dpr_lab.effects.effect import EffectParameter
+from dpr_lab.effects.encoder_drift import ENCODER_DRIFT
 from dpr_lab.effects.encoder_offset import ENCODER_OFFSET_JOINT1, ENCODER_OFFSET_JOINT2
 from dpr_lab.effects.wrong_length import WRONG_LENGTH
 from dpr_lab.errors import ConfigError
@@ -22,6 +23,9 @@ from sim_device.trials.noiseless import plant_gap
 from sim_device.trials.parameters import drawn
 from sim_device.trials.request import LEVELS, ON_ARM, EffectRequest
 from sim_device.trials.sizing import Coefficients, sized
+
+NOT_DRAWN = frozenset(effect.name for effect in ENCODER_DRIFT)
+"""Effects that joined the library after the published campaigns: with them, the same seeds would draw other plants."""
 
 LARGEST = 40.0
 """Maximum gap of the largest effect of a pair or triple, in units of the noise."""
@@ -193,8 +197,8 @@ def _takes_part(name: str, held_back: bool | None) -> bool:
 
 
 def visible_effects() -> list[str]:
-    """Library effects that are identifiable in a free swing."""
-    return [name for name, effect in OF_FREE_SWINGS.items() if not effect.absorbed_by]
+    """Library effects that are identifiable in a free swing, without those of `NOT_DRAWN`."""
+    return [name for name, effect in OF_FREE_SWINGS.items() if not effect.absorbed_by and name not in NOT_DRAWN]
 
 
 def alike(name: str, other: str) -> bool:

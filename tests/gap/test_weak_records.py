@@ -138,6 +138,21 @@ def test_a_zero_offset_and_dry_friction_of_one_rod_are_not_called_cogging(tmp_pa
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    "rod",
+    [
+        pytest.param(Rod(dry=0.0, offset=2.4e-3, drift=-4e-4, noise=1.2e-3), id="one-that-crosses-the-true-zero"),
+        pytest.param(Rod(dry=0.006, offset=0.0, drift=6e-4, noise=1.5e-3), marks=pytest.mark.long, id="dry-friction"),
+    ],
+)
+def test_a_zero_that_drifts_is_no_tilt(rod: Rod, tmp_path: Path) -> None:
+    rig, runs = recorded(rod, 3, tmp_path)
+    found = {effect.name: effect for effect in diagnose(runs, rig, library=candidates("enc", "base_", "coul")).effects}
+    assert set(found) == {"encoder_drift_joint1"} | ({"coulomb_joint1"} if rod.dry else set())
+    assert found["encoder_drift_joint1"].parameters["rate_rad_per_s"].value == pytest.approx(rod.drift, rel=0.1)
+
+
+@pytest.mark.slow
 def test_friction_unequal_in_both_directions_does_not_stand_for_a_zero_offset(tmp_path: Path) -> None:
     rod = replace(Rod(), dry=0.0103, damping=0.0029, length=0.256, mass=0.0655, noise=1.9e-3, duration=12.0)
     rig, runs = recorded(rod, 1, tmp_path)

@@ -233,7 +233,13 @@ def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> fl
 
 
 def _in_one_class(selection: Selection, without: Hypothesis, test: ScoreTest, score: Score, other: Score) -> bool:
-    """Whether the recordings prefer neither of two effects with the same signature: by fits, or by linear scores."""
+    """Whether the recordings prefer neither of two effects with the same signature: by fits, or by linear scores.
+
+    A richer form has the same signature where the recordings show that what it adds is zero. It is a member only where
+    they cannot show that (`_hidden`).
+    """
+    if score.effect.name in other.effect.nested:
+        return False
     if min(test.cosine(score, other), test.cosine(other, score)) <= THRESHOLDS.indistinguishable:
         return False
     margin = indifference(selection.base, selection.chosen)

@@ -1,0 +1,48 @@
+"""Drift of an encoder's zero during a swing: a potentiometer that warms up, a disc that slips on its shaft."""
+
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
+from dpr_lab.effects.quantities import EncoderReading
+from dpr_lab.kernels import inlined
+
+LARGEST_RAD_PER_S = 5e-3
+"""Largest rate of a zero, 0.3 degrees per second: a faster one is seen while the rods hang."""
+
+
+@inlined
+def drifting(encoder: EncoderReading, offset_rad: float, rate_rad_per_s: float) -> float:
+    """Error of the reading, rad."""
+    return offset_rad + rate_rad_per_s * max(encoder.t, 0.0)
+
+
+ENCODER_DRIFT = pair(
+    "encoder_drift",
+    words="encoder zero drift, joint {j}",
+    kernel=drifting,
+    equation="encoder {j} reads q{j} + x + r t, t the time since the release, 0 before it",
+    parameters=(
+        EffectParameter("offset_rad", "rad", 5e-3),
+        EffectParameter("rate_rad_per_s", "rad/s", 5e-4, most=LARGEST_RAD_PER_S),
+    ),
+    nested=("encoder_offset",),
+    adds="rate_rad_per_s",
+    site="sensor",
+    stage="encoder",
+    remedy=lambda params, rig, joint: (
+        f"let encoder {joint + 1} and its electronics warm up, or tighten it on its shaft; or subtract"
+        f" {1e3 * params['offset_rad']:.3g} mrad from its readings, and {1e3 * params['rate_rad_per_s']:.3g} mrad for"
+        " each second since the release"
+    ),
+    quantities=(
+        BenchQuantity("zero error at the release", "x", ("offset_rad",)),
+        BenchQuantity("rate of the zero", "r", ("rate_rad_per_s",)),
+    ),
+    symptom=(
+        "The middle of the swing moves steadily to one side, and the rods seem to hang at another angle at the end of"
+        " a recording than at its beginning."
+    ),
+    bench_check=(
+        "Let the rods hang at rest after a recording and read encoder {j} for a minute: its zero moves, although"
+        " nothing else does."
+    ),
+    source="Temperature drift and slip in data sheets of potentiometers and shaft encoders.",
+)
