@@ -15,6 +15,7 @@ A swing is smooth over a few milliseconds, so an encoder fault is visible in nei
     queued_rows                 rows wait in the queue of a saturated link, with a delay that varies: excluded
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -150,30 +151,22 @@ def screen(run: Run, rig: Rig) -> Screened:
     wild, stale = too_fast(t, joints), np.zeros(joints.shape, dtype=np.bool_)
     stale[~late] = repeated(t[~late], joints[~late], noise, jitter, period)
     keep = ~(wild | stale | late[:, None])
-    findings = [
-        *waiting,
-        *stamped,
-        *delayed,
-        *_gaps(run.name, t, period),
-        *_levels(run, rig, at_rest, dithered),
-    ]
+    findings = [*waiting, *stamped, *delayed, *_gaps(run.name, t, period), *_levels(run, rig, at_rest, dithered)]
     breaks: list[tuple[float, int]] = []
     slow, fast = periods(rig)
     slowest = slow / SCREEN.rows_in_period if run.setup.one_degree else fast / SCREEN.rows_in_short_period
     for axis, name in enumerate(AXES):
         faults = local_faults(t, joints[:, axis], keep[:, axis], (float(noise[axis]), jitter), period)
         keep[faults.outliers, axis] = False
-        steps = faults.steps if on_grid[axis] and period <= slowest else ()
-        breaks += [(float(t[i]), axis) for i, _ in steps]
         for kind, instant, evidence in (
             ("outlier", t[wild[:, axis]], "the reading jumps there and back faster than any rod"),
             ("repeated_sample", t[stale[:, axis]], "the reading is constant while the rod moves"),
             ("outlier", t[faults.outliers], "one reading deviates from the polynomial through its neighbours"),
         ):
             findings += _events(Finding(kind, run.name, name, None, evidence), instant.tolist())
-        for i, size in steps:
-            evidence = f"the reading steps by {size / abs(rig.radians_per_count[1 + axis]):+.1f} counts"
-            findings.append(Finding(MISSED_COUNTS.name, run.name, name, float(t[i]), evidence, step=size))
+        steps = faults.steps if on_grid[axis] and period <= slowest else ()
+        breaks += [(float(t[i]), axis) for i, _ in steps]
+        findings += _steps(run.name, name, t, steps, abs(rig.radians_per_count[1 + axis]))
     if jitter:  # without the repeated readings, which look like wrong instants
         trusted, significance = noise_by_speed(t, joints, noise, period, keep)
         refuted = 0.0 != significance < SCREEN.significance  # zero: too few readings without a fault
@@ -284,6 +277,12 @@ def _without_joint2(screened: Screened) -> Screened:
         noise=np.array([screened.noise[0], np.inf]),
         findings=tuple(finding for finding in screened.findings if finding.axis != AXES[1]),
     )
+
+
+def _steps(run: str, axis: str, t: Array, steps: Sequence[tuple[int, float]], count: float) -> list[Finding]:
+    """A finding for each step of a reading, in counts of so many rad."""
+    sizes = [(float(t[i]), size, f"the reading steps by {size / count:+.1f} counts") for i, size in steps]
+    return [Finding(MISSED_COUNTS.name, run, axis, at_s, evidence, step=size) for at_s, size, evidence in sizes]
 
 
 def _events(finding: Finding, instants: list[float]) -> list[Finding]:
