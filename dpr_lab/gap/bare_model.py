@@ -13,10 +13,10 @@ from dpr_lab.fitting.estimate import SCALE, Estimate, unknown_ratios, with_scale
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.robust import refit_lost, student_weights
+from dpr_lab.gap.damage.disturbances import without_disturbances
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.hypothesis.residuals import lone_readings
 from dpr_lab.gap.known_torques import with_likeliest_noise
-from dpr_lab.gap.screen.disturbances import without_disturbances
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.screen.tracking_noise import tracking_noise
 from dpr_lab.identification.prior_update import assumed_b

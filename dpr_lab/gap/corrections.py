@@ -2,6 +2,7 @@
 
 noise of torques       initially that at rest; the set shows that it is smaller, or that the torques are exact
 earlier torques        torques act before their rows, which looks like a negative delay
+kicks and steps        of which the bare model left no trace, because a larger cause hid them
 rolling shutter        readings of a film are corrected; first as the bare model proposes it, because an effect may
 imitate a part of the delay, then as the set does, which contains other causes
 """
@@ -9,9 +10,14 @@ imitate a part of the delay, then as the set does, which contains other causes
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from dpr_lab.effects import without_events
+from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.gap.damage.disturbances import without_jumps
+from dpr_lab.gap.damage.jumps import JUMP
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.known_torques import earlier_share, no_worse, with_other_noise
 from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
+from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.state import Drafted
 
 
@@ -41,6 +47,31 @@ def _earlier_torques(state: Drafted) -> Drafted | None:
     return replace(state, recordings=recordings, held_out=held_out)
 
 
+def _jumps(state: Drafted) -> Drafted | None:
+    """The state without kicks and steps of readings; missed counts are in the model only if a reading shows them."""
+    estimate = state.search.current.fit.estimate
+    steady = estimate.changed(params=without_events(estimate.params))
+    stepped = any(record.screened.breaks for record in state.recordings.records)
+    recordings = without_jumps(state.recordings, estimate if stepped else steady)
+    held_out = without_jumps(state.held_out, steady)
+    if recordings is not state.recordings and not _explains_better(state, recordings):
+        recordings = state.recordings
+    unchanged = recordings is state.recordings and held_out is state.held_out
+    return None if unchanged else replace(state, recordings=recordings, held_out=held_out)
+
+
+def _explains_better(state: Drafted, recordings: Recordings) -> bool:
+    """Whether the set explains other recordings better by more than the readings that they lack.
+
+    Effects that remember the motion (hysteresis, backlash) leave a jump where a segment begins elsewhere.
+    """
+    model = state.search.current.fit
+    problem, initial = recordings.cut(recordings.working_length)
+    other = fit(problem, problem.with_zeros(model.estimate.changed(initial=initial)), (), iterations=20)
+    level = max(1.0, model.chi2 / state.problem.evidence)
+    return model.chi2 - other.chi2 > JUMP.gain + level * (state.problem.evidence - problem.evidence)
+
+
 def _shutter(state: Drafted, model: Hypothesis) -> Drafted | None:
     shutter = likeliest_shutter(state.recordings, state.problem, model)
     return shutter and replace(state, recordings=state.recordings.with_shutter(shutter))
@@ -53,6 +84,7 @@ def _shutter_explains_more(before: Drafted, after: Drafted) -> bool:
 CORRECTIONS = (
     Correction(_other_noise, lambda before, after: True, most=2),
     Correction(_earlier_torques, lambda before, after: no_worse(before.search.current, after.search.current)),
+    Correction(_jumps, lambda before, after: True),
     Correction(lambda state: _shutter(state, state.bare), _shutter_explains_more),
     Correction(lambda state: _shutter(state, state.search.current), _shutter_explains_more),
 )

@@ -20,10 +20,11 @@ from dpr_lab.gap.conclusion.conclusion import conclude
 from dpr_lab.gap.conclusion.description import description
 from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.corrections import CORRECTIONS
+from dpr_lab.gap.damage.at_rest import without_touch
+from dpr_lab.gap.damage.disturbances import without_disturbances
 from dpr_lab.gap.evidence.evidence import evidence
 from dpr_lab.gap.known_torques import with_other_noise
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.screen.disturbances import without_disturbances
 from dpr_lab.gap.screen.input import refuse_wrong_input
 from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.screen.record import record
@@ -129,7 +130,8 @@ def _screened(request: Request) -> ScreenedRuns:
     runs, held_out, cut = in_pieces(request.runs, request.held_out)
     request = replace(request, runs=runs, held_out=held_out)
     to_fit, to_predict = (
-        Recordings(tuple(record(run, request.rig) for run in group), request.rig) for group in (runs, held_out)
+        Recordings(tuple(without_touch(record(run, request.rig), request.rig) for run in group), request.rig)
+        for group in (runs, held_out)
     )
     refuse_wrong_input(to_fit, request.start)
     return ScreenedRuns(request=request, recordings=to_fit, held_out=to_predict, cut=cut)

@@ -15,7 +15,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.exports.ensemble.bands import BANDS, PredictiveBand
-from dpr_lab.gap.screen.disturbances import energies
+from dpr_lab.gap.damage.hand import energies
 from dpr_lab.identification.compare import follow
 from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig

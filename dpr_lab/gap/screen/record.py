@@ -8,6 +8,7 @@ by half its acceleration times the variance of the block's instants, which is su
 If rods are so fast, or encoders so fine, that the remaining bias is significant, the blocks are shorter.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -136,8 +137,19 @@ class Record:
             Finding("outlier", self.run.name, ALL_AXES[axis], float(t[i]), evidence)
             for i, axis in np.argwhere(off).tolist()
         ]
-        remaining = self.only(~np.isin(self.t, t[off.any(axis=1)]))
-        return replace(remaining, screened=replace(self.screened, findings=(*self.screened.findings, *findings)))
+        return self.only(~np.isin(self.t, t[off.any(axis=1)])).with_findings(findings)
+
+    def left_out(self, since: float, until: float) -> "Record":
+        """The record without the readings of an interval, s, in which the rods did not swing freely."""
+        inside = (self.t >= since) & (self.t < until)
+        edges = [edge for edge in (since, until) if np.isfinite(edge)]
+        return replace(
+            self.only(~inside), breaks=np.sort(np.append(self.breaks, edges)), kicks=np.append(self.kicks, edges)
+        )
+
+    def with_findings(self, findings: Iterable[Finding]) -> "Record":
+        """The record with further findings."""
+        return replace(self, screened=replace(self.screened, findings=(*self.screened.findings, *findings)))
 
     def only(self, samples: slice | Flags) -> "Record":
         """The record with selected samples only."""

@@ -1,0 +1,109 @@
+"""Rods that are touched at rest: they came to rest, and then the reading of a joint moves although nothing drives it.
+
+A free rod that stays within the noise for half a period of its small oscillation is at rest: friction holds it, or its
+energy is below the noise. Whether it hangs exactly vertically is then a matter of friction. What moves it later is a
+hand, a cable or a support that gives way; a model with these readings would need friction that does not exist.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dpr_lab.arrays import Array
+from dpr_lab.gap.screen.record import Record
+from dpr_lab.gap.screen.sensor_faults import AXES, Finding
+from dpr_lab.identification.misread.balance import periods
+from dpr_lab.rig import Rig
+
+
+@dataclass(frozen=True, slots=True)
+class RestRules:
+    """Thresholds."""
+
+    block_s: float = 0.05
+    """Length of the blocks of which medians are taken, s."""
+    fewest: int = 4
+    """Minimum number of readings in a block."""
+    of_median: float = 1.25
+    """Standard deviation of the median of normal values relative to that of their mean, sqrt(pi / 2)."""
+    periods: float = 0.55
+    """Length of a rest in slow periods of small oscillations: within half a period a swing moves by its amplitude."""
+    errors: float = 6.0
+    """Maximum range of the medians at rest in their standard deviations."""
+    moves: float = 3.0
+    """Minimum motion, in units of this range and of the range of the rest."""
+    of_swing: float = 0.5
+    """Maximum motion relative to the swing before: rods that swing again were released again."""
+
+
+REST = RestRules()
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """Motion of rods that were at rest."""
+
+    rest_s: float
+    """Start of the rest."""
+    at_s: float
+    """Start of the motion."""
+    axis: int
+    """Joint that moves most."""
+    size: float
+    """Its largest distance from the rest, rad."""
+
+
+def touch(record: Record, slow_period_s: float) -> Touch | None:
+    """The first motion after the rods of a free swing came to rest; None if there is none."""
+    t, joints, sigma = _blocks(record)
+    if len(t) < 2:
+        return None
+    width = max(3, int(np.ceil(REST.periods * slow_period_s / float(np.median(np.diff(t))))))
+    if len(t) < width + 2:
+        return None
+    windows = np.lib.stride_tricks.sliding_window_view(joints, width, axis=0)
+    ranges = np.ptp(windows, axis=2)
+    still = (ranges < REST.errors * sigma).all(axis=1)
+    if not still.any():
+        return None
+    rest = int(np.argmax(still))
+    away = np.abs(joints - np.median(joints[rest : rest + width], axis=0))
+    limit = REST.moves * np.maximum(REST.errors * sigma, ranges[rest])
+    moved = (away > limit).any(axis=1) & (np.arange(len(t)) >= rest + width)
+    moved &= np.append(moved[1:], False)  # a single block may contain outliers
+    if not moved.any() or float(away[moved].max()) > REST.of_swing * float(np.ptp(joints[: rest + 1], axis=0).max()):
+        return None
+    first = int(np.argmax(moved))
+    largest = (away[first:] / limit).max(axis=0)
+    axis = int(np.argmax(largest))
+    furthest = first + int(np.argmax(away[first:, axis]))
+    size = float(joints[furthest, axis] - np.median(joints[rest : rest + width, axis]))
+    return Touch(float(t[rest]), float(t[first - 1]), axis, size)
+
+
+def without_touch(record: Record, rig: Rig) -> Record:
+    """A record without the readings from the first motion at rest on; the same object if there is none."""
+    driven = not record.run.setup.free or record.encoder0_moves
+    touched = None if driven else touch(record, periods(rig)[0])
+    if touched is None:
+        return record
+    evidence = (
+        f"at rest from {touched.rest_s:.3g} s on, then a reading moves by {1e3 * touched.size:+.2g} mrad: a hand"
+        " or a cable touches the rods, or the mount gives way; the readings from there on are left out"
+    )
+    finding = Finding("touched_at_rest", record.run.name, AXES[touched.axis], touched.at_s, evidence, step=touched.size)
+    return record.left_out(touched.at_s, np.inf).with_findings([finding])
+
+
+def _blocks(record: Record) -> tuple[Array, Array, Array]:
+    """Instants, (n, axes) medians of blocks, and the (axes,) standard deviation of a median, rad."""
+    length = max(REST.block_s, REST.fewest * float(np.median(np.diff(record.t))))
+    number = np.floor((record.t - record.t[0]) / length).astype(np.int64)
+    edges = np.flatnonzero(np.diff(number, prepend=-1))
+    read = np.isfinite(record.sigma).all(axis=0)
+    medians = np.array([np.median(part, axis=0) for part in np.split(record.joints[:, read], edges[1:])])
+    in_block = float(np.median(np.diff(edges))) if len(edges) > 1 else 1.0
+    independent = np.sqrt(in_block * (1 - min(record.noise_correlation, 0.9)))
+    noise = REST.of_median * np.median(record.sigma[:, read], axis=0) / independent
+    sigma = np.hypot(noise, record.screened.count[read] / REST.errors)
+    return record.t[edges], medians, sigma

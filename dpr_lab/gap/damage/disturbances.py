@@ -1,0 +1,257 @@
+"""Parts of recordings that no property of the rig explains are left out: hands, kicks, readings that step.
+
+A kick changes the speeds of the rods, a step the reading of a joint, within one segment and by far more than anything
+else in the recordings (`dpr_lab.gap.damage.jumps`); an effect of the rig acts in many segments. About a kick, the
+readings of a tenth of a second are left out. A reading that returns after a while is left out in between. If it stays
+shifted, the encoder missed counts, whose number the diagnosis estimates; a table of angles contains no counts, and the
+shorter part of it is left out.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dpr_lab.arrays import Array
+from dpr_lab.effects import param_index
+from dpr_lab.effects.missed_counts import MISSED_COUNTS
+from dpr_lab.fitting.cut import MIN_SAMPLES, cut
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.gap.damage.hand import without_hand
+from dpr_lab.gap.damage.jumps import JUMP, Jump, jumps_of_segments, outstanding
+from dpr_lab.gap.screen.record import Record
+from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.gap.screen.sensor_faults import AXES, Finding
+
+
+@dataclass(frozen=True, slots=True)
+class DisturbanceRules:
+    """What is left out."""
+
+    kick_s: float = 0.1
+    """Length of the interval about a kick that is left out, s: a hand touches a rod for 20 to 100 ms."""
+    joins_s: float = 0.15
+    """Distance between two such intervals up to which the disturbance lasts from one to the other, s."""
+    release_s: float = 0.5
+    """Time from the first reading to a kick within which it is the hand that releases the rods, s. What it did before
+    may be a constant torque, which is no kick.
+    """
+    rounds: int = 6
+    """Maximum number of searches: what is found hides what is smaller."""
+    returns: float = 0.25
+    """Maximum sum of two steps, relative to the first, by which a reading returns."""
+    while_share: float = 0.3
+    """Maximum share of a recording during which a reading is shifted for a while."""
+    iterations: int = 15
+    """Iterations of a fit of initial states."""
+
+
+DISTURBANCE = DisturbanceRules()
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """Interval that is left out; an infinite end is that of the recording."""
+
+    since: float
+    until: float
+    jumps: tuple[Jump, ...]
+
+    @property
+    def of_reading(self) -> bool:
+        """Whether a reading steps; otherwise the rods are kicked or pushed."""
+        return any(jump.joint is not None for jump in self.jumps)
+
+    @property
+    def of_counts(self) -> bool:
+        """Whether nothing is left out, because an encoder missed counts."""
+        return self.since == self.until
+
+
+def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
+    """Leave out hands at the beginning, kicks and steps of readings.
+
+    Args:
+        recordings: the runs
+        ratios: (7,) of a robust fit in short segments
+
+    Returns:
+        the same object if there are no disturbances
+    """
+    records = [
+        without_hand(recordings, _without_slips(record), ratios) if _free(record) else record
+        for record in recordings.records
+    ]
+    if any(before is not record for before, record in zip(recordings.records, records, strict=True)):
+        recordings = replace(recordings, records=tuple(records))
+    estimate = Estimate.of(ratios, recordings.start_params, np.zeros((0, 4)))
+    return without_jumps(recordings, estimate, JUMP.outstanding_bare)
+
+
+def without_jumps(recordings: Recordings, estimate: Estimate, ratio: float = JUMP.outstanding) -> Recordings:
+    """Leave out kicks and readings that step, by the residuals of a model.
+
+    Args:
+        recordings: the runs
+        estimate: ratios and effects; the initial states are fitted
+        ratio: minimum ratio of the gain of a kick to the largest one elsewhere
+
+    Returns:
+        the same object if there are none
+    """
+    whole, parts = recordings, [list[LeftOut]() for _ in recordings.records]
+    for _ in range(DISTURBANCE.rounds):
+        jumps = _jumps(recordings, estimate, ratio)
+        if not jumps:
+            break
+        for run in {jump.run for jump in jumps}:
+            new = [_of_kick(jump, parts[run]) for jump in jumps if jump.run == run]
+            parts[run] = _merged([*parts[run], *_intervals(recordings.records[run], new)])
+        records = tuple(map(_without, whole.records, parts))
+        if not all(cut(record.t, np.inf, record.breaks) for record in records):
+            break  # no segment of a recording would remain
+        recordings = replace(whole, records=records)
+    return recordings
+
+
+def _of_kick(jump: Jump, parts: Iterable[LeftOut]) -> Jump:
+    """A jump at an end of a kick is a part of it, even if it looks like a step of a reading."""
+    kicks = (part for part in parts if not part.of_reading)
+    near = any(part.since - DISTURBANCE.joins_s < jump.at < part.until + DISTURBANCE.joins_s for part in kicks)
+    return replace(jump, joint=None) if near else jump
+
+
+def _free(record: Record) -> bool:
+    """Whether the rods swing without a known input: torques and a moving arm have errors of their own."""
+    return record.run.setup.free and not record.encoder0_moves
+
+
+def _shifted(record: Record, estimate: Estimate) -> bool:
+    """Whether readings are shifted by missed counts that the model does not contain: then nothing stands out."""
+    return bool(record.screened.breaks) and not estimate.params[param_index(MISSED_COUNTS.name, "counts")]
+
+
+def _jumps(recordings: Recordings, estimate: Estimate, ratio: float) -> list[Jump]:
+    """Kicks and steps of readings in free swings, in two divisions into segments: one sees the ends of the other."""
+    free = [_free(record) and not _shifted(record, estimate) for record in recordings.records]
+    kicks, steps = list[Jump](), list[Jump]()
+    if recordings.arm_moves or not any(free):
+        return []
+    for begin in (0.0, 0.5 * LENGTHS.working):
+        later = [record.only(record.t >= record.t[0] + begin) for record in recordings.records]
+        if min(len(record.t) for record in later) < 2 * MIN_SAMPLES:
+            break
+        problem, initial = replace(recordings, ratios=None).only(later).cut(LENGTHS.working)
+        followed = fit(
+            problem, problem.with_zeros(estimate.changed(initial=initial)), (), iterations=DISTURBANCE.iterations
+        )
+        for best, candidates in zip((kicks, steps), jumps_of_segments(problem, followed), strict=True):
+            best += [jump for jump in candidates if free[jump.run]]
+    # Readings that are shifted change the gains of kicks, so that steps come first.
+    steps = [step for step in outstanding(steps, JUMP.outstanding) if step.joint is not None]
+    return steps or outstanding(kicks, ratio)
+
+
+def _intervals(record: Record, jumps: Sequence[Jump]) -> list[LeftOut]:
+    """Intervals about kicks, between a step and its return, and before or after a step that stays."""
+    reach, parts = 0.5 * DISTURBANCE.kick_s, list[LeftOut]()
+    steps = sorted((jump for jump in jumps if jump.joint is not None), key=lambda jump: jump.at)
+    while steps:
+        first, *steps = steps
+        back = next((step for step in steps if _returns(record, first, step)), None)
+        if back is not None:
+            steps = [step for step in steps if step.at > back.at]
+            parts.append(LeftOut(first.at, back.at, (first, back)))
+        elif record.screened.on_grid[first.joint]:
+            parts.append(LeftOut(first.at, first.at, (first,)))
+        elif np.mean(record.t < first.at) < 0.5:
+            parts.append(LeftOut(-np.inf, first.at, (first,)))
+        else:
+            parts.append(LeftOut(first.at, np.inf, (first,)))
+    for kick in (jump for jump in jumps if jump.joint is None):
+        since, until = kick.at - reach, kick.at + reach
+        of_release = since < record.t[0] + DISTURBANCE.release_s
+        parts.append(LeftOut(-np.inf if of_release else since, until, (kick,)))
+    return parts
+
+
+def _without_slips(record: Record) -> Record:
+    """A record without the readings between steps that were found without a model and take each other back."""
+    steps = [finding for finding in record.screened.findings if finding.name == MISSED_COUNTS.name]
+    jumps = [
+        Jump(np.inf, 0, finding.at_s, AXES.index(finding.axis), (finding.step,), (-np.inf, np.inf))
+        for finding in steps
+        if finding.at_s is not None and finding.axis is not None and finding.step is not None
+    ]
+    parts = [part for part in _intervals(record, jumps) if len(part.jumps) > 1]
+    if not parts:
+        return record
+    within = {jump.at for part in parts for jump in part.jumps}
+    others = [finding for finding in record.screened.findings if finding not in steps or finding.at_s not in within]
+    breaks = tuple(step for step in record.screened.breaks if step[0] not in within)
+    return _without(replace(record, screened=replace(record.screened, findings=tuple(others), breaks=breaks)), parts)
+
+
+def _returns(record: Record, first: Jump, later: Jump) -> bool:
+    """Whether a later step takes back a first one."""
+    sizes = first.size[0], later.size[0]
+    takes_back = first.joint == later.joint and abs(sum(sizes)) < DISTURBANCE.returns * abs(sizes[0])
+    return takes_back and later.at - first.at < DISTURBANCE.while_share * float(np.ptp(record.t))
+
+
+def _merged(parts: Iterable[LeftOut]) -> list[LeftOut]:
+    """Intervals in their order; neighbouring ones become one."""
+    merged = list[LeftOut]()
+    for part in sorted(parts, key=lambda part: part.since):
+        if (
+            merged
+            and part.since - merged[-1].until < DISTURBANCE.joins_s
+            and not (part.of_counts or merged[-1].of_counts)
+        ):
+            last = merged.pop()
+            part = LeftOut(last.since, max(last.until, part.until), (*last.jumps, *part.jumps))
+        merged.append(part)
+    return merged
+
+
+def _without(record: Record, parts: Sequence[LeftOut]) -> Record:
+    """A record without these intervals, and with a finding for each."""
+    findings = [_finding(record, part) for part in parts]
+    for part in parts:
+        record = _with_missed_counts(record, part) if part.of_counts else record.left_out(part.since, part.until)
+    return record.with_findings(findings)
+
+
+def _with_missed_counts(record: Record, part: LeftOut) -> Record:
+    """A record with a step at which its encoder missed counts; the effect of that name has their number."""
+    (step,) = part.jumps
+    steps = sorted([*record.screened.breaks, (step.at, int(step.joint or 0))])
+    breaks = np.sort(np.append(record.breaks, step.at))
+    return replace(record, breaks=breaks, screened=replace(record.screened, breaks=tuple(steps)))
+
+
+def _finding(record: Record, part: LeftOut) -> Finding:
+    first, name = part.jumps[0], record.run.name
+    if not part.of_reading and np.isinf(part.since):
+        evidence = f"until {part.until:.2g} s the rods do not move as free rods: a hand or a latch still acts; excluded"
+        return Finding("disturbance", name, None, float(record.t[0]), evidence)
+    if not part.of_reading and len(part.jumps) == 1:
+        speeds = " and ".join(f"{change:+.2g}" for change in dict.fromkeys(first.size))
+        evidence = (
+            f"a kick changes the speed of the rods by {speeds} rad/s: {DISTURBANCE.kick_s:g} s about it are left out"
+        )
+        return Finding("disturbance", name, None, first.at, evidence)
+    if not part.of_reading:
+        evidence = f"until {part.until:.3g} s the rods do not move as free rods: a hand pushes or holds them; left out"
+        return Finding("disturbance", name, None, part.since, evidence)
+    step = next(jump for jump in part.jumps if jump.joint is not None)
+    shifted = f"the reading steps by {1e3 * step.size[0]:+.3g} mrad"
+    if part.of_counts:
+        return Finding(MISSED_COUNTS.name, name, AXES[step.joint or 0], step.at, shifted, step=step.size[0])
+    if np.isinf(part.until) or np.isinf(part.since):
+        rest = "later" if np.isinf(part.until) else "earlier"
+        evidence = f"{shifted} and stays: the tracker or the encoder slipped; the {rest} readings are left out"
+    else:
+        evidence = f"{shifted} and returns at {part.until:.3g} s: the readings in between are left out"
+    return Finding("reading_step", name, AXES[step.joint or 0], step.at, evidence, step=step.size[0])

@@ -1,0 +1,174 @@
+"""A hand or a latch that still acts at the beginning of a recording.
+
+push    The energy of the rods, computed with the fitted ratios, rises at the beginning, or the readings show it before
+        free rods follow them: without a drive the energy only decreases.
+hold    The first segment fits worse than all others, but not without its first readings.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dpr_lab.arrays import Array
+from dpr_lab.dynamics.base import base_of_run
+from dpr_lab.effects import effect_params
+from dpr_lab.fitting.cut import MIN_SAMPLES
+from dpr_lab.fitting.estimate import SCALE, Estimate, whole_of
+from dpr_lab.fitting.gauss_newton import Fit, fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.spread import NORMAL_MAD
+from dpr_lab.gap.screen.record import Record
+from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.gap.screen.sensor_faults import Finding
+
+
+@dataclass(frozen=True, slots=True)
+class HandRules:
+    """Thresholds of the detection."""
+
+    followed: float = 8.0
+    """Maximum chi2 per reading, relative to the usual one, of a segment that free rods follow."""
+    rises: float = 0.05
+    """Minimum rise of the energy, relative to its maximum, that indicates a push by hand."""
+    first: float = 3.0
+    """Limit of the chi-square per reading of the first segment, and of its ratio to the worst other one. Above both,
+    something else than gravity and friction acts in it.
+    """
+    at_rest: float = 0.3
+    """Maximum speed of rods that a hand holds, relative to their maximum speed: a record may begin in mid-swing."""
+    held: float = 0.8
+    """Maximum part of the first segment in which the rods may still be held."""
+    scatters: float = 5.0
+    """Minimum rise of the energy in standard deviations of its noise."""
+    smoothed: int = 5
+    """Number of segments of the running median by which the energy is smoothed."""
+    early: float = 0.3
+    """Fraction of the recording within which the rise must occur; later the energy must not rise by half as much."""
+    iterations: int = 15
+    """Iterations of a fit of initial states."""
+
+
+HAND = HandRules()
+
+
+def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Record:
+    """Leave out the readings at the beginning during which a hand acts; the same object if none does.
+
+    Args:
+        recordings: the runs
+        record: a free swing of them
+        ratios: (7,) of a robust fit in short segments
+    """
+    alone = replace(recordings, ratios=None).only([record])
+    until = _pushed_until(alone, *_followed(alone, ratios))
+    evidence = "the rods gain energy until {:.2g} s: a hand still pushes, so these readings are excluded"
+    if until is None:
+        until = _held_until(alone, ratios)
+        evidence = "until {:.2g} s the rods do not move as free rods: a hand or a latch still acts; excluded"
+    if until is None:
+        return record
+    finding = Finding("disturbance", record.run.name, None, float(record.t[0]), evidence.format(until))
+    return record.left_out(float(record.t[0]), until).with_findings([finding])
+
+
+def _followed(recordings: Recordings, ratios: Array) -> tuple[Problem, Fit]:
+    """One recording in short segments, fitted with given ratios."""
+    short, initial = recordings.cut(LENGTHS.first)
+    return short, fit(short, Estimate.of(ratios, effect_params({}), initial), (), iterations=HAND.iterations)
+
+
+def energies(problem: Problem, estimate: Estimate) -> Array:
+    """(segments,) energy at the start of each segment of one run, above that of hanging rods, over b, 1/s^2."""
+    constants, (setup,) = problem.model.constants, problem.segments.setups
+    base = base_of_run(whole_of(estimate.ratios), setup, constants.L1, constants.g)
+    a, b, d, e1, *_ = (base / estimate.ratios[SCALE]).tolist()
+    th1, th2, w1, w2 = estimate.initial.T
+    w2 = w1 if setup.held else w2
+    kinetic = 0.5 * a * w1**2 + 0.5 * b * w2**2 + d * np.cos(th1 - th2) * w1 * w2
+    return np.asarray(kinetic + e1 * (1 + np.cos(th1)) + d * constants.g / constants.L1 * (1 + np.cos(th2)))
+
+
+def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float | None:
+    """Start of the first segment from which the energy only decreases, if it rose before; otherwise None."""
+    energy = energies(problem, fit.estimate)
+    begins = problem.t[problem.segments.offsets[:-1]]
+    if len(energy) < 4 or not np.isfinite(energy).all():
+        return None
+    level = fit.linear.chi2_by_segment / np.diff(problem.segments.offsets)
+    top = int(np.argmax(energy))
+    if _only_rose_before(energy, energy, top, begins, 0.0):
+        return float(begins[_first_followed(level, top)])
+    if len(energy) < 2 * HAND.smoothed:
+        return None
+    if level[0] > max(HAND.first, HAND.first * float(level[1:].max())):
+        # Free rods do not follow the readings under a push, so that only the readings show their speed.
+        energy[0] = energies(problem, fit.estimate.changed(initial=recordings.cut(LENGTHS.first)[1]))[0]
+    smooth, scatter = _smoothed(energy), _scatter(energy)
+    top = int(np.argmax(energy >= smooth.max() - 2 * scatter))
+    if not _only_rose_before(energy, smooth, top, begins, scatter):
+        return None
+    return float(begins[_first_followed(level, top)])
+
+
+def _first_followed(level: Array, top: int) -> int:
+    """First segment from `top` on that free rods follow.
+
+    The energy of a segment that contains the push is not the energy at its start.
+
+    Args:
+        level: (segments,) chi2 per reading
+        top: segment with the maximum energy
+    """
+    usual = max(float(np.median(level[top:])), 1.0)
+    followed = np.flatnonzero(level[top:] < HAND.followed * usual)
+    return top + int(followed[0]) if len(followed) else top
+
+
+def _held_until(recordings: Recordings, ratios: Array) -> float | None:
+    """Instant in the first segment from which free rods follow the readings as well as elsewhere; None: its start."""
+    (recording,) = recordings.records
+    problem, followed = _followed(recordings, ratios)
+    level = followed.linear.chi2_by_segment / np.diff(problem.segments.offsets)
+    if len(level) < 4 or not np.isfinite(level).all():
+        return None
+    usual = max(float(level[1:].max()), 1.0)
+    # Free rods do not follow the readings of held ones, so that only the readings show their speed.
+    speed = np.abs(recordings.cut(LENGTHS.first)[1][:, 2:]).max(axis=1)
+    if level[0] < HAND.first * usual or speed[0] > HAND.at_rest * speed.max():
+        return None
+    duration = float(problem.t[problem.segments.offsets[1]] - problem.t[0])  # at a low rate longer than LENGTHS.first
+    first = np.flatnonzero(recording.t < recording.t[0] + HAND.held * duration)[1:]
+    for i in first.tolist():
+        begin = float(recording.t[i])
+        free = recording.only((recording.t >= begin) & (recording.t < begin + duration))
+        if len(free.t) < MIN_SAMPLES:
+            return None
+        part, fitted = _followed(recordings.only([free]), ratios)
+        if float(fitted.linear.chi2_by_segment.sum()) < usual * len(part.t):
+            return begin
+    return None
+
+
+def _only_rose_before(energy: Array, later: Array, top: int, begins: Array, scatter: float) -> bool:
+    """Whether the energy rises until the segment `top`, early in the recording, and then only decreases."""
+    most = float(later[top:].max())
+    rise = (most - float(energy[: top + 1].min())) / most
+    if top == 0 or rise < max(HAND.rises, HAND.scatters * scatter / most):
+        return False
+    after = later[top:]
+    second_rise = float(np.max(after - np.minimum.accumulate(after))) / most
+    early = begins[top] - begins[0] <= HAND.early * (begins[-1] - begins[0])
+    return bool(early and second_rise < 0.5 * rise and second_rise < max(HAND.rises, 2 * scatter / most))
+
+
+def _smoothed(energy: Array) -> Array:
+    """Running medians; at the ends over the nearest segments."""
+    half = HAND.smoothed // 2
+    padded = np.pad(energy, half, mode="edge")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, HAND.smoothed), axis=1))
+
+
+def _scatter(energy: Array) -> float:
+    """Standard deviation of the noise of the energy, from its second differences, which no slow decay has."""
+    variance = 1.0 + 4.0 + 1.0  # of a second difference of white noise
+    return float(NORMAL_MAD * np.median(np.abs(np.diff(energy, 2))) / np.sqrt(variance))

@@ -1,0 +1,233 @@
+r"""Instants at which the rods or a reading jump: generalised likelihood ratio of a change within one segment.
+
+In a linearised segment, a change at an instant t_k adds h to the later readings,
+
+    kick        h = C(t) Phi(t_k)^-1 [0; M^-1] p     with the impulses p of joints 1 and 2
+    step        h = 1 in one joint                   of a reading
+
+The initial state of the segment and torques that are polynomials in time are projected out, so that an error of the
+model, which acts along the whole segment, does not count. With e and h whitened and projected, the change reduces chi2
+by (h e)^2 / h^2 (its gain). All instants follow from sums over the later readings.
+
+Source: Willsky & Jones (1976), A generalized likelihood ratio approach to the detection and estimation of jumps in
+linear systems, IEEE Trans. Autom. Control 21, 108-112.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from dpr_lab.arrays import Array, Integers
+from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class JumpRules:
+    """Limits of the detection."""
+
+    gain: float = 50.0
+    """Minimum gain: three recordings have 1e4 instants, of which white noise of the assumed size reaches 25."""
+    outstanding: float = 3.0
+    """Minimum ratio of a gain to the largest one elsewhere, with a model that has effects."""
+    outstanding_bare: float = 8.0
+    """The same with the bare model. It was at most 1.7 on 40 undamaged rigs with effects, but load-dependent friction
+    acts mostly where a swing is fastest (5.2).
+    """
+    others: int = 6
+    """Minimum number of segments elsewhere."""
+    most: float = 0.1
+    """Maximum number of jumps, relative to the number of segments; two are always possible."""
+    kick_torques: int = 0
+    """Degree of the torques that are projected out before kicks: a constant. A higher one imitates a kick."""
+    step_torques: int = 2
+    """Degree of those before steps of a reading, which no torque imitates."""
+    margin: int = 3
+    """Number of readings at either end of a segment between which no jump is sought."""
+    kick_s: float = 0.06
+    """Time before and after the middle of a kick within which a hand touches a rod, s."""
+    near_s: float = 0.1
+    """Distance from a jump within which another segment may still contain a part of it, s."""
+    seen: float = 1e-6
+    """Fraction of a change that must remain after the projection."""
+
+
+JUMP = JumpRules()
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """A change at one instant."""
+
+    gain: float
+    """Reduction of chi2."""
+    run: int
+    at: float
+    """Instant midway between two readings, s."""
+    joint: int | None
+    """Joint of a reading that steps; None for a kick."""
+    size: tuple[float, ...]
+    """Changes of the speeds of both rods by a kick, rad/s; step of the reading, rad."""
+    span: tuple[float, float]
+    """First and last instant of its segment, s."""
+
+
+def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
+    """The jumps whose gain exceeds by far that of all segments elsewhere.
+
+    Args:
+        candidates: the best jump of each segment; segments may overlap
+        ratio: minimum ratio of the gains
+    """
+    events: list[Jump] = []
+    for jump in sorted(candidates, key=lambda jump: -jump.gain):
+        first, last = jump.span[0] - JUMP.near_s, jump.span[1] + JUMP.near_s
+        if not any(event.run == jump.run and first < event.at < last for event in events):
+            events.append(jump)
+    most = min(max(2, int(JUMP.most * len(events))), len(events) - JUMP.others)
+    gains = [event.gain for event in events]
+    counts = [k for k in range(1, most + 1) if gains[k - 1] > max(ratio * gains[k], JUMP.gain)]
+    return events[: max(counts, default=0)]
+
+
+def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[Jump]]:
+    """The most significant kick, and the most significant step of a reading, in each segment.
+
+    A step has a joint only if a kick, which lasts for a while, or a single wrong reading explains less.
+    """
+    reference = trajectory(problem, fitted.estimate, spacing=TRAJECTORY.coarse_s)
+    rough = _Changes.of(problem, fitted, reference, JUMP.kick_torques)
+    smooth = _Changes.of(problem, fitted, reference, JUMP.step_torques)
+    kicks, lone = rough.kicks(), smooth.lone()
+    kicked = _highest_near(problem.t, kicks[0], JUMP.kick_s)
+    steps = [smooth.steps(joint) for joint in range(2)]
+    best = np.argmax([gain for gain, _ in steps], axis=0)
+    gains = np.max([gain for gain, _ in steps], axis=0)
+    certain = (np.max([rough.steps(joint)[0] for joint in range(2)], axis=0) > kicked) & (gains > lone)
+    instants = problem.t - 0.5 * np.diff(problem.t, prepend=problem.t[0])
+    of_rods, of_readings = list[Jump](), list[Jump]()
+    for s, (first, last) in enumerate(pairwise(problem.segments.offsets.tolist())):
+        run, span = int(problem.segments.run[s]), (float(problem.t[first]), float(problem.t[last - 1]))
+        i = first + int(np.argmax(kicks[0][first:last]))
+        changes = _speeds(reference, i, kicks[1][i])
+        of_rods.append(Jump(float(kicks[0][i]), run, float(instants[i]), None, changes, span))
+        i = first + int(np.argmax(gains[first:last]))
+        joint = int(best[i])
+        size = (float(steps[joint][1][i]),)
+        of_readings.append(Jump(float(gains[i]), run, float(instants[i]), joint if certain[i] else None, size, span))
+    return of_rods, of_readings
+
+
+def _highest_near(t: Array, values: Array, reach_s: float) -> Array:
+    """(n,) maximum of values (n,) at the instants within a time before and after each."""
+    highest = values.copy()
+    for shift in range(1, int(reach_s / max(float(np.median(np.diff(t))), 1e-6)) + 1):
+        highest[shift:] = np.maximum(highest[shift:], values[:-shift])
+        highest[:-shift] = np.maximum(highest[:-shift], values[shift:])
+    return highest
+
+
+def _speeds(reference: Trajectory, sample: int, impulses: Array) -> tuple[float, ...]:
+    """Changes of the speeds of both rods by impulses on theta1, theta2, rad/s."""
+    i = round(float(reference.at[sample]))
+    setup = reference.motion.run[i]
+    a, b, d, *_ = reference.bases[setup]
+    if reference.setups[setup].one_degree:
+        change = float(impulses.sum() / (a + b + 2 * d * np.cos(np.diff(reference.motion.theta[i])[0])))
+        return change, change
+    coupling = d * np.cos(reference.motion.theta[i, 0] - reference.motion.theta[i, 1])
+    return tuple(np.linalg.solve([[a, coupling], [coupling, b]], impulses).tolist())
+
+
+@dataclass(frozen=True, slots=True)
+class _Changes:
+    """Residuals of all samples, and what is projected out of them."""
+
+    e: Array
+    """(samples, 2) whitened and projected residual."""
+    weight: Array
+    """(samples, 2) of the readings, 1/rad."""
+    Q: Array
+    """(samples, 2, q) orthonormal columns of the initial state and the torques."""
+    out: Array
+    """(samples, 2, 4) change of the weighted readings per change of the initial state."""
+    into: Array
+    """(samples, 4, 2) change of the initial state that an impulse just before the sample is equivalent to."""
+    begins: Integers
+    """(samples,) first sample of the segment of each sample."""
+    ends: Integers
+    """(samples,) first sample of the next segment."""
+
+    @classmethod
+    def of(cls, problem: Problem, fitted: Fit, reference: Trajectory, degree: int) -> "_Changes":
+        """The residuals of a fit with free initial states, without torques of a degree."""
+        owner, offsets = problem.owner, problem.segments.offsets
+        residual = np.where(np.isfinite(fitted.linear.residual), fitted.linear.residual, 0.0)
+        Q = np.concatenate([fitted.linear.Q, _of_torques(problem, fitted, reference, degree)], axis=2)
+        e = residual - (Q @ (Q.transpose(0, 2, 1) @ residual[:, :, None]))[:, :, 0]
+        by_row = Q.reshape(len(Q), -1, 2, Q.shape[2])[owner, np.arange(len(owner)) - offsets[owner]]
+        before = np.maximum(np.ceil(reference.at).astype(np.int64) - 1, reference.edges[owner])
+        return cls(
+            e=problem.by_sample(e),
+            weight=problem.weight,
+            Q=by_row,
+            out=reference.out * problem.weight[:, :, None],
+            into=reference.into[before],
+            begins=offsets[owner],
+            ends=offsets[owner + 1],
+        )
+
+    def kicks(self) -> tuple[Array, Array]:
+        """(samples,) gain and (samples, 2) impulses on theta1, theta2 of a kick just before each sample."""
+        score = self._later(np.einsum("nas,na->ns", self.out, self.e))
+        power = self._later(np.einsum("nas,nar->nsr", self.out, self.out))
+        shared = self._later(np.einsum("nas,naq->nsq", self.out, self.Q))
+        across = self.into.transpose(0, 2, 1)
+        along = (across @ score[:, :, None])[:, :, 0]
+        total, remaining = across @ power @ self.into, across @ (power - shared @ shared.transpose(0, 2, 1)) @ self.into
+        sizes, axes = np.linalg.eigh(remaining)
+        visible = sizes > JUMP.seen * np.trace(total, axis1=1, axis2=2)[:, None]
+        components = np.einsum("nij,ni->nj", axes, along)
+        weights = np.where(visible, components / np.where(visible, sizes, 1.0), 0.0)
+        return self._inside(np.sum(components * weights, axis=1)), np.einsum("nij,nj->ni", axes, weights)
+
+    def steps(self, joint: int) -> tuple[Array, Array]:
+        """(samples,) gain and (samples,) size of a step of one joint's reading just before each sample, rad."""
+        weight, Q = self.weight[:, joint], self.Q[:, joint]
+        score, power = self._later(weight * self.e[:, joint]), self._later(weight**2)
+        remaining = power - np.sum(self._later(weight[:, None] * Q) ** 2, axis=1)
+        visible = remaining > JUMP.seen * np.maximum(power, 1.0)
+        size = np.where(visible, score / np.where(visible, remaining, 1.0), 0.0)
+        return self._inside(score * size), size
+
+    def lone(self) -> Array:
+        """(samples,) gain of one wrong reading at each sample or at its neighbours."""
+        remaining = 1.0 - np.sum(self.Q**2, axis=2)
+        gain = np.max(self.e**2 / np.maximum(remaining, JUMP.seen), axis=1)
+        return np.maximum(gain, np.maximum(np.roll(gain, 1), np.roll(gain, -1)))
+
+    def _later(self, values: Array) -> Array:
+        """Sums from each sample to the end of its segment."""
+        sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+        return np.asarray(sums[self.ends] - sums[:-1])
+
+    def _inside(self, gain: Array) -> Array:
+        sample = np.arange(len(gain))
+        return np.where((sample - self.begins >= JUMP.margin) & (self.ends - sample >= JUMP.margin), gain, 0.0)
+
+
+def _of_torques(problem: Problem, fitted: Fit, reference: Trajectory, degree: int) -> Array:
+    """(segments, m, k) orthonormal response of the readings to polynomial torques, without the initial states."""
+    t, edges = reference.motion.t, reference.edges
+    begin, end = (np.repeat(t[places], np.diff(edges)) for places in (edges[:-1], edges[1:] - 1))
+    powers = ((2 * t - begin - end) / (end - begin))[:, None] ** np.arange(degree + 1)
+    torques = np.zeros((len(t), 2, 2 * (degree + 1)))
+    torques[:, 0, : degree + 1] = torques[:, 1, degree + 1 :] = powers
+    response, Q = reference.response(problem, torques), fitted.linear.Q
+    response /= np.maximum(np.linalg.norm(response, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+    response -= Q @ (Q.transpose(0, 2, 1) @ response)
+    left, sizes, _ = np.linalg.svd(response, full_matrices=False)
+    return np.asarray(left * (sizes > JUMP.seen)[:, None, :])

@@ -1,0 +1,151 @@
+"""Kicks, steps of readings and touches at rest are found at their instants, named as what they are, and left out."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.damage.at_rest import without_touch
+from dpr_lab.gap.damage.jumps import Jump, outstanding
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.screen.record import Record, record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.screen.sensor_faults import Finding
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from tests.background_rigs import record as recorded
+from tests.background_rigs import rig_and_base
+from tests.bench_rigs import Rod, one_rod, rod_swing, table
+from tests.thinned import candidates
+
+W2 = 36.0
+DAMAGE = ("disturbance", "reading_step", "missed_counts", "touched_at_rest")
+
+
+def cleaned(rig: Rig, runs: list[Run]) -> tuple[Record, ...]:
+    """The recordings after the bare model has been fitted."""
+    return fit_bare_model(Recordings(tuple(record(run, rig) for run in runs), rig), nominal_ratios(rig))[0].records
+
+
+def damage(one: Record) -> list[Finding]:
+    """The findings of local damage."""
+    return [finding for finding in one.screened.findings if finding.name in DAMAGE]
+
+
+def two_rods(seed: int = 3) -> tuple[Rig, list[Run]]:
+    """Two swings of two rods as tables of angles, which contain no counts."""
+    rng = np.random.default_rng(seed)
+    rig, base = rig_and_base(rng)
+    runs = [recorded(rig, base, [], rng, pose, 4.0, rate_hz=100.0) for pose in ("X1", "X2")]
+    shaken = [run.theta + rng.normal(0, 2e-4, run.theta.shape) for run in runs]
+    return rig, [replace(run, name=run.name, theta=theta, counts=None) for run, theta in zip(runs, shaken, strict=True)]
+
+
+def shifted(run: Run, joint: int, size: float, since: float, until: float = np.inf) -> Run:
+    """A run in which the reading of a joint (0, 1) is shifted for a while."""
+    theta = run.theta.copy()
+    inside = (run.t >= since) & (run.t < until)
+    theta[inside, 1 + joint :] += size
+    return replace(run, theta=theta)
+
+
+@pytest.mark.parametrize(("joint", "since", "kept"), [(0, 1.3, (1.3, 4.0)), (1, 2.72, (0.0, 2.72))])
+def test_of_a_reading_that_steps_and_stays_the_longer_part_is_kept(joint, since, kept):
+    rig, (first, second) = two_rods()
+    one, other = cleaned(rig, [shifted(first, joint, 0.01, since), second])
+    (finding,) = damage(one)
+    assert (finding.name, finding.axis) == ("reading_step", f"joint{joint + 1}")
+    assert finding.at_s == pytest.approx(since, abs=0.011)
+    assert finding.step == pytest.approx(0.01, rel=0.1)
+    assert kept[0] - 0.011 <= one.t[0]
+    assert one.t[-1] <= kept[1]
+    assert damage(other) == []
+
+
+def test_of_a_reading_that_returns_only_the_part_in_between_is_left_out():
+    rig, (first, second) = two_rods()
+    one, _ = cleaned(rig, [shifted(first, 0, -0.02, 1.5, 2.1), second])
+    assert {finding.name for finding in damage(one)} == {"reading_step"}
+    assert one.t[0] < 0.1
+    assert not ((one.t > 1.51) & (one.t < 2.09)).any()
+    assert ((one.t > 2.2) & (one.t < 3.9)).any()
+
+
+def test_counts_that_are_missed_for_a_while_are_not_fitted(tmp_path):
+    rng = np.random.default_rng(0)
+    t, rig = np.arange(0.0, 6.0, 0.005), one_rod(1.5 * 9.81 / W2, 0.1, 4096, rng)
+    angle = rod_swing(Rod(W2, 0.05, 0.0, 0.0), 1.0, t) + rng.normal(0, 3e-4, len(t))
+    count = 2 * np.pi / 4096
+    angle[(t > 2.0) & (t < 2.6)] += 20 * count
+    run = table(tmp_path, "slipped", rig, {"t_s": t, "theta1_rad": count * np.rint(angle / count)})
+    (one,) = cleaned(rig, [run])
+    (finding,) = damage(one)
+    assert finding.name == "reading_step"
+    assert one.screened.breaks == ()
+    assert not ((one.t > 2.01) & (one.t < 2.59)).any()
+
+
+@pytest.mark.parametrize("length", [0.02, 0.1])
+def test_a_kick_that_lasts_is_no_step_of_a_reading(tmp_path, length):
+    rng = np.random.default_rng(1)
+    t, rig = np.arange(0.0, 6.0, 0.005), one_rod(1.5 * 9.81 / W2, 0.1, 4096, rng)
+    rod = Rod(W2, 0.05, 0.0, 0.0, torque=lambda now: 0.3 / length * (3.1 < now < 3.1 + length))
+    angle = rod_swing(rod, 1.0, t) + rng.normal(0, 5e-4, len(t))
+    (one,) = cleaned(rig, [table(tmp_path, "kicked", rig, {"t_s": t, "theta1_rad": angle})])
+    (finding,) = damage(one)
+    assert finding.name == "disturbance"
+    assert finding.at_s == pytest.approx(3.1 + length / 2, abs=0.06)
+
+
+def candidate(gain: float, at: float) -> Jump:
+    """The best kick of a segment."""
+    return Jump(gain, 0, at, None, (0.1, 0.1), (at - 0.25, at + 0.25))
+
+
+def test_only_a_gain_far_above_all_others_is_a_jump():
+    usual = [candidate(100.0 + i, 1.0 + i) for i in range(12)]
+    assert outstanding([*usual, candidate(250.0, 20.0)], 3.0) == []
+    assert outstanding([*usual, candidate(400.0, 20.0), candidate(390.0, 20.1)], 3.0) == [candidate(400.0, 20.0)]
+    assert outstanding([candidate(400.0, 1.0), candidate(1.0, 2.0)], 3.0) == []
+
+
+def rest(folder: Path, moved: np.ndarray, t: np.ndarray) -> tuple[Rig, Run]:
+    """A rod that dry friction stops after 5 s, and whose reading then moves."""
+    rng = np.random.default_rng(2)
+    rig = one_rod(1.5 * 9.81 / W2, 0.1, 4096, rng)
+    angle = rod_swing(Rod(W2, 0.5, 1.0, 0.0), 1.0, t)
+    angle[t > 5.0] = angle[t <= 5.0][-1]
+    return rig, table(folder, "rest", rig, {"t_s": t, "theta1_rad": angle + moved + rng.normal(0, 3e-4, len(t))})
+
+
+@pytest.mark.parametrize("shape", ["step", "creep"])
+def test_rods_that_are_touched_at_rest_are_a_finding(tmp_path, shape):
+    t = np.arange(0.0, 12.0, 0.01)
+    moved = 0.004 * (t > 8.0) if shape == "step" else 0.004 * np.clip((t - 8.0) / 2, 0.0, 1.0)
+    rig, run = rest(tmp_path, moved, t)
+    touched = without_touch(record(run, rig), rig)
+    (finding,) = damage(touched)
+    assert (finding.name, finding.axis) == ("touched_at_rest", "joint1")
+    assert 7.9 < (finding.at_s or 0.0) < 10.0
+    assert finding.step == pytest.approx(0.004, abs=6e-4)
+    assert touched.t[-1] <= (finding.at_s or 0.0)
+
+
+def test_a_rest_away_from_the_vertical_is_left_to_the_friction(tmp_path):
+    t = np.arange(0.0, 12.0, 0.01)
+    rig, run = rest(tmp_path, np.zeros(len(t)), t)
+    one = record(run, rig)
+    assert without_touch(one, rig) is one
+
+
+@pytest.mark.slow
+def test_behind_a_step_of_a_table_the_friction_is_named(tmp_path):
+    rng = np.random.default_rng(5)
+    t, rig = np.arange(0.0, 8.0, 0.01), one_rod(1.5 * 9.81 / W2, 0.1, 4096, rng)
+    angle = rod_swing(Rod(W2, 0.02, 0.25, 0.0), 1.0, t) + rng.normal(0, 5e-4, len(t))
+    run = table(tmp_path, "slipped", rig, {"t_s": t, "theta1_rad": angle + 0.03 * (t > 5.5)})
+    diagnosis = diagnose(run, rig, library=candidates("coulomb", "encoder_offset", "air_drag", "missed_counts"))
+    assert {finding.name for finding in diagnosis.sensor_findings} >= {"reading_step"}
+    assert {effect.name for effect in diagnosis.effects if effect.probability > 0.5} == {"coulomb_joint1"}
