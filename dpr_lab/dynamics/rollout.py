@@ -301,7 +301,7 @@ def _stage3(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage4(lanes: Array, h: float) -> None:
-    """Accelerations z at the end with the speed from r, then the state at the end."""
+    """Accelerations z at the end of the step, with the speeds that r gives, and then the new state."""
     half, sixth = 0.5 * h, h / 6.0
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = _sines(lanes, k, STAGE_SIN1)

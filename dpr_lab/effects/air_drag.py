@@ -67,7 +67,7 @@ _SOURCE = (
 )
 _BENCH_CHECK = (
     "Tape a light card to the {rod} rod and repeat: the drag of that rod increases several times. Thickness"
-    " and width of both rods, measured with a calliper, give the ratio of their drags."
+    " and width of the rods, measured with a calliper, give the ratio of their drags."
 )
 
 AIR_DRAG_OUTER = Effect(
@@ -95,7 +95,7 @@ AIR_DRAG_OUTER = Effect(
 
 AIR_DRAG_BOTH = Effect(
     name="air_drag_both",
-    words="air drag, both rods",
+    words="air drag, all rods",
     equation="as air_drag_outer, and additionally tau1 = -k L1^4 omega1 |omega1| / 4 for the inner rod",
     parameters=_PARAMETERS,
     site="joint torque",

@@ -226,7 +226,7 @@ class Effect:
     """Check on the rig that confirms it, or distinguishes it from its twins."""
     source: str
     symptom: str = ""
-    """What it looks like at the rig or in a recording; every effect of the library has one."""
+    """Symptom at the rig or in a recording; required for effects of the library."""
     joints: tuple[int, ...] = (0, 1)
     """The joints (0, 1, `ARM`) whose angle and speed it may depend on; both joints of the rods if it belongs to
     none.

@@ -12,14 +12,14 @@ def later(delay_s: float) -> float:
 
 INPUT_DELAY = Effect(
     name="input_delay",
-    words="input delay of the torques",
+    words="input delay",
     equation="tau(t - x) acts at t, with tau the known torque; x < 0: the torque was logged too late",
     parameters=(EffectParameter("delay_s", "s", 5e-3),),
     site="drive",
     stage="input",
     kernel=later,
-    quantities=(BenchQuantity("delay of the torques", "x", ("delay_s",)),),
-    symptom="Every response to a step of the torque begins earlier or later than simulated, by the same time.",
+    quantities=(BenchQuantity("delay of the input", "x", ("delay_s",)),),
+    symptom="Every response to a step of the input begins earlier or later than simulated, by the same time.",
     bench_check=(
         "Command a torque step on a hanging rod at rest and log its encoder at the highest rate: the rod starts to"
         " move a delay after the step."

@@ -52,7 +52,7 @@ LIMITS: Mapping[str, tuple[str, Callable[[RigScales], float]]] = {
     "m": ("0.3 of the length of the rod", lambda rig: 0.3 * rig.length),
     "1/kg": ("10 over the mass of the rods", lambda rig: 10.0 / rig.mass),
     "m/s^2": ("gravity", lambda rig: rig.g),
-    "s": ("a quarter of the radian time of the joint", lambda rig: 0.25 * math.sqrt(rig.inertia / rig.gravity)),
+    "s": ("0.25 sqrt(inertia / gravity torque) of the joint", lambda rig: 0.25 * math.sqrt(rig.inertia / rig.gravity)),
     "rad": ("0.5 rad", lambda rig: 0.5),
     "1": ("0.5", lambda rig: 0.5),
     "counts": ("one turn", lambda rig: rig.counts_per_rev),

@@ -111,7 +111,7 @@ def _held_arm() -> Stage:
 
 
 def _play(joint: int) -> Stage:
-    """The angle that the encoder of a joint holds."""
+    """The angle at which the encoder of a joint stays inside its backlash."""
     angle, hold = f"angle{joint}", f"hold{joint}"
     return Stage(
         arguments=f"{angle}, {hold}",
