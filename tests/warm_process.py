@@ -16,6 +16,8 @@ from typing import Any
 DEVICE = [sys.executable, "-m", "sim_device"]
 SERVER = "DPR_LAB_TESTS_SERVER"
 """Variable that holds the socket of the server and the variables that it was started with."""
+SET_BY_DPR_LAB = ("OMP_WAIT_POLICY", "PYTHONPYCACHEPREFIX")
+"""Variables that dpr-lab sets for itself and what it starts, when it is imported or a command runs."""
 
 
 def start_server() -> None:
@@ -34,7 +36,7 @@ def start_server() -> None:
 def _of_loading() -> dict[str, str]:
     """Variables that Python or a library reads when it is loaded."""
     names = ("NUMBA", "PYTHON", "OMP", "OPENBLAS", "XDG", "HOME", "MPL")
-    return {name: value for name, value in os.environ.items() if name.startswith(names)}
+    return {name: value for name, value in os.environ.items() if name.startswith(names) and name not in SET_BY_DPR_LAB}
 
 
 class WarmProcess(subprocess.Popen[Any]):

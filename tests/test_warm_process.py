@@ -1,0 +1,35 @@
+"""A process that is forked from one with the libraries loaded is as one that was started."""
+
+import signal
+import subprocess
+from importlib import import_module
+
+import pytest
+
+from tests.warm_process import WarmProcess, started
+
+
+def test_it_has_its_words_streams_and_exit_code() -> None:
+    import_module("dpr_lab.kernels")  # sets variables of its own
+    with started("sim_device", ["--help"], stdout=subprocess.PIPE, text=True) as process:
+        out, _ = process.communicate()
+    assert isinstance(process, WarmProcess)
+    assert process.returncode == 0
+    assert "usage: python -m sim_device" in out
+
+
+def test_a_signal_ends_it_and_is_its_status() -> None:
+    with started("sim_device", [], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith(b"{")
+        assert process.poll() is None
+        process.kill()
+    assert process.returncode == -signal.SIGKILL
+
+
+def test_variables_that_the_libraries_read_start_a_fresh_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    with started("sim_device", ["--help"], stdout=subprocess.DEVNULL) as process:
+        pass
+    assert not isinstance(process, WarmProcess)
+    assert process.returncode == 0
