@@ -2,7 +2,8 @@
 
 A free rod that stays within the noise for half a period of its small oscillation is at rest: friction holds it, or its
 energy is below the noise. Whether it hangs exactly vertically is then a matter of friction. What moves it later is a
-hand, a cable or a support that gives way; a model with these readings would need friction that does not exist.
+hand, a cable, a support that gives way, or the zero of its encoder; a model with these readings would need friction
+that does not exist.
 """
 
 from dataclasses import dataclass
@@ -89,7 +90,8 @@ def without_touch(record: Record, rig: Rig) -> Record:
         return record
     evidence = (
         f"at rest from {touched.rest_s:.3g} s on, then a reading moves by {1e3 * touched.size:+.2g} mrad: a hand"
-        " or a cable touches the rods, or the mount gives way; the readings from there on are left out"
+        " or a cable touches the rods, the mount gives way, or the zero of the encoder drifts; the readings from there"
+        " on are left out"
     )
     finding = Finding("touched_at_rest", record.run.name, AXES[touched.axis], touched.at_s, evidence, step=touched.size)
     return record.left_out(touched.at_s, np.inf).with_findings([finding])
