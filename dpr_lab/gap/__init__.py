@@ -21,6 +21,8 @@ one question each, which the docstring of the module states.
 2. `which.search`: a `Move` proposes and accepts sets; `which.moves` lists all moves in their order;
    `which.fitted_sets` fits each set once, with measures against local minima.
 3. `hypothesis.thresholds`: every threshold of an acceptance, with its origin.
+4. `damage.disturbances`: kicks, hands and readings that step are left out, after the bare model and, by `corrections`,
+   after forward selection.
 
 Recordings that are not fitted are called held out: `Request.held_out` are the runs, `state.held_out` the same after
 screening, and `state.held_out_prediction` predicts them by any set of effects.
