@@ -184,7 +184,7 @@ class _Peer:
             now = time.monotonic()
             if now > deadline:
                 raise LinkTimeout(
-                    f"{self.link.url}: no answer to {type(again).__name__} for {now - deadline + 5:.0f} s"
+                    f"{self.link.url}: no answer to {type(again).__name__} for {self.settings.patience_s:g} s"
                 )
             if now >= next_at:
                 self.link.send(encode(again))

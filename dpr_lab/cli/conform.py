@@ -22,14 +22,16 @@ def conform(
     Example: dpr-lab conform sim:// --rods-off
     """
     json_mode(as_json)
-    from dpr_lab.acquisition.conformance import Conformity, conformity, refuse_with_rods
+    from dpr_lab.acquisition.conformance import ConformanceSettings, Conformity, conformity, refuse_with_rods
     from dpr_lab.cli.listener import Listener
     from dpr_lab.transports import open_transport
+    from dpr_lab.transports.simulated import PATIENCE, compiles_first
 
     refuse_with_rods(rods_off)
+    settings = ConformanceSettings(patience_s=PATIENCE.first_start_s) if compiles_first(link) else ConformanceSettings()
     exchanges: list[Conformity] = []
     with Listener(), closing(open_transport(link)) as opened, progress("conform", None) as bar:
-        for exchange in conformity(opened):
+        for exchange in conformity(opened, settings):
             exchanges.append(exchange)
             bar(None, exchange.what)
     ok = all(exchange.ok for exchange in exchanges)

@@ -42,6 +42,11 @@ LINKS = {"pty": "pty", "can": "slcan", "tcp": "tcp:0"}
 DEFAULT_BUS = "tcp" if sys.platform == "win32" else "pty"  # Windows has no pseudo-terminals
 
 
+def compiles_first(link: str) -> bool:
+    """Whether a link starts a simulated device that compiles its kernels first; it is mute during its first release."""
+    return link.startswith("sim:") and not simulator_compiled()
+
+
 def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
     """Start a simulated device and connect to it.
 

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from dpr_lab import kernel_cache
 from dpr_lab.errors import DeviceLost, LinkError
 from dpr_lab.transports import open_transport
-from dpr_lab.transports.simulated import _arguments
+from dpr_lab.transports.simulated import _arguments, compiles_first
 from dpr_lab.transports.transport import Transport
 from firmware_protocol.host_role import HostSession
 from firmware_protocol.identity import DeviceInfo
@@ -134,3 +135,11 @@ def test_options_become_the_childs_command_line() -> None:
         "--link slcan --rig my.toml --fault drop=0.01 --fault flip=0.1 --draw --plant dry --seed 3 --hand-error 0.2"
     )
     assert _arguments({"rig": "other"}, Path("my.toml")) == ["--link", "pty", "--rig", "other"]
+
+
+def test_only_a_first_simulated_device_compiles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel_cache, "CACHE", tmp_path)
+    assert compiles_first("sim://?plant=paper")
+    assert not compiles_first("serial:///dev/ttyACM0")
+    kernel_cache.mark_simulator_compiled()
+    assert not compiles_first("sim://?plant=paper")

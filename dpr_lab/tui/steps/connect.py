@@ -13,10 +13,10 @@ from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
 from dpr_lab.errors import ConfigError, DprError
-from dpr_lab.kernel_cache import simulator_compiled
 from dpr_lab.rig import load_rig
 from dpr_lab.transports import TRANSPORTS
 from dpr_lab.transports.discover import Links, SerialPortFound, discover
+from dpr_lab.transports.simulated import compiles_first
 from dpr_lab.tui.line_breaks import Hanging
 from dpr_lab.tui.recorder.messages import Connected, Exercise, Exercised, Idle, RecorderFailed, RecorderReport
 from dpr_lab.tui.recorder.sighting import SIGHTING
@@ -218,7 +218,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
     def _lines(self) -> list[Content]:
         device, now = self.device, time.monotonic()
         if device.opening is not None:
-            compiles = self.workspace.link.startswith("sim:") and not simulator_compiled()
+            compiles = compiles_first(self.workspace.link)
             return [Content(self.worded(COMPILING if compiles else CONNECTING))]
         if device.connected is not None:
             return [*_identity(device.connected), *self._rods(now, device.connected.rods), *self._clock()]
