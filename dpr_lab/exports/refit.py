@@ -7,6 +7,8 @@ was estimated as zero. Ratios, simpler effects and all effects that the program 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 
+import numpy as np
+
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS, effect_params, named_params
@@ -88,9 +90,13 @@ def unchanged(model: AnyModel, written: AnyModel) -> set[str]:
 
 
 def _starts(bare: Estimate, model: AnyModel, rig: Rig) -> list[tuple[Array, Array]]:
-    """(7,) ratios and (SIZE,) effects from which fits start: of the bare model, and of the corrected one."""
+    """(7,) ratios and (SIZE,) effects from which fits start: of the bare model, and of the corrected one.
+
+    Both have the b of the corrected model: free swings determine the sizes of effects only relative to b.
+    """
     if not isinstance(model, MovingArmModel):
-        return [(bare.ratios, effect_params({})), (model.unknowns, effect_params({}))]
+        of_bare = np.append(bare.ratios[: len(RATIOS)], model.unknowns[len(RATIOS) :])
+        return [(of_bare, effect_params({})), (model.unknowns, effect_params({}))]
     unknown, params = engine_values(model, rig)
     return [(bare.ratios, bare.params), (unknown, effect_params(named_params(params, among=OF_ARM)))]
 

@@ -48,9 +48,11 @@ def test_a_named_effect_is_judged_by_its_interval(found: Diagnosis) -> None:
 
 
 def test_an_effect_does_not_fail_where_another_may_be_the_cause(found: Diagnosis) -> None:
-    low, _ = found.effects[0].parameters["torque_Nm"].interval90_with_scale or (0.0, 0.0)
-    assert len(found.effects[0].members) > 1
-    (judged,) = judge(found, limit("coulomb_joint1", "torque_Nm", 0.9 * low, "N m")).limits
+    (named,) = found.effects
+    low, _ = named.parameters["torque_Nm"].interval90_with_scale or (0.0, 0.0)
+    shared = named.model_copy(update={"members": [named.name, "stribeck_joint1"], "odds": {}})
+    shared_cause = found.model_copy(update={"effects": [shared]})
+    (judged,) = judge(shared_cause, limit("coulomb_joint1", "torque_Nm", 0.9 * low, "N m")).limits
     assert judged.answer == "not decidable"
     assert "the probability that it is the cause" in judged.reason
 
@@ -241,7 +243,7 @@ def test_the_friction_torque_is_undecided_where_its_law_may_be_another_effect(fo
     assert other.answer == "not decidable"
     assert "does not depend on the speed alone" in other.reason
     doubted = found.effects[0].model_copy(update={"probability": 0.5})
-    (other,) = judge(found.model_copy(update={"effects": [doubted]}), friction(1.0)).limits
+    (other,) = judge(found.model_copy(update={"effects": [doubted], "rivals": []}), friction(1.0)).limits
     assert "is a friction law of joint 1 is 50 %" in other.reason
 
 

@@ -132,7 +132,7 @@ def test_a_device_whose_arm_has_a_drive_conforms(simulated, firmware: str) -> No
     finally:
         link.close()
     assert [(one.what, one.message) for one in answers if not one.ok] == []
-    assert any("whose arm has a drive says so" in one.what for one in answers)
+    assert any("with a drive of the arm reports it first" in one.what for one in answers)
     assert {"every sample has its torques"} < {one.what for one in answers}
 
 

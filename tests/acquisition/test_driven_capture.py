@@ -111,4 +111,4 @@ def test_a_device_with_drives_conforms(simulated, table: Path, firmware: str) ->
         link.close()
     assert [(one.what, one.message) for one in found if not one.ok] == []
     assert {"every sample has its torques"} < {one.what for one in found}
-    assert any("says so before all else" in one.what for one in found)
+    assert any("with joint drives reports them first" in one.what for one in found)

@@ -8,6 +8,7 @@ import pytest
 
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.damage.at_rest import without_touch
+from dpr_lab.gap.damage.disturbances import shows
 from dpr_lab.gap.damage.jumps import Jump, outstanding
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.screen.record import Record, record
@@ -102,6 +103,15 @@ def test_a_kick_that_lasts_is_no_step_of_a_reading(tmp_path, length):
 def candidate(gain: float, at: float) -> Jump:
     """The best kick of a segment."""
     return Jump(gain, 0, at, None, (0.1, 0.1), (at - 0.25, at + 0.25))
+
+
+@pytest.mark.parametrize("step", [0.0, 0.026])
+def test_a_step_of_the_residuals_alone_is_no_step_of_a_reading(step):
+    """A model that lacks a large cause leaves such steps, where the readings are smooth."""
+    rig, (run, _) = two_rods()
+    one = record(run, rig)
+    shifted = one.joints + step * np.outer(one.t > 1.0, [0.0, 1.0])
+    assert shows(replace(one, joints=shifted), Jump(1e4, 0, 1.0, 1, (0.026,), (0.5, 1.5))) == bool(step)
 
 
 def test_only_a_gain_far_above_all_others_is_a_jump():

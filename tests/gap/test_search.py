@@ -107,7 +107,9 @@ def sets(bare: Callable[..., Any], screened: Callable[..., Any], recorded: Calla
     """The sets of a rig with two effects; only the bare model is fitted."""
     runs = recorded(TRUTHS["two effects"], duration=2.0)
     problem, base = bare(runs)
-    library = {name: EFFECTS[name] for name in LIBRARY if EFFECTS[name].stage != "load"}
+    # With a drift of the zero, so near the noise, several sets of two effects explain the runs equally well.
+    omitted = {"encoder_drift_joint1", "encoder_drift_joint2"}
+    library = {name: EFFECTS[name] for name in LIBRARY if EFFECTS[name].stage != "load" and name not in omitted}
     return FittedSets(screened(runs), problem, library, base)
 
 

@@ -20,6 +20,7 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.damage.hand import without_hand
 from dpr_lab.gap.damage.jumps import JUMP, Jump, jumps_of_segments, outstanding
+from dpr_lab.gap.hypothesis.steps import ReadingStep, shows_step
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.screen.sensor_faults import AXES, Finding
@@ -149,8 +150,15 @@ def _jumps(recordings: Recordings, estimate: Estimate, ratio: float) -> list[Jum
         for best, candidates in zip((kicks, steps), jumps_of_segments(problem, followed), strict=True):
             best += [jump for jump in candidates if free[jump.run]]
     # Readings that are shifted change the gains of kicks, so that steps come first.
-    steps = [step for step in outstanding(steps, JUMP.outstanding) if step.joint is not None]
+    steps = [step for step in outstanding(steps, JUMP.outstanding) if shows(recordings.records[step.run], step)]
     return steps or outstanding(kicks, ratio)
+
+
+def shows(record: Record, jump: Jump) -> bool:
+    """Whether a jump is a step that the readings show, and not only the residuals of a model that lacks a cause."""
+    return jump.joint is not None and shows_step(
+        record, ReadingStep(jump.gain, jump.joint, jump.run, jump.at, jump.size[0])
+    )
 
 
 def _intervals(record: Record, jumps: Sequence[Jump]) -> list[LeftOut]:
