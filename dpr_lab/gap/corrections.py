@@ -48,16 +48,17 @@ def _earlier_torques(state: Drafted) -> Drafted | None:
 
 
 def _jumps(state: Drafted) -> Drafted | None:
-    """The state without kicks and steps of readings; missed counts are in the model only if a reading shows them."""
+    """The state without kicks and steps of readings; missed counts are in the model only if a reading shows them.
+
+    The held-out runs stay as the bare model left them: a model must not choose the readings that test it.
+    """
     estimate = state.search.current.fit.estimate
-    steady = estimate.changed(params=without_events(estimate.params))
-    stepped = any(record.screened.breaks for record in state.recordings.records)
-    recordings = without_jumps(state.recordings, estimate if stepped else steady)
-    held_out = without_jumps(state.held_out, steady)
-    if recordings is not state.recordings and not _explains_better(state, recordings):
-        recordings = state.recordings
-    unchanged = recordings is state.recordings and held_out is state.held_out
-    return None if unchanged else replace(state, recordings=recordings, held_out=held_out)
+    if not any(record.screened.breaks for record in state.recordings.records):
+        estimate = estimate.changed(params=without_events(estimate.params))
+    recordings = without_jumps(state.recordings, estimate)
+    if recordings is state.recordings or not _explains_better(state, recordings):
+        return None
+    return replace(state, recordings=recordings)
 
 
 def _explains_better(state: Drafted, recordings: Recordings) -> bool:
