@@ -36,7 +36,7 @@ def one_after_the_other(worker: str, place: Path) -> Iterator[None]:
     while worker != "gw0" and not place.exists() and time.monotonic() < give_up:
         time.sleep(0.05)
     with place.open("a") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # released when its process ends, in whatever way
+        fcntl.flock(lock, fcntl.LOCK_EX)  # released when its process ends
         if worker == "gw0":
             yield
     if worker != "gw0":

@@ -162,10 +162,10 @@ def test_an_identified_model_is_a_start(worn: list[Path], model: Path, cli) -> N
 
 def test_a_rig_without_a_gap_has_none(runs: list[Path], cli) -> None:
     library = "coulomb_joint1,coulomb_joint2,encoder_offset_joint1,latency_joint2,spring_joint1"
-    told = cli("diagnose", *runs, "--rig", "paper", "--library", library, "--json").json
-    assert told["verdict"] == "no_gap"
-    assert told["effects"] == []
-    assert told["probabilities"]["no_gap"] > 0.9
+    diagnosis = cli("diagnose", *runs, "--rig", "paper", "--library", library, "--json").json
+    assert diagnosis["verdict"] == "no_gap"
+    assert diagnosis["effects"] == []
+    assert diagnosis["probabilities"]["no_gap"] > 0.9
 
 
 def test_bad_input_is_answered_with_a_sentence_and_a_code(worn: list[Path], model: Path, tmp_path: Path, cli) -> None:
