@@ -334,7 +334,7 @@ async def test_the_report_is_opened_by_key(tmp_path: Path, said, monkeypatch, un
     assert opened == ([page.as_uri()] if desktop or sys.platform != "linux" else [])
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_nothing_that_computes_is_imported_before_it_is_needed(tmp_path: Path) -> None:
     script = """
 import asyncio, pathlib, sys
