@@ -32,27 +32,32 @@ def step_at(record: Record, place: int, size: float = SIZE) -> ReadingStep:
     return ReadingStep(gain=100.0, joint=1, run=0, at=float(record.t[place]) - 1e-4, size=size)
 
 
+def shown(record: Record, place: int, size: float = SIZE) -> bool:
+    step = step_at(record, place, size)
+    return shows_step(record, step.joint, step.at, step.size)
+
+
 def test_a_step_of_the_readings_is_seen_also_some_readings_from_where_the_residual_puts_it(record_of):
     record = record_of(1.0)
     place = int(np.searchsorted(record.t, 1.0))
-    assert all(shows_step(record, step_at(record, place + shift)) for shift in (-2, 0, 3))
-    assert not shows_step(record, step_at(record, place, 4 * SIZE))
+    assert all(shown(record, place + shift) for shift in (-2, 0, 3))
+    assert not shown(record, place, 4 * SIZE)
 
 
 def test_a_zero_that_differs_or_a_step_of_the_residual_alone_is_no_step(record_of):
     record = record_of(-1.0)  # another zero during the whole recording
-    assert not any(shows_step(record, step_at(record, place)) for place in (3, 60, 200, len(record.t) - 4))
+    assert not any(shown(record, place) for place in (3, 60, 200, len(record.t) - 4))
 
 
 def test_a_small_step_must_be_seen_in_the_readings_not_only_be_possible(record_of):
     record = record_of(-1.0)
     size = 8.0 * float(np.median(record.sigma[:, 1]))  # one that three standard errors of the readings do not exclude
     places = range(40, len(record.t) - 40, 40)
-    seen = [shows_step(record, step_at(record, place, sign * size)) for place in places for sign in (1.0, -1.0)]
+    seen = [shown(record, place, sign * size) for place in places for sign in (1.0, -1.0)]
     assert np.mean(seen) < 0.2
     for place in places[::8]:
         stepped = record_of(float(record.t[place]), size)
-        assert shows_step(stepped, step_at(stepped, place, size))
+        assert shown(stepped, place, size)
 
 
 def test_a_step_of_one_count_is_the_resolution_of_the_encoder(record_of, paper: Rig):

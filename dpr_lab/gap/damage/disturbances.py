@@ -20,7 +20,7 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.damage.hand import without_hand
 from dpr_lab.gap.damage.jumps import JUMP, Jump, jumps_of_segments, outstanding
-from dpr_lab.gap.hypothesis.steps import ReadingStep, shows_step
+from dpr_lab.gap.hypothesis.steps import shows_step
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.screen.sensor_faults import AXES, Finding
@@ -156,9 +156,7 @@ def _jumps(recordings: Recordings, estimate: Estimate, ratio: float) -> list[Jum
 
 def shows(record: Record, jump: Jump) -> bool:
     """Whether a jump is a step that the readings show, and not only the residuals of a model that lacks a cause."""
-    return jump.joint is not None and shows_step(
-        record, ReadingStep(jump.gain, jump.joint, jump.run, jump.at, jump.size[0])
-    )
+    return jump.joint is not None and shows_step(record, jump.joint, jump.at, jump.size[0])
 
 
 def _intervals(record: Record, jumps: Sequence[Jump]) -> list[LeftOut]:

@@ -84,18 +84,24 @@ def visible_steps(
     possible = (
         step for step in steps if records[step.run].screened.on_grid[step.joint] and abs(step.size) > least[step.joint]
     )
-    shown = (step for step in possible if shows_step(records[step.run], step))
+    shown = (step for step in possible if shows_step(records[step.run], step.joint, step.at, step.size))
     return [(step.joint, step.run, step.at) for step in islice(shown, STEPS.kept)]
 
 
-def shows_step(record: Record, step: ReadingStep) -> bool:
+def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
     """Whether the readings about an instant contain a step: a polynomial with a step is fitted to them.
 
     The step of the readings must not be far below that of the residual, and it must be seen. A small step of a residual
     is within the errors of readings that have none: they must be nearer to this step than to none. A step with fewer
     readings before or after it is no step but a zero of the recording.
+
+    Args:
+        record: the recording
+        joint: joint of the reading, 0 or 1
+        instant: time of the step, s
+        size: step of the residual, rad
     """
-    after, side = int(np.searchsorted(record.t, step.at)), STEPS.side
+    after, side = int(np.searchsorted(record.t, instant)), STEPS.side
     around = np.arange(-side, side)
     smooth = np.linalg.qr(np.vander((around + 0.5) / side, STEPS.degree + 1))[0]
     shape = (around >= 0).astype(np.float64)
@@ -105,9 +111,9 @@ def shows_step(record: Record, step: ReadingStep) -> bool:
         if first < side or first + side > len(record.t):
             continue
         window = slice(first - side, first + side)
-        projection = float(shape @ record.joints[window, step.joint]) / power
-        error = float(np.median(record.sigma[window, step.joint])) / power**0.5
-        shown, least, scatter = np.sign(step.size) * projection, STEPS.part * abs(step.size), STEPS.errors * error
+        projection = float(shape @ record.joints[window, joint]) / power
+        error = float(np.median(record.sigma[window, joint])) / power**0.5
+        shown, least, scatter = np.sign(size) * projection, STEPS.part * abs(size), STEPS.errors * error
         if shown + scatter >= least and shown >= min(least, scatter):
             return True
     return False
