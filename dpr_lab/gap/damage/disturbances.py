@@ -2,13 +2,15 @@
 
 A kick changes the speeds of the rods, a step the reading of a joint, within one segment and by far more than anything
 else in the recordings (`dpr_lab.gap.damage.jumps`); an effect of the rig acts in many segments. About a kick, the
-readings of a tenth of a second are left out. A reading that returns after a while is left out in between. If it stays
-shifted, the encoder missed counts, whose number the diagnosis estimates; a table of angles contains no counts, and the
-shorter part of it is left out.
+readings of a tenth of a second are left out. A push looks like two kicks, at its beginning and at its end: if all
+segments between two kicks fit far worse than every other segment, they are left out too. A reading that returns after a
+while is left out in between. If it stays shifted, the encoder missed counts, whose number the diagnosis estimates; a
+table of angles contains no counts, and the shorter part of it is left out.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,7 +19,8 @@ from dpr_lab.effects import param_index
 from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.fitting.cut import MIN_SAMPLES, cut
 from dpr_lab.fitting.estimate import Estimate
-from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.gauss_newton import Fit, fit
+from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.damage.hand import without_hand
 from dpr_lab.gap.damage.jumps import JUMP, Jump, jumps_of_segments, outstanding
 from dpr_lab.gap.hypothesis.steps import shows_step
@@ -34,6 +37,8 @@ class DisturbanceRules:
     """Length of the interval about a kick that is left out, s: a hand touches a rod for 20 to 100 ms."""
     joins_s: float = 0.15
     """Distance between two such intervals up to which the disturbance lasts from one to the other, s."""
+    push_s: float = 2.5
+    """Maximum time between the two kicks at the ends of a push, s."""
     release_s: float = 0.5
     """Time from the first reading to a kick within which it is the hand that releases the rods, s. What it did before
     may be a constant torque, which is no kick.
@@ -109,11 +114,48 @@ def without_jumps(recordings: Recordings, estimate: Estimate, ratio: float = JUM
         for run in {jump.run for jump in jumps}:
             new = [_of_kick(jump, parts[run]) for jump in jumps if jump.run == run]
             parts[run] = _merged([*parts[run], *_intervals(recordings.records[run], new)])
-        records = tuple(map(_without, whole.records, parts))
-        if not all(cut(record.t, np.inf, record.breaks) for record in records):
-            break  # no segment of a recording would remain
-        recordings = replace(whole, records=records)
+        cleaned = _cleaned(whole, parts)
+        if cleaned is not None and (pushed := _with_pushes(cleaned, parts, estimate, ratio)) != parts:
+            parts, cleaned = pushed, _cleaned(whole, pushed)
+        if cleaned is None:
+            break
+        recordings = cleaned
     return recordings
+
+
+def _cleaned(whole: Recordings, parts: Sequence[Sequence[LeftOut]]) -> Recordings | None:
+    """The recordings without these intervals; None if no segment of one of them would remain."""
+    records = tuple(map(_without, whole.records, parts))
+    remain = all(cut(record.t, np.inf, record.breaks) for record in records)
+    return replace(whole, records=records) if remain else None
+
+
+def _with_pushes(
+    cleaned: Recordings, parts: Sequence[list[LeftOut]], estimate: Estimate, ratio: float
+) -> list[list[LeftOut]]:
+    """The intervals, of which two kicks with a push between them become one.
+
+    Every segment between them has a chi2 per reading that exceeds the largest one elsewhere by the ratio.
+    """
+    pairs = [
+        (run, first, last)
+        for run, intervals in enumerate(parts)
+        for first, last in pairwise(intervals)
+        if not (first.of_reading or last.of_reading) and last.since - first.until < DISTURBANCE.push_s
+    ]
+    if not pairs:
+        return list(parts)
+    problem, followed = _followed(cleaned, estimate)
+    segments, begins = problem.segments, problem.t[problem.segments.offsets[:-1]]
+    chi2 = followed.linear.chi2_by_segment / np.diff(segments.offsets)
+    between = [(segments.run == run) & (begins >= first.until) & (begins < last.since) for run, first, last in pairs]
+    elsewhere = ~np.any(between, axis=0)
+    joined = [list(intervals) for intervals in parts]
+    for (run, first, last), inside in zip(pairs, between, strict=True):
+        if inside.any() and elsewhere.any() and chi2[inside].min() > ratio * chi2[elsewhere].max():
+            push = LeftOut(first.since, last.until, (*first.jumps, *last.jumps))
+            joined[run] = _merged([*joined[run], push])
+    return joined
 
 
 def _of_kick(jump: Jump, parts: Iterable[LeftOut]) -> Jump:
@@ -143,15 +185,19 @@ def _jumps(recordings: Recordings, estimate: Estimate, ratio: float) -> list[Jum
         later = [record.only(record.t >= record.t[0] + begin) for record in recordings.records]
         if min(len(record.t) for record in later) < 2 * MIN_SAMPLES:
             break
-        problem, initial = replace(recordings, ratios=None).only(later).cut(LENGTHS.working)
-        followed = fit(
-            problem, problem.with_zeros(estimate.changed(initial=initial)), (), iterations=DISTURBANCE.iterations
-        )
+        problem, followed = _followed(recordings.only(later), estimate)
         for best, candidates in zip((kicks, steps), jumps_of_segments(problem, followed), strict=True):
             best += [jump for jump in candidates if free[jump.run]]
     # Readings that are shifted change the gains of kicks, so that steps come first.
     steps = [step for step in outstanding(steps, JUMP.outstanding) if shows(recordings.records[step.run], step)]
     return steps or outstanding(kicks, ratio)
+
+
+def _followed(recordings: Recordings, estimate: Estimate) -> tuple[Problem, Fit]:
+    """The recordings in segments, and the fit of their initial states."""
+    problem, initial = replace(recordings, ratios=None).cut(LENGTHS.working)
+    start = problem.with_zeros(estimate.changed(initial=initial))
+    return problem, fit(problem, start, (), iterations=DISTURBANCE.iterations)
 
 
 def shows(record: Record, jump: Jump) -> bool:
