@@ -132,8 +132,8 @@ def _pair_rows(made: "Plan") -> list[tuple[str, ...]]:
 
 
 def commands(made: "Plan") -> list[str]:
-    """Commands that record the releases of a first plan, or the next release of a later one."""
-    if made.state not in ("first", "record"):
+    """Commands that record the releases of a first plan, or the next release of a later one, which may be optional."""
+    if made.state == "bench check":
         return []
     return [
         f"to record release {release.number}: {_replayed(release)}dpr-lab capture --rig {release.rig} --link LINK"

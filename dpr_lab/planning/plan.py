@@ -16,7 +16,7 @@ from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Plan
 from dpr_lab.planning.sequence import Planner
 from dpr_lab.planning.signals import driven_releases
-from dpr_lab.planning.stopping import decided
+from dpr_lab.planning.stopping import decided, reservation
 from dpr_lab.planning.summary import summed_up
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.rig import Rig
@@ -29,6 +29,8 @@ class PlanLength:
 
     usual: int = 3
     """Number without a budget; three releases distinguish most effects."""
+    optional: int = 1
+    """Number once the causes are decided, if effects are not excluded."""
     most: int = 12
     """Maximum number within a budget."""
 
@@ -53,7 +55,8 @@ def plan(
         runs: the runs recorded so far
         diagnosis: diagnosis of these runs; None: it is computed here
         limits: reachable poses, permitted mountings, drives, and the duration of each step
-        budget_min: time at the rig, minutes; without it three releases are planned, none if the causes are decided
+        budget_min: time at the rig, minutes; without it three releases are planned; once the causes are decided, one
+            that tests the effects that are not excluded, or none
         count: maximum number of releases
         seed: seed of the start poses of the search
 
@@ -70,16 +73,16 @@ def plan(
     known = known_after(runs, rig, diagnosis, acting) if runs and diagnosis else known_before(rig, acting)
     objective = Objective.of(known, limits)
     planner = Planner(objective, limits, np.random.default_rng(seed), driven_releases(known.model, limits, rig))
-    usual = 0 if _enough(known, limits) else LENGTH.usual
-    most = count or (usual if budget_min is None else LENGTH.most)
+    most = count or (usual_count(known, limits) if budget_min is None else LENGTH.most)
     steps = planner.sequence(most, budget_min) if most else []
     return summed_up(objective, steps, limits, time.perf_counter() - started)
 
 
-def _enough(known: Knowledge, limits: PlanLimits) -> bool:
-    """Whether no further recording is needed: the causes are decided, and no limit needs a test."""
-    settled = known.diagnosis is not None and decided(known.diagnosis)
-    return settled and not (limits.effects or limits.friction or limits.ratios)
+def usual_count(known: Knowledge, limits: PlanLimits) -> int:
+    """Number of releases without a budget: few if the causes are decided, and no limit needs a test."""
+    if known.diagnosis is None or not decided(known.diagnosis) or limits.effects or limits.friction or limits.ratios:
+        return LENGTH.usual
+    return LENGTH.optional if reservation(known.diagnosis) else 0
 
 
 def _refuse_small(budget_min: float, limits: PlanLimits, rig: Rig) -> None:

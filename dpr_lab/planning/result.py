@@ -136,8 +136,8 @@ class Plan(Shown, _Record):
     """The next recordings, their expected information, and whether they are necessary."""
 
     state: Literal["first", "record", "enough", "bench check"]
-    """`first` before any recording, `record`, `enough` if the causes are distinguished, or `bench check` if no
-    release distinguishes the remaining ones.
+    """`first` before any recording, `record`, `enough` if the causes are decided, although other effects may not be
+    excluded, or `bench check` if no release distinguishes the remaining ones.
     """
     sentence: str
     """The recommendation in words."""

@@ -11,6 +11,9 @@ confirmed by a second release.
 "No gap" is a statement about sizes: every effect of the library that recurs is excluded at its minimum detectable size
 in these recordings (`Exclusion.is_excluded`). An estimate too large to be excluded and too small to be named is
 decided by the next release. Effects that occur only once are not tested, because no further release shows them again.
+
+Causes that two releases decide remain decided although other effects are not excluded. The plan and the report then
+list these effects, and an optional release that tests them (`reservation`).
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -93,6 +96,13 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
     if no_gap and (names := possible(diagnosis)):
         return f"no gap is visible, but {listed(names)} may have the minimum detectable size"
     return ""
+
+
+def reservation(diagnosis: Diagnosis) -> str:
+    """The effects that a decision does not exclude, as a sentence; empty if there are none, or nothing is decided."""
+    if not decided(diagnosis) or not possible(diagnosis):
+        return ""
+    return f"Not excluded at the minimum detectable size: {_most_significant(diagnosis)}."
 
 
 def releases(diagnosis: Diagnosis) -> int:

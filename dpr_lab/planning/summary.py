@@ -15,7 +15,7 @@ from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
 from dpr_lab.planning.sequence import SequenceStep
-from dpr_lab.planning.stopping import STOPPING, decided, undecided
+from dpr_lab.planning.stopping import STOPPING, decided, reservation, undecided
 from dpr_lab.planning.worth.criteria import detectable, library_bits, ratio_std, shown_ratio_std
 from dpr_lab.planning.worth.goals import limit_forecasts
 from dpr_lab.planning.worth.objective import Objective
@@ -156,10 +156,13 @@ def _sentence(
     state: State, known: Knowledge, releases: Sequence[PlannedRelease], stuck: Sequence[Inseparable], note: str
 ) -> str:
     diagnosis = known.diagnosis
-    if state == "enough":
-        causes = [effect.name for effect in diagnosis.effects] if diagnosis else []
+    if diagnosis is not None and state == "enough":
+        causes = [effect.name for effect in diagnosis.effects]
         answer = f"the causes are decided ({listed(causes)})" if causes else "no gap of a detectable size"
-        return f"Enough: {answer}. Further releases only improve the accuracy of sizes and ratios."
+        rest = "Further releases only improve the accuracy of sizes and ratios."
+        if untested := reservation(diagnosis):
+            rest = f"{untested} Optional: record {'release 1' if releases else 'a further release'} to test this."
+        return f"Enough: {answer}. {rest}"
     if not releases:
         return "No release fits the budget."
     count = f"{len(releases)} release{'s' if len(releases) > 1 else ''}"

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +15,10 @@ from dpr_lab.planning.forecast import FORECAST
 from dpr_lab.planning.information import informed
 from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.limits import PlanLimits
+from dpr_lab.planning.plan import usual_count
 from dpr_lab.planning.release import CandidateRelease
-from dpr_lab.planning.sequence import Planner
-from dpr_lab.planning.stopping import Causes, causes_of, decided, possible, undecided
+from dpr_lab.planning.sequence import Planner, SequenceStep
+from dpr_lab.planning.stopping import Causes, causes_of, decided, possible, reservation, undecided
 from dpr_lab.planning.summary import inseparable, summed_up
 from dpr_lab.planning.worth.criteria import open_bits
 from dpr_lab.planning.worth.objective import Objective
@@ -127,6 +129,29 @@ def test_a_single_release_decides_a_cause_only_if_every_other_effect_is_excluded
     assert ("must test clock_rate, base_tilt and 2 others," in undecided(found)) is not expected
 
 
+def test_enough_names_the_effects_that_are_not_excluded_and_offers_an_optional_release(paper: Rig) -> None:
+    """Plan and report state the same about causes that two releases decided."""
+    tested = Exclusion(
+        effect="spring_joint2", parameter="stiffness_Nm_per_rad", size=1e-5, estimate=9e-6, confidence=0.69
+    )
+    known = known_before(paper)
+    (turn,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
+    words = "Not excluded at the minimum detectable size: "
+    for exclusions, is_listed in (([], False), ([tested], True)):
+        two = of_runs(one_cause(advice=[]), "P1", "P2", exclusions=exclusions)
+        known = replace(known, diagnosis=two)
+        assert usual_count(known, PlanLimits()) == is_listed
+        steps = [SequenceStep(turn.release, turn.information, turn.horizon_s, 1.0, 1.0, 1.0)] * is_listed
+        made = summed_up(Objective.of(known), steps, PlanLimits(), 0.0)
+        assert (made.state, made.forecast) == ("enough", [])
+        assert (f"(coulomb_joint1). {words}spring_joint2. Optional: record release 1" in made.sentence) is is_listed
+        (step,) = next_steps(two)
+        assert (f"The causes are decided. {words}" in step) is is_listed
+        assert ("No further recording" in step) is not is_listed
+    assert "tests the effects that are not excluded yet" in made.releases[0].reason
+    assert not reservation(of_runs(one_cause(), "P1", exclusions=[tested]))  # one release: not decided
+
+
 def test_a_plan_tests_the_effects_that_keep_no_gap_undecided(paper: Rig) -> None:
     """A turn of joint 2 shows its spring much better than a small swing does."""
     nothing, known = one_cause(verdict="no_gap", effects=[]), known_before(paper)
@@ -146,7 +171,7 @@ def test_a_plan_tests_the_effects_that_keep_no_gap_undecided(paper: Rig) -> None
 
 
 @pytest.mark.parametrize("changed", [{"verdict": "partly_explained"}, {"hints": ["the clock"]}])
-def test_a_remainder_or_a_wrong_description_is_never_enough(changed: dict[str, object]) -> None:
+def test_a_remainder_or_a_wrong_description_is_never_enough(changed: dict[str, Any]) -> None:
     assert not decided(of_runs(one_cause(**changed), "P1", "P2", "P3"))
 
 

@@ -15,7 +15,7 @@ from dpr_lab.gap.result.checks import NONE_OF_THEM
 from dpr_lab.gap.result.diagnosis import Diagnosis, SensorFinding
 from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.screen.pieces import whole
-from dpr_lab.planning.stopping import undecided
+from dpr_lab.planning.stopping import reservation, undecided
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.gap.sizes import sizes_cell
@@ -283,6 +283,9 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         return [*advised, *last]
     if reason := undecided(diagnosis):
         return [f"Record a further release (dpr-lab plan proposes it): {in_words(reason)}."]
+    if untested := reservation(diagnosis):
+        optional = "Optional: record a further release to test this (dpr-lab plan proposes it)."
+        return [f"The causes are decided. {in_words(untested)} {optional}"]
     return ["No further recording or check is needed."]
 
 

@@ -100,7 +100,8 @@ are diagnosed first.
         if self._made is None:
             return ""
         made = self._made.plan
-        return made.state if made.state in ("enough", "bench check") else f"{len(made.releases)} to record"
+        optional = ", 1 optional" * (made.state == "enough" and len(made.releases) == 1)
+        return made.state + optional if made.state in ("enough", "bench check") else f"{len(made.releases)} to record"
 
     def enter(self) -> None:
         """Show the plan in the current unit of angles."""
