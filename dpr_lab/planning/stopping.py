@@ -55,12 +55,27 @@ class Causes:
 
 
 def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
-    """Candidate causes of each named effect: the members of its class by their odds, and its alternatives."""
+    """Candidate causes of each named effect: the members of its class by their odds, and its alternatives.
+
+    A richer form whose addition is excluded at its minimum detectable size counts as the simpler form. Its probability
+    hardly falls with further recordings: an addition of zero costs only the penalty of one parameter.
+    """
     for effect in diagnosis.effects:
         odds = {name: effect.odds.get(name, 1 / len(effect.members)) for name in effect.members}
         alternatives = {name: effect.probability * share for name, share in odds.items()}
-        others = {rival.name: rival.probability for rival in diagnosis.rivals if rival.instead_of == effect.name}
-        yield Causes(effect.name, alternatives | {name: p for name, p in others.items() if name not in alternatives})
+        for rival in diagnosis.rivals:
+            if rival.instead_of == effect.name and rival.name not in alternatives:
+                name = _simpler(diagnosis, rival.name, effect.members)
+                alternatives[name] = alternatives.get(name, 0.0) + rival.probability
+        yield Causes(effect.name, alternatives)
+
+
+def _simpler(diagnosis: Diagnosis, name: str, members: Collection[str]) -> str:
+    """The member of a class that an alternative contains, if all that it adds is excluded; else the alternative."""
+    tested = [amplitude for amplitude in _tested(diagnosis) if amplitude.effect == name]
+    contained = [member for member in members if member in EFFECTS[name].nested]
+    adds_nothing = contained and tested and all(amplitude.is_excluded for amplitude in tested)
+    return contained[0] if adds_nothing else name
 
 
 def decided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> bool:
@@ -84,7 +99,7 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
     if unsure:
         return f"another effect could be the cause instead of {listed(unsure)}"
     no_gap = diagnosis.verdict == "no_gap"
-    if releases(diagnosis) < STOPPING.fewest:
+    if recorded_releases(diagnosis) < STOPPING.fewest:
         if no_gap:
             return "a second release must confirm that there is no gap"
         if len(diagnosis.effects) != 1:
@@ -105,7 +120,7 @@ def reservation(diagnosis: Diagnosis) -> str:
     return f"Not excluded at the minimum detectable size: {_most_significant(diagnosis)}."
 
 
-def releases(diagnosis: Diagnosis) -> int:
+def recorded_releases(diagnosis: Diagnosis) -> int:
     """Number of releases that were fitted or held out; the pieces of one recording are one release."""
     if diagnosis.evidence is None:  # a file of an older version
         return 1 if diagnosis.basis == "one release" else STOPPING.fewest
@@ -129,8 +144,13 @@ def _most_significant(diagnosis: Diagnosis) -> str:
 
 def not_excluded(diagnosis: Diagnosis) -> list[Exclusion]:
     """Amplitudes of these effects that may have their minimum detectable size."""
-    tested = diagnosis.evidence.exclusions if diagnosis.evidence else []
-    return [exclusion for exclusion in tested if not (exclusion.is_excluded or EFFECTS[exclusion.effect].event)]
+    return [
+        exclusion for exclusion in _tested(diagnosis) if not (exclusion.is_excluded or EFFECTS[exclusion.effect].event)
+    ]
+
+
+def _tested(diagnosis: Diagnosis) -> list[Exclusion]:
+    return diagnosis.evidence.exclusions if diagnosis.evidence else []
 
 
 def _most_probable(causes: Causes, inseparable: Collection[str]) -> float:
