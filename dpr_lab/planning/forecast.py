@@ -11,12 +11,18 @@ release. `confirmed` is the share of planned releases in blind trials that decid
 probability. It did not depend on the kind of the diagnosis: one cause 14 of 16, several causes 7 of 8, no gap 13 of 14,
 a remainder 4 of 5. Releases from a fixed menu decide less often (24 of 40, all planned ones 26 of 36, sure or not), so
 they are not counted. With n of N such releases the share is (n + 1/2) / (N + 1), the mean of the
-posterior from the prior of Jeffreys. Each further release has the same share, so k releases decide with the probability
+posterior from the prior of Jeffreys.
 
-    1 - (1 - confirmed)^k.
+The share of one plant differs from this mean: on some plants the causes stay undecided for a reason that no forecast
+knows. Its prior is a beta distribution with this mean and the weight `weight` of as many releases. After `failed`
+releases that left the causes undecided, k more releases decide with the beta-binomial probability
 
-Source: H. Jeffreys (1946), An invariant form for the prior probability in estimation problems, Proceedings of the Royal
-Society A 186, 453-461.
+    1 - product over j < k of (b + failed + j) / (weight + failed + j),    b = (1 - confirmed) weight.
+
+Sources: H. Jeffreys (1946), An invariant form for the prior probability in estimation problems, Proceedings of the
+Royal Society A 186, 453-461. J. G. Skellam (1948), A probability distribution derived from the binomial distribution by
+regarding the probability of success as variable between the sets of trials, Journal of the Royal Statistical Society B
+10, 257-261.
 """
 
 from collections.abc import Collection, Sequence
@@ -35,6 +41,8 @@ class ForecastSettings:
 
     confirmed: float = 0.875
     """Share of planned releases that decided sure causes in blind trials: 38 of 43."""
+    weight: float = 4.0
+    """Weight of this share as the prior of one plant, in releases."""
     likely: float = 0.8
     """Probability of a decision from which this number of releases is recommended."""
     draws: int = 256
@@ -49,7 +57,11 @@ FORECAST = ForecastSettings()
 
 
 def decision_probability(
-    pairs: Sequence[OpenPairs], gained: Sequence[Array], releases: int = 1, inseparable: Collection[str] = ()
+    pairs: Sequence[OpenPairs],
+    gained: Sequence[Array],
+    releases: int = 1,
+    inseparable: Collection[str] = (),
+    failed: int = 0,
 ) -> float:
     """Probability that further releases decide every open cause.
 
@@ -58,8 +70,10 @@ def decision_probability(
         gained: (n, n) d^2 that the releases add, of each
         releases: number of these releases
         inseparable: causes that no release separates; they count as one
+        failed: number of recorded releases that should have decided the causes and did not
     """
-    probability = 1.0 - (1.0 - FORECAST.confirmed) ** releases
+    weight = FORECAST.weight + failed + np.arange(releases)
+    probability = 1.0 - np.prod(1.0 - FORECAST.confirmed * FORECAST.weight / weight)
     for pair, d2 in zip(pairs, gained, strict=True):
         together = np.array([name in inseparable for name in pair.names])
         probability *= _decided(pair.probabilities, d2, together)

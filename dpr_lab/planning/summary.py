@@ -15,7 +15,7 @@ from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
 from dpr_lab.planning.sequence import SequenceStep
-from dpr_lab.planning.stopping import STOPPING, decided, reservation, undecided
+from dpr_lab.planning.stopping import STOPPING, decided, recorded_releases, reservation, undecided
 from dpr_lab.planning.worth.criteria import detectable, library_bits, ratio_std, shown_ratio_std
 from dpr_lab.planning.worth.goals import limit_forecasts
 from dpr_lab.planning.worth.objective import Objective
@@ -105,9 +105,11 @@ def _forecast(objective: Objective, gained: Sequence[Array], releases: int, toge
 
     None before any recording, and if no further one is necessary.
     """
-    if _state(objective.known, together) != "record":
+    diagnosis = objective.known.diagnosis
+    if diagnosis is None or _state(objective.known, together) != "record":
         return None
-    return decision_probability(objective.pairs, gained, releases, together)
+    failed = recorded_releases(diagnosis) - 1  # nothing was forecast for the first one
+    return decision_probability(objective.pairs, gained, releases, together, failed)
 
 
 def _detectable(known: Knowledge, F: Array) -> list[Detectable]:

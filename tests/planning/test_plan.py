@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import beta
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError
@@ -142,7 +143,17 @@ def test_a_forecast_grows_with_information_and_with_releases() -> None:
     assert probability[0] == 0.0
     assert probability[-1] == pytest.approx(FORECAST.confirmed, abs=0.01)
     assert decision_probability([], []) == FORECAST.confirmed
-    assert decision_probability([], [], 2) == pytest.approx(1 - (1 - FORECAST.confirmed) ** 2)
+    first, weight = FORECAST.confirmed, FORECAST.weight
+    assert decision_probability([], [], 2) == pytest.approx(1 - (1 - first) * (1 - first * weight / (weight + 1)))
+
+
+def test_a_forecast_falls_with_each_release_that_left_the_causes_undecided() -> None:
+    """It is the posterior mean of a share with a beta prior."""
+    chances = [decision_probability([], [], failed=failed) for failed in range(6)]
+    a, b = FORECAST.confirmed * FORECAST.weight, (1 - FORECAST.confirmed) * FORECAST.weight
+    assert chances == pytest.approx([float(beta(a, b + failed).mean()) for failed in range(6)])
+    two = float(beta(a, b + 3).expect(lambda share: 1 - (1 - share) ** 2))
+    assert decision_probability([], [], 2, failed=3) == pytest.approx(two, rel=1e-6)
 
 
 def test_causes_that_no_release_separates_count_as_one_in_a_forecast() -> None:
