@@ -115,7 +115,7 @@ class Limits(RigTable):
     """Effect -> amplitude -> limit of its size."""
     ratios: dict[str, RatioLimit] = Field(default={})
     """Ratio -> its range."""
-    friction: dict[Literal["joint1", "joint2"], FrictionLimit] = Field(default={})
+    friction: dict[Literal["joint0", "joint1", "joint2"], FrictionLimit] = Field(default={})
     """Joint -> limit of its friction torque."""
     free_run: FreeRunLimit | None = None
     """Limit of the free-run error; None without one."""

@@ -132,13 +132,15 @@ def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> 
 
 
 def reached_speeds(releases: Sequence[CandidateRelease], model: PresentModel) -> dict[str, float]:
-    """`joint1`, `joint2` -> speed that the joint reaches in both directions in some releases, rad/s."""
-    forwards, backwards = np.zeros(2), np.zeros(2)
+    """`joint0`, `joint1`, `joint2` -> speed that the joint reaches in both directions in some releases, rad/s."""
+    forwards, backwards = np.zeros(3), np.zeros(3)
     for release in releases:
-        omega = simulated_states([release], model)[0][:, 2:4]
-        speeds = np.stack([omega[:, 0], (omega[:, 1] - omega[:, 0]) * (not release.setup.alone)], axis=1)
+        states = simulated_states([release], model)[0]
+        omega = states[:, 2:4]
+        arm = states[:, 5] if states.shape[1] > 4 else np.zeros(len(states))
+        speeds = np.stack([arm, omega[:, 0], (omega[:, 1] - omega[:, 0]) * (not release.setup.alone)], axis=1)
         forwards, backwards = np.maximum(forwards, speeds.max(axis=0)), np.maximum(backwards, -speeds.min(axis=0))
-    return dict(zip(("joint1", "joint2"), np.minimum(forwards, backwards).tolist(), strict=True))
+    return dict(zip(("joint0", "joint1", "joint2"), np.minimum(forwards, backwards).tolist(), strict=True))
 
 
 def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Problem, Array]:

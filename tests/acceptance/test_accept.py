@@ -13,6 +13,7 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.result.causes import EffectSize
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.report.gap.acceptance import limit_rows
 from dpr_lab.rig import PARAMETERS, Rig
@@ -245,6 +246,24 @@ def test_the_friction_torque_is_undecided_where_its_law_may_be_another_effect(fo
     doubted = found.effects[0].model_copy(update={"probability": 0.5})
     (other,) = judge(found.model_copy(update={"effects": [doubted], "rivals": []}), friction(1.0)).limits
     assert "is a friction law of joint 1 is 50 %" in other.reason
+
+
+@pytest.mark.parametrize(("back_emf", "above"), [(False, "fail"), (True, "not decidable")])
+def test_the_friction_of_an_arm_with_back_emf_can_pass_its_limit_but_not_fail(
+    found: Diagnosis, back_emf: bool, above: str
+) -> None:
+    speeds, torques = [-3.0, -1.0, 1.0, 3.0], [-0.3, -0.1, 0.1, 0.3]
+    curve = JointFriction(
+        speed_rad_per_s=speeds, torque_Nm=torques, std_Nm=[1e-3] * 4, coefficients=2, back_emf=back_emf
+    )
+    assert found.evidence is not None
+    with_arm = found.evidence.model_copy(update={"friction": {"joint0": curve}})
+    of_arm = found.model_copy(update={"evidence": with_arm})
+    for size, expected in ((0.1, above), (1.0, "pass")):
+        limit = {"friction": {"joint0": {"max": size, "speed_rad_s": 3.0, "unit": "N m"}}}
+        (judged,) = judge(of_arm, Limits.model_validate(limit)).limits
+        assert judged.answer == expected
+        assert ("back-EMF" in judged.reason) is (expected == "not decidable")
 
 
 def test_accept_takes_the_limits_file_of_a_plan(tmp_path: Path) -> None:

@@ -55,6 +55,13 @@ def test_a_fault_of_the_arm_or_its_drive_is_named_with_its_size(fault, mode):
     for name, truth in plant.size.items():
         if name in sizes:
             assert sizes[name].value == pytest.approx(truth, rel=0.1)
+    if fault == "coulomb_joint0":
+        assert done.evidence is not None
+        curve = done.evidence.friction["joint0"]
+        speed, std = np.array(curve.speed_rad_per_s), np.array(curve.std_Nm)
+        true = plant.c0 * speed + plant.size["torque_Nm"] * np.sign(speed)
+        assert np.abs((np.array(curve.torque_Nm) - true) / std).max() < 4
+        assert std[-1] < 0.2 * true[-1]
     inertia = plant.rods["J1"] + plant.rods["m1"] * plant.rods["l1"] ** 2
     assert {"e1/a", "c1/a", "A/a", "c0/a"} <= set(done.determined)
     assert {"A/a", "c0/a"} <= required_claims(done).keys()

@@ -250,7 +250,7 @@ def test_a_plan_after_runs_lists_the_undecided_causes(two_runs: list[Run], two_f
         ("[minutes]\nplace = nan", "minutes.place"),
         (
             '[friction.joint3]\nmax = 1.0\nspeed_rad_s = 1.0\nunit = "N m"',
-            "friction.joint3: must be 'joint1' or 'joint2'",
+            "friction.joint3: must be 'joint0', 'joint1' or 'joint2'",
         ),
         ("[poses", "not valid TOML"),
     ],

@@ -29,7 +29,7 @@ def evidence(state: Advised) -> Evidence:
         closing=[Closing(effect=name, left_rad=left, closed=closed) for name, left, closed in state.transfer.closing],
         residuals=residual_look(problem, selection.models),
         exclusions=exclusions(problem, selection.chosen, selection.final_test, least),
-        friction=joint_friction(problem, selection.chosen),
+        friction=joint_friction(problem, selection.chosen, rig.motor is not None and rig.motor.input == "voltage"),
         budget=budget,
         curves=curves,
     )

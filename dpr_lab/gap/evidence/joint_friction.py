@@ -7,6 +7,9 @@ The friction torque at the joint speed u is the sum of the viscous one and of th
 A free-form friction curve is added to the corrected model, so that T may have any shape. Its amplitudes are hardly
 distinguishable from each other and from c, but T(u) depends on the sum only: with g(u) the derivative of T(u) with
 respect to all fitted values and C their covariance, the linear estimate of T(u) has the variance g(u)^T C g(u).
+
+Joint 0 is that of an arm that is free or driven. The back-EMF of a voltage drive adds ke kt gear^2 / R to its c, and no
+recording separates the two.
 """
 
 from collections.abc import Sequence
@@ -15,8 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.dynamics.trajectory import KnownMotion, effect_torques_along
-from dpr_lab.effects import EFFECTS, SLICES
+from dpr_lab.dynamics.trajectory import KnownMotion, arm_effects_along, effect_torques_along
+from dpr_lab.effects import EFFECTS, SLICES, param_index
+from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.estimate import (
     EFFECTS_BEGIN,
@@ -57,16 +61,17 @@ GRID = SpeedGrid()
 
 
 def laws_of(joint: int) -> tuple[str, ...]:
-    """Effects that are friction laws of joint 1 or 2."""
+    """Effects that are friction laws of joint 0, 1 or 2."""
     return tuple(f"{law}_joint{joint}" for law in LAWS)
 
 
-def joint_friction(problem: Problem, model: Hypothesis) -> dict[str, JointFriction]:
-    """`joint1`, `joint2` -> its friction torque, up to the speed that it reaches in both directions.
+def joint_friction(problem: Problem, model: Hypothesis, back_emf: bool = False) -> dict[str, JointFriction]:
+    """`joint1`, `joint2`, and `joint0` of a moving arm -> its friction torque, up to the speed reached both ways.
 
     Args:
         problem: the segments
         model: the corrected model
+        back_emf: whether a voltage drives the arm
     """
     fit = model.fit
     reached = _reached(trajectory(problem, fit.estimate, spacing=TRAJECTORY.coarse_s))
@@ -85,16 +90,17 @@ def joint_friction(problem: Problem, model: Hypothesis) -> dict[str, JointFricti
             torque_Nm=(torque + slope @ of_joint.solution()).tolist(),
             std_Nm=np.sqrt(variance).tolist(),
             coefficients=int(np.count_nonzero(slope.any(axis=0))),
+            back_emf=back_emf and joint == 0,
         )
     return friction
 
 
 def _reached(swings: Trajectory) -> dict[int, float]:
-    """Speed that joints 1 and 2 reach in both directions, rad/s."""
-    speeds = swings.joint_speed[:, :2].copy()
+    """Speed that joints 1 and 2, and joint 0 of an arm that moves, reach in both directions, rad/s."""
+    speeds = swings.joint_speed.copy()
     alone = np.array([setup.alone for setup in swings.setups])[swings.motion.run]
     speeds[alone, 1] = 0.0
-    return {joint: float(min(u.max(), -u.min())) for joint, u in enumerate(speeds.T, 1)}
+    return {joint: float(min(u.max(), -u.min())) for joint, u in zip((1, 2, 0), speeds.T, strict=False)}
 
 
 def _curve(joint: int, free: Sequence[FreeParameter]) -> list[FreeParameter]:
@@ -117,13 +123,16 @@ def linear_torque(
 
 def _torques(joint: int, speeds: Array, vectors: Array, base: Array, constants: RigConstants) -> Array:
     """(speeds, vectors) friction torque of a joint, N m."""
-    n, omega, hanging = len(speeds), np.zeros((len(speeds), 2)), np.full((len(speeds), 2), np.pi)
-    omega[:, joint - 1 :] = speeds[:, None]
-    zero = np.zeros((n, 2))
+    n, axes, axis = len(speeds), 2 if joint else 3, joint - 1  # the arm is the last axis
+    zero, omega = np.zeros((n, axes)), np.zeros((n, axes))
+    hanging = zero + [np.pi, np.pi, 0.0][:axes]
+    omega[:, axis:] = speeds[:, None]
     motion = KnownMotion(np.ones(n), np.zeros(n, dtype=np.int64), hanging, omega, zero, zero)
     params = np.zeros_like(vectors[:, EFFECTS_BEGIN:ZEROS_BEGIN])
     for law in laws_of(joint):
         params[:, SLICES[law]] = vectors[:, EFFECTS_BEGIN:ZEROS_BEGIN][:, SLICES[law]]
-    dry = effect_torques_along(motion, base, constants, params)[:, joint - 1]
-    viscous = vectors[:, FRICTION[joint - 1]] * vectors[:, SCALE]
+    along = effect_torques_along if joint else arm_effects_along
+    dry = along(motion, base, constants, params)[:, axis]
+    of_arm = EFFECTS_BEGIN + param_index(FREE_ARM.name, "viscous_Nms")
+    viscous = vectors[:, FRICTION[axis]] * vectors[:, SCALE] if joint else vectors[:, of_arm]
     return speeds[:, None] * viscous - dry

@@ -124,6 +124,8 @@ class JointFriction(Saved):
     """Its standard deviation at each speed."""
     coefficients: int
     """Number of fitted values on which it depends."""
+    back_emf: bool = False
+    """Whether the torque contains the back-EMF of a voltage drive, which acts like viscous friction."""
 
 
 class UncertaintySource(Saved):
