@@ -57,25 +57,16 @@ class Causes:
 def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
     """Candidate causes of each named effect: the members of its class by their odds, and its alternatives.
 
-    A richer form whose addition is excluded at its minimum detectable size counts as the simpler form. Its probability
-    hardly falls with further recordings: an addition of zero costs only the penalty of one parameter.
+    A richer form whose addition is excluded counts as the simpler form (`Diagnosis.simpler_form`).
     """
     for effect in diagnosis.effects:
         odds = {name: effect.odds.get(name, 1 / len(effect.members)) for name in effect.members}
         alternatives = {name: effect.probability * share for name, share in odds.items()}
         for rival in diagnosis.rivals:
-            if rival.instead_of == effect.name and rival.name not in alternatives:
-                name = _simpler(diagnosis, rival.name, effect.members)
+            if rival.instead_of == effect.name and rival.name not in effect.members:
+                name = diagnosis.simpler_form(rival) or rival.name
                 alternatives[name] = alternatives.get(name, 0.0) + rival.probability
         yield Causes(effect.name, alternatives)
-
-
-def _simpler(diagnosis: Diagnosis, name: str, members: Collection[str]) -> str:
-    """The member of a class that an alternative contains, if all that it adds is excluded; else the alternative."""
-    tested = [amplitude for amplitude in _tested(diagnosis) if amplitude.effect == name]
-    contained = [member for member in members if member in EFFECTS[name].nested]
-    adds_nothing = contained and tested and all(amplitude.is_excluded for amplitude in tested)
-    return contained[0] if adds_nothing else name
 
 
 def decided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> bool:
@@ -144,13 +135,8 @@ def _most_significant(diagnosis: Diagnosis) -> str:
 
 def not_excluded(diagnosis: Diagnosis) -> list[Exclusion]:
     """Amplitudes of these effects that may have their minimum detectable size."""
-    return [
-        exclusion for exclusion in _tested(diagnosis) if not (exclusion.is_excluded or EFFECTS[exclusion.effect].event)
-    ]
-
-
-def _tested(diagnosis: Diagnosis) -> list[Exclusion]:
-    return diagnosis.evidence.exclusions if diagnosis.evidence else []
+    tested = diagnosis.evidence.exclusions if diagnosis.evidence else []
+    return [exclusion for exclusion in tested if not (exclusion.is_excluded or EFFECTS[exclusion.effect].event)]
 
 
 def _most_probable(causes: Causes, inseparable: Collection[str]) -> float:

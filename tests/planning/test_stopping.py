@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dpr_lab.acceptance.judge import SURE, judge
+from dpr_lab.acceptance.limits import Limits
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis, load_diagnosis
 from dpr_lab.gap.result.evidence import Evidence, Exclusion, RecordingUsed
 from dpr_lab.planning.forecast import FORECAST
@@ -214,6 +216,9 @@ def test_a_richer_form_whose_addition_is_excluded_counts_as_the_simpler_one(size
     assert (rate.effect not in causes.probabilities) is expected
     assert decided(found, {"encoder_offset_joint1", "base_tilt"}) is expected
     assert not decided(found)
+    assert (found.probability_of(found.effects[0]) >= SURE) is expected
+    (ratio,) = judge(found, Limits.model_validate({"ratios": {"c2/b": {"min": 0.0, "unit": "1/s"}}})).limits
+    assert ("the ratios depend on the cause" in ratio.reason) is not expected
 
 
 @pytest.mark.parametrize(("probability", "listed"), [(0.947, True), (0.96, False)])
