@@ -1,5 +1,6 @@
 """One swing as files of many kinds."""
 
+import json
 import sqlite3
 from pathlib import Path
 from typing import Any
@@ -67,7 +68,18 @@ def write_parquet(path: Path, **held: np.ndarray) -> Path:
     return path
 
 
-WRITERS = {".mat": write_mat, ".h5": write_h5, ".npz": write_npz, ".parquet": write_parquet}
+def write_json(path: Path, **held: np.ndarray) -> Path:
+    path.write_text(json.dumps({name: column.tolist() for name, column in held.items()}))
+    return path
+
+
+WRITERS = {
+    ".mat": write_mat,
+    ".h5": write_h5,
+    ".npz": write_npz,
+    ".parquet": write_parquet,
+    ".json": write_json,
+}
 
 
 Topic = tuple[str, tuple[str, ...], np.ndarray]

@@ -1,5 +1,6 @@
 """Recordings of many kinds of file become the same run; what cannot be one is refused in a sentence."""
 
+import json
 import zipfile
 from pathlib import Path
 
@@ -38,6 +39,24 @@ def test_text_tables_of_any_form_are_read(tmp_path: Path) -> None:
     assert is_the_swing(read(text(tmp_path / "e.csv", in_degrees, head="time_ms,theta1_deg,theta2 [°]\n")))
     run = read(text(tmp_path / "f.txt", ROWS))
     assert run.notes[0] == "columns without names are interpreted as t, theta1, theta2"
+
+
+def test_records_of_a_logger_are_a_table_however_they_are_nested(tmp_path: Path) -> None:
+    samples = [{"t": t, "rod": {"theta1": a, "theta2": b}, "on": True, "mode": "free"} for t, a, b in ROWS.tolist()]
+    document = {"motor": "none", "gains": [1.0, 2.0], "log": {"entries": samples}}
+    file = tmp_path / "a.json"
+    file.write_text(json.dumps(document))
+    assert is_the_swing(read(file))
+    lines = tmp_path / "b.jsonl"
+    lines.write_text("\n".join(map(json.dumps, samples)))
+    assert is_the_swing(read(lines))
+    rows = tmp_path / "c.json"
+    rows.write_text(json.dumps(ROWS.tolist()))
+    named = {"t": "array[1]", "theta1": "array[2]", "theta2": "array[3]"}
+    assert is_the_swing(read(rows, columns=named))
+    file.write_text(json.dumps([{"mode": "free"}] * 9))
+    with pytest.raises(RunError, match="contain no numbers"):
+        read(file)
 
 
 def damaged(path: Path) -> list[Path]:

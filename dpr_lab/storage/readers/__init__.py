@@ -7,6 +7,7 @@ hdf5          HDF5, .mat of version 7.3
 npz           NumPy's .npz and .npy
 parquet       Apache Parquet
 joint_states  sensor_msgs/JointState in MCAP files and ROS 2 bags
+records       JSON: records of a logger, or lists of numbers
 """
 
 from collections.abc import Callable, Sequence
@@ -23,6 +24,7 @@ from dpr_lab.storage.readers.matlab import read_matlab
 from dpr_lab.storage.readers.npz import read_numpy
 from dpr_lab.storage.readers.parquet import read_parquet
 from dpr_lab.storage.readers.points import read_text
+from dpr_lab.storage.readers.records import SUFFIXES, read_records
 from dpr_lab.storage.tables.table import Table
 from dpr_lab.whole_file import regular
 
@@ -77,8 +79,8 @@ def read_any(path: Path, take: Sequence[str] = (), on_progress: OnImport = unwat
             begin = file.read(16)
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
-    # MATLAB files of version 4 have no signature.
-    unmarked = (
-        read_matlab if path.suffix.lower() == ".mat" else partial(read_text, on_progress=on_progress, points=points)
-    )
+    # MATLAB files of version 4 and JSON have no signature.
+    suffix = path.suffix.lower()
+    text = partial(read_text, on_progress=on_progress, points=points)
+    unmarked = read_matlab if suffix == ".mat" else read_records if suffix in SUFFIXES else text
     return next((reader.read for reader in READERS if begin.startswith(reader.begins)), unmarked)(path, take)

@@ -46,6 +46,8 @@ _ONLY_UNIT = re.compile(
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
 _NO_NAME = re.compile(r"\d+|.+\[\d+\]|[xy]", re.I)
 """Names without a meaning: numbers, elements of an array, and the axes of a plot."""
+SPEED_CORRELATION = 0.9
+"""Minimum correlation of the steps of an angle with its speed: at six rows per period it is 0.95 for exact speeds."""
 _JOINT_STATES = (re.compile(r"(?:.*[/.])?positions?\[\d+\]", re.I), re.compile(r".+/position", re.I))
 """Angles of joints as tables of ROS name them: `/joint_states/position[0]`, `/joint_states/shoulder/position`."""
 
@@ -186,7 +188,8 @@ def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[
     if table.settled:
         return [], {}
     clock = {}
-    if timed and "t" not in given and all(_NO_NAME.fullmatch(name) for name in table.names) and runs(table.values[0]):
+    unnamed = all(_NO_NAME.fullmatch(name) for name in table.names)
+    if timed and "t" not in given and unnamed and _never_falls(table.values[0]):
         clock = {"t": table.names[0]}
     times = {*given.values(), *clock.values()}
     varying = [
@@ -194,7 +197,38 @@ def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[
         for name, column in zip(table.names, table.values, strict=True)
         if name not in times and not is_time(name) and not runs(column) and varies(column)
     ]
+    if unnamed and len(varying) == 2 and clock:
+        varying = _without_speed(varying, table, clock["t"])
     return (varying, clock) if len(varying) == 1 else ([], {})
+
+
+def _without_speed(names: Sequence[str], table: Table, clock: str) -> list[str]:
+    """Name of the angle if one of two columns is the speed of the other, otherwise both names.
+
+    The steps of an angle are proportional to the speed times the steps of the time, in any unit; those of the speed of a
+    swing have the opposite sign of the angle.
+    """
+    steps = np.diff(table.column(clock))
+    angles = [
+        angle
+        for angle, speed in (names, names[::-1])
+        if _correlation(np.diff(table.column(angle)), steps * table.column(speed)[1:]) > SPEED_CORRELATION
+    ]
+    return angles if len(angles) == 1 else list(names)
+
+
+def _correlation(first: Array, second: Array) -> float:
+    """Correlation of two columns about zero, without rows that lack a value."""
+    known = np.isfinite(first) & np.isfinite(second)
+    x, y = first[known], second[known]
+    size = float(np.sqrt((x @ x) * (y @ y)))
+    return float(x @ y) / size if size > 0 else 0.0
+
+
+def _never_falls(column: Array) -> bool:
+    """Whether a column increases, or repeats its value in rows that were written together, as a time does."""
+    steps = np.diff(column)
+    return bool(len(steps) and (steps >= 0).all() and column[-1] > column[0])
 
 
 def varies(column: Array) -> bool:

@@ -1,4 +1,4 @@
-"""Faults of time stamps that the readings reveal: too few digits, and stamps on the wrong side of a gap.
+"""Faults of time stamps: too few digits, stamps on the wrong side of a gap, and a carry at the wrong row.
 
 Too few digits, as of a spreadsheet that shows three: several rows share one time. If the rows are evenly spaced, their
 number determines the times: t_i = t_0 + i T, and each written time differs from t_i by at most half of its resolution,
@@ -6,6 +6,9 @@ apart from a constant. Rows of an uneven logger, or lost rows, violate this.
 
 Stamps at gaps: a logger that pauses, for example while it writes to a card, may take the stamp of a row before the
 pause and its reading after it, or vice versa. The reading then continues the motion on the other side of the gap.
+
+Carry: a stamp composed of two counters that are not read at one instant, such as the second of a clock and the
+milliseconds of the processor, is a second early or late in the rows between their two changes: 24.997, 24.002, 25.009.
 """
 
 from collections.abc import Mapping
@@ -40,11 +43,52 @@ class StampSettings:
     """Maximum distance of a predicted instant from the fitted rows, in units of the duration of these rows."""
     misfit: float = 4.0
     """Minimum prediction error at the recorded stamp, in units of the usual size, in at least one column."""
+    carries: tuple[float, ...] = (1.0, 60.0)
+    """Units of a clock that are written apart from their fraction, s."""
+    carried_rows: int = 3
+    """Maximum number of successive rows between the changes of the two counters."""
+    carried_step: float = 10.0
+    """Maximum step to and from a corrected row, in median steps; a longer one may be a new recording."""
     fit: float = 2.0
     """Maximum prediction error with the stamp on the other side of the gap, in the same units, in all columns."""
 
 
 SETTINGS = StampSettings()
+
+
+def carried_times(t: Array) -> tuple[Array, str]:
+    """Times with rows that are a second or a minute early or late corrected, and a note; others are unchanged.
+
+    A few rows are moved by the unit if the time runs backwards without it, and all steps around them are then usual.
+
+    Args:
+        t: (n,) s, NaN where unknown
+    """
+    known = np.flatnonzero(np.isfinite(t))
+    steps = np.diff(t[known])
+    if not (steps < 0).any():
+        return t, ""
+    longest = SETTINGS.carried_step * float(np.median(np.abs(steps)))
+    corrected, moved = t.copy(), list[int]()
+    for unit in SETTINGS.carries:
+        if not 0 < longest < unit:
+            continue
+        for sign in (1.0, -1.0):  # the rows are early, or late
+            starts = np.flatnonzero((steps + sign * unit >= 0) & (steps + sign * unit <= longest))
+            ends = np.flatnonzero((steps - sign * unit >= 0) & (steps - sign * unit <= longest))
+            for start in starts.tolist():
+                end = next((int(row) for row in ends if 0 < row - start <= SETTINGS.carried_rows), None)
+                if end is not None:
+                    rows = known[start + 1 : end + 1]
+                    corrected[rows] += sign * unit
+                    moved.extend(rows.tolist())
+    if not moved or (np.diff(corrected[known]) < 0).any():
+        return t, ""
+    first = min(moved)
+    return corrected, (
+        f"stamps a whole second or minute early or late, because the logger reads it apart from its fraction:"
+        f" {len(moved)} corrected, the first from {t[first]:.10g} to {corrected[first]:.10g} s"
+    )
 
 
 def shares_times(t: Array, readings: Mapping[str, Array]) -> Flags:

@@ -40,7 +40,7 @@ from dpr_lab.storage.tables.plausible import (
 from dpr_lab.storage.tables.questions import questions, refuse_push
 from dpr_lab.storage.tables.readings import angles, in_radians
 from dpr_lab.storage.tables.table import Table
-from dpr_lab.storage.tables.time_stamps import even_times, stamps_at_gaps
+from dpr_lab.storage.tables.time_stamps import carried_times, even_times, stamps_at_gaps
 from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, torque_column, unnumbered
 
 
@@ -142,13 +142,14 @@ def _readings(
     table: Table, names: Mapping[str, str], rig: Rig, options: ImportOptions
 ) -> tuple[Array, dict[str, Array], list[str]]:
     """(rows,) times, s, (rows,) readings of each recorded axis with NaN for outliers, and notes."""
-    t = _times(table, names, options)
+    t, carried = carried_times(_times(table, names, options))
     readings, empty = _recorded(table, {axis: table.column(names[axis]) for axis in AXES if axis in names})
     _check_forwards(table, t, options, readings)
     t, rounded = even_times(t, readings)
     outliers = drop_outliers(readings, rig, options)
     t, misplaced = stamps_at_gaps(t, {axis: _unwrapped(column, options) for axis, column in readings.items()})
-    return t, readings, [*outliers, *empty, *filter(None, (rounded, misplaced)), *cart_note(table, names, rig, options)]
+    stamps = filter(None, (carried, rounded, misplaced))
+    return t, readings, [*outliers, *empty, *stamps, *cart_note(table, names, rig, options)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,8 +217,7 @@ def _understood(
     rows = slice(first, part.stop)
     stamped = recorded_by_stamps(release) if options.rate_hz is None else ""
     return Understood(
-        # Decimals that need few characters in a run file; 1 ns and 1e-11 rad are far below the resolution of any
-        # logger.
+        # Decimals that need few characters in a run file; 1 ns and 1e-11 rad are far below a logger's resolution.
         np.round(time[rows] - time[first], 9),
         part.start - first,
         np.round(theta[rows], 11) if counts is None else theta[rows],

@@ -1,0 +1,83 @@
+"""JSON files: a list of records, one record per line, or lists of numbers of equal length.
+
+Loggers write each sample as an object of its own, `{"t": 0.01, "theta1": 3.1}`, in a list or on a line, often next to
+values that describe the recording. The longest list of objects is the table; without one, each list of numbers is a
+column. Objects and lists within an object become columns with its name: `imu/gyro[1]`.
+"""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError
+from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, table_of
+from dpr_lab.storage.tables.table import Table
+
+KIND = "JSON file"
+SUFFIXES = (".json", ".jsonl", ".ndjson")
+
+
+def read_records(path: Path, take: Sequence[str]) -> Table:
+    """Read the records or the lists of numbers of a JSON file.
+
+    Raises:
+        RunError: not JSON, no numbers in lists or records, or more numbers than a recording has.
+    """
+    refuse_large(path, path.stat().st_size // 8)
+    try:
+        document = _document(path.read_text(encoding="utf-8-sig"))
+    except BROKEN as error:
+        raise broken(path, KIND, error) from error
+    lists = dict(_lists("", document))
+    records = {name: rows for name, rows in lists.items() if any(isinstance(row, dict) for row in rows)}
+    if not records:
+        return table_of(path, KIND, {name or "array": _array(rows) for name, rows in lists.items()}, take)
+    name = max(records, key=lambda key: len(records[key]))
+    rows = [dict(_values("", row)) for row in records[name] if isinstance(row, dict)]
+    keys = dict.fromkeys(key for row in rows for key in row)
+    columns = {key: np.array([row.get(key, np.nan) for row in rows]) for key in keys}
+    if not columns:
+        raise RunError(f"{path}: the records of {name or 'its list'} contain no numbers")
+    return table_of(path, KIND, columns, take)
+
+
+def _document(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        if error.msg != "Extra data":
+            raise
+        return [json.loads(line) for line in text.splitlines() if line.strip()]
+
+
+def _lists(name: str, value: Any) -> Iterator[tuple[str, list[Any]]]:
+    """Name and content of every list of a document that is not an element of another list."""
+    if isinstance(value, list):
+        yield name, value
+    elif isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _lists(f"{name}/{key}" if name else str(key), inner)
+
+
+def _values(name: str, value: Any) -> Iterator[tuple[str, float]]:
+    """Name and value of every number of a record; a missing value (null) is NaN, and truth values are left out."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _values(f"{name}/{key}" if name else str(key), inner)
+    elif isinstance(value, list):
+        for place, inner in enumerate(value, 1):
+            yield from _values(f"{name}[{place}]", inner)
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield name, float(value)
+
+
+def _array(rows: list[Any]) -> NDArray[Any]:
+    """A list as an array of numbers, missing values as NaN; of text if it contains anything else."""
+    try:
+        return np.array(rows, dtype=np.float64)
+    except (TypeError, ValueError):
+        return np.array([""])
