@@ -29,7 +29,8 @@ def _group() -> None:
 
 def import_table(
     file: Annotated[
-        Path, typer.Argument(help="A table, .csv.gz, .mat, .npz, .h5, .parquet, .mcap, or the folder of a ROS 2 bag.")
+        Path,
+        typer.Argument(help="A table, .csv.gz, .json, .mat, .npz, .h5, .parquet, .mcap, or the folder of a ROS bag."),
     ],
     rig: RigName,
     rods: Rods = None,
@@ -43,7 +44,8 @@ def import_table(
 ) -> None:
     """Import a table of any logger as a run; gaps and uneven time stamps are kept, repeated rows are dropped.
 
-    Formats: text tables, .mat, .npz, Parquet, HDF5, JointState in MCAP or a ROS 2 bag, points of Tracker or DeepLabCut.
+    Formats: text tables, JSON, .mat, .npz, Parquet, HDF5, JointState in MCAP or a ROS 2 bag, points of Tracker or
+    DeepLabCut.
 
     Example: dpr-lab import table swing.mat --rig paper --pose X1 --angles relative --zero hanging --dry-run
     """

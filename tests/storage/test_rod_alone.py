@@ -286,8 +286,9 @@ def test_whole_numbers_are_doubted_to_be_counts_with_a_zero_in_their_turn(one: R
     (doubt, *_) = understand(table(tmp_path, "t,theta1", t, counts), rig).questions
     assert doubt.mend == ("--unit", "counts")
     assert "counts of the encoders" in doubt.sentence
-    zero = int(re.search(r"zero_counts of the rig file is (-?\d+)", doubt.sentence)[1])
-    assert zero == pytest.approx(522, abs=3)
+    match = re.search(r"zero_counts of the rig file is (-?\d+)", doubt.sentence)
+    assert match is not None
+    assert int(match[1]) == pytest.approx(522, abs=3)
 
 
 def test_degrees_with_another_zero_are_doubted_to_be_radians(one: Rig, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ simulation. A single rod is represented as two equal halves with the same angle 
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
@@ -36,6 +36,8 @@ class EnergySettings:
 
     motion: LocalMotionSettings = field(default=LocalMotionSettings(degree=3, window_share=1 / 16, window=(7, 51)))
     """Local polynomials for the velocities; such short windows also suit a rod that turns five times as fast."""
+    smooth: LocalMotionSettings = field(default=LocalMotionSettings(degree=3, window_share=1 / 4, window=(7, 201)))
+    """Longer windows for noisy readings at usual speeds: a speed's noise falls with the power 1.5 of the window."""
     slack: float = 3.0
     """Factor by which a base parameter may differ from the value of the rig file."""
     zeros: int = 18
@@ -137,11 +139,17 @@ def residual_near(t: Array, rods: Array, torques: Array | None, rig: Rig) -> flo
     """Residual of the balance of `energy_fit` at better zeros nearby; infinite without motion.
 
     The potential energy of a small swing of amplitude A changes by the share delta / A with an error delta of its zero.
-    Both zeros move towards the best ones, by at most `ENERGY.zero_error_rad`.
+    Both zeros move towards the best ones, by at most `ENERGY.zero_error_rad`. The noise of the readings must not count,
+    so the better one of short and long windows does.
     """
-    terms = _terms_of_table(t, rods, torques, rig)
-    if terms is None:
-        return math.inf
+    return min((_residual_near(terms, rig) for terms in _balances(t, rods, torques, rig)), default=math.inf)
+
+
+def _least_residual(balances: Sequence[Array]) -> float:
+    return min((_residual(np.cov(terms, bias=True), np.zeros(2)) for terms in balances), default=math.inf)
+
+
+def _residual_near(terms: Array, rig: Rig) -> float:
     covariance, most = np.cov(terms, bias=True), ENERGY.zero_error_rad
     added = best_zeros(lambda zeros: _residual(covariance, zeros), rig, nearest=True)
     return _residual(covariance, np.clip(added, -most, most))
@@ -157,8 +165,7 @@ def other_pace(t: Array, rods: Array, rig: Rig) -> float:
         rods: (n, 2) absolute angles, rad
         rig: the recorded rig
     """
-    fits = {pace: energy_fit(t / pace, rods, None, rig) for pace in ENERGY.paces}
-    residuals = {pace: math.inf if fit is None else fit.residual for pace, fit in fits.items()}
+    residuals = {pace: _least_residual(_balances(t / pace, rods, None, rig)) for pace in ENERGY.paces}
     best = min(residuals, key=lambda pace: residuals[pace])
     return best if residuals[best] < ENERGY.much_better * residuals[1.0] else 1.0
 
@@ -190,9 +197,17 @@ def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = 
     return inner, outer
 
 
-def _terms_of_table(t: Array, rods: Array, torques: Array | None, rig: Rig) -> Array | None:
+def _balances(t: Array, rods: Array, torques: Array | None, rig: Rig) -> list[Array]:
+    """Terms of the balance with short and with long windows, without those of a motion that is too small."""
+    balances = (_terms_of_table(t, rods, torques, rig, motion) for motion in (ENERGY.motion, ENERGY.smooth))
+    return [terms for terms in balances if terms is not None]
+
+
+def _terms_of_table(
+    t: Array, rods: Array, torques: Array | None, rig: Rig, motion: LocalMotionSettings | None = None
+) -> Array | None:
     """(m, k) terms of the balance from the columns of a table; None if the motion is too small."""
-    moving = local_motion(t, rods, periods(rig)[1], ENERGY.motion)
+    moving = local_motion(t, rods, periods(rig)[1], motion or ENERGY.motion)
     return None if moving is None else _terms(moving, torques, rig)
 
 
