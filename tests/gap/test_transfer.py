@@ -235,6 +235,20 @@ def test_effects_that_worsen_the_free_run_of_a_held_out_run_are_detected(before,
     assert worse_free_run({"a": before}, {"a": after}, {"a": little}, []) is None
 
 
+def test_the_most_chaotic_of_several_free_runs_does_not_decide_alone() -> None:
+    """A right spring: two runs improve by factors of 18 and 29, the third amplifies errors of its first readings."""
+    before, after, noise = (
+        {name: free_run_error(rad) for name, rad in zip("abc", values, strict=True)}
+        for values in ((0.0092, 0.299, 0.185), (0.0005, 0.698, 0.0064), (0.0002, 0.087, 0.0005))
+    )
+    assert worse_free_run(before, after, noise, "abc") is None
+    assert worse_free_run(before, after, noise, "b") is not None
+    quiet = dict.fromkeys("ac", free_run_error(0.0092))
+    judged = worse_free_run({**before, **quiet}, {**after, **quiet}, noise, "abc")
+    assert judged is not None  # runs that are predicted equally well hide nothing
+    assert judged.after_rad / judged.before_rad == pytest.approx((0.698 / 0.299) ** (1 / 3), rel=1e-3)
+
+
 def test_the_interval_of_a_short_recording_has_a_width() -> None:
     rng = np.random.default_rng(0)
     above = np.array([[10.0, 20.0, 30.0, 40.0, 50.0], [1.0, 9.0, 4.0, 30.0, 8.0]])

@@ -78,7 +78,7 @@ class WorseFreeRun:
     """Error of free runs that the named effects increase, up to the time that the bare model can follow."""
 
     before_rad: float
-    """Of the bare model, rms over the runs, rad."""
+    """Of the bare model, rms of a run, geometric mean over the runs, rad."""
     after_rad: float
     """With the effects, rad."""
     until_s: float
@@ -234,11 +234,14 @@ def worse_free_run(
     noise: Mapping[str, FreeRunError],
     compared: Collection[str],
 ) -> WorseFreeRun | None:
-    """Error of free runs before and after, rms over some runs, if the effects increase it; else None.
+    """Error of free runs before and after, geometric mean over some runs, if the effects increase it; else None.
 
     Segments and free runs must agree: an effect that closes the gap of segments but worsens the free run is not
     confirmed. Each run is compared up to the time at which chaos dominates the error of the bare model. An increase
-    that the noise of the first readings explains does not count.
+    that the noise of the first readings explains does not count. The geometric mean compares the ratios of the errors,
+    so that the most chaotic run, whose error is by far the largest, does not decide alone.
+
+    Source: Fleming & Wallace (1986), How not to lie with statistics, Communications of the ACM 29, 218-221.
 
     Args:
         before: run -> error of the free run of the bare model
@@ -255,7 +258,8 @@ def worse_free_run(
             ends.append(end)
     if not ends:
         return None
-    of_before, of_after, of_noise = np.mean(squares, axis=0).tolist()
+    logs = np.log(np.maximum(squares, np.finfo(np.float64).tiny))
+    of_before, of_after, of_noise = np.exp(np.mean(logs, axis=0)).tolist()
     if of_after <= TRANSFER.worse**2 * of_before + TRANSFER.unpredictable**2 * of_noise:
         return None
     return WorseFreeRun(of_before**0.5, of_after**0.5, max(ends))
