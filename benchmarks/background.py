@@ -29,7 +29,7 @@ from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig import MASSES, Rig
 from dpr_lab.trials.score import Claim
-from dpr_lab.trials.summary import calibration_error
+from dpr_lab.trials.summary import calibration_error, error_if_exact
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.background_rigs import NAMED, Law, recordings, rig_and_base
@@ -80,8 +80,8 @@ class Case:
     gaps: dict[str, float]
     """Residual of the bare model over the noise if one law acts alone, mount and zero apart, by law."""
     verdict: str
-    named: tuple[tuple[str, float], ...]
-    """With their probabilities, in the order of the verdict."""
+    named: tuple[tuple[tuple[str, ...], float], ...]
+    """Classes in the order of the verdict, the named effect of each first, with their probabilities."""
     size_off: float | None
     """Of the dominant effect if named: error over the half width of its 90 % interval."""
     explained: float
@@ -95,8 +95,8 @@ class Case:
 
     def first_is(self, laws: Sequence[str]) -> bool:
         """Whether the first named effect is one of some laws, wrong values of the rig file apart."""
-        effects = [name for name, _ in self.named if not name.startswith(WRONG_VALUES)]
-        return bool(effects) and any(alike(effects[0], law) for law in laws)
+        classes = [names for names, _ in self.named if not names[0].startswith(WRONG_VALUES)]
+        return bool(classes) and one_of(classes[0], laws)
 
     @property
     def largest(self) -> list[str]:
@@ -106,17 +106,26 @@ class Case:
     def small(self, *, seen: bool) -> list[bool]:
         """Whether each small effect of the library is named, of those that alone leave more or less than the noise."""
         names = {law for law in self.gaps if law != self.true[0] and law.startswith(NAMED)}
-        return [any(alike(name, law) for name, _ in self.named) for law in names if (self.gaps[law] >= 1) == seen]
+        named = [name for members, _ in self.named for name in members]
+        return [one_of(named, [law]) for law in names if (self.gaps[law] >= 1) == seen]
 
     @property
     def claims(self) -> list[Claim]:
-        """Every name with its probability; true if it is a law of this rig, or a value of the rig file that is off."""
-        return [Claim(p, any(alike(name, law) for law in (*self.true, *WRONG_VALUES))) for name, p in self.named]
+        """Every class with its probability; true if a member is a law of this rig, or a value of its file that is off.
+
+        The probability is stated for the class: no algorithm can distinguish its members.
+        """
+        return [Claim(p, one_of(names, (*self.true, *WRONG_VALUES))) for names, p in self.named]
 
     @property
     def sure_wrong(self) -> int:
-        """Names above `SURE` that are no law of this rig."""
+        """Classes above `SURE` without a law of this rig."""
         return sum(claim.probability > SURE and not claim.true for claim in self.claims)
+
+
+def one_of(names: Sequence[str], laws: Sequence[str]) -> bool:
+    """Whether one of the names stands for one of the laws."""
+    return any(alike(name, law) for name in names for law in laws)
 
 
 def alike(name: str, law: str) -> bool:
@@ -177,7 +186,10 @@ def diagnosed(draw: Draw) -> Case:
         (*(law.name for law in laws), *(() if draw.clean else ("mount",))),
         gaps_alone(draw.seed, laws, rods, rate_hz),
         found.verdict,
-        tuple((effect.name, effect.probability) for effect in found.effects),
+        tuple(
+            ((effect.name, *(n for n in effect.members if n != effect.name)), effect.probability)
+            for effect in found.effects
+        ),
         size_off,
         found.gap.explained_share,
         budget.of_reproducible if budget else None,
@@ -197,6 +209,7 @@ def bars(done: list[Case]) -> list[Bar]:
         at_most("sure wrong names, per case", float(np.mean([case.sure_wrong for case in done])), 0.02),
         at_least(f"of {len(sure)} names above 0.9: right", float(np.mean(sure)) if sure else 1.0, 0.95),
         at_most(f"calibration error, of {len(claims)} names", calibration_error(claims), 0.05),
+        Bar("calibration error of an exact forecast", "-", error_if_exact(claims), None),
         Bar(f"small effects above the noise (of {len(seen)}): named", "-", _mean(seen), None),
         Bar(f"small effects below it (of {len(unseen)}): named", "-", _mean(unseen), None),
         Bar("verdict unexplained, share", "-", float(np.mean([case.verdict == "unexplained" for case in done])), None),
@@ -227,7 +240,7 @@ def main() -> None:
                 print(
                     f"{case.seed:4} {case.fault:15} {case.true[0]:28} {case.verdict:17} {case.explained:.3f}"
                     f" {'' if case.first_right else 'WRONG'} {'SURE WRONG' * case.sure_wrong}"
-                    f" {[(name, round(p, 2)) for name, p in case.named]} | {case.true[1:]}"
+                    f" {[(names[0], round(p, 2)) for names, p in case.named]} | {case.true[1:]}"
                     f" off {case.size_off} {case.seconds:.1f} s",
                     flush=True,
                 )
