@@ -20,9 +20,11 @@ from numba.core.registry import cpu_target
 
 import dpr_lab
 from dpr_lab import child_process
+from dpr_lab.report import figures
 from dpr_lab.report.schemas import SCHEMAS
 from dpr_lab.trials import sealing
 from sim_device.__main__ import main as simulate
+from tests.blank_figures import save_blank
 from tests.schemas import validator
 from tests.warm_process import starts_device
 
@@ -74,7 +76,7 @@ for module in ("assemble", "serve", "options", "plant.plant", "links.open_link")
     import_module(f"sim_device.{module}")
 import_module("tests.one_compiler")
 import_module("tests.valid_files")
-import_module("tests.blank_figures")
+figures.save_png = save_blank
 for starts in (child_process, sealing):
     starts.subprocess = starts_device(  # pyright: ignore[reportAttributeAccessIssue]
         lambda words, **options: Forked(lambda: simulate([*words]), **options)

@@ -25,6 +25,7 @@ from sim_device.plant.config import load_plant
 from sim_device.plant.drives import JointDrives
 from sim_device.trials.offline_recorder import record
 from tests.a_diagnosis import made
+from tests.blank_figures import save_blank
 
 FEW = ("base_tilt", "encoder_offset_joint1", "com_offset_link1", "coulomb_joint2")
 TILT, OFFSET = FEW[:2]
@@ -142,7 +143,10 @@ def test_a_check_is_of_one_diagnosis_and_of_one_kind(diagnosis: Diagnosis) -> No
 
 
 @pytest.mark.slow
-def test_a_new_diagnosis_names_its_parent(diagnosis: Diagnosis, tmp_path: Path) -> None:
+def test_a_new_diagnosis_names_its_parent(
+    diagnosis: Diagnosis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dpr_lab.report.figures.save_png", save_blank)
     file = tmp_path / "diagnosis.json"
     file.write_text(json.dumps(diagnosis.to_json()))
     check = next(check for check in diagnosis.checks if check.measures == TILT)

@@ -96,7 +96,7 @@ def test_halved_angles_of_a_small_swing_are_a_hint_and_no_cause_is_named(tmp_pat
 @pytest.mark.slow
 def test_a_single_rod_at_half_its_scale_is_asked_for_the_scale_and_given_no_spring(tmp_path: Path) -> None:
     """Gravity at half the angle is gravity and cogging of order two; friction does not change that."""
-    rig, runs = one_rod.recorded(one_rod.Rod(offset=0.0, noise=1e-3), 1, tmp_path)
+    rig, runs = one_rod.recorded(one_rod.Rod(offset=0.0, noise=1e-3, duration=5.0), 1, tmp_path)
     some = {name: EFFECTS[name] for name in ("coulomb_joint1", "spring_joint1", "detent_joint1")}
     right = diagnose(runs, rig, library=some)
     assert [effect.name for effect in right.effects] == ["coulomb_joint1"]
@@ -110,7 +110,7 @@ def test_a_single_rod_at_half_its_scale_is_asked_for_the_scale_and_given_no_spri
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3, 4, 5))])
 def test_a_single_rod_that_is_read_correctly_is_not_asked_for_its_scale(seed: int, tmp_path: Path) -> None:
     rig, runs = one_rod.recorded(one_rod.drawn(seed), seed, tmp_path)
-    result = diagnose(runs, rig, library=candidates("coulomb", "stribeck", "spring", "encoder", "detent", "base_"))
+    result = diagnose(runs, rig, library=candidates("coulomb", "spring", "encoder_offset", "detent"))
     assert result.verdict != "unexplained"
     assert "--scale" not in result.sentence
 
