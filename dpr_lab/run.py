@@ -307,7 +307,7 @@ def as_mounted(theta: Array, mounting: Mounting, name: str, settings: MountingSe
 
 
 def elbow_turn(theta: Array, mounting: Mounting, settings: MountingSettings = MOUNTED) -> float:
-    """Range by which joint 2 turns although it cannot with this mounting, rad; zero for both rods. Angles (n, 3)."""
+    """Range of joint 2, rad, in a mounting in which it cannot turn; zero if both rods are mounted. Angles (n, 3)."""
     if mounting == "both" or not len(theta):
         return 0.0
     tails = [settings.tail, 1 - settings.tail]

@@ -24,7 +24,7 @@ class ArrivalSettings:
     blocks: tuple[int, int] = (5, 32)
     """Minimum and maximum number of blocks of a recording."""
     rounds: int = 3
-    """Number of fits of the line, because the read with the shortest delay of a block depends on the slope."""
+    """Number of line fits; each selects the reads with the shortest delays by the slope of the one before."""
     shortest_s: float = 0.5
     """Minimum duration for an estimate of the rate, s."""
     delay_drift_s: float = 0.01

@@ -278,7 +278,8 @@ class Device:
         speeds = " and ".join(capacity.name for capacity in self._transport.capacities)
         if self._bytes and not self._frames:
             return (
-                f"{self.url}: {self._bytes} bytes arrived and no valid frame: {speeds or 'the speed'} is probably wrong"
+                f"{self.url}: {self._bytes} bytes arrived and no valid frame: {speeds or 'the speed'} is probably"
+                " wrong; give the speed of the device's firmware in the link (?baud=... or ?bitrate=...)"
             )
         hint = f", and that the device is set to {speeds}" if speeds else ""
         return f"{self.url}: opened, but no DPR device answered within {timeout:g} s: check its power and wiring{hint}"

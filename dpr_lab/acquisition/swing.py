@@ -107,7 +107,8 @@ class SwingRecorder:
                 report = recording.finish(self.device.clock(), self._notes(recording))
             except BaseException as error:
                 recording.count_losses(self.device.losses)
-                reason = STOPPED if isinstance(error, KeyboardInterrupt) else f"{type(error).__name__}: {error}"
+                reason = f"{error}" if isinstance(error, DprError) else f"{type(error).__name__}: {error}"
+                reason = STOPPED if isinstance(error, KeyboardInterrupt) else reason
                 with suppress(RunError):
                     recording.note_clock(*self.device.clock())
                     recording.abort(reason)

@@ -88,7 +88,8 @@ def show(analysis: "Identifiability") -> None:
     """Print the results as tables and sentences, as wide as the terminal, or 160 columns in a pipe."""
     from dpr_lab.identification.directions import described
     from dpr_lab.identification.identifiability import CRAMER_RAO_NOTE
-    from dpr_lab.report.digits import plus_minus
+    from dpr_lab.report.digits import NONE, plus_minus
+    from dpr_lab.report.tables import PARAMETER_UNITS, interval_words
     from dpr_lab.shown import FIXED_BY
 
     sizes = ", ".join(f"{value:.2g}" for value in analysis.singular_values)
@@ -109,16 +110,17 @@ def show(analysis: "Identifiability") -> None:
     )
     table(
         "Nine parameters and what determines them",
-        ("parameter", "value ± std", "90 % interval", "determined by", "contributing measured values"),
+        ("parameter", "value ± std", "90 % interval", "unit", "determined by", "contributing measured values"),
         [
             (
                 name,
-                plus_minus(p.value, p.std),
-                "" if p.interval90 is None else " to ".join(f"{end:.3g}" for end in p.interval90),
-                FIXED_BY[p.fixed_by],
-                ", ".join(_helping(analysis, name)),
+                plus_minus(parameter.value, parameter.std),
+                interval_words(parameter),
+                PARAMETER_UNITS[name][0],
+                FIXED_BY[parameter.fixed_by],
+                ", ".join(_helping(analysis, name)) or NONE,
             )
-            for name, p in analysis.parameters.items()
+            for name, parameter in analysis.parameters.items()
         ],
     )
     if analysis.null_space:
@@ -155,7 +157,7 @@ def _show_advice(analysis: "Identifiability | ArmIdentifiability") -> None:
             (
                 advice.name,
                 f"{advice.quantity.symbol}, {advice.quantity.unit}",
-                ", ".join(advice.frees),
+                ", ".join(advice.frees) or "–",
                 f"{advice.gain_bits:z.1f}",
             )
             for advice in analysis.advice

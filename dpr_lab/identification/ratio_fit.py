@@ -45,7 +45,7 @@ class ShortSegments:
     """Lengths of the first segments."""
 
     first_segment_s: float = 0.25
-    """First length, s: converges from any initial values inside bounds of 20 %."""
+    """First length, s: the fit converges from all initial values that are wrong by at most 20 %."""
     working_segment_s: float = 0.5
     """Second length, s: long enough that a wrong interpretation cannot be followed."""
     noise_alone: float = 20.0

@@ -12,7 +12,7 @@ from dpr_lab.setup import Setup
 
 
 def arm_states(rig: Rig, limits: PlanLimits) -> tuple[ArmState, ...]:
-    """States of the arm in the releases of a plan: those of the limits file, else that of the rig file and held.
+    """States of the arm that a plan may use: `modes` of the limits file; without it, held and the mode of the rig file.
 
     An arm is driven only if the limits file has the largest input. An arm that is prescribed, or driven by an
     acceleration, is held: a plan does not choose its motion.

@@ -47,7 +47,7 @@ RATIO_COLUMNS = len(UNKNOWN_RATIOS)
 
 @dataclass(frozen=True, slots=True)
 class HeldRatios:
-    """Prior that keeps ratios that no release determines at their values."""
+    """Prior for the ratios that no release determines: it keeps them at their values."""
 
     exactness: float = 1e6
     """Size of a ratio over its standard deviation."""

@@ -101,7 +101,7 @@ def _planned(
 
 
 def _forecast(objective: Objective, gained: Sequence[Array], releases: int, together: Collection[str]) -> float | None:
-    """Probability that this number of releases decides the causes, of which some count as one.
+    """Probability that this number of releases decides the causes; the causes of `together` count as one.
 
     None before any recording, and if no further one is necessary.
     """

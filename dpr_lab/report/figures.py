@@ -27,7 +27,7 @@ from dpr_lab.identification.moving_arm.identify import JOINTS_READ, ArmCompariso
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.report import style
 from dpr_lab.report.digits import three
-from dpr_lab.report.envelope import trace
+from dpr_lab.report.envelope import signal_scale, trace
 from dpr_lab.report.tables import to_the_end
 from dpr_lab.run import Run
 from dpr_lab.search import search_words
@@ -46,6 +46,14 @@ _EVOLUTION = {
     "best_fitness": "fitness of the\nbest individual",
     "population_fitness": "population\nfitness",
 }
+
+
+def clip_to_signal(axes: Axes, values: Array, half_widths: Array) -> None:
+    """Limit the ordinate to a curve with intervals of typical width, and mark the panel if this clips something."""
+    scale, clipped = signal_scale(values, half_widths)
+    axes.set_ylim(*scale)
+    if clipped:
+        axes.annotate("clipped", (0.01, 0.02), xycoords="axes fraction", fontsize="small")
 
 
 def run_figure(run: Run) -> Figure:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 RATIO_COLUMNS = ("ratio", "value", "90 % interval")
 ABSOLUTE_COLUMNS = ("parameter", "value", "unit", "determined by")
-COMPARISON_COLUMNS = ("run", "part", "joint", "residual (mrad rms)", "noise (mrad)")
+COMPARISON_COLUMNS = ("run", "role", "joint", "residual (mrad rms)", "noise (mrad)")
 
 UNITS = dict.fromkeys("abdA", "kg m²") | dict.fromkeys(("c0", "c1", "c2"), "N m s/rad")
 UNITS |= {"e1": "N m", "k0": "N m/rad", "f0": "N m", "kt gear/R": "N m/V", "kt gear": "N m/A"}
@@ -54,7 +54,7 @@ def comparison_rows(compared: Mapping[str, Any]) -> list[list[str]]:
     return [
         [
             run["run"],
-            "held out" if run["held_out"] else "used in the fit",
+            "held out" if run["held_out"] else "fitted",
             joint,
             f"{1e3 * rms:.3g}",
             f"{1e3 * run['noise_rad'][joint]:.2g}",

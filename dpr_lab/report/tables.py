@@ -17,7 +17,7 @@ from dpr_lab.shown import FIXED_BY
 
 if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison
-    from dpr_lab.identification.model import Model
+    from dpr_lab.identification.model import Model, ParameterValue
     from dpr_lab.planning.result import LimitForecast, Plan, PlannedRelease
 
 RATIO_COLUMNS = ("ratio", "value ± std", "90 % interval", "unit")
@@ -219,12 +219,17 @@ def parameter_rows(model: "Model") -> list[list[str]]:
         if model.fitted and name in OF_OUTER_ROD:
             continue
         unit, meaning = PARAMETER_UNITS.get(name, ("", ""))
-        value, ends = plus_minus(parameter.value, parameter.std), NONE
-        if parameter.interval90 is not None:
-            std = parameter.std or (parameter.interval90[1] - parameter.interval90[0]) / 2
-            ends = interval(*parameter.interval90, parameter.value, std)
-        rows.append([name, value, ends, unit, FIXED_BY[parameter.fixed_by], meaning])
+        value = plus_minus(parameter.value, parameter.std)
+        rows.append([name, value, interval_words(parameter), unit, FIXED_BY[parameter.fixed_by], meaning])
     return rows
+
+
+def interval_words(parameter: "ParameterValue") -> str:
+    """90 % interval of a parameter, with the decimals that its standard deviation or its half width supports."""
+    if parameter.interval90 is None:
+        return NONE
+    low, high = parameter.interval90
+    return interval(low, high, parameter.value, parameter.std or (high - low) / 2)
 
 
 def parameter_note(model: "Model") -> str:

@@ -65,7 +65,7 @@ class TrialOutcome:
     named: tuple[str, ...]
     """Named effects in the order of the diagnosis."""
     class_sizes: tuple[int, ...]
-    """Number of names in each of their classes, because a class of all effects would always be right."""
+    """Number of effects in the class of each named effect; a class of the whole library would always be right."""
     first: bool
     """Whether the first name is one of the causes."""
     top3: bool

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import ConfigError, unknown_name
+from dpr_lab.errors import ConfigError, DprError, unknown_name
 from dpr_lab.gap.result import RECORD
 from dpr_lab.shown import percent
 from dpr_lab.workflows.checks import refuse_file
@@ -124,6 +124,8 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
         on_event(StageBegan(stages, stages, "report"))
         try:
             files = save_diagnosis(diagnosis, runs, rig, request.out, lambda sentence: on_event(Warned(sentence)))
+        except DprError as error:
+            raise type(error)(f"{error}. {request.out / RECORD} is complete: {diagnosis.sentence}") from error
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
                 f"interrupted: {request.out / RECORD} is complete, but report or models are missing."
@@ -137,7 +139,10 @@ def _kept(result: DiagnoseResult, out: Path | None) -> DiagnoseResult:
     from dpr_lab.report.files import write_json
 
     if out:
-        write_json(result.to_json(), out / RECORD)
+        try:
+            write_json(result.to_json(), out / RECORD)
+        except DprError as error:
+            raise type(error)(f"{error}. Verdict of the diagnosis: {result.diagnosis.sentence}") from error
     return result
 
 

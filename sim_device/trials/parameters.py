@@ -51,9 +51,9 @@ def drawn(config: PlantConfig, rig: Rig) -> PlantConfig:
 
 
 def weighed(base: PlantConfig, rig: Rig, step: float = 0.0) -> tuple[PlantConfig, Rig]:
-    """A rig with other parts, drawn from the plant's seed: its masses, and the rig file after each has been weighed.
+    """Draw other masses of a rig from the plant's seed, and write their weighed values into its rig file.
 
-    Masses that the rig file gives as measured do not change. With a `step`, the scales show multiples of it, kg.
+    Masses that the rig file gives as measured do not change. `step` is the resolution of the scales, kg.
     """
     rng = generator(base.seed, RandomStream.RIG)
     drawn_masses = {name: base.parameters[name] * (1 + SPREAD.mass * rng.uniform(-1, 1)) for name in MASSES}

@@ -23,7 +23,7 @@ class VerdictRules:
     from a library without the cause at most 0.91.
     """
     partly_share: float = 0.5
-    """Share of the excess chi-square, below which the verdict is "unexplained"."""
+    """Share of the excess chi-square below which the verdict is "unexplained"."""
     sure: float = 0.6
     """Minimum probability of the most probable class of a set that is named."""
     rather: float = 0.5
@@ -116,7 +116,7 @@ def _undecided(transferred: Transfer) -> bool:
 
 
 def _only_held_out(transferred: Transfer) -> bool:
-    """Whether the held-out recordings show a gap, of which the fitted ones show nothing."""
+    """Whether the held-out recordings show a gap that the fitted recordings do not show."""
     return transferred.basis == "held-out runs" and transferred.gap_ratio > VERDICT.held_out_gap
 
 

@@ -45,13 +45,13 @@ class Thresholds:
     keeps: float = 3.0
     """Factor by which the excess must increase without an effect for the effect to be kept."""
     keeps_if_large: float = 1.3
-    """Factor by which the excess must increase without a large effect for it to be kept."""
+    """A large effect is kept if the excess without it is larger by this factor."""
     large: float = 0.04
     """Fraction of the whole gap above which another form of a named effect can no longer explain it."""
     small: float = 0.01
     """Fraction of the gap below which an effect merely compensates for another form, while a residual remains."""
     keeps_if_small: float = 30.0
-    """Factor by which the excess must increase without a small effect for it to be kept nevertheless."""
+    """A small effect is kept if the excess without it is larger by this factor."""
     contained: float = 0.003
     """Fraction of the explained chi2 that a richer form of an effect must add while a residual remains."""
     nearly_all: float = 0.9

@@ -18,7 +18,7 @@ class ChangedRig:
     share: float = 0.5
     """Share of the gap from which parameters that vary are its main part."""
     scatter: float = 0.05
-    """Relative scatter of a ratio between recordings of one rig, which only a change of the rig exceeds."""
+    """Maximum relative scatter of a ratio between recordings of an unchanged rig."""
 
 
 CHANGED_RIG = ChangedRig()

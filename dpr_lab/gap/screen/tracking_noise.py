@@ -1,14 +1,14 @@
 """Correlated errors of angles that were tracked in a video, if the recording does not show them at rest.
 
 A tracker errs in the same direction for several frames. High-order differences contain only the rough part of such
-errors, so that the noise is underestimated, and the rest looks like physics. The residual of the bare model contains
-both. Within a segment its covariance is
+errors and underestimate the noise; the smooth part looks like an effect of the rig. The residual of the bare model
+contains both. Within a segment its covariance is
 
     K(i, j) = s^2 rho^|i - j| + v^2 exp(-(t_i - t_j)^2 / (2 l^2)),
 
-errors of first order, and a smooth remainder of the motion, with free sizes and a free time l. The spectrum of the
-errors falls with the square of the frequency, that of a smooth motion much faster. This separates them. The most
-likely rho has the largest normal likelihood.
+a first-order autoregressive error and a smooth error of the motion, with free s, v, rho and correlation time l. The
+spectrum of the first falls with the square of the frequency, that of the second much faster, which separates them. rho
+is its maximum likelihood estimate.
 
 Source: Rasmussen & Williams (2006), Gaussian Processes for Machine Learning, sections 4.2.1 and 5.4.1.
 """

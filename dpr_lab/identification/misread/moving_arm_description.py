@@ -24,7 +24,7 @@ class DescriptionLimits:
     better: float = 4.0
     """Factor by which the other sign of the arm's angle must reduce chi-square."""
     better_angles: float = 10.0
-    """Factor by which another zero or scale must reduce it; it is at least 100 if they are right."""
+    """Factor by which another zero or scale must reduce chi-square; the right one reduces it by at least 100."""
     unit: float = 0.5
     """Maximum distance of the logarithm (base 10) of the gain from that of a unit's factor."""
     gain: float = 1.5

@@ -246,8 +246,8 @@ def ratio_std(known: Knowledge, F: Array) -> Array:
 def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
     """Standard deviations of the ratios that some release determines: of the rods, the arm and its drive.
 
-    Arm and drive are unknowns x at the scale b, of which a free swing determines only x / b. Its variance is that of
-    x - (x / b) b.
+    A parameter x of arm or drive is an unknown at the scale b, but a free swing determines only the ratio r = x / b. To
+    first order the variance of b r is the variance of x - r b.
     """
     estimate, alone = known.model.estimate, bool(known.hidden_ratios) and known.rig.rods.mounted == "inner"
     of_arm = [place for name in sorted(known.always) for place in known.places.get(name, ())]

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.report import style
-from dpr_lab.report.envelope import signal_scale
-from dpr_lab.report.figures import empty_figure, legend_above, new_figure, save_each
+from dpr_lab.report.figures import clip_to_signal, empty_figure, legend_above, new_figure, save_each
 from dpr_lab.report.gap.sections import SECTIONS
 from dpr_lab.report.gap.tables import coordinate, per_reading, place_map, quantity, steps
 from dpr_lab.report.words import in_words
@@ -48,10 +47,7 @@ def _draw_place(axes: Axes, place: Where) -> None:
     )
     axes.plot(knots, values, marker="o", markersize=3, color=style.RESIDUAL["color"])
     axes.axhline(0.0, color="#555555", linewidth=0.8)
-    scale, clipped = signal_scale(values, half_widths)
-    axes.set_ylim(*scale)
-    if clipped:
-        axes.annotate("clipped", (0.01, 0.02), xycoords="axes fraction", fontsize="small")
+    clip_to_signal(axes, values, half_widths)
     axes.set_title(f"{in_words(place.site)} by {place.coordinate}: {percent(place.share)} of the excess")
     axes.set_xlabel(coordinate(place)[0])
     axes.set_ylabel(quantity(place)[0])
@@ -90,7 +86,8 @@ def horizon_figure(diagnosis: Diagnosis) -> Figure:
             axes.loglog(lengths, rms, label=label, marker="o", **line)
         floor = 1e3 * per_reading(diagnosis.gap.floor_rad)
         axes.axhline(floor, label="noise floor", **style.HORIZON)
-        axes.set_ylim(bottom=floor / 30)
+        lowest, highest = axes.get_ylim()
+        axes.set_ylim(bottom=max(lowest, min(floor, highest) / 300))
         axes.set_xticks(lengths, list(diagnosis.gap.by_horizon))
         axes.minorticks_off()
         axes.set_xlabel("segment length (s)")

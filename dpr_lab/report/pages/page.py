@@ -151,7 +151,7 @@ def _has_content(block: Block | None) -> bool:
 def _environment() -> "Environment":
     from jinja2 import Environment, PackageLoader, StrictUndefined  # not needed for tables on a terminal
 
-    return Environment(
+    environment = Environment(
         loader=PackageLoader("dpr_lab.report.pages"),
         autoescape=True,
         finalize=_printable,
@@ -159,6 +159,15 @@ def _environment() -> "Environment":
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
+    environment.filters["code"] = _with_code
+    return environment
+
+
+def _with_code(text: str) -> Any:
+    """Escape a text and set its parts between backticks as code."""
+    from markupsafe import Markup, escape
+
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(_printable(text)))))
 
 
 def _printable(value: Any) -> Any:

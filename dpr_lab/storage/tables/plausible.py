@@ -132,7 +132,7 @@ def turn_of_hanging(angle: Array) -> float:
 
 
 def wrap_notes(angles: Mapping[str, Array]) -> list[str]:
-    """A note for each axis, (n,) angles in rad, that the logger wrapped."""
+    """A note for each axis whose angles, (n,), rad, were wrapped by the logger."""
     return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in angles.items() if unwrapped(x) is not x]
 
 

@@ -11,7 +11,7 @@ class PlainCanvas(Canvas):
     """Canvas whose every segment has a style, as required by Textual's filter for NO_COLOR."""
 
     def clear(self) -> None:
-        """Remove all dots, and take the size of the widget: a layout that follows another sends no resize event."""
+        """Remove all dots and set the size to that of the widget, because a second layout sends no resize event."""
         self.reset(Size(max(1, self.size.width), max(1, self.size.height)), refresh=False)
 
     def render_line(self, y: int) -> Strip:

@@ -118,8 +118,8 @@ CURVES = EvidenceSection(
     figure=curves_figure,
     alternative="Line charts of the angles of rods and arm (measured, bare model, corrected model) and of its input.",
     caption="Angles of the rods, 0 = upright, π = hanging: measured (thick), bare model (dashed) and corrected model"
-    " (thin), up to the predictability horizon. Below: error of each simulation, in mrad; input of a driven"
-    " arm.",
+    " (thin), up to the predictability horizon. Below: error of each simulation, in mrad, and, for a driven"
+    " arm, its input.",
     tables=(
         FoldedTable(
             "Curves, values",

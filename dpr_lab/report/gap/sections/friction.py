@@ -10,7 +10,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.report import style
 from dpr_lab.report.digits import interval, plus_minus, three
-from dpr_lab.report.figures import empty_figure, legend_above, new_figure
+from dpr_lab.report.figures import clip_to_signal, empty_figure, legend_above, new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
 from dpr_lab.report.words import named
 from dpr_lab.shown import listed
@@ -32,6 +32,7 @@ def friction_figure(diagnosis: Diagnosis) -> Figure:
 
 def _draw_joint(axes: Axes, joint: str, curve: JointFriction) -> None:
     speed, (torque, std) = curve.speed_rad_per_s, (np.array(values) for values in _in_mNm(curve))
+    clip_to_signal(axes, torque, NORMAL_Q90 * std)
     axes.fill_between(
         speed,
         torque - NORMAL_Q90 * std,
@@ -54,9 +55,10 @@ def friction_words(diagnosis: Diagnosis) -> list[str]:
         torque, std = _in_mNm(curve)
         sizes = [
             f"{plus_minus(torque[k], std[k])} mN m at {three(curve.speed_rad_per_s[k])} rad/s"
+            + (" (not distinguishable from zero)" if abs(torque[k]) < NORMAL_Q90 * std[k] else "")
             for k in (len(torque) // 2, -1)
         ]
-        sentences.append(f"{_words(joint).capitalize()}: {' and '.join(sizes)} (standard deviation).")
+        sentences.append(f"{_words(joint).capitalize()}: {' and '.join(sizes)}. ±: standard deviation.")
     other = [named(effect.name) for effect in diagnosis.effects if effect.name in NOT_OF_SPEED]
     if other:
         sentences.append(f"Not contained, because it depends on more than the speed: {listed(other)}.")

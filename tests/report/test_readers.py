@@ -1,0 +1,56 @@
+"""Texts and pages that new users misread before."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from dpr_lab.errors import DprError
+from dpr_lab.gap.result.evidence import Evidence, JointFriction
+from dpr_lab.report.gap.sections.friction import friction_figure, friction_words
+from dpr_lab.report.gap.tables import next_steps
+from dpr_lab.report.pages.page import Section, page_html
+from dpr_lab.report.tables import interval_words
+from dpr_lab.workflows import diagnose as diagnose_job
+
+
+def test_commands_between_backticks_are_set_as_code() -> None:
+    page = page_html("Title", "Summary", [Section("One", ("Run `dpr-lab <x>` now.",))])
+    assert "Run <code>dpr-lab &lt;x&gt;</code> now." in page
+
+
+def test_an_undetermined_friction_torque_does_not_hide_the_curve() -> None:
+    curve = JointFriction(
+        speed_rad_per_s=[-2.0, -1.0, -0.02, 0.02, 1.0, 2.0],
+        torque_Nm=[-3e-3, -2e-3, 1e-3, -1e-3, 2e-3, 3e-3],
+        std_Nm=[1e-5, 1e-5, 4e-2, 4e-2, 1e-5, 1e-5],
+        coefficients=2,
+    )
+    made: Any = SimpleNamespace(evidence=Evidence.model_construct(friction={"joint1": curve}), effects=[])
+    assert "at 0.0200 rad/s (not distinguishable from zero) and" in friction_words(made)[0]
+    (axes,) = friction_figure(made).axes
+    assert axes.get_ylim()[1] < 10
+
+
+def test_after_an_unexplained_gap_a_probable_effect_is_not_excluded() -> None:
+    gap = SimpleNamespace(after_rad={"joint1": 1e-3}, floor_rad={"joint1": 1e-4})
+    made: Any = SimpleNamespace(verdict="unexplained", rivals=[], advice=[], checks=[], gap=gap, only_uncertain=False)
+    assert next_steps(made)[0].startswith("No effect of the library is the cause")
+    made.rivals = [SimpleNamespace(name="coulomb_joint1", probability=0.49)]
+    (step,) = next_steps(made)
+    assert "[coulomb_joint1]: record further releases" in step
+
+
+def test_intervals_of_parameters_have_the_decimals_of_their_width() -> None:
+    parameter: Any = SimpleNamespace(value=1.356e-3, std=None, interval90=(1.13e-3, 1.6e-3))
+    assert interval_words(parameter) == "(1.13 to 1.60)e-3"
+
+
+def test_a_full_disk_does_not_lose_the_verdict(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*arguments: object) -> None:
+        raise DprError("no space left")
+
+    monkeypatch.setattr("dpr_lab.report.files.write_json", fail)
+    result: Any = SimpleNamespace(diagnosis=SimpleNamespace(sentence="No gap."), to_json=dict)
+    with pytest.raises(DprError, match=r"no space left. Verdict of the diagnosis: No gap"):
+        diagnose_job._kept(result, tmp_path)
