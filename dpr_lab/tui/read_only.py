@@ -42,7 +42,7 @@ permitted.
 """
 
 SCREENS = frozenset(("CommandPalette", "HelpScreen", "MessageScreen", "Question", "RunBrowser"))
-"""Names of the screen classes on top of a step that only show something."""
+"""Names of the screen classes that may open above a step and do not change anything."""
 
 JOBS = frozenset(("survey", "verify"))
 """Names of the job functions that only read run files."""

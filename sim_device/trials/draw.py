@@ -80,7 +80,7 @@ def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfi
 def _on_arm(wanted: EffectRequest, plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> PlantConfig:
     """The plant with effects at joint 0 or of its drive that are visible in its recordings."""
     if wanted.kind not in ON_ARM:
-        raise ConfigError(f"draw {wanted.kind}: with an arm that moves there are the kinds {', '.join(ON_ARM)}")
+        raise ConfigError(f"draw {wanted.kind}: not available with a moving arm; available: {', '.join(ON_ARM)}")
     if wanted.kind == "dirty":
         plant = plant.model_copy(update={"encoders": dirty(rng)})
     bare, none = plant, wanted.kind == "clean" or (wanted.kind == "dirty" and rng.random() < 0.5)

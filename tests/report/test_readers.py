@@ -38,7 +38,7 @@ def test_after_an_unexplained_gap_a_probable_effect_is_not_excluded() -> None:
     assert next_steps(made)[0].startswith("No effect of the library is the cause")
     made.rivals = [SimpleNamespace(name="coulomb_joint1", probability=0.49)]
     (step,) = next_steps(made)
-    assert "[coulomb_joint1]: record further releases" in step
+    assert "neither confirm nor exclude Coulomb friction, joint 1 [coulomb_joint1]: record further releases" in step
 
 
 def test_intervals_of_parameters_have_the_decimals_of_their_width() -> None:

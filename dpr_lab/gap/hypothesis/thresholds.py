@@ -55,8 +55,8 @@ class Thresholds:
     contained: float = 0.003
     """Fraction of the explained chi2 that a richer form of an effect must add while a residual remains."""
     nearly_all: float = 0.9
-    """Minimum reduction of the excess by simple effects to replace a curve if only little remains, as a fraction of the
-    reduction by the curve.
+    """Simple effects replace a curve if they reduce the excess by this fraction of its reduction by the curve, and only
+    little remains.
     """
     most_of_it: float = 0.5
     """Minimum reduction of the excess by other effects to replace a vibration at a multiple of the swing's frequency,

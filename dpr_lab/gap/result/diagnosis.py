@@ -115,7 +115,7 @@ class Diagnosis(Shown, Saved):
     arm. All other entries of `ratios` are taken from the rig file. Empty in a file of an older version.
     """
     determined_covariance: list[list[Number]] = []
-    """Covariance of `determined`, in their order."""
+    """Covariance matrix of the values of `determined`, in the same order."""
     chi2_per_dof: Number
     """Of the corrected model, over segments of 0.5 s."""
     exact_torques: bool = False

@@ -159,8 +159,8 @@ def _with_one_more(
 ) -> Iterator[Hypothesis]:
     """The set with each of the most promising effects; if only noise remains, only with equally promising ones.
 
-    Far from the noise, a candidate is not fitted if twice its predicted reduction would not make it one of the sets
-    that decide how the search continues (`_deciding_excess`).
+    Far from the noise, a candidate is not fitted if even twice its predicted reduction would leave its set too poor to
+    be extended or accepted (`_deciding_excess`).
 
     Args:
         sets: the fitted sets

@@ -20,7 +20,7 @@ class LocalMotionSettings:
     window: tuple[int, int]
     """Minimum and maximum number of samples of a window."""
     gap: tuple[float, float] = (0.25, 4.0)
-    """Interval between rows, in periods and in median intervals, above both of which no window contains it."""
+    """An interval between rows longer than both, in periods and in median intervals, is a gap, outside all windows."""
     looked_at_s: float = 10.0
     """Examined duration of a table, s; a wrong interpretation is wrong from the start."""
     looked_at: int = 2000

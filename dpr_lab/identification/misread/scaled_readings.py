@@ -8,7 +8,7 @@ from dpr_lab.arrays import Array
 
 
 def per_degree() -> float:
-    """True angle of a reading of 1 degree that is declared as 1 rad, rad."""
+    """Factor from a reading in degrees that is declared as rad to the true angle."""
     return float(np.deg2rad(1.0))
 
 

@@ -271,9 +271,12 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         partly = "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
     elif per_reading(diagnosis.gap.after_rad) < per_reading(diagnosis.gap.floor_rad):
         partly = "The remainder is smaller than the noise of a reading: inspect the rig only if it matters to you."
+    likely = " or ".join(named(rival.name) for rival in diagnosis.rivals if rival.probability >= PROBABLE)
+    more = f"The recordings neither confirm nor exclude {likely}: record further releases. If these do not confirm it,"
+    cause = more if likely else "No effect of the library is the cause:"
     unexplained = {
         "partly_explained": partly,
-        "unexplained": _after_unexplained(diagnosis),
+        "unexplained": f"{cause} inspect the rig where the gap is largest, joint by joint.",
         "inconclusive": "Record further releases as the verdict says (dpr-lab plan proposes them).",
     }
     last = [unexplained[diagnosis.verdict]] if diagnosis.verdict in unexplained else []
@@ -286,18 +289,6 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         optional = "Optional: record a further release to test this (dpr-lab plan proposes it)."
         return [f"The causes are decided. {in_words(untested)} {optional}"]
     return ["No further recording or check is needed."]
-
-
-def _after_unexplained(diagnosis: Diagnosis) -> str:
-    """How to continue if no effect is confirmed: a probable one needs other recordings."""
-    probable = [rival for rival in diagnosis.rivals if rival.probability >= PROBABLE]
-    if not probable:
-        return "No effect of the library is the cause: inspect the rig where the gap is largest, joint by joint."
-    names = " or ".join(named(rival.name) for rival in probable)
-    return (
-        f"The recordings neither confirm nor exclude {names}: record further releases (dpr-lab plan proposes them)."
-        " If the effect is again not confirmed, inspect the rig where the gap is largest, joint by joint."
-    )
 
 
 def _check_words(diagnosis: Diagnosis, advice: str) -> str:

@@ -33,7 +33,7 @@ class LengthSettings:
     most_alike: float = 0.98
     """Maximum autocorrelation of the lengths of neighbouring frames."""
     wrong: tuple[float, float] = (8.0, 0.01)
-    """Deviation of a length, in standard deviations and relative to the length, beyond both of which the tracker
+    """Deviation of a length, in standard deviations and relative to the length. If both are exceeded, the tracker
     followed something else in this frame.
     """
     frames_per_unknown: float = 3.0
