@@ -20,8 +20,8 @@ from _bars import Bar, at_least, at_most, options, show
 from _trial_cases import Case, hidden, opened
 
 from dpr_lab.acceptance.judge import Answer, judge
-from dpr_lab.acceptance.limits import RATIO_UNITS, Limits
-from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
+from dpr_lab.acceptance.limits import Limits
+from dpr_lab.dynamics.base import RATIO_UNITS, RATIOS, base_parameters, ratios
 from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.detectable import SIGMAS

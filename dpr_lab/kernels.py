@@ -62,10 +62,12 @@ def njit(function: Callable[..., Any] | None = None, *, allocates: bool = True, 
 
     Strict means no reassociation and no contraction, so that a result has the same bits for any batch size and any
     number of threads. A kernel that neither `allocates` arrays nor returns views of them needs no reference counting,
-    which takes up to half of the time in a loop over samples.
+    which takes up to half of the time in a loop over samples. With NUMBA_DISABLE_JIT=1 it is the Python function.
     """
     if function is None:
         return partial(njit, allocates=allocates, **options)
+    if numba_config.DISABLE_JIT:
+        return function
     compiled: Any = partial(numba.njit, error_model="numpy", nogil=True, _nrt=allocates, **options)
     return _cached(compiled()(function), allocates)
 
@@ -96,6 +98,8 @@ def behind_pointer(function: Callable[..., None], *examples: Any) -> Any:
         function: a kernel that returns nothing, not yet compiled
         examples: arguments of the types of its calls
     """
+    if numba_config.DISABLE_JIT:
+        return function
     signature = normalize_signature(numba.void(*map(numba.typeof, examples)))
     kernel: Any = CFunc(function, signature, locals={}, options={"error_model": "numpy", "_nrt": False})
     kernel._cache = _cache_of(function, False) or kernel._cache

@@ -2,7 +2,6 @@
 
 import ast
 import inspect
-import re
 import textwrap
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -14,9 +13,6 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, ForwardRef, Literal, Union, get_args, get_origin
 
 Row = Sequence[str]
-
-_UNIT = re.compile(r"(_(per|Nms?|m2?|rad3?|s2?|kg(m2)?|Hz))+$")
-"""Unit at the end of a parameter's name."""
 
 FIXED_BY = {"data": "the recordings", "measured": "a measured value", "bound": "only its bounds"}
 """Origin of a number: key in files and text for readers."""
@@ -60,11 +56,6 @@ def listed(names: Sequence[str]) -> str:
 def counted(number: int, noun: str) -> str:
     """A number with its noun: `1 run`, `2 runs`."""
     return f"{number} {noun}{'s' * (number != 1)}"
-
-
-def parameter_words(name: str) -> str:
-    """Words of a parameter: `extra at rest` for `extra_at_rest_Nm`."""
-    return _UNIT.sub("", name).replace("_", " ")
 
 
 def percent(share: float, digits: int = 0) -> str:

@@ -25,22 +25,10 @@ from typing import Annotated, Literal, TypeVar
 from pydantic import Field, model_validator
 
 from dpr_lab.configs import read_config
-from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.dynamics.base import RATIO_UNITS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError, unknown_name
-from dpr_lab.identification.moving_arm.unknowns import GAINS
 from dpr_lab.rig_tables import Positive, RigTable
-
-GAIN_UNITS = {"torque": "1/(kg m^2)", "current": "1/(s^2 A)", "voltage": "1/(s^2 V)"}
-"""Unit of the gain of each input."""
-
-RATIO_UNITS: dict[str, str] = {
-    **dict(zip(RATIOS, ("1", "1", "1/s^2", "1/s", "1/s"), strict=True)),
-    **{"e1/a": "1/s^2", "c1/a": "1/s"},
-    **{f"{name}/{scale}": unit for scale in "ab" for name, unit in (("A", "1"), ("c0", "1/s"))},
-    **{GAINS[kind].format(scale): unit for scale in "ab" for kind, unit in GAIN_UNITS.items()},
-}
-"""Unit of each ratio to b, or to a of the inner rod alone: rods, moving arm, and gain of its drive."""
 
 Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 

@@ -7,7 +7,7 @@ import typer
 
 from dpr_lab.cli.checks import AnyClock, Json, RigName, TorqueKind
 from dpr_lab.cli.console import emit, json_mode, line, table
-from dpr_lab.shown import parameter_words, percent
+from dpr_lab.shown import percent
 
 if TYPE_CHECKING:
     from dpr_lab.planning.result import Detectable, Plan, PlannedRelease
@@ -149,7 +149,7 @@ def _replayed(release: "PlannedRelease") -> str:
 
 def _show_detectable(made: "Plan", most: int = 6) -> None:
     """The amplitudes that are hardest to detect with the plan, relative to their typical size."""
-    from dpr_lab.report.words import named
+    from dpr_lab.report.words import named, parameter_words
 
     worst = sorted(
         made.detectable, key=lambda effect: -(float("inf") if effect.after is None else effect.after / effect.typical)
@@ -157,7 +157,7 @@ def _show_detectable(made: "Plan", most: int = 6) -> None:
     rows = [
         (
             named(effect.effect),
-            parameter_words(effect.parameter),
+            parameter_words(effect.effect, effect.parameter),
             _size(effect, effect.before),
             _size(effect, effect.after),
         )

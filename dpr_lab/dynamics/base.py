@@ -39,6 +39,23 @@ WHOLE = (*BASE, "p")
 RATIOS = ("a/b", "d/b", "e1/b", "c1/b", "c2/b")
 """Order of the ratios: 1, 1, 1/s^2, 1/s, 1/s."""
 
+ALONE = ("e1/a", "c1/a")
+"""Ratios that swings of the inner rod alone determine: 1/s^2, 1/s."""
+
+GAINS = {"torque": "1/{}", "current": "kt/{}", "voltage": "kt/(R {})"}
+"""Name of the gain of each input of a moving arm, divided by the scale (a or b)."""
+
+RATIO_UNITS: dict[str, str] = {
+    **dict(zip((*RATIOS, *ALONE), ("1", "1", "1/s^2", "1/s", "1/s", "1/s^2", "1/s"), strict=True)),
+    **{f"{name}/{scale}": unit for scale in "ab" for name, unit in (("A", "1"), ("c0", "1/s"))},
+    **{
+        gain.format(scale): unit
+        for scale in "ab"
+        for gain, unit in zip(GAINS.values(), ("1/(kg m^2)", "1/(s^2 A)", "1/(s^2 V)"), strict=True)
+    },
+}
+"""Unit of each ratio to b, or to a of the inner rod alone: rods, moving arm, and gain of its drive."""
+
 _B = BASE.index("b")
 _OTHERS = [0, 2, 3, 4, 5]
 

@@ -1,6 +1,7 @@
 """Effects: physical causes of a difference between simulation and rig, each as data and one kernel."""
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
@@ -31,6 +32,8 @@ ARM = JointIndex().arm
 LEVERS = ("friction_radius_m", "offset_m")
 """Lengths that convert a force, known from the masses in the rig file, to a torque: they scale like torques."""
 
+_UNIT_SUFFIX = re.compile(r"(_(per|Nms?|m2?|rad3?|s2?|kg(m2)?|Hz))+$")
+"""Unit at the end of a parameter's name."""
 
 _RATIO_UNITS = {
     "N m": "1/s^2",
@@ -76,6 +79,8 @@ class EffectParameter:
     """Whether a shape parameter is refined after its scan; false for orders and instants."""
     negative: str = ""
     """Meaning of a negative value: `friction falls during the swing`."""
+    label: str = ""
+    """Name in tables and sentences; empty: `name` without its unit."""
     most: float = math.inf
     """Maximum size of an amplitude on any rig, in `unit`; inf: relative to the rig, by `limit`."""
     limit: str = ""
@@ -84,6 +89,11 @@ class EffectParameter:
     """Scale of the prior of an amplitude, in `unit`: larger sizes are rare (`dpr_lab.effects.plausibility`). None:
     three times the typical size.
     """
+
+    @property
+    def words(self) -> str:
+        """Name for readers: `extra at rest` of `extra_at_rest_Nm`."""
+        return self.label or _UNIT_SUFFIX.sub("", self.name).replace("_", " ")
 
     @property
     def prior_scale(self) -> float:

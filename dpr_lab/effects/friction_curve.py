@@ -7,7 +7,14 @@ from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
 
-_NAMES = ("forward", "backward", "rise1", "rise2", "rise3", "rise4")
+_LABELS = {
+    "forward": "forward",
+    "backward": "backward",
+    "rise1": "rise (0 to 0.3 rad/s)",
+    "rise2": "rise (0.3 to 1 rad/s)",
+    "rise3": "rise (1 to 3 rad/s)",
+    "rise4": "rise (3 to 8 rad/s)",
+}
 
 
 @inlined
@@ -50,7 +57,9 @@ FRICTION_CURVE = pair(
         " from 0 to 1 between two of the speeds 0, 0.3, 1, 3, 8 rad/s of joint {j}; at rest the torque that holds it,"
         " up to F"
     ),
-    parameters=tuple(EffectParameter(f"{name}_Nm", "N m", 5e-4, "positive") for name in _NAMES),
+    parameters=tuple(
+        EffectParameter(f"{name}_Nm", "N m", 5e-4, "positive", label=label) for name, label in _LABELS.items()
+    ),
     stage="torque",
     dry=True,
     dissipative=True,

@@ -1,11 +1,10 @@
 """Ratios that describe the mounted rods: to b, or to a if the inner rod is alone."""
 
-from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.dynamics.base import GAINS, RATIOS
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, Estimate, FreeParameter, alone_share
 from dpr_lab.identification.moving_arm.setup import drive_gain
-from dpr_lab.identification.moving_arm.unknowns import GAINS
 from dpr_lab.rig import Rig
 
 

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from dpr_lab.arrays import Array
 from dpr_lab.configs import first_fault
-from dpr_lab.dynamics.base import BASE, RATIOS, base_from_ratios
+from dpr_lab.dynamics.base import ALONE, BASE, RATIOS, base_from_ratios
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError, all_printable
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
@@ -30,10 +30,6 @@ class _Record(BaseModel):
 
 
 Kept = TypeVar("Kept")
-
-
-ALONE = ("e1/a", "c1/a")
-"""Ratios that swings of the inner rod alone determine."""
 
 
 def by_name(names: Sequence[str]) -> Callable[[dict[str, Kept]], dict[str, Kept]]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.dynamics.base import ALONE, RATIO_UNITS, RATIOS
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, interval, pair, plus_minus, superscripts, three
 from dpr_lab.shown import FIXED_BY
@@ -134,7 +134,7 @@ def ratio_rows(model: "Model") -> list[list[str]]:
             name,
             plus_minus(ratio.value, ratio.std),
             interval(*ratio.interval90, ratio.value, ratio.std),
-            superscripts(_unit_of_ratio(name)),
+            superscripts(RATIO_UNITS[name]),
         ]
         for name, ratio in model.ratios.items()
         if ratio.fixed_by == "data"
@@ -164,14 +164,12 @@ def ratio_std_rows(made: "Plan", release: "PlannedRelease") -> list[tuple[str, .
 
     Before any recording, the rig file bounds the ratios of the rods only: those of arm and drive are unknown.
     """
-    from dpr_lab.identification.model import ALONE  # imports all effects too
-
     return [
         (
             name,
             "unknown" if made.state == "first" and name not in (*RATIOS, *ALONE) else f"{std:.2g}",
             f"{release.ratio_std[name]:.2g}",
-            superscripts(_unit_of_ratio(name)),
+            superscripts(RATIO_UNITS[name]),
         )
         for name, std in made.ratio_std.items()
     ]
@@ -372,9 +370,3 @@ def _worst(rms: Sequence[float] | Array, noise: Sequence[float] | Array) -> floa
 def _noise_ratio(rms: Array, noise: Array) -> Array:
     """Residual / noise floor by axis; NaN where the noise floor is unknown."""
     return np.divide(rms, noise, out=np.full(len(rms), np.nan), where=noise > 0)
-
-
-def _unit_of_ratio(name: str) -> str:
-    from dpr_lab.acceptance.limits import RATIO_UNITS  # imports all effects, which the screen does without
-
-    return RATIO_UNITS[name]

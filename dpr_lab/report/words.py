@@ -43,6 +43,12 @@ def in_words(text: str) -> str:
     return _PLACE.sub(r"\1 \2", _IDENTIFIER.sub(words, text))
 
 
+def parameter_words(effect: str, name: str) -> str:
+    """Words of a parameter: `extra at rest` for `extra_at_rest_Nm`."""
+    parameter = _parameter(effect, name)
+    return name if parameter is None else parameter.words
+
+
 def negative_words(effect: str, name: str, value: float) -> str:
     """Meaning of a negative parameter; empty for others, and where the sign needs no explanation."""
     parameter = _parameter(effect, name)

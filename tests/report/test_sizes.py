@@ -64,7 +64,7 @@ def test_parameters_held_at_zero_stand_last_in_one_group(diagnosis) -> None:
         {"name": "friction_curve_joint1", "class": [], "probability": 0.9, "share": 0.5, "parameters": parameters}
     )
     cell = sizes_cell(diagnosis(effects=[curve]), curve)
-    assert cell == "rise2 0.500 mN m (0.300 to 0.700); at zero: forward, rise1"
+    assert cell == "rise (0.3 to 1 rad/s) 0.500 mN m (0.300 to 0.700); at zero: forward, rise (0 to 0.3 rad/s)"
 
 
 @pytest.mark.parametrize(("unit", "text"), [("1/kg", "torque · b"), ("N m", "torque / b")])

@@ -4,8 +4,7 @@ import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.report.angles import DEGREES, RADIANS
-from dpr_lab.report.words import in_words, named, size_words
-from dpr_lab.shown import parameter_words
+from dpr_lab.report.words import in_words, named, parameter_words, size_words
 
 
 @pytest.mark.parametrize("name", EFFECTS)
@@ -16,8 +15,13 @@ def test_every_effect_has_words_followed_by_its_identifier(name):
     assert "{" not in words
     assert named(name) == f"{words} [{name}]"
     for parameter in EFFECTS[name].parameters:
-        assert "_" not in parameter_words(parameter.name)
-        assert parameter_words(parameter.name)
+        assert "_" not in parameter.words
+        assert parameter.words == parameter_words(name, parameter.name)
+
+
+def test_the_words_of_a_rise_of_friction_give_its_speeds():
+    assert parameter_words("friction_curve_joint1", "rise1_Nm") == "rise (0 to 0.3 rad/s)"
+    assert parameter_words("stribeck_joint1", "extra_at_rest_Nm") == "extra at rest"
 
 
 def test_words_are_unique():

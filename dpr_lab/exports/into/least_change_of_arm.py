@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dpr_lab.dynamics.base import BASE, base_parameters
+from dpr_lab.dynamics.base import BASE, GAINS, base_parameters
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects.effect import ARM
 from dpr_lab.errors import RunError
@@ -35,7 +35,6 @@ from dpr_lab.exports.moving_arm.replay import follow_with_arm
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.setup import drive_gain
-from dpr_lab.identification.moving_arm.unknowns import GAINS
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.simulator_models.chain import ChainArm, ModelChain

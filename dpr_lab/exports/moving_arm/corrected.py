@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from dpr_lab.arrays import Array
+from dpr_lab.dynamics.base import GAINS
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects import EFFECTS, effect_params, named_params
 from dpr_lab.effects.free_arm import FREE_ARM
@@ -17,7 +18,6 @@ from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
 from dpr_lab.identification.moving_arm.engine import OF_ARM, swing_of
 from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel
 from dpr_lab.identification.moving_arm.scale import absolute_name
-from dpr_lab.identification.moving_arm.unknowns import GAINS
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run

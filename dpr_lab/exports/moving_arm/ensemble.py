@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.dynamics.base import GAINS, RATIOS
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects import effect_params
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
@@ -21,7 +21,6 @@ from dpr_lab.exports.moving_arm.corrected import with_engine_values, with_swing
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.identification.moving_arm.engine import engine_values
 from dpr_lab.identification.moving_arm.model import MovingArmModel
-from dpr_lab.identification.moving_arm.unknowns import GAINS
 from dpr_lab.rig import Rig
 
 KNOWN_TORQUE = ("torque", "current")

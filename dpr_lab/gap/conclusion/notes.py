@@ -9,7 +9,7 @@ from dpr_lab.gap.result.diagnosis import Verdict
 from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.gap.state import Advised
 from dpr_lab.gap.transfer.lone_recording import LONE
-from dpr_lab.shown import listed, parameter_words, percent
+from dpr_lab.shown import listed, percent
 
 
 def notes(state: Advised, kind: Verdict, named_families: Sequence[NamedFamily]) -> list[str]:
@@ -55,10 +55,9 @@ def _varying_sizes(state: Advised) -> Iterator[str]:
         return
     for parameter in budget.parameters:
         if parameter.effect in state.transfer.withdrawn:
-            unit = next(p.unit for p in EFFECTS[parameter.effect].parameters if p.name == parameter.name)
-            values = [f"{value:.3g} {unit} in {run}" for run, value in parameter.values.items()]
-            size = parameter_words(parameter.name)
-            yield f"The recordings differ in the size of {parameter.effect} ({size} {listed(values)})."
+            size = next(p for p in EFFECTS[parameter.effect].parameters if p.name == parameter.name)
+            values = [f"{value:.3g} {size.unit} in {run}" for run, value in parameter.values.items()]
+            yield f"The recordings differ in the size of {parameter.effect} ({size.words} {listed(values)})."
 
 
 def _lone_recording(state: Advised) -> Iterator[str]:

@@ -12,13 +12,10 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.arm import CLAMPED, DRIVEN, FREE
-from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.dynamics.base import GAINS, base_parameters
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.rig import MASSES, PARAMETERS, Rig
 from dpr_lab.rig_tables import ArmMode, Parameter
-
-GAINS = {"torque": "1/{}", "current": "kt/{}", "voltage": "kt/(R {})"}
-"""Name of the gain of each input, divided by the scale."""
 
 
 @dataclass(frozen=True, slots=True)

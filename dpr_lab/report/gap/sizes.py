@@ -7,8 +7,7 @@ from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, superscripts, three, with_interval, with_unit
-from dpr_lab.report.words import negative_words, size_words
-from dpr_lab.shown import parameter_words
+from dpr_lab.report.words import negative_words, parameter_words, size_words
 
 RUN = "run"
 """Index of the recording of an event, which is not a size; the remedy names the release."""
@@ -36,12 +35,12 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
     """
     parameters = {name: size for name, size in effect.parameters.items() if name != RUN}
     sizes = {name: size for name, size in parameters.items() if any((size.value, *size.interval90))}
-    zeros = ", ".join(parameter_words(name) for name in parameters if name not in sizes)
+    zeros = ", ".join(parameter_words(effect.name, name) for name in parameters if name not in sizes)
     amplitudes = {p.name for p in EFFECTS[effect.name].amplitudes} & set(sizes)
     unclear = {name for name in amplitudes if sizes[name].interval90[0] <= 0 <= sizes[name].interval90[1]}
     if not brief or unclear == amplitudes:
         unclear = set()
-    open_words = ", ".join(parameter_words(name) for name in sizes if name in unclear)
+    open_words = ", ".join(parameter_words(effect.name, name) for name in sizes if name in unclear)
     sizes = {name: size for name, size in sizes.items() if name not in unclear}
     words = {
         name: size_words(effect.name, name, angles, size.value, *(size.interval90_with_scale or size.interval90))
@@ -49,7 +48,7 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
     }
     ratios = {
         name: _ratio(
-            name, size.ratio_unit, _inertia(diagnosis), size.ratio, *(size.ratio_interval90 or (size.ratio, size.ratio))
+            size.ratio_unit, _inertia(diagnosis), size.ratio, *(size.ratio_interval90 or (size.ratio, size.ratio))
         )
         for name, size in sizes.items()
         if size.ratio is not None
@@ -57,7 +56,9 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
     signs = [negative_words(effect.name, name, size.value) for name, size in sizes.items()]
     at_zero = f"at zero: {zeros}" if zeros else ""
     around_zero = f"not distinguishable from zero: {open_words}" if open_words else ""
-    return "; ".join([*_ratios_first(diagnosis, words, ratios), *filter(None, [*signs, around_zero, at_zero])])
+    return "; ".join(
+        [*_ratios_first(diagnosis, effect.name, words, ratios), *filter(None, [*signs, around_zero, at_zero])]
+    )
 
 
 def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float]) -> str:
@@ -66,18 +67,23 @@ def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float
     scaled = {p.name: p for p in EFFECTS[effect].parameters if p.name in sizes and p.scale_power}
     assumed_b = diagnosis.scale.b if diagnosis.scale else diagnosis.scale_b
     ratios = {
-        name: _ratio(name, p.ratio_unit, _inertia(diagnosis), sizes[name] / assumed_b**p.scale_power)
+        name: _ratio(p.ratio_unit, _inertia(diagnosis), sizes[name] / assumed_b**p.scale_power)
         for name, p in scaled.items()
     }
-    return "; ".join(_ratios_first(diagnosis, words, ratios)) or NONE
+    return "; ".join(_ratios_first(diagnosis, effect, words, ratios)) or NONE
 
 
-def _ratios_first(diagnosis: Diagnosis, sizes: Mapping[str, str], ratios: Mapping[str, str]) -> list[str]:
+def _ratios_first(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, str], ratios: Mapping[str, str]) -> list[str]:
     """Ratios by parameter if only these are identified, the sizes with them at the assumed b, and the other sizes."""
     ratios = ratios if only_ratios(diagnosis) else {}
-    scaled = [f"{parameter_words(name)} {words}" for name, words in sizes.items() if name in ratios]
-    others = [f"{parameter_words(name)} {words}" for name, words in sizes.items() if name not in ratios]
-    return [*ratios.values(), *([f"{assumed(diagnosis)}: {', '.join(scaled)}"] if scaled else []), *others]
+    labelled = {name: f"{parameter_words(effect, name)} {words}" for name, words in sizes.items()}
+    scaled = [words for name, words in labelled.items() if name in ratios]
+    others = [words for name, words in labelled.items() if name not in ratios]
+    return [
+        *(f"{parameter_words(effect, name)} {ratio}" for name, ratio in ratios.items()),
+        *([f"{assumed(diagnosis)}: {', '.join(scaled)}"] if scaled else []),
+        *others,
+    ]
 
 
 def _inertia(diagnosis: Diagnosis) -> str:
@@ -85,9 +91,9 @@ def _inertia(diagnosis: Diagnosis) -> str:
     return diagnosis.scale.inertia if diagnosis.scale else "b"
 
 
-def _ratio(name: str, unit: str, inertia: str, ratio: float, *interval90: float) -> str:
-    """`torque / b = 0.1472 1/s² (0.1467 to 0.1476)`, or without the interval."""
+def _ratio(unit: str, inertia: str, ratio: float, *interval90: float) -> str:
+    """`/ b = 0.1472 1/s² (0.1467 to 0.1476)`, or without the interval."""
     operator = f"{'·' if unit == 'm^2' else '/'} {inertia}"  # a size in 1/kg falls as the scale rises
     shown = "" if unit == "1" else superscripts(unit)
     size = with_unit(with_interval(ratio, *interval90) if interval90 else three(ratio), shown)
-    return f"{parameter_words(name)} {operator} = {size}"
+    return f"{operator} = {size}"

@@ -11,8 +11,8 @@ from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.digits import three
 from dpr_lab.report.gap.tables import causes, steps
 from dpr_lab.report.pages.page import ShareBar
-from dpr_lab.report.words import named, size_words
-from dpr_lab.shown import listed, parameter_words, percent
+from dpr_lab.report.words import named, parameter_words, size_words
+from dpr_lab.shown import listed, percent
 
 
 def basis_words(diagnosis: Diagnosis) -> str:
@@ -113,7 +113,8 @@ def _varying(parameter: VaryingParameter) -> str:
     def size(*values: float) -> str:
         return size_words(parameter.effect, parameter.name, RADIANS, *values)
 
-    words = f"{parameter_words(parameter.name)} of {named(parameter.effect)}" if parameter.effect else parameter.name
+    size_name = parameter_words(parameter.effect, parameter.name)  # a ratio has no effect, and is its own name
+    words = f"{size_name} of {named(parameter.effect)}" if parameter.effect else size_name
     ends = sorted((value, name) for name, value in parameter.values.items())
     reach = NORMAL_Q90 * parameter.std
     smallest, largest = (f"{size(v, v - reach, v + reach)} in {name}" for v, name in (ends[0], ends[-1]))

@@ -20,8 +20,8 @@ from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.gap.sizes import sizes_cell
 from dpr_lab.report.tables import run_name
-from dpr_lab.report.words import in_words, named, size_words
-from dpr_lab.shown import parameter_words, percent
+from dpr_lab.report.words import in_words, named, parameter_words, size_words
+from dpr_lab.shown import percent
 
 SUMMARY_COLUMNS = ("effect", "size, 90 % interval", "probability")
 EFFECT_COLUMNS = ("effect", "indistinguishable effects", "probability", "unique contribution", "size, 90 % interval")
@@ -362,7 +362,7 @@ def detectable_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[t
         (
             named(name),
             ", ".join(
-                f"{parameter_words(p)} {'not detectable' if size is None else size_words(name, p, angles, size)}"
+                f"{parameter_words(name, p)} {'not detectable' if size is None else size_words(name, p, angles, size)}"
                 for p, size in sizes.items()
             ),
         )

@@ -6,8 +6,8 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import EXCLUDED, Exclusion
 from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.gap.section import EvidenceSection, FoldedTable, evidence_of
-from dpr_lab.report.words import in_words, named, size_words
-from dpr_lab.shown import parameter_words, percent
+from dpr_lab.report.words import in_words, named, parameter_words, size_words
+from dpr_lab.shown import percent
 
 
 def exclusion_words(diagnosis: Diagnosis) -> list[str]:
@@ -44,7 +44,8 @@ def exclusion_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
         (
             named(name),
             ", ".join(
-                f"{parameter_words(e.parameter)} {size_words(name, e.parameter, RADIANS, e.size)}" for e in exclusions
+                f"{parameter_words(name, e.parameter)} {size_words(name, e.parameter, RADIANS, e.size)}"
+                for e in exclusions
             ),
             _percent(min(e.confidence for e in exclusions)),
         )
