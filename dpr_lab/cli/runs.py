@@ -42,11 +42,11 @@ def info(files: RunFiles, as_json: JsonEach = False) -> None:
     Example: dpr-lab run info runs/20261121T101500Z_X1_1a2b3c4d.mcap
     """
     json_mode(as_json)
+    from dpr_lab.report.run_info import info_rows
     from dpr_lab.storage.inspect import info as inspect_run
 
     def show(summary: dict[str, Any]) -> None:
-        rows = [(key, _readable(value)) for key, value in summary.items()]
-        table(Path(summary["file"]).name, ("", "value"), rows)
+        table(Path(summary["file"]).name, ("quantity", "value"), info_rows(summary))
 
     _each(files, lambda file: asdict(inspect_run(file)), show, as_json)
 
@@ -180,11 +180,3 @@ def _each(
         emit(summaries if len(files) > 1 else summaries[0])
     if not all(summary.get("ok", "error" not in summary) for summary in summaries):
         raise typer.Exit(RunError.exit_code)
-
-
-def _readable(value: object) -> str:
-    if isinstance(value, dict):
-        return ", ".join(f"{key} {_readable(entry)}" for key, entry in value.items()) or "-"
-    if isinstance(value, list | tuple):
-        return ", ".join(_readable(entry) for entry in value) or "-"
-    return f"{value:.6g}" if isinstance(value, float) else "-" if value is None else str(value)

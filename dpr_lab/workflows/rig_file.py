@@ -254,6 +254,8 @@ class Usual:
     """Length, m."""
     mass: tuple[float, float] = (1e-3, 50.0)
     """Mass, kg."""
+    kg_per_m: float = 100.0
+    """Maximum mass of a rod per length, kg/m: twice that of a steel rod of 80 mm diameter."""
     rate_hz: int = 100
     """Minimum sample rate, Hz: a rod makes up to three turns per second."""
     relative_std: float = 0.1
@@ -338,11 +340,14 @@ def _odd_bounds(name: str, p: "Parameter") -> Iterator[RigFinding]:
 
 
 def _odd_rod(rig: "Rig", rod: int, length: float | None) -> Iterator[RigFinding]:
-    """Errors of a rod: centre of mass beyond its end, or an inertia above the maximum m l (L - l)."""
+    """Errors of a rod: mass per length, centre of mass beyond its end, or an inertia above the maximum m l (L - l)."""
     centre, mass, inertia = (rig.parameters[f"{name}{rod}"] for name in "lmJ")
     centroid, m, J = (p.measured or p.nominal for p in (centre, mass, inertia))
     if length is None:
         return
+    if USUAL.kg_per_m * length < m <= USUAL.mass[1]:
+        message = f"{m:g} kg are much for a rod of {length:g} m: was it weighed in another unit?"
+        yield RigFinding("odd", f"parameters.m{rod}", message)
     if centroid > length:
         message = f"{centroid:g} m lies beyond the end of the rod at {length:g} m"
         yield RigFinding("odd", f"parameters.l{rod}", message)

@@ -28,6 +28,21 @@ def test_keys_that_do_not_fit_together_have_one_sentence() -> None:
         parse_rig(without_motor)
 
 
+@pytest.mark.parametrize(
+    ("words", "warnings"),
+    [
+        ((), []),
+        (("--m2", "150"), ["parameters.m2: 150 kg: was it weighed in another unit?"]),
+        (("--m2", "30"), ["parameters.m2: 30 kg are much for a rod of 0.25 m: was it weighed in another unit?"]),
+        (("--l1", "3"), ["rig.L1: 3 m: was it measured in another unit?"]),
+    ],
+)
+def test_a_new_rig_with_a_length_in_mm_or_a_mass_in_g_has_a_warning(cli, tmp_path: Path, words, warnings) -> None:
+    done = cli("rig", "new", *FLAGS, *words, "--mb", "0.05", "--out", "my.toml", cwd=tmp_path)
+    assert done.code == 0
+    assert [line.removeprefix("warning: ") for line in done.err.splitlines() if "unit?" in line] == warnings
+
+
 def test_a_rig_file_from_flags_can_be_used(cli, tmp_path: Path) -> None:
     done = cli("rig", "new", *FLAGS, "--out", "my.toml", cwd=tmp_path)
     assert done.code == 0, done.err

@@ -1,12 +1,15 @@
 """`dpr-lab run info|verify|export`: one file or many."""
 
 import shutil
+from dataclasses import fields
 from pathlib import Path
 
 import h5py
 import pytest
 import xarray
 
+from dpr_lab.report.run_info import QUANTITIES
+from dpr_lab.storage.inspect import RunInfo
 from dpr_lab.storage.sidecar import sidecar_of
 
 
@@ -43,6 +46,17 @@ def test_the_json_of_one_file_is_an_object_and_of_many_a_list(runs: list[Path], 
     one, many = cli("run", "verify", damaged, "--json"), cli("run", "verify", runs[0], damaged, "--json")
     assert one.code == many.code == 3
     assert [found["ok"] for found in (one.json, *many.json)] == [False, True, False]
+
+
+def test_info_names_quantities_in_words_with_units(runs: list[Path], cli) -> None:
+    rows = dict(line.strip("│ ").split("│", 1) for line in cli("run", "info", runs[0]).out.splitlines() if "│" in line)
+    names = {name.strip() for name in rows}
+    assert {"sample rate (Hz)", "longest gap (s)", "lost samples by cause"} <= names
+    assert not [name for name in names if "_" in name]
+
+
+def test_every_quantity_of_a_run_has_words() -> None:
+    assert list(QUANTITIES) == [field.name for field in fields(RunInfo)]
 
 
 def test_files_that_are_not_runs_are_listed_between_the_runs(runs: list[Path], tmp_path: Path, cli) -> None:

@@ -1,0 +1,112 @@
+"""Metadata of a run file as rows of text: quantities in words, with units."""
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from dpr_lab.report.digits import NONE
+
+QUANTITIES = {
+    "file": "file",
+    "sha256": "SHA-256",
+    "size_bytes": "size (bytes)",
+    "complete": "complete",
+    "damage": "damage",
+    "stopped": "reason of an early end",
+    "samples": "samples",
+    "duration_s": "duration from the release (s)",
+    "rate_hz": "sample rate (Hz)",
+    "gaps": "gaps",
+    "longest_gap_s": "longest gap (s)",
+    "lost": "lost samples by cause",
+    "release_tick": "device tick at the release",
+    "pose": "pose",
+    "pose_rad": "angles of the pose: arm, rods (rad)",
+    "pose_measured_rad": "measured angles before the release: arm, rods (rad)",
+    "gate": "quality checks",
+    "gate_figures": "measured by the quality checks",
+    "clock": "clock of the device",
+    "mounted": "mounted rods",
+    "elbow": "joint 2",
+    "arm": "arm",
+    "inner": "inner rod",
+    "input": "input of the arm",
+    "rig": "rig",
+    "rig_sha256": "SHA-256 of the rig file",
+    "source": "source",
+    "url": "link",
+    "firmware": "firmware",
+    "uid": "device identifier",
+    "protocol": "protocol",
+    "schema_hash": "hash of the message formats",
+    "versions": "versions",
+    "created_utc": "file created (UTC)",
+    "recorded_utc": "recorded (UTC)",
+    "note": "note",
+    "notes": "remarks",
+    "extra": "further information",
+}
+"""Field of `dpr_lab.storage.inspect.RunInfo` -> quantity."""
+
+PARTS = {
+    "device_overrun": "device too slow",
+    "crc": "damaged on the link",
+    "framing": "incomplete frame",
+    "contradicted": "two values for one tick",
+    "tick_gap": "never arrived",
+    "torque": "torques missing",
+    "rest_speed": "speed at rest",
+    "rest_spread": "scatter at rest",
+    "pose": "distance from the pose",
+    "release_speed": "speed at the release",
+    "lost": "share of lost samples",
+    "gap": "longest gap",
+    "jitter": "jitter of the samples",
+    "clock": "clock rate error",
+    "clock_fit": "uncertainty of the clock rate",
+    "latch": "share of messages that report a closed latch",
+    "jumps": "fastest motion relative to the fastest possible",
+    "moved": "smallest motion of an encoder",
+    "hanging_before": "distance from hanging before",
+    "hanging_after": "distance from hanging after",
+    "rate_ppm": "rate error by PING (ppm)",
+    "rate_ppm_std": "its standard deviation (ppm)",
+    "rtt_min": "shortest round trip (s)",
+    "n": "PING exchanges",
+    "offset": "host time of tick 0 (s)",
+    "offset_std": "its standard deviation (s)",
+    "period": "period of a tick (s)",
+    "dpr_lab": "dpr-lab",
+    "arrival_ppm": "rate error by the arrival of samples (ppm)",
+    "arrival_margin_ppm": "its error bound (ppm)",
+}
+"""Name of a loss, a check, a figure of the clock or a program -> words; other names are shown without underscores."""
+
+_WITH_UNIT = re.compile(r"(\w+) \((.+)\)")
+"""Name of a quality check with its unit, as in a run file; a share has the unit 1."""
+
+
+def info_rows(info: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Quantity and value of each entry of a run's metadata."""
+    return [(QUANTITIES[name], _text(value)) for name, value in info.items()]
+
+
+def _text(value: object) -> str:
+    match value:
+        case Mapping():
+            return ", ".join(f"{_part(str(name))} {_text(entry)}" for name, entry in value.items()) or NONE
+        case list() | tuple():
+            return ", ".join(map(_text, value)) or NONE
+        case bool():
+            return "yes" if value else "no"
+        case float():
+            return f"{value:.6g}"
+    return NONE if value is None or value == "" else str(value)
+
+
+def _part(name: str) -> str:
+    with_unit = _WITH_UNIT.fullmatch(name)
+    if with_unit is None:
+        return PARTS.get(name, name.replace("_", " "))
+    words, unit = _part(with_unit[1]), with_unit[2]
+    return words if unit == "1" else f"{words} ({unit})"
