@@ -1,7 +1,3 @@
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -139,20 +135,3 @@ def test_prescribed_acceleration_is_held_from_instant_to_instant():
     np.testing.assert_allclose(states[:, 3], [0.0, 1.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(states[:, 0], [0.0, 0.25, 0.5], atol=1e-12)
     assert np.abs(states[1, 1:3] - np.pi).min() > 1e-3
-
-
-WITHOUT_COMPILER = """
-import dpr_lab.gap.diagnose
-from dpr_lab.dynamics.simulate import simulate
-print(float(simulate([0.05, 0.005, 0.008, 1.4, 0.001, 0.001], 0.4, 9.81, [1, 2, 0, 0], [0, 0.02], 1e-3)[-1, 0]))
-"""
-
-
-@pytest.mark.slow
-def test_without_the_compiler_the_python_functions_are_called():
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    run = subprocess.run(
-        [sys.executable, "-c", WITHOUT_COMPILER], env=environment, capture_output=True, text=True, check=True
-    )
-    compiled = simulate([0.05, 0.005, 0.008, 1.4, 0.001, 0.001], 0.4, 9.81, [1, 2, 0, 0], [0, 0.02], 1e-3)[-1, 0]
-    assert float(run.stdout) == pytest.approx(compiled, rel=1e-12)
