@@ -147,16 +147,7 @@ def shape(
     if continuous and len(scan) < 2:
         raise ValueError(f"{name}: a continuous shape needs two values or more in `scan`")
     return EffectParameter(
-        name,
-        unit,
-        default,
-        "positive",
-        "shape",
-        default,
-        scan,
-        draw=draw,
-        whole=whole,
-        continuous=continuous,
+        name, unit, default, "positive", "shape", default, scan, draw=draw, whole=whole, continuous=continuous
     )
 
 
