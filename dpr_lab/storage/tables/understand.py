@@ -37,7 +37,7 @@ from dpr_lab.storage.tables.plausible import (
     turn_of_hanging,
     wrap_notes,
 )
-from dpr_lab.storage.tables.questions import questions, refuse_push
+from dpr_lab.storage.tables.questions.questions import questions, refuse_push
 from dpr_lab.storage.tables.readings import angles, in_radians
 from dpr_lab.storage.tables.table import Table
 from dpr_lab.storage.tables.time_stamps import carried_times, even_times, stamps_at_gaps

@@ -1,0 +1,104 @@
+"""Doubts from the energy of the swing: units, zeros, signs, order of the columns, and known torques."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from dpr_lab.errors import RunError
+from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, other_pace, periods, residual_near
+from dpr_lab.shown import percent
+from dpr_lab.storage.tables.columns import TO_SECONDS
+from dpr_lab.storage.tables.interpreted import InterpretedTable, QuestionSettings, TableQuestion
+from dpr_lab.storage.tables.plausible import odd_notes
+from dpr_lab.storage.tables.questions.pose import as_posed
+from dpr_lab.storage.tables.readings import READ, OtherReading, better_readings
+from dpr_lab.storage.tables.torques import better_torques, other_torques
+
+
+def energy_questions(
+    table: InterpretedTable, settings: QuestionSettings
+) -> tuple[list[TableQuestion], list[OtherReading]]:
+    """Doubts about units, zero, signs and order from the energy of the swing, and corrected interpretations."""
+    looked_at, read = table.looked_at(settings), table.read(settings)
+    fit = energy_fit(read.t, table.theta[looked_at, 1:], read.torques, table.rig)
+    residual, others = math.nan, []
+    if fit is not None and not table.prescribed:
+        residual = fit.residual
+        others = better_readings(fit, read)
+        if not others and (doubt := _torque_question(table, fit, looked_at)):
+            return [doubt], []
+    if fit is not None and not others and table.options.inner != "prescribed":
+        _refuse_unit_of_time(table, fit.kinetic_scale, settings)
+    for other in others:
+        if "--time-unit" in other.mend:
+            raise RunError(_unit_of_time(table, *other.mend[1:]))
+    if others:
+        others = [as_posed(table, other, settings) for other in others]
+        return [read_otherwise("the energy of the swing is not conserved; it is", others)], others
+    doubts = []
+    unexplained = settings.unexplained[table.torques is not None]
+    if residual > unexplained:
+        residual = residual_near(read.t, table.theta[looked_at, 1:], read.torques, table.rig)
+    if residual > unexplained:
+        share, rate = f"{percent(residual)} of" if residual < 1 else "more than", table.options.rate_hz
+        pace = other_pace(read.t, table.theta[looked_at, 1:], table.rig) if rate and table.free else 1.0
+        filmed = f"; much less with --rate-hz {rate * pace:g}: was it filmed so fast?" if rate and pace != 1.0 else ""
+        doubts.append(
+            TableQuestion(
+                f"the energy of the swing changes by {share} the energy exchanged by gravity, which friction and known"
+                " torques do not explain: check --unit, --zero, --offset, --angles, --columns, --time-unit, --torque"
+                f" (in N m) and --arm, and lengths and masses of the rig{filmed}"
+            )
+        )
+    elif fit is not None and table.free and abs(math.log(fit.time_scale)) >= math.log(settings.time_scale):
+        doubts.append(
+            TableQuestion(
+                f"the rods swing {fit.time_scale:.3g} times as fast as predicted from lengths and masses of the rig"
+                " file: check L1, masses and inertias of the rig, --rate-hz or --time-unit"
+            )
+        )
+    upright = table.options.zero == "upright" and table.options.unit != "counts" and not residual <= READ.right
+    upright = upright and table.torques is None and table.ignored is None  # drives can hold rods up
+    upright = upright and (table.options.pose is None or not table.arm_moves)  # the pose shows a wrong zero
+    radians = table.free and table.options.unit in (None, "rad")
+    odd = odd_notes(table.t[table.swing], table.theta[table.swing], upright, table.rig.rods.number, radians)
+    return [TableQuestion(note) for note in odd] + doubts, []
+
+
+def read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
+    """Doubt with the interpretations that would remove it; its correction if there is one."""
+    causes = "; or ".join(other.sentence for other in others)
+    return TableQuestion(f"with these options {broken} if {causes}", others[0].mend if len(others) == 1 else ())
+
+
+def _torque_question(table: InterpretedTable, fit: EnergyFit, looked_at: slice) -> TableQuestion | None:
+    """Doubt about sign, unit, order or absence of the torques, if another interpretation conserves the energy."""
+    others = list(other_torques(table.torques, table.torque_columns, table.options.scale, table.ignored))
+    others = [replace(other, torques=other.torques[looked_at]) for other in others]
+    best = better_torques(fit, table.t[looked_at], table.theta[looked_at][:, 1:], others, table.rig)
+    if best is None:
+        return None
+    return TableQuestion(
+        f"with these options the energy of the swing is not conserved; it is if {best.cause} ({' '.join(best.words)})",
+        best.words,
+    )
+
+
+def _refuse_unit_of_time(table: InterpretedTable, scale: float, settings: QuestionSettings) -> None:
+    now = table.options.time_unit or "s"
+    if not 0 < scale < np.inf or 1 / settings.other_unit < scale < settings.other_unit or table.options.rate_hz:
+        return
+    unit = min(TO_SECONDS, key=lambda name: abs(math.log(TO_SECONDS[name] / TO_SECONDS[now] / scale)))
+    if unit != now:
+        raise RunError(_unit_of_time(table, unit))
+
+
+def _unit_of_time(table: InterpretedTable, unit: str) -> str:
+    lasts = table.t[-1] - table.t[0]
+    return (
+        f"{table.path}: in {table.options.time_unit or 's'} the table lasts {lasts:.4g} s and its rods"
+        f" {'hardly move' if unit != 's' else 'turn far too fast'}; the rods of the rig swing with periods of"
+        f" {' and '.join(f'{period:.2g} s' for period in periods(table.rig))}: the times are in {unit}"
+        f" (--time-unit {unit}), or the angles in another unit (--unit)"
+    )
