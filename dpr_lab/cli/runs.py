@@ -42,7 +42,7 @@ def info(files: RunFiles, as_json: JsonEach = False) -> None:
     Example: dpr-lab run info runs/20261121T101500Z_X1_1a2b3c4d.mcap
     """
     json_mode(as_json)
-    from dpr_lab.report.run_info import info_rows
+    from dpr_lab.cli.run_info import info_rows
     from dpr_lab.storage.inspect import info as inspect_run
 
     def show(summary: dict[str, Any]) -> None:

@@ -8,7 +8,7 @@ import h5py
 import pytest
 import xarray
 
-from dpr_lab.report.run_info import QUANTITIES
+from dpr_lab.cli.run_info import QUANTITIES
 from dpr_lab.storage.inspect import RunInfo
 from dpr_lab.storage.sidecar import sidecar_of
 
