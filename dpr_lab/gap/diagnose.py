@@ -4,8 +4,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Effect
@@ -215,10 +213,9 @@ def _transferred(before: Classified) -> Transferred:
     _begin(request, "transfer")
     everything = recordings.only([*recordings.records, *before.held_out.records])
     runs_by_model = {name: free_runs(everything, model.fit.estimate) for name, model in selection.models.items()}
-    rng = np.random.default_rng(request.seed)
     swings = free_swings(runs_by_model["before"], selection.base)
     expected = expected_errors(swings, selection.base.residuals.independent_noise)
-    transferred = transfer(recordings, before.held_out_prediction, problem, selection, runs_by_model, expected, rng)
+    transferred = transfer(before, runs_by_model, expected)
     budget = gap_budget(recordings, everything, problem, selection)
     remainder = discrepancy(problem, selection.chosen)
     return Transferred.after(
@@ -228,7 +225,7 @@ def _transferred(before: Classified) -> Transferred:
         transfer=transferred,
         description=description(recordings.records, request.rig, problem, selection, transferred),
         remainder=remainder,
-        gap=gap(recordings, problem, selection, transferred, runs_by_model, budget, remainder),
+        gap=gap(before, transferred, runs_by_model, budget, remainder),
     )
 
 

@@ -35,7 +35,7 @@ from dpr_lab.gap.result.gap_size import Gap
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FreeRuns
 from dpr_lab.gap.transfer.out_of_sample import OutOfSample
-from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
 from dpr_lab.gap.where.locate import Place
 from dpr_lab.gap.which.fitted_sets import FittedSets

@@ -11,7 +11,7 @@ from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.transfer.lone_recording import LoneRecording, alone
 from dpr_lab.gap.transfer.out_of_sample import GapReduction
-from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.transfer.outcome import Transfer
 from tests.background_rigs import law, record, rig_and_base
 
 

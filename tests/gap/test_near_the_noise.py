@@ -13,7 +13,7 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
 from dpr_lab.gap.hypothesis.thresholds import accepted, at_noise_floor
 from dpr_lab.gap.transfer.out_of_sample import GapReduction
-from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.which.sizes import impossible_together
 from dpr_lab.rig import load_rig
 from sim_device.plant.config import load_plant

@@ -18,7 +18,8 @@ from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.gap.screen.sensor_faults import screen
 from dpr_lab.gap.transfer.free_run import FreeRunError
 from dpr_lab.gap.transfer.out_of_sample import GapReduction, reduction
-from dpr_lab.gap.transfer.transfer import Transfer, worse_free_run
+from dpr_lab.gap.transfer.outcome import Transfer
+from dpr_lab.gap.transfer.transfer import worse_free_run
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.shown import percent

@@ -22,7 +22,7 @@ from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.state import Advised, Supported
-from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.locate import Place, where_sentence
 from dpr_lab.setup import only_inner
 

@@ -12,7 +12,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.conclusion.other_scale import other_scale
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.screen.record import Record
-from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.arm_energy import undescribed_drive
 from dpr_lab.identification.misread.tried import Description, SecondLook, second_look

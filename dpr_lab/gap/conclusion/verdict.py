@@ -10,7 +10,7 @@ from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Verdict
 from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.gap.state import Transferred
-from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.shown import listed, percent
 
 

@@ -23,6 +23,7 @@ from dpr_lab.arrays import Array, Integers
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
+from dpr_lab.gap.hypothesis.steps import step_gain
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,10 +199,8 @@ class _Changes:
         """(samples,) gain and (samples,) size of a step of one joint's reading just before each sample, rad."""
         weight, Q = self.weight[:, joint], self.Q[:, joint]
         score, power = self._later(weight * self.e[:, joint]), self._later(weight**2)
-        remaining = power - np.sum(self._later(weight[:, None] * Q) ** 2, axis=1)
-        visible = remaining > JUMP.seen * np.maximum(power, 1.0)
-        size = np.where(visible, score / np.where(visible, remaining, 1.0), 0.0)
-        return self._inside(score * size), size
+        gain, size = step_gain(score, power, self._later(weight[:, None] * Q), JUMP.seen * np.maximum(power, 1.0))
+        return self._inside(gain), size
 
     def lone(self) -> Array:
         """(samples,) gain of one wrong reading at each sample or at its neighbours."""

@@ -135,15 +135,31 @@ def _steps(problem: Problem, fit: Fit) -> list[ReadingStep]:
             fit.linear.Q[:, joint :: problem.axes],
         )
         projection, on_initial = _from_end(e * weight), _from_end(Q * weight[:, :, None])
-        remaining_norm = _from_end(weight**2) - np.sum(on_initial**2, axis=2)
-        detectable = remaining_norm > (STEPS.blind * weight.sum(axis=1) ** 2 / lengths)[:, None]
-        size = np.where(detectable, projection / np.where(detectable, remaining_norm, 1.0), 0.0)
-        gain = projection * size
+        least = STEPS.blind * weight.sum(axis=1) ** 2 / lengths
+        gain, size = step_gain(projection, _from_end(weight**2), on_initial, least[:, None])
         best = np.argmax(gain[:, 1:], axis=1) + 1
         rows, instants = np.arange(len(best)), problem.t[firsts + best] - STEPS.before_s
         columns = gain[rows, best].tolist(), segments.run.tolist(), instants.tolist(), size[rows, best].tolist()
         steps += [ReadingStep(most, joint, *times) for most, *times in zip(*columns, strict=True)]
     return sorted(steps, reverse=True)
+
+
+def step_gain(score: Array, power: Array, on_nuisances: Array, least: Array) -> tuple[Array, Array]:
+    """Gain and size of a change h of the readings, as functions of its instant.
+
+    Args:
+        score: (...) h e, with the whitened and projected residual e
+        power: (...) h^2
+        on_nuisances: (..., q) components of h along the orthonormal columns that are projected out
+        least: (...) length h^2 after the projection from which a change is visible
+
+    Returns:
+        (...) reduction of chi2, (h e)^2 / h^2 with the projected h, and (...) size (h e) / h^2; zero if not visible
+    """
+    remaining = power - np.sum(on_nuisances**2, axis=-1)
+    visible = remaining > least
+    size = np.where(visible, score / np.where(visible, remaining, 1.0), 0.0)
+    return score * size, size
 
 
 def _from_end(values: Array) -> Array:

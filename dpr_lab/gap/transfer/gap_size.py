@@ -17,10 +17,10 @@ from dpr_lab.gap.result.gap_budget import GapBudget
 from dpr_lab.gap.result.gap_size import ClosedShare, Gap
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
+from dpr_lab.gap.state import Classified
 from dpr_lab.gap.transfer.free_run import FreeRuns
-from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
-from dpr_lab.gap.which.selected import Selection
 
 HORIZONS_S = (0.25, 0.5, 1.0, 2.0)
 """Segment lengths for which the gap is given: from lengths at which every model fits to the onset of chaos."""
@@ -33,9 +33,7 @@ TORQUE_HATS = 3
 
 
 def gap(
-    recordings: Recordings,
-    problem: Problem,
-    selection: Selection,
+    state: Classified,
     transferred: Transfer,
     runs_by_model: Mapping[str, FreeRuns],
     budget: GapBudget,
@@ -44,14 +42,13 @@ def gap(
     """Compute all sizes of the gap that a diagnosis reports.
 
     Args:
-        recordings: the fitted runs
-        problem: the segments of the fitted runs
-        selection: the selected set of effects
+        state: the state with the selected set of effects
         transferred: performance of the selected set on held-out recordings
         runs_by_model: free runs of the models before and after, along all recordings including held-out ones
         budget: reproducible and other shares of the gap
         remainder: discrepancy term of the selected set; None if only noise remains
     """
+    problem, selection = state.problem, state.selection
     base, chosen = selection.base, selection.chosen
     errors = {name: runs.errors_rad for name, runs in runs_by_model.items()}
     return Gap(
@@ -66,7 +63,7 @@ def gap(
             per_run={name: share.estimate for name, share in transferred.left_out.items()},
             held_out={name: share.estimate for name, share in transferred.held_out.items()},
         ),
-        by_horizon=by_horizon(recordings, problem, selection.models),
+        by_horizon=by_horizon(state.recordings, problem, selection.models),
         free_run_rad={
             run: {name: of_model[run] for name, of_model in errors.items()}
             for run in errors["before"]

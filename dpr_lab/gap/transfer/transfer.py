@@ -19,140 +19,35 @@ the sum. The signed ranks detect a reduction in all segments.
 Source: Wilcoxon (1945), Individual comparisons by ranking methods, Biometrics Bulletin 1, 80-83.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.cross_validation import FOLDS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.diagnosis import Basis
-from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.state import Classified
 from dpr_lab.gap.transfer.free_run import FreeRunError, FreeRuns
-from dpr_lab.gap.transfer.lone_recording import LoneRecording, lone_recording
+from dpr_lab.gap.transfer.lone_recording import lone_recording
 from dpr_lab.gap.transfer.out_of_sample import GapReduction, OutOfSample, left_out, reduction, share
+from dpr_lab.gap.transfer.outcome import TRANSFER, Transfer, WorseFreeRun
 from dpr_lab.gap.which.selected import Selection
 
 
-@dataclass(frozen=True, slots=True)
-class TransferSettings:
-    """Settings of the test on held-out recordings."""
-
-    beyond_chance: float = NORMAL_Q90
-    """Standard errors of a sum of reductions: exceeded by chance in one of twenty cases."""
-    kept: float = 0.5
-    """Minimum ratio of the share closed on held-out data to the share closed in the fitted recordings; an effect whose
-    interval reaches it is not refuted.
-    """
-    gap_from: float = 0.25
-    """Ratio of excess chi2 to that of the noise from which a share is determined by the effect, not by the noise."""
-    unproven: float = 0.5
-    """Factor on the probability of an effect that does not carry over; the result is at most one half."""
-    oversized: float = 0.1
-    """Factor on the probability of an effect with an impossible size: it stands for another cause."""
-    worse: float = 1.1
-    """Factor by which the named effects may increase the error of free runs, besides the noise of the first readings.
-    """
-    unpredictable: float = 2.0
-    """Increase of the error of free runs that counts as chance, in its standard deviations due to the noise of their
-    first readings."""
-    followed_rad: float = 0.3
-    """Error of a free run of the bare model, rms from its beginning, up to which free runs are compared: where it is
-    larger, chaos dominates.
-    """
-    followed_s: float = 0.6
-    """Minimum time of this comparison, since the beginning of the recording."""
-    wildest: float = 1e12
-    """Maximum chi2 of a segment, for one that cannot be simulated."""
-
-
-TRANSFER = TransferSettings()
-
-
-@dataclass(frozen=True, slots=True)
-class WorseFreeRun:
-    """Error of free runs that the named effects increase, up to the time that the bare model can follow."""
-
-    before_rad: float
-    """Of the bare model, rms of a run, geometric mean over the runs, rad."""
-    after_rad: float
-    """With the effects, rad."""
-    until_s: float
-    """Time of the longest comparison, since the beginning of the recording, s."""
-
-
-@dataclass(frozen=True, slots=True)
-class Transfer:
-    """Performance of the named effects on held-out recordings."""
-
-    basis: Basis
-    tested: bool
-    """Whether the recordings have enough segments to predict some from others."""
-    closed: GapReduction
-    """Share of the gap closed by all effects together."""
-    gap_ratio: float
-    """Ratio of the residual of the bare model on these data to the noise, both rms."""
-    closing: tuple[tuple[str, float, float], ...]
-    """Added effect ("" for none); remaining gap, rms of a reading, rad; share closed so far; on data that were not
-    fitted.
-    """
-    left_out: Mapping[str, GapReduction]
-    """Share of the gap closed in each fitted run, predicted from the other runs."""
-    held_out: Mapping[str, GapReduction]
-    """Share of the gap closed in each held-out run."""
-    effects: Mapping[str, Mapping[str, GapReduction]]
-    """Effect -> run -> share of the gap without the effect that the effect closes."""
-    withdrawn: tuple[str, ...]
-    """Effects that do not improve the prediction of recordings that were not fitted."""
-    unproven: tuple[str, ...]
-    """Effects that do not improve the prediction of a quarter of the only release from its other quarters. They stay in
-    the model, because the quarters differ in amplitude.
-    """
-    oversized: tuple[str, ...]
-    """Effects whose size is impossible on any rig, or is that of another cause."""
-    worse_free_run: WorseFreeRun | None
-    """Error of free runs without and with the effects, if the effects increase it; otherwise None. On the held-out
-    runs, without these on the fitted ones.
-    """
-    lone: LoneRecording | None = None
-    """The only fitted recording with a remainder, if there is one."""
-
-    def judged(self, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
-        """Probabilities of the effects; reduced for those that fail a test."""
-        doubtful = {*self.withdrawn, *self.unproven}
-        if self.worse_free_run or self.lone or not self.tested or self.closed.estimate < 0.0:
-            doubtful |= {posterior.name for posterior in posteriors}
-        factors = dict.fromkeys(doubtful, TRANSFER.unproven) | dict.fromkeys(self.oversized, TRANSFER.oversized)
-        return tuple(
-            replace(posterior, probability=factors.get(posterior.name, 1.0) * posterior.probability)
-            for posterior in posteriors
-        )
-
-
 def transfer(
-    recordings: Recordings,
-    held_out: OutOfSample | None,
-    problem: Problem,
-    selection: Selection,
-    runs_by_model: Mapping[str, FreeRuns],
-    expected: Mapping[str, FreeRunError],
-    rng: np.random.Generator,
+    state: Classified, runs_by_model: Mapping[str, FreeRuns], expected: Mapping[str, FreeRunError]
 ) -> Transfer:
-    """Test the selected effects on held-out recordings.
+    """Test the selected effects on held-out recordings; without any, each fitted run is held out in turn.
 
     Args:
-        recordings: the fitted runs
-        held_out: prediction of the held-out runs; without any, each fitted run is held out in turn
-        problem: the segments of the fitted runs
-        selection: the selected set of effects
+        state: the state with the selected set of effects
         runs_by_model: free runs of the models before and after along all recordings
         expected: error of those of the model before that is due to the noise of their first readings
-        rng: random generator of the bootstrap
     """
+    recordings, problem, selection = state.recordings, state.problem, state.selection
+    held_out, rng = state.held_out_prediction, np.random.default_rng(state.request.seed)
     basis: Basis = "held-out runs" if held_out else "releases left out"
     if not held_out and len(recordings.records) == 1:
         basis = "one release"
