@@ -52,3 +52,12 @@ def test_a_rod_that_was_exchanged_between_the_recordings_is_recognised(rig, reco
     [note] = diagnosis.notes
     assert "differ in e1/a" in note
     assert "if the rig was changed" in note
+
+
+def test_the_cause_of_a_gap_in_twenty_readings_is_proposed_without_certainty(tmp_path, rig):
+    t, rng = np.arange(0.0, 2.4, 0.12), np.random.default_rng(3)
+    angle = rod_swing(Rod(W2, 0.04, 2.0, 0.0), np.radians(60.0), t) + rng.normal(0.0, 8e-3, len(t))
+    diagnosis = diagnose(table(tmp_path, "coarse", rig, {"t_s": t, "theta1_rad": angle}), rig, library=LIKELY)
+    [friction] = diagnosis.effects
+    assert "coulomb_joint1" in friction.members
+    assert friction.probability < 0.5

@@ -24,6 +24,8 @@ class Thresholds:
     """chi2 per degree of freedom above which fits may end in local minima."""
     chance: float = 30.0
     """Reduction of chi2 below which an effect is due to chance: the maximum over some 600 shapes."""
+    promising: float = 0.5
+    """Fraction of the excess that the score of an effect must predict for it to be fitted to a few readings."""
     chance_at_floor: float = 90.0
     """Reduction of chi2 below which an additional effect is due to chance if only noise remains."""
     consistent: float = 4.0
@@ -96,6 +98,18 @@ def at_noise_floor(model: Hypothesis) -> bool:
 def far_from_noise(model: Hypothesis) -> bool:
     """Whether the residual is so large that a linear score is only an indication."""
     return model.residuals.chi2 > THRESHOLDS.far * model.residuals.dof
+
+
+def promising_gain(model: Hypothesis) -> float:
+    """Predicted reduction of chi2 from which an additional effect is fitted.
+
+    A missing effect inflates the residuals of all readings. Of a few readings, even the cause of all excess cannot
+    reduce chi2 by the significant number of such residuals. It does not need to, because they are small after it.
+    """
+    residuals = model.residuals
+    inflation = min(residuals.inflation, max(1.0, residuals.chi2 / residuals.dof))
+    of_excess = THRESHOLDS.promising * residuals.excess
+    return max(THRESHOLDS.chance, min(0.5 * THRESHOLDS.chance * inflation, of_excess))
 
 
 def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:

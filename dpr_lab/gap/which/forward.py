@@ -20,6 +20,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
     follows_remainder,
     follows_swing,
     most_excess,
+    promising_gain,
     significance,
 )
 from dpr_lab.gap.which.fitted_sets import FittedSets
@@ -232,12 +233,8 @@ def _are_forms(sets: FittedSets, model: Hypothesis, other: Hypothesis) -> bool:
 
 def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
     """Effects with the largest predicted reduction, one of each nearly indistinguishable group, and simpler forms."""
-    inflation = min(model.residuals.inflation, max(1.0, model.residuals.chi2 / model.residuals.dof))
-    promising = [
-        score
-        for score in test.ranking
-        if score.gain > THRESHOLDS.chance * max(0.5 * inflation, 1.0) and not set(score.effect.nested) & model.key
-    ]
+    least = promising_gain(model)
+    promising = [score for score in test.ranking if score.gain > least and not set(score.effect.nested) & model.key]
     picked: list[Score] = []
     for score in promising:
         if len(picked) == (BEAM.fitted_when_far if far_from_noise(model) else BEAM.fitted):
