@@ -58,6 +58,7 @@ def test_a_limit_of_a_cable_is_forecast_with_its_other_amplitudes_free(known: Kn
 def test_a_friction_limit_is_decided_only_if_the_joint_reaches_its_speed(known: Knowledge) -> None:
     (one,) = informed([CALM], known.model)
     reached = reached_speeds([CALM], known.model)
+    assert reached.pop("joint0") == 0.0
     F = known.prior + 1e6 * one.information
     for share, decides in ((0.9, True), (1.1, False)):
         joints = {name: {"max": 1.0, "speed_rad_s": share * speed, "unit": "N m"} for name, speed in reached.items()}

@@ -68,7 +68,7 @@ def test_a_rig_without_a_drive_and_kinds_of_other_rigs_are_refused() -> None:
     with pytest.raises(ConfigError, match="use --rig and --plant driven_double"):
         with_arm(load_rig("paper"), load_plant("paper"), "driven")
     rig, plant = with_arm(load_rig("furuta"), load_plant("furuta"), "free")
-    with pytest.raises(ConfigError, match="there are the kinds single"):
+    with pytest.raises(ConfigError, match="not available with a moving arm; available: single"):
         draw_plant(parse_request("outside"), plant, rig)
 
 
