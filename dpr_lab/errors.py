@@ -73,7 +73,7 @@ def unknown_name(
         return f"{problem}; there are none"
     between = "; " if any("," in words for words in shown) else ", "
     if len(names) <= few:
-        return f"{problem}; there are: {between.join(shown)}"
+        return f"{problem}; available: {between.join(shown)}"
     pairs = zip(names, shown, strict=True)
     ranked = sorted(pairs, key=lambda pair: _similarity(name, *pair), reverse=True)
     return f"{problem}; nearest of {len(names)}: {between.join(words for _, words in ranked[:nearest])}"

@@ -194,7 +194,7 @@ def parse_faults(texts: Iterable[str], seed: int = 0) -> Faults:
 def _parsed(text: str) -> tuple[str, float]:
     name, _, value = text.partition("=")
     if name not in FAULTS:
-        raise ConfigError(f"fault {text!r}: there is no fault {name!r} (there are: {', '.join(FAULTS)})")
+        raise ConfigError(f"fault {text!r}: there is no fault {name!r} (available: {', '.join(FAULTS)})")
     kind = FAULTS[name]
     number = _number(value)
     if number is None or not 0 <= number <= kind.highest or (kind.whole and number != int(number)):

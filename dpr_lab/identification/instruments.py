@@ -140,14 +140,15 @@ def _swing(rod: int, part: str) -> Instrument:
     instruction = f"hang {part} alone from its pivot and time twenty small swings to 0.02 s"
     parameters, equal = (f"l{rod}", f"m{rod}", f"J{rod}"), f"J{rod} / (m{rod} l{rod}) + l{rod} = g (T / 2 pi)^2"
     quantity = BenchReading(f"length of the simple pendulum with the period T of {part}, {equal}", "m", f"h{rod}")
-    return Instrument(f"swing rod {rod} alone", parameters, (BENCH.swings_m,), instruction, quantity, _rod_alone)
+    name = f"swing {part.removeprefix('the ')} alone"
+    return Instrument(name, parameters, (BENCH.swings_m,), instruction, quantity, _rod_alone)
 
 
-def _add_mass(rod: int, place: str, answer: Answer) -> Instrument:
+def _add_mass(rod: str, place: str, answer: Answer) -> Instrument:
     instruction = f"repeat the first pose's release with a weighed mass, about half of m2, fixed to {place}"
     quantity = BenchReading(f"added mass, fixed to {place}", "kg", "added mass")
     return Instrument(
-        f"add mass to rod {rod}", PARAMETERS, (BENCH.scale_kg, BENCH.rule_m), instruction, quantity, answer
+        f"add mass to {rod} rod", PARAMETERS, (BENCH.scale_kg, BENCH.rule_m), instruction, quantity, answer
     )
 
 
@@ -162,7 +163,7 @@ INSTRUMENTS = (
     _balance("l2", "the outer rod"),
     _swing(1, "the inner rod"),
     _swing(2, "the outer rod"),
-    _add_mass(1, "the middle of the inner rod", _loaded_inner),
-    _add_mass(2, "the end of the outer rod", _loaded_outer),
+    _add_mass("inner", "the middle of the inner rod", _loaded_inner),
+    _add_mass("outer", "the end of the outer rod", _loaded_outer),
 )
 """Bench measurements that can be recommended; an additional row is an additional measurement."""

@@ -95,9 +95,14 @@ class NoiseLike:
 
 NOISE_LIKE = NoiseLike()
 
+SMALL_EFFECTS = "Only the rms was compared: dpr-lab diagnose also finds effects that are smaller than the noise."
+
 
 def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: AngleUnit = RADIANS) -> str:
-    """One sentence: whether the residual is noise, in the fitted and in the held-out runs."""
+    """Whether the residual is at the noise floor, in the fitted and in the held-out runs, in one or two sentences.
+
+    Only the rms is compared; an effect whose residual is smaller than the noise needs the tests of `dpr_lab.gap`.
+    """
     if model.failures:
         return f"Not reliable: {'; '.join(model.failures).rstrip('.')}."
     fitted = _worst(list(model.fit.rms_rad.values()), list(model.fit.noise_rad.values()))
@@ -110,12 +115,13 @@ def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: An
     sizes = f"rms residual {', '.join(('θ1', 'θ2')[:rods])}: {residual}; noise floor: {floor}"
     if fitted > NOISE_LIKE.most and _driven_by_noise(fitted, model.fit.chi2_per_dof):
         verdict = (
-            f"The residual is noise alone: it is {three(fitted)} times the noise of the readings, because the"
-            " noise of the prescribed motion or measured torques moves the rods, too. With this noise the reduced"
-            f" chi-square is {three(model.fit.chi2_per_dof)}"
+            f"The residual is as large as noise explains: it is {three(fitted)} times the noise of the readings,"
+            " because the noise of the prescribed motion or measured torques moves the rods, too. With this noise"
+            f" the reduced chi-square is {three(model.fit.chi2_per_dof)}"
         )
-        return f"{verdict} ({sizes}; {_held_out(held_out)})."
-    return f"{_verdict(fitted, held_out)} ({sizes}; {_held_out(held_out)})."
+        return f"{verdict} ({sizes}; {_held_out(held_out)}). {SMALL_EFFECTS}"
+    verdict = f"{_verdict(fitted, held_out)} ({sizes}; {_held_out(held_out)})."
+    return f"{verdict} {SMALL_EFFECTS}" if fitted <= NOISE_LIKE.most else verdict
 
 
 def ratio_title(model: "Model") -> str:
@@ -342,10 +348,10 @@ def _verdict(fitted: float, held_out: Sequence[float]) -> str:
     if fitted > NOISE_LIKE.most:
         return f"The residual is {three(fitted)} times the noise floor: the model lacks an effect"
     if not all(multiple <= NOISE_LIKE.most for multiple in held_out):
-        return "The residual of the fitted runs is noise, but that of held-out runs is larger"
+        return "The residual of the fitted runs is at the noise floor, but that of held-out runs is larger"
     if fitted < NOISE_LIKE.least:
         return f"The residual is {three(fitted)} times the noise floor: noise floor and intervals are overestimated"
-    return "The residual is noise alone"
+    return "The residual is at the noise floor"
 
 
 def _driven_by_noise(fitted: float, chi2_per_dof: float) -> bool:

@@ -150,7 +150,7 @@ class Service:
         if name == "cancel":
             return {"cancelled": self._cancel(params)}
         if name not in METHODS or not METHODS[name].available:
-            raise RpcError(RpcCode.NO_METHOD, f"no method {name!r}; there are: {', '.join(_names())}")
+            raise RpcError(RpcCode.NO_METHOD, f"no method {name!r}; available: {', '.join(_names())}")
         job = _Job(request.get("id"), "id" in request, name, _request(METHODS[name], params))
         with self._changed:
             if job.answered and job.id in [other.id for other in self._all()]:
@@ -341,13 +341,13 @@ def _request(method: Method, params: Mapping[str, Any]) -> Any:
     kind = _imported(method.request)
     known = [field.name for field in fields(kind)]
     if unknown := [name for name in params if name not in known]:
-        raise RpcError(RpcCode.INVALID_PARAMS, f"unknown parameter {unknown[0]!r}; there are: {', '.join(known)}")
+        raise RpcError(RpcCode.INVALID_PARAMS, f"unknown parameter {unknown[0]!r}; available: {', '.join(known)}")
     try:
         return TypeAdapter(kind).validate_json(json.dumps(dict(params)))  # its messages have the words of JSON
     except ValidationError as error:
         first = error.errors()[0]
         name = key_words(first["loc"])
-        missing = f"missing parameter {name!r}; there are: {', '.join(known)}"
+        missing = f"missing parameter {name!r}; available: {', '.join(known)}"
         sentence = missing if first["type"] == "missing" else f"{name}: {first['msg']}"
         raise RpcError(RpcCode.INVALID_PARAMS, sentence) from error
 

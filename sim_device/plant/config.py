@@ -205,7 +205,7 @@ def find_plant(name: str | Path) -> Path:
     if path.name == str(name) and builtin.is_file():
         return builtin
     known = ", ".join(sorted(p.stem for p in (BUILTIN / "plants").glob("*.toml")))
-    raise ConfigError(f"{name}: is neither a file nor the name of a built-in plant; there are: {known}")
+    raise ConfigError(f"{name}: is neither a file nor the name of a built-in plant; available: {known}")
 
 
 def load_plant(name: str | Path, seed: int | None = None) -> PlantConfig:

@@ -124,7 +124,7 @@ def test_rate_the_link_cannot_carry_is_refused_before_anything_moves(paper: Rig,
 def test_unknown_pose_and_foreign_encoders_are_configuration_errors(paper: Rig, tmp_path: Path, bench, agree) -> None:
     coarse = paper.model_copy(update={"encoders": paper.encoders.model_copy(update={"counts_per_rev": (4096,) * 3})})
     with bench() as (device, spy):
-        with pytest.raises(ConfigError, match=r"has no pose 'X9'; there are: X1, X2, X3"):
+        with pytest.raises(ConfigError, match=r"has no pose 'X9'; available: X1, X2, X3"):
             capture(device, paper, "X9", SHORT, tmp_path, confirm=agree)
         with pytest.raises(ConfigError, match=r"counts_per_rev = \[4096, 4096, 4096\], but the device .* \[16384"):
             capture(device, coarse, "X1", SHORT, tmp_path, confirm=agree)

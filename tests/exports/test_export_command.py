@@ -169,5 +169,5 @@ def test_without_runs_a_loss_is_a_warning(saved, tmp_path: Path):
     done = export(ExportRequest(saved[0], "paper", ("urdf",), tmp_path / "out"), said.append)
     assert "cannot be expressed in this format; --check RUN refits the model without them" in said[0].sentence
     assert set(done.lost["urdf"]) == set(FRICTION | OFFSET)
-    with pytest.raises(ConfigError, match="no format named step; there are: python, mjcf"):
+    with pytest.raises(ConfigError, match="no format named step; available: python, mjcf"):
         export(ExportRequest(saved[0], "paper", ("step",), tmp_path / "out"))

@@ -50,6 +50,8 @@ def test_indistinguishable_effects_get_bench_measurements_with_ids(diagnosis: Di
     assert all(check.expected and check.expected.value for check in measured.values())
     assert all(check.kind == "measurement" and 0.5 < check.expected_bits <= 1 for check in measured.values())
     assert len({check.id for check in diagnosis.checks}) == len(diagnosis.checks)
+    steps = [next(k for k, text in enumerate(diagnosis.advice) if check.is_part_of(text)) for check in diagnosis.checks]
+    assert steps == sorted(steps)
     assert set(diagnosis.to_json()["checks"][0]) >= {"id", "kind", "text", "splits", "expected_bits"}
 
 
@@ -133,7 +135,7 @@ def test_two_forms_of_one_law_are_distinguished_by_the_amplitude_that_the_wider_
 
 
 def test_a_check_is_of_one_diagnosis_and_of_one_kind(diagnosis: Diagnosis) -> None:
-    with pytest.raises(RunError, match=r"recommends no check '1-beef'; there are: 1-"):
+    with pytest.raises(RunError, match=r"recommends no check '1-beef'; available: 1-"):
         find_check(diagnosis, "1-beef")
     with pytest.raises(RunError, match=r"measurement: .*: give its result, --value"):
         update(diagnosis, diagnosis.checks[0], CheckAnswer(tuple(recorded(8)[:1]), load_rig("paper")))

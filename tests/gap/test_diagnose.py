@@ -11,6 +11,7 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters, hypothesis
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.report.gap.tables import per_reading
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from sim_device.plant.config import load_plant
@@ -49,6 +50,8 @@ def test_the_gap_closes_in_cross_validation_across_releases(two_found: Diagnosis
     for lengths in two_found.gap.by_horizon.values():
         assert lengths["after"] < 0.5 * lengths["before"]
     assert len(two_found.gap.waterfall) == 2
+    assert two_found.gap.by_horizon["0.5"]["after"] == pytest.approx(two_found.gap.waterfall[-1]["gap_rad"])
+    assert two_found.gap.by_horizon["0.5"]["before"] == pytest.approx(per_reading(two_found.gap.before_rad))
 
 
 @pytest.mark.slow

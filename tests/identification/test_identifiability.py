@@ -154,10 +154,10 @@ def test_weighing_three_parts_leaves_one_direction_which_a_centroid_or_a_known_m
     assert [set(direction) for direction in weighed.null_space] == [{"l1", "l2", "c1", "c2", "J1", "J2"}]
     advice = {a.name: a for a in weighed.advice}
     assert not {"weigh m1", "weigh m2", "weigh mb"} & set(advice)
-    for name in ("balance l1", "balance l2", "add mass to rod 1", "add mass to rod 2"):
+    for name in ("balance l1", "balance l2", "add mass to inner rod", "add mass to outer rod"):
         assert set(advice[name].frees) == {"l1", "l2", "c1", "c2", "J1", "J2"}
-    assert advice["swing rod 2 alone"].gain_bits == pytest.approx(0, abs=1e-6)
-    assert "adds no information" in advice["swing rod 2 alone"].sentence
+    assert advice["swing outer rod alone"].gain_bits == pytest.approx(0, abs=1e-6)
+    assert "adds no information" in advice["swing outer rod alone"].sentence
     assert len(weighed.sequence) == 1
 
 
@@ -210,19 +210,19 @@ def brute_force_gains(information: NDArray, rig: Rig) -> dict[str, float]:
     before = std(known, TRUE)
     read = {f"weigh {n}": (itself(n), 1e-4) for n in ("m1", "m2", "mb")}
     read |= {f"balance {n}": (itself(n), 5e-4) for n in ("l1", "l2")}
-    read |= {f"swing rod {rod} alone": (alone(rod), 5e-4) for rod in (1, 2)}
+    read |= {f"swing {name} rod alone": (alone(rod), 5e-4) for rod, name in enumerate(("inner", "outer"), 1)}
     gains = {}
     for name, (function, error) in read.items():
         row = differences(function, TRUE)
         gains[name] = np.log2(before / std(known + row.T @ row / error**2, TRUE)).sum()
-    for number, rod, r in ((1, "inner", 0.2), (2, "outer", 0.42)):
+    for rod, r in (("inner", 0.2), ("outer", 0.42)):
         at = np.concatenate([TRUE, [TRUE[3] / 2, r]])
         slopes = differences(lambda x, rod=rod: ratios(loaded_base(x[:9], rod, x[9], x[10], rig)), at)
         seen = ratio_information(loaded_base(TRUE, rod, at[9], r, rig), rig, [rig.poses["X1"]])
         whole = np.zeros((11, 11))
         whole[:9, :9] = known
         whole[9, 9], whole[10, 10] = 1 / 1e-4**2, 1 / 5e-4**2
-        gains[f"add mass to rod {number}"] = np.log2(before / std(whole + slopes.T @ seen @ slopes, at)).sum()
+        gains[f"add mass to {rod} rod"] = np.log2(before / std(whole + slopes.T @ seen @ slopes, at)).sum()
     return gains
 
 

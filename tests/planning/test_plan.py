@@ -233,11 +233,11 @@ def test_a_plan_after_runs_lists_the_undecided_causes(two_runs: list[Run], two_f
         ("[poses]\ntheta1_rad = [90, 170]", "angles are in rad; as degrees these would be [1.57, 2.97]"),
         ('[rods]\nelbow = ["clamped"]', "rods.elbow: does not contain free, the elbow of rig paper: add it"),
         ("[rods]\nelbow = []", "rods.elbow: does not contain free"),
-        ("[poses]\ntheta3_rad = [0.0, 1.0]", "unknown key; there are: elbow_rad, theta1_rad, theta2_rad"),
+        ("[poses]\ntheta3_rad = [0.0, 1.0]", "unknown key; available: elbow_rad, theta1_rad, theta2_rad"),
         ("[recrding]\nlongest_s = 20.0", "recrding: unknown key; nearest of 11: recording"),
         (
             '[effects.coulomb_joint2]\ntorque_Nm = {mx = 1.0, unit = "N m"}',
-            "mx = 1.0: unknown key; there are: max, unit",
+            "mx = 1.0: unknown key; available: max, unit",
         ),
         ("[drive]\ntorque_Nm = 0.1", "drive.torque_Nm = 0.1: must be a list in square brackets"),
         ("[recording]\nlongest_s = 5.0", "shortest_s = 10 (default) is above longest_s = 5: give"),

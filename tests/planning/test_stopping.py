@@ -23,8 +23,8 @@ from dpr_lab.planning.sequence import Planner, SequenceStep
 from dpr_lab.planning.stopping import Causes, causes_of, decided, possible, reservation, undecided
 from dpr_lab.planning.summary import inseparable, summed_up
 from dpr_lab.planning.worth.criteria import open_bits
-from dpr_lab.planning.worth.objective import Objective
-from dpr_lab.planning.worth.reasons import Reason, only_ratios_sentence
+from dpr_lab.planning.worth.objective import Gain, Objective
+from dpr_lab.planning.worth.reasons import Expected, Reason, only_ratios_sentence, reason
 from dpr_lab.report.gap.sections.exclusions import exclusion_words
 from dpr_lab.report.gap.tables import next_steps
 from dpr_lab.rig import Rig
@@ -264,3 +264,11 @@ def test_a_sentence_says_which_releases_may_not_be_necessary(
 ) -> None:
     reasons = [Reason("", only) for only in only_ratios]
     assert only_ratios_sentence(reasons, undecided).strip() == words
+
+
+@pytest.mark.parametrize(
+    ("shares", "words"), [((0.009, 0.987), "distinguishes 99 % of"), ((0.624, 0.676), "distinguishes 6 % more of")]
+)
+def test_a_reason_agrees_with_the_rounded_shares_of_the_table(shares: tuple[float, float], words: str) -> None:
+    before, after = (Expected(Gain({}, 0.0, share, 0.0, 0.0), np.ones(5)) for share in shares)
+    assert words in reason(before, after).text

@@ -61,7 +61,7 @@ def test_the_report_is_well_formed_and_complete(runs, report, comparison):
     for name in ("a/b", "d/b", "e1/b", "c1/b", "c2/b", "10.246 ± 0.010", "l1", "J2", "first.mcap", "cd" * 32, "48210"):
         assert name in page.text
     assert all(f"run number {i}" in page.text for i in range(runs))
-    assert "The residual is noise alone" in page.text
+    assert "The residual is at the noise floor" in page.text
     assert "c2 lies at its lower bound" in page.text
     assert [tag for tag, _ in page.elements if tag in ("h1", "h2")] == ["h1"] + ["h2"] * 7
 

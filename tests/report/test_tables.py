@@ -89,7 +89,7 @@ def test_a_run_without_pose_or_noise_floor_shows_dashes(comparison):
 @pytest.mark.parametrize(
     ("times_noise", "verdict"),
     [
-        (1.0, "The residual is noise alone (rms residual"),
+        (1.0, "The residual is at the noise floor (rms residual"),
         (3.4, "3.40 times the noise floor: the model lacks an effect"),
         (0.5, "0.500 times the noise floor: noise floor and intervals are overestimated"),
     ],
@@ -99,6 +99,7 @@ def test_the_summary_judges_the_residual_by_the_noise_floor(times_noise, verdict
 
     assert verdict in sentence
     assert "no run held out" in sentence
+    assert ("dpr-lab diagnose also finds effects" in sentence) == (times_noise <= 1.0)
 
 
 @pytest.mark.parametrize(("chi2", "noise"), [(0.7, True), (1.3, False)])
@@ -106,7 +107,7 @@ def test_noise_of_a_prescribed_arm_is_no_missing_effect(chi2, noise, model):
     fitted = model(1.5)
     fitted = fitted.model_copy(update={"fit": fitted.fit.model_copy(update={"chi2_per_dof": chi2})})
     sentence = tables.summary(fitted)
-    assert ("noise alone: it is 1.50 times the noise of the readings" in sentence) == noise
+    assert ("as large as noise explains: it is 1.50 times the noise of the readings" in sentence) == noise
     assert ("lacks an effect" in sentence) != noise
 
 
@@ -117,7 +118,7 @@ def test_noise_on_the_fit_is_not_enough_when_a_held_out_run_is_worse(residual, m
 
     sentence = tables.summary(model(), compared)
 
-    assert sentence.startswith("The residual of the fitted runs is noise, but that of held-out runs is larger")
+    assert sentence.startswith("The residual of the fitted runs is at the noise floor, but that of held-out")
     assert "2 runs held out" in sentence
 
 

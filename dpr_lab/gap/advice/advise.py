@@ -42,7 +42,7 @@ def kind_of(check: AdvisedCheck) -> CheckKind:
     if check.kind not in CHECK_KINDS:
         raise RunError(
             f"check {check.id} is of the kind {check.kind!r}, which this version of dpr-lab does not have;"
-            f" there are: {', '.join(CHECK_KINDS)}"
+            f" available: {', '.join(CHECK_KINDS)}"
         )
     return CHECK_KINDS[check.kind]
 

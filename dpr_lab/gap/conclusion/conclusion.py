@@ -85,15 +85,14 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
 
 
 def _checks(state: Advised, named: Sequence[str]) -> list[AdvisedCheck]:
-    """All checks of the advice, each once, with ids that are unique among diagnoses."""
+    """All checks of the advice in its order, each once, with ids that are unique among diagnoses."""
     estimate = state.selection.chosen.fit.estimate
     digest = hashlib.sha256(estimate.ratios.tobytes() + estimate.params.tobytes()).hexdigest()[:4]
     checks = {(check.kind, check.text, check.about): check for step in state.advice for check in step.checks}
     checks = {key: check for key, check in checks.items() if check.about in named and check.expected_bits > 0}
-    ranked, assumed = sorted(checks.values(), key=lambda check: -check.expected_bits), state.scale
     return [
-        check.model_copy(update={"id": f"{k}-{digest}", "expected": expected_size(state.selection, assumed, check)})
-        for k, check in enumerate(ranked, 1)
+        check.model_copy(update={"id": f"{k}-{digest}", "expected": expected_size(state.selection, state.scale, check)})
+        for k, check in enumerate(checks.values(), 1)
     ]
 
 

@@ -40,8 +40,8 @@ class Gap(Saved):
     """Run -> before, after -> rms error of a free run from its release, rad."""
     waterfall: list[dict[str, Any]] = []
     """Effects in the order of their contribution: `effect`, and `gap_rad`, the gap with this effect and all before
-    it in the model: rms of a reading above the noise, over both joints, rad. `rms_rad`, sqrt(2) times that, is
-    kept for one version.
+    it in the model: rms of a reading above the noise, over all axes, rad. `rms_rad`, the root of the sum over the axes,
+    is kept for one version.
     """
     remainder_Nm: dict[str, Number] = {}
     """Joint -> rms torque of a discrepancy term fitted to the residual of the model, N m; empty if that is noise."""

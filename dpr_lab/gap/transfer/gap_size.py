@@ -7,12 +7,12 @@ import numpy as np
 
 from dpr_lab.arrays import Array, Integers
 from dpr_lab.fitting.cut import carried
-from dpr_lab.fitting.gauss_newton import GaussNewton, fit
+from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import TINY, ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.residuals import ResidualStatistics, bounded_residual, residual_statistics
+from dpr_lab.gap.hypothesis.residuals import bounded_residual, residual_statistics
 from dpr_lab.gap.result.gap_budget import GapBudget
 from dpr_lab.gap.result.gap_size import ClosedShare, Gap
 from dpr_lab.gap.screen.recordings import Recordings
@@ -70,9 +70,9 @@ def gap(
             if all(run in of_model for of_model in errors.values())
         },
         waterfall=[
-            {"effect": name, "gap_rad": size / 2**0.5, "rms_rad": size}  # of a reading, of both readings
+            {"effect": name, "gap_rad": _per_reading(by_axis), "rms_rad": float(np.linalg.norm([*by_axis.values()]))}
             for name, model in selection.path
-            for size in (float(np.linalg.norm(list(gap_rad(problem, model).values()))),)
+            for by_axis in (gap_rad(problem, model),)
         ],
         budget=budget,
         remainder_Nm=dict(zip(ALL_AXES, remainder.torque_Nm, strict=False)) if remainder else {},
@@ -86,10 +86,15 @@ def floor_rad(problem: Problem) -> dict[str, float]:
 
 
 def gap_rad(problem: Problem, model: Hypothesis) -> dict[str, float]:
-    """Residual of a fit above the noise for each axis, rms, rad."""
-    residual = bounded_residual(problem, model.fit)
-    lost = 1 - (problem.segments.starts.sum() + len(model.fit.free)) / np.count_nonzero(problem.read)
-    above = _mean(residual**2, problem) / lost - model.residuals.level
+    """Residual of a model above the noise for each axis, rms, rad."""
+    return _above_noise(problem, model.fit, model.residuals.level)
+
+
+def _above_noise(problem: Problem, fitted: Fit, level: float) -> dict[str, float]:
+    """Residual of a fit above the noise of this level for each axis, rms, rad."""
+    residual = bounded_residual(problem, fitted)
+    lost = 1 - (problem.segments.starts.sum() + len(fitted.free)) / np.count_nonzero(problem.read)
+    above = _mean(residual**2, problem) / lost - level
     return _by_axis(np.sqrt(np.maximum(above, 0.0) / np.maximum(_mean(problem.weight**2, problem), TINY)))
 
 
@@ -127,23 +132,28 @@ def by_horizon(
     recordings: Recordings, working: Problem, models: Mapping[str, Hypothesis]
 ) -> dict[str, dict[str, float]]:
     """Gap of several models by the length of segments with free initial states: horizon (s) -> model -> rms, rad."""
-    ratios: dict[str, dict[str, float]] = {}
+    gaps: dict[str, dict[str, float]] = {}
     for length in HORIZONS_S:
         problem, initial = (working, None) if length == recordings.working_length else recordings.cut(length)
-        noise = np.mean(problem.weight[problem.read] ** 2)
-        ratios[f"{length:g}"] = {}
-        for name, model in models.items():
-            residuals = model.residuals if initial is None else _at_other_length(problem, initial, working, model)
-            ratios[f"{length:g}"][name] = float(np.sqrt(max(residuals.excess, 0.0) / residuals.dof / noise))
-    return ratios
+        gaps[f"{length:g}"] = {
+            name: _per_reading(
+                gap_rad(problem, model) if initial is None else _at_other_length(problem, initial, working, model)
+            )
+            for name, model in models.items()
+        }
+    return gaps
 
 
-def _at_other_length(problem: Problem, initial: Array, working: Problem, model: Hypothesis) -> ResidualStatistics:
-    """Residual of a model with segments of another length."""
+def _at_other_length(problem: Problem, initial: Array, working: Problem, model: Hypothesis) -> dict[str, float]:
+    """Residual of a model above the noise for each axis with segments of another length, rms, rad."""
     states = carried(working.segments, model.fit.estimate.initial, problem.segments, initial)
-    return residual_statistics(
-        problem, fit(problem, model.fit.estimate.changed(initial=states), (), settings=TWO_DIGITS)
-    )
+    fitted = fit(problem, model.fit.estimate.changed(initial=states), (), settings=TWO_DIGITS)
+    return _above_noise(problem, fitted, residual_statistics(problem, fitted).level)
+
+
+def _per_reading(by_axis: Mapping[str, float]) -> float:
+    """Rms over the axes."""
+    return float(np.sqrt(np.mean(np.square([*by_axis.values()]))))
 
 
 def _mean(values: Array, problem: Problem) -> Array:

@@ -58,18 +58,23 @@ def reason(before: Expected, after: Expected, needed: bool = False, diagnosed: b
         parts.insert(0, f"separates {first} from {second} ({bits:.2f} bits)")
     if after.gain.open_effects - before.gain.open_effects >= NOTICEABLE.causes:
         parts.insert(0, "tests the effects that are not excluded yet")
-    if (bits := after.gain.library - before.gain.library) >= NOTICEABLE.library:
-        parts.append(_distinguishes(bits, before.gain.library >= NOTICEABLE.library, diagnosed))
+    if after.gain.library - before.gain.library >= NOTICEABLE.library:
+        parts.append(_distinguishes(before.gain.library, after.gain.library, diagnosed))
     if after.gain.limits - before.gain.limits >= NOTICEABLE.limits:
         parts.append("tests the limits more accurately")
     share = float(np.exp(np.log(after.ratio_std / before.ratio_std).mean()))
     return Reason("; ".join(parts) or f"reduces the standard deviations of the ratios to {percent(share)}", not parts)
 
 
-def _distinguishes(share: float, more: bool, diagnosed: bool) -> str:
-    """Sentence on a share of the effects, from 0 to 1; `more` if earlier releases distinguish some of them."""
+def _distinguishes(before: float, after: float, diagnosed: bool) -> str:
+    """Sentence on the shares of the effects, 0 to 1, that are distinguished before and after a release.
+
+    The sentence agrees with the rounded shares of the table: their difference, or the second one if the first is small.
+    """
     effects = "the effects that are not named so far" if diagnosed else "the effects of the library"
-    return f"distinguishes {percent(share)}{' more' * more} of {effects}"
+    if before < NOTICEABLE.library:
+        return f"distinguishes {percent(after)} of {effects}"
+    return f"distinguishes {percent(round(after, 2) - round(before, 2))} more of {effects}"
 
 
 def only_ratios_sentence(reasons: Sequence[Reason], undecided: bool) -> str:

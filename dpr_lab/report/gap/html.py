@@ -149,7 +149,8 @@ def _gap_reduction(diagnosis: Diagnosis) -> Iterator[Block]:
 
 
 def _horizons(diagnosis: Diagnosis) -> PageTable:
-    return PageTable(tables.HORIZON_COLUMNS, tables.horizon_rows(diagnosis), title="Gap by segment length, values")
+    rows = tables.horizon_rows(diagnosis)
+    return PageTable(tables.HORIZON_COLUMNS, rows, title="Gap by segment length, fitted recordings")
 
 
 def _maps(diagnosis: Diagnosis) -> Iterator[Block]:

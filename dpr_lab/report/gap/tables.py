@@ -26,7 +26,7 @@ from dpr_lab.shown import percent
 SUMMARY_COLUMNS = ("effect", "size, 90 % interval", "probability")
 EFFECT_COLUMNS = ("effect", "indistinguishable effects", "probability", "unique contribution", "size, 90 % interval")
 CONTRIBUTION_COLUMNS = ("effect", "indistinguishable effects", "unique contribution")
-STEP_COLUMNS = ("model", "gap (mrad)", "excess explained")
+STEP_COLUMNS = ("model", "gap, fitted recordings (mrad)", "excess explained")
 STANDING_COLUMNS = ("effect", "alternatives", "probability", "cosine similarity", "how to distinguish")
 PLACE_COLUMNS = ("place", "coordinate", "share of the excess", "shape")
 CLOSED_COLUMNS = ("run", "gap reduction", "free run, bare model (mrad)", "free run, corrected model (mrad)")
@@ -41,8 +41,8 @@ EFFECT_NOTE = (
     " need not add up to 100 %. Indistinguishable effects share one probability."
 )
 STEP_NOTE = (
-    "Gap: rms of a reading above the noise, over both joints, in segments of 0.5 s. Effects are added one at a time,"
-    " the largest contribution first. The excess explained is cumulative."
+    "Gap: rms of a reading above the noise, over all joints, in segments of 0.5 s (longer for single rods)."
+    " Effects are added one at a time, the largest contribution first. The excess explained is cumulative."
 )
 STANDING_NOTE = (
     "The first line of each effect contains the effect and its indistinguishable effects. The probabilities"

@@ -118,7 +118,7 @@ def _foreign(config: PlantConfig) -> tuple[OutOfLibraryEffect, dict[str, float]]
             " or a mount, and needs a clamped arm"
         )
     if name not in FOREIGN:
-        raise ConfigError(f"plant {config.name}: no foreign effect {name!r}; there are: {', '.join(FOREIGN)}")
+        raise ConfigError(f"plant {config.name}: no foreign effect {name!r}; available: {', '.join(FOREIGN)}")
     effect = FOREIGN[name]
     if set(values) != set(effect.parameters):
         raise ConfigError(f"plant {config.name}: foreign.{name} has the parameters {', '.join(effect.parameters)}")

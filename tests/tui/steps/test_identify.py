@@ -40,7 +40,7 @@ async def test_from_runs_to_a_saved_model(lab, until, recorded: list[Path]) -> N
         model = load_model(bench.model)
         assert [Path(run.file) for run in model.runs] == recorded
         assert model.fit.chi2_per_dof < 1.3
-        assert "The residual is noise alone" in text(pilot.app, "#state")
+        assert "The residual is at the noise floor" in text(pilot.app, "#state")
         assert all(name in text(pilot.app, "#ratios-text") for name in model.ratios)
         assert "only its bounds" in text(pilot.app, "#nine-text")
         assert "The recordings determine 5 of 9 combinations of parameters" in text(pilot.app, "#seen-text")

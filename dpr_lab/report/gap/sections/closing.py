@@ -86,7 +86,11 @@ CLOSING = EvidenceSection(
     caption="Gap as the named effects are added one at a time, in the order of selection, on data that were not fitted:"
     " rms of a reading above the noise, segments of 0.5 s with free initial states.",
     tables=(
-        FoldedTable("Gap reduction by effect, values", ("model", "gap (mrad)", "cumulative reduction"), closing_rows),
+        FoldedTable(
+            "Gap reduction by effect, values",
+            ("model", "gap, data not fitted (mrad)", "cumulative reduction"),
+            closing_rows,
+        ),
     ),
     symbols="Gap: √((χ² − level · dof) / dof) · σ. Reduction: 1 − gap after / gap before.",
 )
