@@ -10,7 +10,7 @@ from rich.console import Console
 from textual.app import App
 from textual.widgets import Input, Select, Static, TabbedContent
 
-from dpr_lab.identification.model import load_model
+from dpr_lab.identification.model import Model, load_model
 from dpr_lab.rig import Rig
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.writer import RunWriter
@@ -66,7 +66,7 @@ async def test_a_paused_search_waits_and_a_stopped_one_keeps_its_best(lab, until
         await pilot.press("x")
         await until(pilot, lambda: step(pilot.app).job is None)
         model = step(pilot.app).model
-        assert model is not None
+        assert isinstance(model, Model)
         assert reached - 1 <= model.search.generations <= reached
         assert model.search.objective == "paper"
         assert pilot.app.workspace.model.is_file()
