@@ -107,11 +107,9 @@ class SwingRecorder:
                 report = recording.finish(self.device.clock(), self._notes(recording))
             except BaseException as error:
                 recording.count_losses(self.device.losses)
-                reason = f"{error}" if isinstance(error, DprError) else f"{type(error).__name__}: {error}"
-                reason = STOPPED if isinstance(error, KeyboardInterrupt) else reason
                 with suppress(RunError):
                     recording.note_clock(*self.device.clock())
-                    recording.abort(reason)
+                    recording.abort(_reason(error))
                 data_kept = f"the data recorded so far are kept in {path}"
                 if isinstance(error, KeyboardInterrupt):
                     raise KeyboardInterrupt(f"{STOPPED}; {data_kept}") from error
@@ -215,3 +213,10 @@ class _Pace:
                 f" {self._recording.rate_hz:g} Hz; check its sample timer"
             )
         self._at, self._t = now, self._recording.t
+
+
+def _reason(error: BaseException) -> str:
+    """Why a recording ended early; errors that are not for the operator with their type."""
+    if isinstance(error, KeyboardInterrupt):
+        return STOPPED
+    return str(error) if isinstance(error, DprError) else f"{type(error).__name__}: {error}"

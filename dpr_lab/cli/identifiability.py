@@ -148,6 +148,8 @@ def _show_length(analysis: "Identifiability") -> None:
 
 
 def _show_advice(analysis: "Identifiability | ArmIdentifiability") -> None:
+    from dpr_lab.report.digits import NONE
+
     if not analysis.null_space:
         _print("All parameters are determined; a further measurement only reduces their uncertainty.")
     table(
@@ -157,7 +159,7 @@ def _show_advice(analysis: "Identifiability | ArmIdentifiability") -> None:
             (
                 advice.name,
                 f"{advice.quantity.symbol}, {advice.quantity.unit}",
-                ", ".join(advice.frees) or "–",
+                ", ".join(advice.frees) or NONE,
                 f"{advice.gain_bits:z.1f}",
             )
             for advice in analysis.advice
