@@ -233,6 +233,8 @@ def fallen(a0: float = 1.2, seconds: float = 3.0) -> tuple[np.ndarray, np.ndarra
     ("header", "of_rod"),
     [
         ("Timestamp,Pendulo,flag", "Pendulo"),
+        ("datetime,pendPos,action", "pendPos"),
+        ("Date/Time,Pole angle,cart pos", "Pole angle"),
         ("time,position[0],velocity[0]", "position[0]"),
         ("__time,/joint_states/joint1/position,/joint_states/joint1/velocity", "/joint_states/joint1/position"),
         ("__time,/joint_states/pole/position,/joint_states/pole/velocity", "/joint_states/pole/position"),
@@ -262,6 +264,15 @@ def test_theta_and_alpha_are_the_arm_and_the_rod_on_it(one: Rig, tmp_path: Path)
     understood = understand(table(tmp_path, "t,theta,alpha", t, 0 * t, angle), one, ImportOptions(zero="hanging"))
     assert (understood.columns["theta0"], understood.columns["theta1"]) == ("theta", "alpha")
     assert understood.questions == ()
+
+
+def test_one_coordinate_of_a_point_is_not_read_as_an_angle(one: Rig, tmp_path: Path) -> None:
+    t, angle = fallen()
+    film = table(tmp_path, "t,x (mm)", t, 150.0 * np.sin(angle))
+    with pytest.raises(RunError, match=r"'x \(mm\)' is the name of one coordinate of a point.*export the x and the y"):
+        understand(film, one)
+    named = ImportOptions(zero="hanging", columns={"theta1": "x"})
+    assert understand(table(tmp_path, "t,x", t, angle), one, named).columns["theta1"] == "x"
 
 
 def test_two_columns_that_vary_are_asked_for(one: Rig, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ UNITS = ("rad", "deg", "counts")
 NO_ROD = "joint 2, without a rod"
 """Name of a substitute column."""
 
-_TIME_NAME = r"(t|time|timestamp|elapsed|tout|zeit|temps|tempo|tiempo)?({unit})?(?<=.)"
+_TIME_NAME = r"(t|(date|clock|host|elapsed)?time(stamp)?|elapsed|tout|zeit|temps|tempo|tiempo)?({unit})?(?<=.)"
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds", "us": "us|usec|microseconds"}
 _ANGLE_UNIT = r"(rad|radians?|deg|degrees?|gra(?:us|dos|di))"
 _ANGLE_WORD = "(theta|th|phi|q|angle|angulo|angolo|winkel|joint|pos|position|θ|φ)"
@@ -33,11 +33,12 @@ _ARM_NAME = rf"arm(angle|pos|position)?{_ANGLE_UNIT}?"
 _JOINT_NAMES = {"theta1": "shoulder|(inner|upper)(rod|link|arm)", "theta2": "elbow|(outer|lower)(rod|link|arm)"}
 _ON_ARM = {"theta0": f"theta{_ANGLE_UNIT}?", "theta1": f"alpha{_ANGLE_UNIT}?"}
 """Angles of arm and rod as Quanser names them."""
-_ROD_NAME = rf"(rod|pendulum)(angle|pos|position)?{_ANGLE_UNIT}?"
+_ROD_NAME = rf"(rod|pole|pend(ulum|ulo|ule|el)?)(angle|pos|position)?{_ANGLE_UNIT}?"
 _COUNT_NAME = rf"(counts?|enc|encoder){{axis}}(counts?|ticks?)?|{_ANGLE_WORD}{{axis}}(counts?|ticks?)"
 _ONE_ROD = re.compile(f"{_ANGLE_NAME}|{_COUNT_NAME}|{_ROD_NAME}".format(axis=""))
 _PLACE = re.compile("pos(ition)?([cm]?m)?")
 """A position is the angle of the rod only if no other column is: next to an angle it is that of a cart."""
+_COORDINATE = re.compile("[xy]([cm]?m|px|pixels?)?")
 _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
 _SAID_UNIT = re.compile(r"(?<![a-z])(rad|deg|counts)(ians|rees)?(?![a-z])|°|(?<![a-z])gra(us|dos|di)(?![a-z])")
 _ONLY_UNIT = re.compile(
@@ -184,7 +185,11 @@ def _on_arm(names: Sequence[str]) -> dict[str, str]:
 
 
 def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[list[str], dict[str, str]]:
-    """Name of the angle if only one column apart from the time varies; and the time column of a table without names."""
+    """Name of the angle if only one column apart from the time varies; and the time column of a table without names.
+
+    Raises:
+        RunError: the only column that varies is one coordinate of a point.
+    """
     if table.settled:
         return [], {}
     clock = {}
@@ -199,6 +204,11 @@ def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[
     ]
     if unnamed and len(varying) == 2 and clock:
         varying = _without_speed(varying, table, clock["t"])
+    if len(varying) == 1 and not clock and _COORDINATE.fullmatch(bare(varying[0])):
+        raise RunError(
+            f"{table.path}: {varying[0]!r} is the name of one coordinate of a point, and an angle requires two: export"
+            f" the x and the y of the point; if the column is the angle of the rod, give --columns theta1={varying[0]}"
+        )
     return (varying, clock) if len(varying) == 1 else ([], {})
 
 
