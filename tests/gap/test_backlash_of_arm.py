@@ -26,7 +26,7 @@ LIKELY = candidates("backlash", "coulomb", "stribeck", "arm_compliance", "latenc
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", thinned(CASES, 4))
+@pytest.mark.parametrize("case", thinned(CASES, 8))
 def test_backlash_is_named_and_not_taken_for_friction_compliance_or_latency(case):
     name, mode, effect, seed = case
     plant, rig = weighed(load_plant(name, seed), load_rig(name))

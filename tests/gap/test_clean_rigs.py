@@ -33,7 +33,7 @@ def test_a_clean_rig_has_no_gap(kind: str, seed: int) -> None:
     assert (said.verdict, said.effects) == ("no_gap", [])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [pytest.param(2, id="100 Hz"), pytest.param(13, id="240 Hz", marks=pytest.mark.long)])
 def test_a_camera_whose_scale_is_unsure_has_no_gap(seed: int) -> None:
     rig, runs, logger = drawn("camera", seed)

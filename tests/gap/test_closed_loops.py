@@ -23,7 +23,7 @@ LIKELY = ("backlash", "coulomb", "torque_", "latency", "hysteresis", "encoder_of
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("case", thinned([(cause, seed) for cause in CASES for seed in (0, 1)], 8))
+@pytest.mark.parametrize("case", thinned([(cause, seed) for cause in CASES for seed in (0, 1)], 16))
 def test_a_cause_in_a_closed_loop_is_named(paper: Rig, case: tuple[str, int]) -> None:
     cause, seed = case
     found = diagnose(CASES[cause].runs(paper, seed, duration=DURATION_S), paper, library=candidates(*LIKELY))

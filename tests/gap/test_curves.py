@@ -14,6 +14,7 @@ OFFSETS = ("encoder_offset_joint1", "base_tilt", "com_offset_link1")
 LIKELY = candidates("coulomb", "encoder", "detent", "spring", "base_", "com_")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [201, pytest.param(202, marks=pytest.mark.long)])
 def test_a_potentiometer_with_a_zero_error_is_not_called_eccentric(seed):
     case = bench("potentiometer", seed)

@@ -69,7 +69,7 @@ def test_torques_that_were_left_out_are_a_hint_and_no_cause_is_named(without_tor
     as_json(without_torques.to_json())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_late_readings_are_no_input_of_energy() -> None:
     """Every ninth reading is 4 ms late; the speeds from these readings let the energy rise by 64 % of its range."""
     rig, runs, laws = recordings(77016, rate_hz=200.0, logger="late", rough=True)
@@ -80,7 +80,7 @@ def test_late_readings_are_no_input_of_energy() -> None:
     assert late.effects[0].name == laws[0].name == names[0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_halved_angles_of_a_small_swing_are_a_hint_and_no_cause_is_named(tmp_path: Path) -> None:
     """A swing of 20 degrees hardly depends on its amplitude: friction and cogging explain most of the difference."""
     rig, file = load_rig(SAMPLES / "bench.toml"), tmp_path / "low.csv"
@@ -115,7 +115,7 @@ def test_a_single_rod_that_is_read_correctly_is_not_asked_for_its_scale(seed: in
     assert "--scale" not in result.sentence
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_no_scale_is_asked_for_that_does_not_close_the_gap_either(tmp_path: Path):
     """A spring outside the library, and an encoder that slips on the way out."""
     t, w2 = np.arange(0.0, 4.0, 0.005), 60.0
@@ -169,7 +169,7 @@ def test_torques_that_contradict_the_rig_file_s_inertia_are_unexplained_with_a_h
     assert "sign of torque 2" in diagnosis.hints[0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_gain_that_no_drive_has_gives_way_to_a_wrong_sign(driven: list[Run], paper: Rig) -> None:
     runs = with_signs(driven, (-1, 1))
     found = diagnose(runs, paper, library={"torque_scale_joint1": EFFECTS["torque_scale_joint1"]})

@@ -165,7 +165,7 @@ SEEN = [name for name in OF_FREE_SWINGS if name not in (*NOT_SEEN, "missed_count
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", thinned(SEEN, 30))
+@pytest.mark.parametrize("name", thinned(SEEN, 60))
 def test_every_effect_is_named_from_its_own_recording(recorded, paper: Rig, name: str):
     effect = EFFECTS[name]
     values = {p.name: (0.5 * p.typical if p.role == "amplitude" else p.default) for p in effect.parameters}

@@ -52,7 +52,7 @@ def test_a_kick_where_a_segment_begins_is_found_too(tmp_path):
     assert disturbances(rig, runs) == [("first", pytest.approx(4.5, abs=0.02))]
 
 
-@pytest.mark.parametrize(("since", "until"), [(3.2, 4.3), (5.1, 5.6)])
+@pytest.mark.parametrize(("since", "until"), [(3.2, 4.3), pytest.param(5.1, 5.6, marks=pytest.mark.long)])
 def test_a_push_in_the_middle_is_left_out_from_its_first_to_its_last_reading(tmp_path, since, until):
     push = Rod(W2, 0.02, 0.1, 0.01, torque=lambda now: 4.0 * (since < now < until))
     rig, runs = recorded(tmp_path, push)
@@ -145,7 +145,7 @@ def test_kicks_of_a_held_out_run_are_listed(tmp_path):
     assert listed == [("first", pytest.approx(at, abs=0.02)) for at, _ in KICKS]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_behind_kicks_the_dry_friction_is_named(tmp_path):
     rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.25, 0.0, kicks=list(KICKS)))
     diagnosis = diagnose(runs, rig, library=LOSSES)

@@ -13,12 +13,13 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.export import export
+from tests.thinned import thinned
 
 FEW = ("detent_joint2", "spring_joint2", "coulomb_joint2", "clock_rate")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("later_s", [0.0, 4.2])
+@pytest.mark.parametrize("later_s", thinned([4.2, 0.0], 2))
 def test_the_exported_table_of_a_clean_rig_shows_no_gap(
     recorded: Callable[..., list[Run]], paper: Rig, tmp_path: Path, later_s: float
 ) -> None:

@@ -80,8 +80,8 @@ def diagnosed_errors(rig: Rig, fitted: list[Run], unseen: list[Run]) -> tuple[fl
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("zero_std", [0.0, ZERO_STD])
-@pytest.mark.parametrize("seed", thinned(range(3), 2))
+@pytest.mark.parametrize("zero_std", thinned([ZERO_STD, 0.0], 2))
+@pytest.mark.parametrize("seed", thinned(range(3), 3))
 def test_zeros_of_each_recording_do_not_worsen_the_prediction(seed: int, zero_std: float) -> None:
     rig, runs = plant_runs(seed, {}, zero_std)
     error, without = (bare_error(knowing(rig, known), runs[:1], runs[1:]) for known in (("rezeroed",), ()))
@@ -90,7 +90,7 @@ def test_zeros_of_each_recording_do_not_worsen_the_prediction(seed: int, zero_st
     assert error < 2.0 or zero_std == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("case", thinned(product(range(12), KNOWN), 36), ids=str)
 def test_prior_knowledge_of_a_rig_never_worsens_its_prediction(case: tuple[int, str]) -> None:

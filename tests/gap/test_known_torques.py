@@ -37,7 +37,7 @@ def test_samples_of_a_continuous_torque_have_its_mean_between_rows_and_do_not_ov
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("renewed_s", "share"), [(0.005, 0.4), (0.010, 0.6)])
+@pytest.mark.parametrize(("renewed_s", "share"), [pytest.param(0.005, 0.4, marks=pytest.mark.long), (0.010, 0.6)])
 def test_torques_of_every_fifth_row_are_not_a_delay_of_the_drive(paper: Rig, renewed_s: float, share: float):
     """The drive renews its torque every 5 ms; or once per row of 25 ms, but this long after the row."""
     t, slow = np.arange(0, 3.01, 0.005), renewed_s > 0.005
@@ -50,7 +50,7 @@ def test_torques_of_every_fifth_row_are_not_a_delay_of_the_drive(paper: Rig, ren
     assert any(f"act from {share:.2f} of the row interval before" in sentence for sentence in diagnosis.assumptions)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_torque_sensor_of_one_rod_is_not_called_early():
     case = bench("driven", 205)
     diagnosis = diagnose(case.runs, case.rig, held_out=case.held_out)

@@ -80,7 +80,7 @@ def test_a_fault_of_the_arm_or_its_drive_is_named_with_its_size(fault, mode):
     assert all(rms[0][joint] <= 1.01 * rms[1][joint] for joint in rms[0])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_effect_that_leaves_only_noise_is_not_called_unexplained():
     """The gap is small relative to the noise, so that the share of it that an effect explains means little."""
     rng = np.random.default_rng(912)
@@ -97,7 +97,7 @@ def scaled(runs: list[Run], factor: float) -> list[Run]:
     return [replace(run, arm_input=factor * np.asarray(run.arm_input)) for run in runs]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("fault", "seed"),
     [("torque_scale_joint0", 110014), pytest.param("saturation_joint0", 110006, marks=pytest.mark.long)],
@@ -206,7 +206,7 @@ def test_modes_that_cannot_be_together_are_refused():
         Rig.model_validate(table)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_order_of_cogging_that_a_short_arc_hides_is_found_and_no_spring_invented():
     options = Options(rig="furuta", plant="furuta", arm="free", draw_effects="single:clear:detent_joint0", seed=5002)
     trial = drawn_trial(options, load_rig("furuta"))

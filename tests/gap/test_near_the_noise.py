@@ -65,7 +65,7 @@ def test_the_interval_of_a_share_decides_for_a_gap_below_the_noise(
     assert shows_reduction(transferred) is shown
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_spring_whose_stiffness_is_lost_in_the_noise_is_possible() -> None:
     """With the stiffness of the fit, 0, its constant and its hardening term contradict each other."""
     base, rig = weighed(load_plant("paper", 997003), load_rig("paper"))

@@ -79,7 +79,7 @@ def test_pieces_of_a_single_recording_serve_and_say_so() -> None:
     assert "do not show differences between releases" in repeatability_sentences(found)[1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_parameter_drawn_for_each_recording_varies() -> None:
     found = each_its_own([law("coulomb", 0, size) for size in (4, 5, 6)], 3, coulomb_joint1="")
     budget = of(found)

@@ -18,6 +18,7 @@ from dpr_lab.run import Run
 from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
 from dpr_lab.workflows.rig_toml import Measure
 from tests.bench_rigs import Rod, one_rod, rod_swing, table
+from tests.thinned import candidates
 
 Array = np.ndarray
 T = np.arange(0, 4, 1 / 60)
@@ -82,7 +83,8 @@ def rods_on_film(folder: Path, delay: float) -> tuple[Rig, list[Run]]:
 @pytest.mark.slow
 def test_drag_is_named_behind_a_rolling_shutter(tmp_path: Path) -> None:
     rig, runs = rods_on_film(tmp_path, DELAY)
-    diagnosis = diagnose(runs[:1], rig, held_out=runs[1:], max_effects=1)
+    library = candidates("air_drag", "coulomb", "spring")
+    diagnosis = diagnose(runs[:1], rig, held_out=runs[1:], library=library, max_effects=1)
     assert [effect.name for effect in diagnosis.effects] == ["air_drag_both"]
     found = [finding for finding in diagnosis.sensor_findings if finding.name == "rolling_shutter"]
     assert [finding.run for finding in found] == [run.name for run in runs]

@@ -32,6 +32,7 @@ def recorded(tmp_path, rig):
     return swing
 
 
+@pytest.mark.long
 def test_air_drag_is_named_and_not_a_friction_that_drifts(rig, recorded):
     large, small = recorded("large", 68.0, 10.0), recorded("small", 40.0, 7.0)
     diagnosis = diagnose(large, rig, held_out=small, library=LIKELY)

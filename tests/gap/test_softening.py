@@ -57,7 +57,7 @@ def test_both_rods_or_a_scale_that_is_not_fitted_leave_it_possible(monkeypatch):
     assert not named(-0.1 / 12, 0.001, monkeypatch, library=())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_spring_that_replaces_a_scale_error_is_not_sure():
     of_rig = [of for of in laws(np.random.default_rng([97021, 9]), rods=1, dominant=True) if "spring" not in of.name]
     of_rig = [of for of in of_rig if not of.name.startswith("encoder_scale")]

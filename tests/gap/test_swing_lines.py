@@ -74,7 +74,7 @@ def test_an_eccentric_encoder_is_not_called_a_vibration(tmp_path: Path) -> None:
     assert found.probabilities["encoder_eccentricity_joint1"] > 0.9
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("seed", thinned([3, 5], 2))
 def test_air_drag_is_not_called_a_drift_of_friction_after_one_release(tmp_path: Path, seed: int) -> None:
     """Along one release the amplitude falls with time, so that a loss which depends on speed looks like a drift."""

@@ -12,7 +12,7 @@ from dpr_lab.gap.screen.recordings import Recordings, TrackingNoise
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from tests.bench_rigs import Rod, one_rod, rod_swing, table
-from tests.thinned import candidates
+from tests.thinned import candidates, thinned
 
 RATE_HZ, NOISE_RAD = 120.0, 4e-3
 
@@ -39,7 +39,7 @@ def measured(rig: Rig, runs: list[Run]) -> tuple[TrackingNoise | None, float]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("offset", [0.0, 0.03])
+@pytest.mark.parametrize("offset", thinned([0.03, 0.0], 2))
 def test_the_residual_shows_the_size_and_the_correlation_of_the_errors(tmp_path: Path, offset: float) -> None:
     noise, rough = measured(*tracked(tmp_path, 0.8, offset))
     assert noise is not None
@@ -48,7 +48,7 @@ def test_the_residual_shows_the_size_and_the_correlation_of_the_errors(tmp_path:
     assert rough * noise.factor[0] == pytest.approx(NOISE_RAD, rel=0.3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_white_noise_and_rounded_readings_are_left_as_they_are(tmp_path: Path) -> None:
     assert measured(*tracked(tmp_path, 0.0, 0.03))[0] is None
     assert measured(*tracked(tmp_path, 0.8, 0.03, step=2e-3))[0] is None

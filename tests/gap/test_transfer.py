@@ -184,7 +184,7 @@ def test_counts_are_missed_only_where_there_are_counts(dry: list[Run], paper: Ri
     assert not screen(off_grid, paper).on_grid.any()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_effect_larger_than_any_rig_has_is_not_named_with_confidence(recorded: Recorded, paper: Rig):
     name = "encoder_eccentricity_joint1"
     library = {name: EFFECTS[name]}
@@ -265,7 +265,7 @@ def test_held_out_pieces_of_a_single_recording_are_not_called_runs() -> None:
     assert how_far(replace(cut, held_out={"other": closed})).startswith("On held-out runs the gap")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("length", thinned([0.52, 0.29], 2))
 def test_a_held_out_recording_of_a_rod_of_another_length_is_named_as_such(tmp_path: Path, length: float) -> None:
     """Its phase is lost within one swing, so that no long segment shows the other length."""

@@ -22,7 +22,7 @@ def weighed(rig: Rig, mass: float, std: float) -> Rig:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_mass_weighed_badly_widens_what_follows_from_it(recorded, paper: Rig):
     mass = paper.parameters["m1"].nominal
     runs = recorded({"com_offset_link1": {"offset_m": 1e-3}})

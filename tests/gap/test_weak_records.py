@@ -54,7 +54,7 @@ def case(
     return rig, record(plant, rig, duration=5.0, rate_hz=200), truth
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("seed", thinned([1, 2], 2))
 @pytest.mark.parametrize(
     ("drag", "size"), [pytest.param("air_drag_outer", 0.02, marks=pytest.mark.long), ("air_drag_both", 0.01)]
@@ -152,7 +152,7 @@ def test_a_zero_that_drifts_is_no_tilt(rod: Rod, tmp_path: Path) -> None:
     assert found["encoder_drift_joint1"].parameters["rate_rad_per_s"].value == pytest.approx(rod.drift, rel=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_friction_unequal_in_both_directions_does_not_stand_for_a_zero_offset(tmp_path: Path) -> None:
     rod = replace(Rod(), dry=0.0103, damping=0.0029, length=0.256, mass=0.0655, noise=1.9e-3, duration=12.0)
     rig, runs = recorded(rod, 1, tmp_path)
@@ -188,7 +188,7 @@ def filmed(folder: Path) -> tuple[Rig, Run]:
     return rig, import_csv(folder / "film.csv", rig, ImportOptions(zero="hanging"))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_spring_that_needs_gravity_to_lift_the_rod_does_not_stand_for_a_zero_offset(tmp_path: Path) -> None:
     rig, run = filmed(tmp_path)
     diagnosis = diagnose([run], rig, library=candidates("coulomb", "spring", "encoder", "base_", "com_", "detent"))
