@@ -277,7 +277,7 @@ def installed(environment: Path, *words: str, timeout: float = 120.0) -> str:
     return done.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_template_installs_lists_its_law_and_passes_its_own_tests(environment: Path) -> None:
     shown = json.loads(installed(environment, "-m", "dpr_lab", "effects", "show", "magnet_joint2", "--json"))
     assert shown["package"] == "dpr-lab-magnet 0.1.0"

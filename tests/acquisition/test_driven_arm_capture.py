@@ -109,7 +109,7 @@ def test_a_plant_whose_arm_is_driven_needs_its_drive(tmp_path: Path, bench) -> N
         pass
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("program", thinned(["chirp", "prbs"], 2))
 def test_other_programs_excite_the_arm_too(furuta: Rig, tmp_path: Path, bench, agree, program: str) -> None:
     plant = changed(tmp_path, "amplitude = 4.0", f'program = "{program}"\namplitude = 4.0')

@@ -96,7 +96,7 @@ def test_a_driven_rig_is_identified_in_absolute_numbers_over_either_link(
         assert value.value == pytest.approx(truth[name], abs=3 * (value.std or 0.0)), name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("firmware", thinned(["c", "python"], 2))
 def test_a_device_with_drives_conforms(simulated, table: Path, firmware: str) -> None:

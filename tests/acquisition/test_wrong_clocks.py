@@ -38,7 +38,7 @@ def _failed(captured: Captured) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("link", thinned(LINKS, 2))
+@pytest.mark.parametrize("link", thinned(LINKS, 4))
 def test_a_clock_off_by_5_percent_is_seen_without_any_answer_to_ping(link: str, record: Record, paper: Rig) -> None:
     captured = record(link=link, drift_ppm=50_000.0, fault=("lose_pongs=1",))
     assert _failed(captured) == ["clock", "clock_fit"]
@@ -62,10 +62,11 @@ def test_a_frozen_pong_does_not_hide_a_clock_that_runs_twice_as_fast(record: Rec
 
 @pytest.mark.slow
 def test_a_pong_of_another_timer_than_the_samples_is_seen(record: Record) -> None:
-    for _ in range(ATTEMPTS):  # on a busy machine answers to PING are late by more than 5 % of a short recording
-        captured = record(drift_ppm=-50_000.0, fault=(f"pong_scale={1 / 0.95:.7f}",))
+    captured = record(drift_ppm=-50_000.0, fault=(f"pong_scale={1 / 0.95:.7f}",))
+    for _ in range(ATTEMPTS - 1):  # on a busy machine answers to PING are late by more than 5 % of a short recording
         if "PONG answers contradict each other" not in captured.quality.sentence:
             break
+        captured = record(drift_ppm=-50_000.0, fault=(f"pong_scale={1 / 0.95:.7f}",))
     assert _failed(captured) == ["clock", "clock_fit"]
     assert "% slow (" in captured.quality.sentence
     assert "check which timer PONG reads" in captured.quality.sentence
@@ -81,7 +82,7 @@ def test_a_run_without_a_clock_fit_is_degraded_and_read_with_a_warning(record: R
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("firmware", ["python", "c"])
+@pytest.mark.parametrize("firmware", thinned(["c", "python"], 2))
 def test_a_right_clock_is_good_with_any_firmware(firmware: str, record: Record) -> None:
     captured = record(firmware=firmware)
     assert captured.quality.ok, captured.quality.sentence

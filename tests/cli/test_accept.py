@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.thinned import thinned
+
 pytestmark = pytest.mark.slow
 
 LIMITS = {
@@ -25,7 +27,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory, cli) -> list[Path]:
 
 @pytest.mark.parametrize(
     "answer",
-    ["pass", pytest.param("fail", marks=pytest.mark.long), "not decidable"],
+    thinned(["pass", "fail", "not decidable"], 3),
 )
 def test_each_answer_has_its_exit_code(runs: list[Path], tmp_path: Path, cli, answer: str) -> None:
     code, text = LIMITS[answer]

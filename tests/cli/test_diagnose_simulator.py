@@ -77,7 +77,7 @@ def test_what_does_not_fit_is_refused_first(cli, bench: tuple[Path, Rig], paper:
     assert (own.code, "is not overwritten" in own.err) == (3, True)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_a_urdf_is_compared_and_changed(cli, bench: tuple[Path, Rig]) -> None:
     pytest.importorskip("urdf_parser_py")

@@ -19,6 +19,7 @@ from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import weighed
 from tests.exports.test_export_command import whole_model
+from tests.thinned import thinned
 
 COMPONENT = PosteriorComponent(
     probability=1.0,
@@ -31,8 +32,8 @@ COMPONENT = PosteriorComponent(
 )
 
 
-@pytest.mark.parametrize("recordings", [3, 6])
-@pytest.mark.parametrize("error", [1.0, 3.0, 8.0])
+@pytest.mark.parametrize("recordings", thinned([3, 6], 2))
+@pytest.mark.parametrize("error", thinned([3.0, 1.0, 8.0], 3))
 def test_the_band_of_the_next_recording_covers_about_90_percent(recordings: int, error: float) -> None:
     """Errors of some standard deviations in three independent directions of each recording."""
     rng = np.random.default_rng(recordings)

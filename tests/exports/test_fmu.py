@@ -22,7 +22,7 @@ def simulate(path: Path, **settings) -> np.ndarray:
         return pool.submit(fmpy.simulate_fmu, str(path), **settings).result()
 
 
-@pytest.fixture(scope="module", params=["3.0", "2.0"])
+@pytest.fixture(scope="module", params=["3.0", pytest.param("2.0", marks=pytest.mark.long)])
 def standard(request) -> str:
     return request.param
 

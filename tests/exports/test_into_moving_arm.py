@@ -129,7 +129,7 @@ def test_what_cannot_be_changed_is_refused(tmp_path: Path) -> None:
         into_file(model, rig, file)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_identified_numbers_go_into_the_file_and_are_replayed_with_their_input(tmp_path: Path) -> None:
     file, rig, truth = files(tmp_path, "damping of the arm")
     rng, runs = np.random.default_rng(1), []

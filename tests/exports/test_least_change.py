@@ -135,7 +135,7 @@ RIGHT = {
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("name", thinned(RIGHT, 2))
+@pytest.mark.parametrize("name", thinned(RIGHT, 4))
 def test_a_right_model_stays_as_it_is(tmp_path: Path, name: str) -> None:
     least, text, _ = corrected(tmp_path, RIGHT[name], RIGHT[name])
     assert (least.causes, text) == ((), RIGHT[name])

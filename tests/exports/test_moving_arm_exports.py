@@ -3,8 +3,8 @@
 import json
 import runpy
 from pathlib import Path
+from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -99,7 +99,8 @@ def test_dry_friction_of_the_arm_is_frictionloss_of_its_hinge(tmp_path):
 def test_the_motor_takes_the_input_in_its_own_unit(tmp_path):
     rig, model = model_of(kind="voltage")
     replayed("mjcf", rig, model, tmp_path, START)
-    engine = mujoco.MjModel.from_xml_path(str(tmp_path / "corrected_model.xml"))
+    mujoco = pytest.importorskip("mujoco")
+    engine: Any = mujoco.MjModel.from_xml_path(str(tmp_path / "corrected_model.xml"))
     assert engine.actuator("arm_voltage").gear[0] == pytest.approx(0.5)
     assert [engine.joint(j).name for j in range(3)] == ["joint0", "joint1", "joint2"]
 
@@ -112,14 +113,16 @@ def test_an_arm_of_unknown_inertia_is_not_exported_as_a_body():
     assert "simulate" in str(FORMATS["python"].written(model, rig))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_export_checks_a_captured_run(tmp_path):
     from dpr_lab.storage.csv_import import import_csv
     from dpr_lab.storage.tables.options import ImportOptions
 
     rig, model = model_of("inner", "current")
     rig_file = tmp_path / "rig.toml"
-    text = load_rig("paper").path.read_text() + '\n[rods]\nmounted = "inner"\n[arm]\nmode = "driven"\n'
+    builtin = load_rig("paper").path
+    assert builtin is not None
+    text = builtin.read_text() + '\n[rods]\nmounted = "inner"\n[arm]\nmode = "driven"\n'
     rig_file.write_text(text + 'A = {nominal = 0.06, lower = 0.01, upper = 1.0}\n[motor]\ninput = "current"\n')
     start = np.array([0.0, 2.4, 0.0, 0.0, 0.0, 0.0])
     angles = lab(rig, model, start, 2 * PUSH) + np.random.default_rng(1).normal(0, 3e-4, (len(T), 3))

@@ -56,7 +56,7 @@ def test_an_input_that_acts_before_its_rows_is_named(renewed: str, share: float)
         assert again.ratios["c0/a"].value == pytest.approx(plant.c0 / a, rel=0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_delay_of_several_rows_is_named() -> None:
     """The drive acts 24 ms after its rows of 4 ms."""
     rng, late, row = np.random.default_rng(6), 24, 4

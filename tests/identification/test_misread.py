@@ -95,7 +95,7 @@ def test_identify_reports_a_wrong_interpretation_before_the_search(swings, paper
         identify(read_as(swings, lambda a, b: (a - PI, b - PI)), paper)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_length_in_another_unit_is_refused(swings, paper: Rig) -> None:
     millimetres = paper.model_copy(update={"rig": paper.rig.model_copy(update={"L1": 400.0})})
     with pytest.raises(IdentificationError, match=r"L1 and g in the rig file.* a motor, a hand or a stop"):
@@ -198,7 +198,7 @@ def test_an_arm_that_moves_but_is_given_as_clamped_is_named(on_a_moving_arm, pap
         refuse_misread(on_a_moving_arm, paper)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_rods_that_turn_against_the_arm_are_named(paper: Rig) -> None:
     plant = load_plant("paper", 5).model_copy(update={"arm": ArmConfig(mode="free", J0=0.05, c0=0.02, k0=1.0)})
     turned = [replace(run, theta=run.theta * [-1.0, 1.0, 1.0]) for run in record(plant, paper, 3.0, 250)[:1]]

@@ -148,7 +148,7 @@ def test_arms_that_cannot_be_are_refused(change, words):
         Rig.model_validate(table | change)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("mode", ["free", pytest.param("driven", marks=pytest.mark.long)])
 def test_intervals_cover_and_errors_keep_to_the_cramer_rao_bound(mode):
     rng, rig = np.random.default_rng(5), rig_with(mode, "torque" if mode == "driven" else None)

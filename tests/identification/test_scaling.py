@@ -35,7 +35,13 @@ def scale(rig: Rig, unknown: np.ndarray) -> Scale:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "weighed"), [("paper", ()), ("paper", ("m1", "m2", "mb")), ("multiarm", ())])
+@pytest.mark.parametrize(
+    ("name", "weighed"),
+    [
+        ("paper", ("m1", "m2", "mb")),
+        *(pytest.param(name, (), marks=pytest.mark.long) for name in ("paper", "multiarm")),
+    ],
+)
 def test_the_interval_of_the_scale_holds_the_true_b_in_nine_rigs_of_ten(name: str, weighed: tuple[str, ...]) -> None:
     rig, rng, held = load_rig(name), np.random.default_rng(5), []
     for _ in range(150):

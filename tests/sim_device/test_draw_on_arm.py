@@ -16,7 +16,9 @@ from sim_device.trials.trial import drawn_trial
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "mode"), [("furuta", "driven"), ("driven_double", "free")])
+@pytest.mark.parametrize(
+    ("name", "mode"), [("furuta", "driven"), pytest.param("driven_double", "free", marks=pytest.mark.long)]
+)
 def test_a_clean_plant_has_no_gap_and_a_drawn_effect_one_that_shows(name: str, mode: str) -> None:
     rig, plant = with_arm(load_rig(name), load_plant(name, 5), mode)
     clean = draw_plant(parse_request("clean"), plant, rig)

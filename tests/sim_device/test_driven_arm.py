@@ -180,7 +180,7 @@ def test_the_tutorial_states_the_true_ratios_of_the_plant(rig: Rig) -> None:
     assert stated_ratios() == pytest.approx({name: value / a for name, value in truth.items()}, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_estimates_deviate_from_the_stated_ratios_as_their_standard_deviations_say(rig: Rig) -> None:
     models = []
     for seed in (100, 101):

@@ -13,6 +13,7 @@ from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.export import EXPORTERS, export
 from dpr_lab.storage.inspect import recover
 from dpr_lab.workflows.checks import refuse_file, refuse_folder
+from tests.thinned import thinned
 
 PROGRAM = """
 import resource, signal, sys
@@ -36,7 +37,7 @@ except RunError as error:
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="limits the size of files")
-@pytest.mark.parametrize("suffix", EXPORTERS)
+@pytest.mark.parametrize("suffix", thinned(EXPORTERS, 3))
 def test_an_export_that_fails_leaves_nothing(tmp_path: Path, suffix: str) -> None:
     if suffix in (".h5", ".parquet"):
         pytest.importorskip({".h5": "h5py", ".parquet": "pyarrow"}[suffix])

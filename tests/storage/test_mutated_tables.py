@@ -43,7 +43,7 @@ def test_no_mistake_in_a_table_ends_in_another_error_than_a_sentence(
 ) -> None:
     chosen = [table for table in tables if turn(table, tables) == number]
     assert number or {table.mutation for table in chosen} == set(MUTATIONS)
-    for index, table in enumerate(chosen):
+    for index, table in enumerate(chosen[:: 1 if FULL else 2]):
         file = table.write(tmp_path)
         try:
             run = import_csv(file, paper, table.options)

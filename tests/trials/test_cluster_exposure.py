@@ -29,7 +29,7 @@ def test_what_the_network_reaches_is_warned_of(address: str) -> None:
     assert "can run any code" in (exposure(address) or "")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_campaign_warns_before_it_connects(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
     words = ["trials", "campaign", "--n", "1", "--scheduler", "tcp://0.0.0.0:1", "--out", str(tmp_path)]

@@ -123,7 +123,7 @@ def test_a_campaign_whose_trials_all_failed_has_no_strategies(tmp_path: Path) ->
     assert sequential_summary(read_strategies(tmp_path)) == {}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_only_the_plan_that_may_choose_them_records_for_other_durations(paper: Rig) -> None:
     durations = {}
     for name, strategy in STRATEGIES.items():

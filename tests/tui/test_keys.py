@@ -66,7 +66,7 @@ def test_two_actions_may_swap_their_keys(tmp_path: Path) -> None:
     assert swapped == {"capture.keep": "a", "capture.again": "k"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_a_new_key_works_and_the_old_one_does_not(tmp_path: Path) -> None:
     changed = keymap(tmp_path, "[capture]\nrepeats = 'f6'\n[app]\nnext = 'y,ctrl+right'")
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state", changed)

@@ -33,7 +33,7 @@ from tests.thinned import thinned
 BASES = ("free", "wild", "degrees", "counts", "driven")
 CASES = [f"{base}/{mutation}" for mutation in MUTATIONS for base in BASES]
 SEEDS = 60
-EACH = 151
+EACH = 302
 """Of some 400 tables, those that `make test` takes."""
 SURE = 0.9
 QUICK = 'algorithm = "iga"\ngenerations = 2\n'

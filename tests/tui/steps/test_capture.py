@@ -20,7 +20,7 @@ from tests.tui.steps.releases import SECOND, SIM, connect, headline, in_phase, r
 pytestmark = pytest.mark.usefixtures("quick_countdown")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_three_releases_are_kept_one_for_each_pose(app: DprApp, until, monkeypatch: pytest.MonkeyPatch) -> None:
     rung: list[bool] = []
     monkeypatch.setattr(app, "bell", lambda: rung.append(True))

@@ -85,7 +85,7 @@ async def test_a_free_run_starts_where_the_slider_stands(
         assert expected.t[0] == pytest.approx(1.5, abs=2e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_another_model_makes_a_comparison_stale_and_a_key_repeats_it(
     lab, until, recorded: list[Path], modelled: Path, tmp_path: Path
 ) -> None:

@@ -108,7 +108,7 @@ async def test_what_stops_the_countdown_is_named(app: DprApp, until, said, monke
     assert recorded(app) == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_in_a_multiplexer_the_code_that_is_shown_is_typed_before_the_countdown(
     app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -30,7 +30,7 @@ def driven_run(made_once) -> Path:
     return run
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_a_driven_arm_is_identified_and_compared_on_the_screen(lab, until, driven_run: Path) -> None:
     async with lab(IdentifyStep, CompareStep, rig="furuta", runs=[driven_run]) as pilot:
         identify, compare = pilot.app.query_one(IdentifyStep), pilot.app.query_one(CompareStep)

@@ -80,6 +80,7 @@ async def test_a_first_plan_is_a_list_with_reasons_and_a_release_of_it_becomes_t
         assert app.query_one("#rig_file", Input).value == app.workspace.rig
 
 
+@pytest.mark.long
 async def test_a_release_of_one_rod_has_one_start_angle(lab, until, tmp_path: Path) -> None:
     one_rod = tmp_path / "one_rod.toml"
     one_rod.write_text(paper_text() + '\n[rods]\nmounted = "inner"\n')
@@ -106,7 +107,7 @@ async def test_a_release_without_the_mass_of_the_present_rig_file_is_not_recorde
         assert (pilot.app.workspace.rig, pilot.app.workspace.next_pose) == (str(loaded), "")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_a_release_with_another_mass_brings_the_rig_file_that_describes_it(lab, until, tmp_path: Path) -> None:
     async with lab(PlanStep) as pilot:
         await planned(pilot, until, tmp_path)

@@ -228,7 +228,7 @@ def session_of(leader: int) -> list[str]:
     return [line for line in found.splitlines() if "<defunct>" not in line]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("number", thinned([signal.SIGKILL, signal.SIGTERM, signal.SIGINT], 3))
 def test_screens_that_hold_a_device_end_with_the_server(number: int, served: Callable[..., Served]) -> None:

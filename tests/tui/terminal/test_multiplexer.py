@@ -141,7 +141,7 @@ def test_in_a_detached_session_of_tmux_the_release_key_alone_releases_nothing(tm
     assert len(runs(tmp_path)) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize(
     "reply",

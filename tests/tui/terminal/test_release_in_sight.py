@@ -18,7 +18,7 @@ def first_shown(terminal: Terminal, text: str) -> float:
     return next(at for at, screen in terminal.shown if text in screen)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_on_a_serial_console_the_countdown_is_seen_in_full_before_the_latch_opens(on_terminal) -> None:
     # The latch opened six seconds before the countdown was visible: frames piled up in front of the line.
