@@ -9,10 +9,10 @@
     corrected = dpr.corrected_model(diagnosis, runs, rig)
     dpr.plot_response([dpr.compare(run, rig, corrected) for run in runs]).savefig("response.png")
 
-Every function takes recordings of a clamped, prescribed, free or driven arm.
+Every function accepts recordings of a clamped, prescribed, free or driven arm.
 
-Names in `__all__` without an underscore stay the same from one minor version to the next; before a name is removed, it
-gives a warning for one minor version. Everything else may change.
+Names in `__all__` without an underscore are stable: a name is removed only after one minor version in which its use
+gives a warning. Everything else may change.
 """
 
 from importlib import import_module
@@ -120,7 +120,7 @@ _FROM = {
 }
 
 _FORMER = {"identify_moving_arm": "identify", "compare_moving_arm": "compare"}
-"""Name of an earlier version -> present one, which takes the same arguments; removed after one minor version."""
+"""Name of an earlier version -> present name, which has the same arguments; removed after one minor version."""
 
 
 def __getattr__(name: str) -> Any:

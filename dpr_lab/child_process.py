@@ -1,4 +1,4 @@
-"""Child processes: start, communication, and end within a bounded time; none outlives this process.
+"""Child processes: start, communication, and end within a bounded time; no child process outlives this process.
 
     ChildFunction   a function in another process, connected by a pipe: work that must not block a screen, the owner of
     a device
@@ -175,7 +175,7 @@ def worker_pool(processes: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _begin_worker() -> None:
-    # The libraries read these variables when the first call imports them. A change after that is an error to Numba.
+    # The libraries read these variables when the first call imports them. Numba raises an error if they change later.
     names = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", *(["NUMBA_NUM_THREADS"] if "numba" not in sys.modules else [])]
     os.environ.update(dict.fromkeys(names, "1"))
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -75,7 +75,7 @@ def parse_config(text: str, source: str, model: type[Model]) -> Model:
         table = tomllib.loads(text)
     except RecursionError as error:
         raise ConfigError(f"{source}: is nested too deeply") from error
-    except ValueError as error:  # such as a number with thousands of digits
+    except ValueError as error:  # for example a number with thousands of digits
         raise ConfigError(f"{source}: is not valid TOML: {error}{_line_of(error, text)}") from error
     try:
         return model.model_validate(table)
@@ -95,14 +95,18 @@ def _line_of(error: ValueError, text: str) -> str:
 
 def _sentence(path: str, fault: "ErrorDetails", model: type[BaseModel]) -> str:
     shown = "" if isinstance(fault["input"], dict) or fault["loc"][-1:] == (KEY,) else f" = {fault['input']!r}"
-    place = f"{key_words(fault['loc'])}{shown}: " if fault["loc"] else ""  # empty for keys that do not fit together
+    # the location is empty for keys that contradict each other
+    place = f"{key_words(fault['loc'])}{shown}: " if fault["loc"] else ""
     sentence = f"{path}: {place}{fault_words(fault)}"
     keys = _keys_of(model, fault["loc"][:-1])
     return unknown_name(sentence, str(fault["loc"][-1]), keys) if fault["type"] == "extra_forbidden" else sentence
 
 
 def _keys_of(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
-    """Keys that a table of a file may have; tables of free names and lists lead to the tables in them."""
+    """Keys that a table of a file may have.
+
+    For lists and for tables with free names, the keys of the tables in them.
+    """
     models = {model}
     for part in place:
         fields = [table.model_fields[part].annotation for table in models if part in table.model_fields]

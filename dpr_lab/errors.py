@@ -12,8 +12,8 @@
     +-- RunError           a recording that cannot be read or does not match
     +-- IdentificationError  the fit ran and failed its own checks
 
-Each class has the exit code with which `dpr-lab` ends. A wrong argument from a caller is a `ValueError`, a bad
-candidate in a search is a value (cost `inf`), a bug is an `assert`.
+Each class has the exit code with which `dpr-lab` ends. A wrong argument from a caller is reported by a `ValueError`, a
+failed candidate in a search by the cost `inf`, a bug by an `assert`.
 """
 
 import difflib
@@ -102,7 +102,7 @@ class ConfigError(DprError):
 
     exit_code = 3
     keys: Sequence[str] = ()
-    """The key of each line of the message, if the file was read; empty where several keys contradict each other."""
+    """The key of each line of the message, if the file was read; empty if several keys contradict each other."""
 
 
 class LinkError(DprError):

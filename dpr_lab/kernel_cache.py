@@ -88,7 +88,7 @@ def _close(folder: Path) -> bool:
     Raises:
         ForeignFolder: it belongs to another user.
     """
-    if not hasattr(os, "getuid"):  # Windows: folders in a profile belong to its user
+    if not hasattr(os, "getuid"):  # on Windows, folders in a profile belong to its user
         return False
     status = folder.stat()
     if status.st_uid != os.getuid():
@@ -115,7 +115,7 @@ def choose_cache(roots: Iterable[Path], name: str) -> tuple[Path | None, str]:
 
 
 def cache_name(package: Path) -> str:
-    """Name of the folder: hash of the kernel sources, and of the plugins that add kernels where there are any."""
+    """Name of the folder: hash of the kernel sources, and of plugins that add kernels."""
     added = fingerprint("effects")
     name = source_hash(package)
     return f"{name}-{hashlib.sha256(added.encode()).hexdigest()[:16]}" if added else name
@@ -144,13 +144,13 @@ def simulator_compiled() -> bool:
 
 
 def mark_simulator_compiled() -> None:
-    """Remember that everything that moves a plant's rods is compiled."""
+    """Remember that all kernels for the motion of a plant are compiled."""
     if CACHE is not None:
         with suppress(OSError):
             (CACHE / _SIMULATOR).touch()
 
 
 def compiling_simulator() -> None:
-    """Notify all listeners before a simulated device starts that compiles first."""
+    """Notify all listeners before the start of a simulated device that compiles its kernels first."""
     if not simulator_compiled():
         compiling()

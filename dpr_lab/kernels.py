@@ -12,7 +12,7 @@ from numba.core.ccallback import CFunc
 from numba.core.codegen import get_host_cpu_features
 from numba.core.runtime.nrt import rtsys as runtime
 from numba.core.sigutils import normalize_signature
-from numba.experimental import function_type as function_type  # what a kernel behind a pointer is as an argument
+from numba.experimental import function_type as function_type  # type of a kernel that is passed as a pointer
 from numba.extending import register_jitable
 
 from dpr_lab.kernel_cache import CACHE
@@ -30,7 +30,8 @@ UNREADABLE = (UNPICKLING_ERROR, EOFError, ValueError, LookupError, AttributeErro
 
 numba_config: Any = config
 if numba_config.CPU_FEATURES is None and "+avx512f" in (features := get_host_cpu_features()):
-    # By default the compiler uses half of the vector width to keep the clock high, which is a quarter slower here.
+    # By default the compiler uses half of the vector width to keep the clock high, which makes these kernels a quarter
+    # slower.
     numba_config.CPU_FEATURES = f"{features},-prefer-256-bit"
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -147,7 +148,7 @@ def _cache_of(function: Callable[..., Any], allocates: bool) -> KernelCache | No
     """The cache of one kernel in the folder of this version; None if nothing can be written."""
     if CACHE is None:
         return None
-    # Numba reads the folder when it makes a cache; other libraries' kernels keep the folder they had.
+    # Numba reads the folder when it creates a cache; the kernels of other libraries keep their folder.
     before, numba_config.CACHE_DIR = numba_config.CACHE_DIR, str(CACHE)
     try:
         return KernelCache(function, allocates)

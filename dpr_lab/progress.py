@@ -93,6 +93,6 @@ def watch_compiling(on_compiling: Callable[[], None]) -> Iterator[None]:
 
 
 def compiling() -> None:
-    """Notify all listeners that a kernel is being compiled, here or in a process that this one waits for."""
+    """Notify all listeners that a kernel is being compiled, in this process or in one for which it waits."""
     for on_compiling in tuple(_watching):
         on_compiling()

@@ -79,7 +79,7 @@ def refuse_impossible_inner(rig: "Rig", inner: InnerMode, arm: ArmMode) -> None:
     """Make sure that the inner rod of a rig can be in a mode.
 
     Raises:
-        ValueError: nothing hangs on it, or an arm that moves by itself carries it.
+        ValueError: no rod hangs on it, or it is on an arm that moves by itself.
     """
     if inner == "free":
         return

@@ -18,8 +18,8 @@ from dpr_lab.setup import ArmMotion, Setup, Torques, inner_torques
 from dpr_lab.shown import Shown
 
 LOSS_CAUSES = ("device_overrun", "crc", "framing", "contradicted", "tick_gap")
-"""Causes of missing samples: late device, damaged on the link, two values for one tick, or never arrived. For a
-device with drives there is also `torque`: the torques of the sample never arrived.
+"""Causes of missing samples: late device, damaged on the link, two values for one tick, or never arrived. A device with
+drives has the additional cause `torque`: the torques of the sample never arrived.
 """
 
 
@@ -312,7 +312,8 @@ def elbow_turn(theta: Array, mounting: Mounting, settings: MountingSettings = MO
         return 0.0
     tails = [settings.tail, 1 - settings.tail]
     joint2, outer = (float(np.diff(np.quantile(x, tails))[0]) for x in (theta[:, 2] - theta[:, 1], theta[:, 2]))
-    return joint2 if mounting == "clamped" else min(joint2, outer)  # an absolute encoder without a rod reads a constant
+    # the reading of an absolute encoder without a rod is constant
+    return joint2 if mounting == "clamped" else min(joint2, outer)
 
 
 def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tuple[float, float]]:
@@ -331,8 +332,8 @@ def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tu
 def clock_error(clock: Mapping[str, float]) -> tuple[float, str]:
     """Lower bound of the clock rate error of a device, ppm, and the rate with its interval in words.
 
-    The bound is the part that the uncertainty of PING and PONG, or of the samples' arrival, does not explain; the
-    larger of both.
+    The bound is the part of the error that the uncertainty does not explain, by PING and PONG or by the arrival of
+    samples, whichever is larger.
     """
     wrong = [(max(0.0, abs(rate) - margin), rate, margin) for rate, margin in clock_rates(clock).values()]
     least, rate, margin = max(wrong, default=(0.0, 0.0, 0.0))
@@ -340,7 +341,7 @@ def clock_error(clock: Mapping[str, float]) -> tuple[float, str]:
 
 
 def _clock_words(rate_ppm: float, margin_ppm: float) -> str:
-    """A rate as `5.0 % fast (4.6 to 5.4)`."""
+    """A rate in words, such as `5.0 % fast (4.6 to 5.4)`."""
     size, margin, unit, digits = abs(rate_ppm), margin_ppm, "ppm", 0
     if size >= 1000:
         size, margin, unit = size / 1e4, margin / 1e4, "%"

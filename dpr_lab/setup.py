@@ -46,13 +46,13 @@ class Torques:
     def earlier(self, share: float) -> Torques:
         """Shift each torque to an earlier time, by a share (0 to 1) of the interval from the previous instant.
 
-        With a share of 1/2, each torque is held in the interval around its instant, as suits samples of a continuous
-        signal.
+        With a share of 1/2, each torque is held in the interval around its instant, which is suitable for samples of a
+        continuous signal.
         """
         return replace(self, t=self.t - share * np.diff(self.t, prepend=2 * self.t[:1] - self.t[1:2]))
 
     def as_samples(self, parts: int = 8) -> Torques:
-        """The same torques as samples of a continuous signal, in steps of a part of the interval between rows.
+        """The same torques as samples of a continuous signal, in steps of a fraction of the interval between rows.
 
         The signal is piecewise cubic without overshoot (Fritsch & Carlson, SIAM J. Numer. Anal. 17, 238, 1980). Each
         step has its mean torque.
@@ -70,7 +70,7 @@ class Torques:
     def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
         """(m, 2) mean generalised torques on theta1, theta2 between each of (m,) instants and the previous one, N m.
 
-        Zero without a previous instant: at the first one, and where `first` (m,) is true.
+        The mean is zero if there is no previous instant: at the first one, and if `first` (m,) is true.
         """
         instants, (t, impulse) = np.asarray(instants, dtype=np.float64), self.knots
         until = np.stack([np.interp(instants, t, column) for column in impulse.T], axis=1)
@@ -80,7 +80,7 @@ class Torques:
         return gained / np.where(passed > 0, passed, 1.0)[:, None]
 
 
-@lru_cache(maxsize=32)  # used by every prediction
+@lru_cache(maxsize=32)  # cached, because every prediction uses it
 def _knots(torques: Torques) -> tuple[Array, Array]:
     onward = np.concatenate([torques.t[:1] - 1.0, torques.t, torques.t[-1:] + 1e6])
     joints = np.concatenate([torques.joints[:1], torques.joints])
@@ -138,7 +138,7 @@ class PrescribedJoint:
     """Representation of a joint with a prescribed motion."""
 
     inertia: float = 1e6
-    """Of the inner rod, kg m^2: nothing that hangs on it then moves it."""
+    """Assumed inertia of the inner rod, kg m^2: it is so large that the outer rod does not move it."""
 
 
 PRESCRIBED = PrescribedJoint()

@@ -28,7 +28,7 @@ class Shown(ABC):
         """Heading, one line."""
 
     def _rows(self) -> Sequence[Row]:
-        """The table; its first row contains the column names; [] for none."""
+        """The table; its first row contains the column names; [] if there is no table."""
         return []
 
     def __repr__(self) -> str:
@@ -87,7 +87,7 @@ def explain(value: Any, name: str) -> Any:
         value.__name__ = name
         _sign(value)
     elif hasattr(value, "model_rebuild"):
-        value.model_rebuild()  # built when first used, a model has a signature only afterwards
+        value.model_rebuild()  # a model is built on first use and has a signature only afterwards
         _sign(value)
     elif is_dataclass(value):
         _sign(value)
@@ -137,7 +137,7 @@ def plain_type(annotation: Any) -> str:
     if origin is Annotated:
         return plain_type(parts[0])
     if origin in (Union, UnionType):
-        from numpy.typing import ArrayLike  # a union of a dozen types whose name is lost
+        from numpy.typing import ArrayLike  # a union of many types, whose alias is not available
 
         if annotation == ArrayLike:
             return "ArrayLike"
@@ -153,7 +153,7 @@ def plain_type(annotation: Any) -> str:
 
 
 def field_docs(cls: type) -> dict[str, str]:
-    """Text below each field of a dataclass, as its source has it; empty where there is no source."""
+    """Text below each field of a dataclass in its source; empty without a source."""
     try:
         (tree,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
     except (OSError, SyntaxError):

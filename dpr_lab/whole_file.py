@@ -28,7 +28,7 @@ def regular(path: Path, error: type[DprError] = DprError) -> Path:
     """
     try:
         kind = SPECIAL.get(stat.S_IFMT(path.stat().st_mode))
-    except OSError:  # missing or not accessible: opening it will report the error
+    except OSError:  # the file is missing or not accessible: opening it will report the error
         return path
     if kind is not None:
         raise error(f"{path}: is {kind}, not a regular file: save its data in a file first")

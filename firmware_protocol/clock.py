@@ -103,7 +103,7 @@ def fit_clock(exchanges: Sequence[Exchange], rate_hz: float) -> ClockFit:
         ValueError: too few exchanges.
 
     Source: after K. O'Connor, Klipper, `clocksync.py` (regression on exchanges with short round trips); the weights are
-    ours.
+    not from this source.
     """
     used = _shortest(exchanges)
     ticks = np.array([e.ticks for e in used])

@@ -65,7 +65,7 @@ def paged_codec(kind: type[Any], layout: Layout) -> Codec:
 
     def unpack(data: bytes) -> Any:
         page = data[0]
-        if page not in pages:  # from a newer minor version: only its existence is known
+        if page not in pages:  # a message of a newer minor version, of which only the existence is known
             return kind(page, {})
         raw = cast(dict[str, int], layout.decode_simple(data, decode_choices=False))
         return kind(page, {name: value for name, value in raw.items() if name != "page"})

@@ -114,7 +114,7 @@ class DeviceSession:
         return Answer((self.event(EventKind.LEASE_LOST, tick),), Stop())
 
     def fault(self, fault: Fault, tick: int) -> Answer:
-        """Stop on a fault detected by the owner; the latch does not change."""
+        """Stop after a fault that the owner detected; the latch does not change."""
         if fault is Fault.NONE:
             raise ValueError("Fault.NONE is no fault; CLEAR_FAULT is for the host to send")
         self.fault_code = fault

@@ -33,7 +33,7 @@ from firmware_protocol.messages import (
 )
 
 KEEPALIVE_S = 0.1
-"""Interval of keepalives: a fifth of the lease, so that four in a row may be lost."""
+"""Interval of keepalives: a fifth of the lease, so that four successive ones may be lost."""
 RETRY_S = 0.1
 """Time without an answer after which the command is repeated, s."""
 RETRIES = 5
@@ -152,7 +152,7 @@ class HostSession:
             )
         if isinstance(self.pending, Hello):
             self._greeted()
-        elif self.info is not None:  # the optional page arrived late
+        elif self.info is not None:  # the optional page arrived after the handshake
             self.info = assemble(self._pages.values())
 
     def _answered(self, command: Command, message: Ack | Nak) -> None:

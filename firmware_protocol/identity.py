@@ -1,4 +1,4 @@
-"""Identity of a device from its INFO pages, and its compatibility with this side."""
+"""Identity of a device from its INFO pages, and its compatibility with this host."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

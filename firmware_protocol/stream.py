@@ -8,13 +8,13 @@ from firmware_protocol.messages import Message, Position, Sample
 FASTEST_TURNS_S = 20.0
 """Maximum speed of a joint, turns per second; a free rod of a typical rig reaches a third of it."""
 HALF_RANGE = 0x7FFF
-"""Difference of two messages, counts or ticks, that is still distinguished from a turn of the low 16 bits."""
+"""Difference between two messages, counts or ticks, up to which a turn of the low 16 bits is excluded."""
 
 
 REMEMBERED = 1024
 """Number of samples kept to compare repeated ones."""
 LATE_IN_A_ROW = 6
-"""Number of consecutive samples with past ticks that no reordering of a link explains."""
+"""Number of consecutive samples with past ticks that cannot be explained by reordering on a link."""
 
 
 class Row(NamedTuple):
@@ -38,13 +38,13 @@ def blind_ticks(rate_hz: int, counts_per_rev: Iterable[int]) -> int:
 class SampleStream:
     """Reconstruction of one device's samples in the order of arrival.
 
-    After a gap longer than `blind_ticks` a counter may have made an unseen turn: samples are discarded until POSITION,
-    ten times per second, has sent the complete counter of every joint again. A tick with such a jump is accepted when a
-    second sample follows it, because a damaged tick would otherwise discard all later samples.
+    After a gap longer than `blind_ticks` a counter may have made a turn that was not observed: samples are discarded
+    until POSITION, ten times per second, has sent the complete counter of every joint again. A tick with such a jump is
+    accepted when a second sample follows it, because a damaged tick would otherwise discard all later samples.
 
     If two samples of one tick have different counts, the correct one is unknown. A link that duplicates or reorders
-    frames delivers late ones, but not different ones, and not several in a row: in this case the device's tick
-    decreased.
+    frames delivers late ones, but not different ones and not several successive ones. In these cases the tick of the
+    device decreased.
     """
 
     def __init__(self) -> None:
@@ -115,7 +115,7 @@ class SampleStream:
 
     def _doubt(self, late: Sample) -> None:
         if self._tick < 0:
-            return  # left over from the previous stream
+            return  # a sample of the previous stream
         before = self._recent.get(late.tick % REMEMBERED)
         self.contradicted += before is not None and before.tick == late.tick and before != late
         self._late += 1
@@ -135,7 +135,7 @@ class SampleStream:
         near, angle = self._counts[position.joint], unwrap(position.tick, self._tick, 16)
         if self._tick >= 0:
             if angle < self._tick - self._blind:
-                return  # so late that the joint may have made a turn since
+                return  # the message is so late that the joint may have made a turn since
             self._told_at[position.joint] = angle
         if near is None or angle - self._tick > self._blind:
             self._counts[position.joint] = position.position

@@ -37,8 +37,8 @@ SEAL_HELP = """\
 draw a plant, write its truth to FOLDER, print its seal (a salted hash) and its rig file as JSON, and exit; afterwards
 --plant FOLDER/plant.toml selects this plant. With - instead of FOLDER nothing is written: the first line of standard
 input is the text of a rig file as a JSON string. Each further line that is a JSON object is a release to record:
-{"theta1": rad, "theta2": rad, "duration_s": s}, optionally with "rods" and "added_mass" as in a rig file. Another line
-reveals the truth"""
+{"theta1": rad, "theta2": rad, "duration_s": s}, optionally with "rods" and "added_mass" as in a rig file. Any other
+line reveals the truth"""
 
 
 def main(arguments: list[str] | None = None) -> int:

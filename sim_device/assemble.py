@@ -48,7 +48,7 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
     Args:
         options: options of the device
         at_once: whether a device in real time answers while its kernels are still being compiled; until then, its
-        operator moves the rods to no pose
+        operator does not move the rods
 
     Raises:
         ConfigError: an invalid file or fault.
@@ -107,5 +107,5 @@ def _firmware(name: str) -> tuple[Callable[[DeviceInfo, SimulatedRods, Clock, Fa
     from sim_device.firmware.c_board import CBoard
     from sim_device.firmware.c_firmware import CFraming, load
 
-    load()  # compiles it if necessary
+    load()  # compiles the firmware if necessary
     return CBoard, CFraming

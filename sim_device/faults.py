@@ -30,7 +30,7 @@ FAULTS: dict[str, FaultKind] = {
     "duplicate": FaultKind("frame", "probability that a frame arrives twice, in either direction"),
     "reorder": FaultKind("frame", "probability that two successive frames are exchanged, in either direction"),
     "lose_torques": FaultKind("frame", "probability that a TORQUE or ARM_INPUT frame is lost"),
-    "lose_events": FaultKind("frame", "how many of the first EVENT frames are lost", np.inf, whole=True),
+    "lose_events": FaultKind("frame", "number of the first EVENT frames that are lost", np.inf, whole=True),
     "lose_pongs": FaultKind("frame", "probability that a PONG frame is lost"),
     "pong_scale": FaultKind("frame", "factor on the tick in PONG; 0: constant", 10.0),
     "stuck_latch": FaultKind("frame", "1: every STATUS reports that the latch holds", whole=True),
@@ -42,7 +42,7 @@ FAULTS: dict[str, FaultKind] = {
         "encoder", "joint (0, 1, 2) whose counter stays constant after the release", JOINTS - 1, whole=True
     ),
     "constant_encoder2": FaultKind(
-        "encoder", "reading of encoder 2 in counts, constant, as of one without a rod", 32767, whole=True
+        "encoder", "constant reading of encoder 2 in counts, as of an encoder without a rod", 32767, whole=True
     ),
     MISSED_COUNTS.name: FaultKind(
         "encoder", "counts that encoder 2 misses, a quarter of a second after the release", 32767, whole=True
@@ -194,7 +194,7 @@ def parse_faults(texts: Iterable[str], seed: int = 0) -> Faults:
 def _parsed(text: str) -> tuple[str, float]:
     name, _, value = text.partition("=")
     if name not in FAULTS:
-        raise ConfigError(f"fault {text!r}: there is no fault {name!r} (available: {', '.join(FAULTS)})")
+        raise ConfigError(f"fault {text!r}: unknown fault {name!r} (available: {', '.join(FAULTS)})")
     kind = FAULTS[name]
     number = _number(value)
     if number is None or not 0 <= number <= kind.highest or (kind.whole and number != int(number)):

@@ -1,4 +1,4 @@
-"""Main loop of a device on a link, until it is stopped or a fault ends one of them."""
+"""Main loop of a device on a link, until it is stopped or a fault ends the device or the link."""
 
 import logging
 import time
@@ -32,7 +32,8 @@ def serve(
     reset_after = faults.value("reset_after_s")
     line = _Line(link, faults)
     while not stopped():
-        # The lease is checked after reading, with the time before it: keepalives that arrived while this process was
+        # The lease is checked after reading, with the time before reading: keepalives that arrived while this process
+        # was
         # suspended were sent in time, whether the suspension was before or after the reading.
         now = wall()
         frames = [answer for frame in line.receive(device, now) for answer in device.receive(frame, now)]

@@ -15,7 +15,7 @@ from dpr_lab.run import Run
 
 
 def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon_s: float) -> dict[str, float]:
-    """Run -> root mean square error of the corrected model that runs free from the start, rad.
+    """Run -> root mean square error of a free run of the corrected model from the start, rad.
 
     Args:
         runs: the runs; one that is shorter than the horizon is left out

@@ -6,9 +6,9 @@ Two one-sided tests at 5 % each are one comparison with the 90 % interval [l, u]
     fail           [l, u] lies outside the limits
     not decidable  otherwise, or if these recordings do not give a valid interval
 
-A named effect has the interval of its fit. An effect that was not named has that of the score test around the corrected
-model, a -+ 1.645 s, with all its amplitudes fitted together. If the common scale b is uncertain, an absolute size is a
-ratio times b^k, and its interval covers both ends of the interval of b.
+The interval of a named effect is that of its fit. The interval of an effect that was not named is that of the score
+test around the corrected model, a -+ 1.645 s, with all its amplitudes fitted together. If the common scale b is
+uncertain, an absolute size is a ratio times b^k, and its interval covers both ends of the interval of b.
 
 The largest friction torque of a joint over its speeds u passes if |T(u)| +- 1.645 s(u) is below the limit at every
 speed: an intersection-union test, which needs no correction for the number of speeds. It fails if |T(u)| exceeds the
@@ -83,7 +83,8 @@ class Acceptance:
     recordings: tuple[str, ...] = ()
     """Releases that are expected to decide further limits, in the order of recording."""
     would_decide: tuple[str, ...] = ()
-    """Quantities of these limits; the forecast assumes a value of half its limit, or at the centre of its range."""
+    """Quantities of these limits; the forecast assumes that each value is half its limit, or at the centre of its
+    range."""
 
 
 def judge(diagnosis: Diagnosis, limits: Limits, free_run_rad: Mapping[str, float] | None = None) -> Acceptance:
@@ -142,7 +143,10 @@ def _largest(curve: JointFriction, speed: float, diagnosis: Diagnosis) -> Range:
 
 
 def _other_friction(diagnosis: Diagnosis, joint: int) -> str:
-    """Why the friction torque may not be a function of the speed, or may be another effect; empty if it is certain."""
+    """Reason why the friction torque may not be a function of the speed, or may be another effect.
+
+    Empty if it is certain.
+    """
     laws = {*laws_of(joint)}
     for named in diagnosis.effects:
         if named.name in NOT_OF_SPEED and named.name.endswith(f"joint{joint}"):
@@ -211,7 +215,7 @@ def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
     for named in diagnosis.effects:
         if named.name == effect:
             size = named.parameters.get(parameter)
-            if size is None or size.interval90[0] == size.interval90[1]:  # an amplitude that the fit left out
+            if size is None or size.interval90[0] == size.interval90[1]:  # an amplitude that was not fitted
                 return None
             return size.interval90_with_scale or size.interval90
     for tested in diagnosis.evidence.exclusions if diagnosis.evidence else ():

@@ -24,13 +24,13 @@ class ArrivalSettings:
     blocks: tuple[int, int] = (5, 32)
     """Minimum and maximum number of blocks of a recording."""
     rounds: int = 3
-    """Number of line fits; each selects the reads with the shortest delays by the slope of the one before."""
+    """Number of line fits; each fit selects the reads with the shortest delays by the slope of the previous fit."""
     shortest_s: float = 0.5
     """Minimum duration for an estimate of the rate, s."""
     delay_drift_s: float = 0.01
     """Possible undetected change of the shortest delay during a recording, s: a few time slices."""
     central: tuple[float, float] = (0.1, 0.9)
-    """Quantiles between which the residuals of the blocks are used; blocks outside were completely inside a stall."""
+    """Quantiles between which the residuals of the blocks are used; blocks outside were entirely within a stall."""
 
 
 ARRIVALS = ArrivalSettings()

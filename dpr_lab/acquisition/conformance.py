@@ -99,9 +99,9 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
     for trace in traces["traces"]:
         steps: Sequence[Step] = trace["steps"]
         if any("fault" in step for step in steps) or steps[0].get("send", [""])[0] != "HELLO":
-            continue  # needs intervention in the hardware
+            continue  # this exchange requires intervention in the hardware
         if simulated_time and any("silent_s" in step for step in steps):
-            continue  # the clock stands still while nothing is sent
+            continue  # the simulated clock stops while nothing is sent
         if trace.get("drives", "") not in {"", *peer.drives}:
             continue
         peer.topic = trace.get("drives", "")
@@ -261,7 +261,8 @@ def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) ->
         "every tick has a sample", not missing, f"{len(arrived)} samples, {missing} tick steps other than 1"
     )
     if peer.drives:
-        without = len({tick for _, tick in arrived[:-1]} - set(torques))  # those of the last samples may be pending
+        # torques of the last samples may still be pending
+        without = len({tick for _, tick in arrived[:-1]} - set(torques))
         yield Conformity(
             "every sample has its torques",
             not without,

@@ -86,7 +86,8 @@ class Device:
         """Losses up to the newest batch."""
         self._bytes = self._frames = self._meaningless = 0
         self._held: Row | None = None
-        """The newest sample is delayed until the next one arrives; it is discarded if the next one contradicts it."""
+        """The newest sample is delayed until the next one arrives; it is discarded if the next sample contradicts
+        it."""
         self._overruns = Counter()
         self._dropped = Counter()
         self._heard_at = time.monotonic()
@@ -297,7 +298,7 @@ class Device:
                     self._take(received)
                     self._send_due(time.monotonic())
                     self._changed.notify_all()
-        except Exception as error:  # every error must reach the caller instead of only ending the thread
+        except Exception as error:  # every error must reach the caller; otherwise it would only end the thread
             with self._lock:
                 self._failure = error
                 self._changed.notify_all()

@@ -38,7 +38,7 @@ class QualityReport:
 
     checks: tuple[Check, ...]
     notes: tuple[str, ...] = ()
-    """Notes on the recording that are no failures."""
+    """Notes on the recording that are not failures."""
 
     @property
     def ok(self) -> bool:
@@ -65,7 +65,7 @@ class DeviceWord:
     """Reports of a device in addition to its samples during the recording."""
 
     real_time: bool
-    """Whether its clock must agree with the host's; false for simulated time."""
+    """Whether the clock of the device must agree with that of the host; false for simulated time."""
     no_clock_fit: str
     """Reason why PING and PONG gave no clock fit; empty if they did."""
     statuses: int
@@ -119,8 +119,8 @@ def judge(
 def fastest_possible(rig: Rig) -> Array:
     """(2,) maximum speeds of the rods after a release at rest from any pose, rad/s.
 
-    All potential energy E = 2 (e1 + e2) in one rod: omega_i^2 = 2 E (M^-1)_ii, largest with the rods in line, where
-    M^-1 = [b, a] / (a b - d^2) on its diagonal.
+    If one rod has all the potential energy E = 2 (e1 + e2), omega_i^2 = 2 E (M^-1)_ii, largest with the rods in line,
+    where M^-1 = [b, a] / (a b - d^2) on its diagonal.
     """
     a, b, d, e1, _, _ = base_parameters(rig.nominal, rig.L1, rig.g)
     energy = 2 * (e1 + d * rig.g / rig.L1)
@@ -319,7 +319,7 @@ def _hanging_after(judged: JudgedRun) -> Check | None:
     limit, rest = judged.limits.hang_error, judged.limits.rest
     run = judged.run
     last = run.t >= run.duration - rest.window_s
-    if run.setup.mounting == "clamped":  # its hanging position is tilted
+    if run.setup.mounting == "clamped":  # a clamped elbow tilts its hanging position
         return None
     if run.duration <= rest.window_s or rest_motion(run.t[last], run.theta[last])[1] > rest.spread(judged.rig):
         return None

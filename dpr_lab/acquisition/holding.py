@@ -187,7 +187,7 @@ def guide(
 
 
 def _check_elbow(theta: Array, pose: Pose, rig: Rig, settings: CaptureSettings) -> None:
-    """Compare a clamped elbow with the pose, because no rod can be moved to another angle of it."""
+    """Compare the angle of a clamped elbow with that of the pose, because the operator cannot change it."""
     if rig.rods.mounting != "clamped" or abs(error := elbow_error(theta, pose)) <= settings.elbow_error:
         return
     wanted = pose.theta2 - pose.theta1

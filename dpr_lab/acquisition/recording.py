@@ -157,10 +157,10 @@ class Recording:
     def _in_real_time(self) -> bool:
         """Whether the device's clock must agree with the host's.
 
-        It must if the device declares it, or if its samples arrive steadily near real time.
+        It must agree if the device declares real time, or if its samples arrive steadily near real time.
 
-        A simulated clock is many times faster or slower, or irregular; a real clock that is declared as simulated is
-        not.
+        A simulated clock is many times faster or slower, or irregular; a real clock that is declared as simulated runs
+        steadily near real time.
         """
         if self._writer.metadata.extra.get("simulated_time") != "true":
             return True
@@ -323,4 +323,4 @@ class Recording:
         return True
 
     def _host_ns(self, host_time: float) -> int:
-        return max(0, round((host_time + self._to_epoch) * 1e9))  # a clock before 1970 cannot be stored in the file
+        return max(0, round((host_time + self._to_epoch) * 1e9))  # a time before 1970 cannot be stored in the file

@@ -33,7 +33,7 @@ class RestLimits:
     window_s: float = 1.0
     """Duration for which the rods must be at rest, s."""
     speed: float = 0.02
-    """Maximum drift, rad/s; a rod held by hand drifts faster, one held by the latch does not."""
+    """Maximum drift, rad/s; a rod held by hand drifts faster, a rod held by the latch does not."""
     spread_over_noise: float = 4.0
     """Maximum vibration in standard deviations of the encoder noise."""
     spread_counts: float = 2.0
@@ -88,7 +88,8 @@ class QualityLimits:
     hang_error: float = 0.02
     """Maximum deviation from hanging at rest, rad; the friction of a small bearing holds a rod within a milliradian."""
     motor_on: float = 5.0
-    """Rms input of the motor of a free arm above which it was on, relative to its noise at rest and its resolution."""
+    """Rms input of the motor of a free arm above which the motor was on, relative to the noise at rest and the
+    resolution of the input."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -113,7 +113,7 @@ class SwingRecorder:
                 data_kept = f"the data recorded so far are kept in {path}"
                 if isinstance(error, KeyboardInterrupt):
                     raise KeyboardInterrupt(f"{STOPPED}; {data_kept}") from error
-                if isinstance(error, DprError) and not isinstance(error, RunError):  # whose message names the file
+                if isinstance(error, DprError) and not isinstance(error, RunError):  # the message names the file
                     raise type(error)(f"{error}; {data_kept}") from error
                 raise
             tick, measured = recording.release_tick or 0, recording.pose_measured
@@ -216,7 +216,7 @@ class _Pace:
 
 
 def _reason(error: BaseException) -> str:
-    """Why a recording ended early; errors that are not for the operator with their type."""
+    """Why a recording ended early; errors that are not addressed to the operator are given with their type."""
     if isinstance(error, KeyboardInterrupt):
         return STOPPED
     return str(error) if isinstance(error, DprError) else f"{type(error).__name__}: {error}"

@@ -135,7 +135,7 @@ class Certificate(_Part):
     recordings: list[CertifiedRecording] = Field(min_length=1)
     rig: CertifiedRig
     limits: CertifiedLimits | None = None
-    """Limits whose test is claimed too; None without."""
+    """Limits whose test results are claimed too; None if there are none."""
     choices: CertifiedChoices
     made_with: MadeWith
     claims: dict[str, CertifiedClaim]

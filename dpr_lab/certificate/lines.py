@@ -12,7 +12,7 @@ class Verified:
     certified: str | float | None
     """Value in the certificate; None: missing."""
     now: str | float | None
-    """Value of the repetition; None: there is none to compare with."""
+    """Value of the repetition; None if there is no value to compare with."""
     holds: bool
     """Whether the two agree within the tolerance."""
     reason: str = ""

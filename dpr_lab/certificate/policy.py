@@ -31,7 +31,7 @@ class Tolerances:
     of_interval: float = 0.1
     """Tolerance of other numbers and of the ends of their intervals, as a fraction of the interval's width."""
     of_typical: float = 1e-3
-    """Minimum tolerance as a fraction of the parameter's typical size; the interval at a bound has no width."""
+    """Minimum tolerance as a fraction of the parameter's typical size; an interval at a bound has no width."""
 
 
 TOLERANCES = Tolerances()
@@ -72,14 +72,14 @@ def required_claims(diagnosis: Diagnosis, acceptance: Acceptance | None = None) 
         }
     for effect in diagnosis.effects:
         required |= {f"{effect.name}: {name}": claim for name, claim in _effect_claims(effect, diagnosis.scale)}
-    # `ratios` has nominal values of the rig file where the recordings determine none; older files have nothing else
+    # if the recordings do not determine a ratio, `ratios` contains its nominal value; older files contain only `ratios`
     ratios = (diagnosis.determined or diagnosis.ratios).items()
     required |= {name: _number(r.value, r.interval90, DIFFERENCE_STEPS.least_ratio) for name, r in ratios}
     return required | (_limit_claims(acceptance) if acceptance else {})
 
 
 def _limit_claims(acceptance: Acceptance) -> dict[str, RequiredClaim]:
-    """The result of each limit, and of all of them; the limits file, which has a hash, contains the bounds."""
+    """The result of each limit and of all limits together; the bounds are in the limits file, which has a hash."""
     claims = {f"limit of {limit.quantity}": _text(limit.answer) for limit in acceptance.limits}
     return claims | {"all limits": _text(acceptance.answer)}
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
 CONTEXT = b"dpr-lab certificate\n"
-"""Prefix of the signed bytes, so that the signature of a certificate is valid for nothing else."""
+"""Prefix of the signed bytes, so that the signature of a certificate is not valid for other data."""
 
 MISSING = "signatures require the library cryptography: pip install 'dpr-lab[signing]'"
 MAKE_A_KEY = "make one with: ssh-keygen -t ed25519 -f my_key"

@@ -144,7 +144,8 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
 def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
     """Checks that are not done, with their expected information about the updated probabilities, largest first.
 
-    For an ideal measurement this is the remaining entropy. Other checks keep their fraction of the ideal information.
+    For an ideal measurement this is the remaining entropy. Other checks give the same fraction of the ideal information
+    as before.
     """
     open_checks = [_reweighed(check, done) for check in diagnosis.checks if check.id != done.check.id]
     return sorted(open_checks, key=lambda check: -check.expected_bits)

@@ -15,7 +15,7 @@ def likeliest(probabilities: Mapping[str, float]) -> str:
 
 
 def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[Verdict, str]:
-    """Verdict and sentence after a check; the sentence starts with the most probable cause after it."""
+    """Verdict and sentence after a check; the sentence starts with the cause that is now most probable."""
     about, after = done.check.about, likeliest(done.after)
     before = f"Before the checks: {diagnosis.sentence.rpartition('Before the checks: ')[2]}"
     result = f"After check {done.check.id} ({done.result}):"

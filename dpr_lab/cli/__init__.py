@@ -34,7 +34,8 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):  # not possible while the interpreter shuts down
         atexit.register(signal.signal, number, signal.SIG_IGN)
     try:
-        # Our matrices are small: threads of the linear algebra slow them down, and lanes already use the cores.
+        # The matrices are small: threads of the linear algebra would slow down the computation, and lanes already use
+        # all cores.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         # The imports create some hundred thousand objects, nearly all of which live until the end. Searching them for
         # garbage takes a tenth of the start.

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from dpr_lab.acceptance.judge import Acceptance
 
 EXIT_CODES = {"pass": 0, "fail": 1, "not decidable": 9}
-"""Exit code of each answer."""
+"""Exit code of each result."""
 
 
 def accept(
@@ -59,7 +59,7 @@ def accept(
 
 
 def show(acceptance: "Acceptance") -> None:
-    """Print the answer to each limit."""
+    """Print the result of each limit."""
     from dpr_lab.report.gap.acceptance import LIMIT_COLUMNS, answer_sentence, deciding_sentence, limit_rows
     from dpr_lab.report.words import in_words
 

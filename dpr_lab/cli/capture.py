@@ -52,7 +52,7 @@ def capture(
     """Record free swings: one run file for each release.
 
     The rods are released only at the pose, at rest, and on the operator's command. On a terminal this is Enter; without
-    a terminal, or with --yes, naming the poses on the command line is the command.
+    a terminal, or with --yes, the poses on the command line count as the command.
 
     Example: dpr-lab capture --rig paper --link sim:// --pose X1 --pose X2 --pose X3 --out runs
     """

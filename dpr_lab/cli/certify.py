@@ -94,7 +94,8 @@ def verify(
     """Repeat a certified diagnosis and compare every claim; exits with 1 if a claim does not hold.
 
     The claims and their tolerances are rules of this program, not of the file. A certificate that was made with
-    other code fails, unless --other-code accepts it. What no repetition can confirm (choices, origin) is shown first.
+    other code fails, unless --other-code accepts it. The choices and the origin, which no repetition can confirm, are
+    shown first.
 
     Example: dpr-lab verify certificate.json
     """

@@ -26,7 +26,7 @@ def line(text: object = "") -> None:
 
 
 def text(document: str) -> None:
-    """Print a document on stdout without changes."""
+    """Print a document unchanged on stdout."""
     print(printable(document))
 
 

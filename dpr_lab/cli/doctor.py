@@ -1,4 +1,4 @@
-"""`dpr-lab doctor`: what works here, what does not, and what to do about it."""
+"""`dpr-lab doctor`: test of the installation, with a remedy for each problem."""
 
 import shutil
 import sys
@@ -24,7 +24,7 @@ class SystemCheck:
     message: str
     """Result of one test, and what to do if it failed."""
     group: str = ""
-    """Row of the table that this check shares with others of the same state; empty: a row of its own."""
+    """Name of the table row that this check shares with others of the same state; empty: it has its own row."""
 
     def to_json(self) -> dict[str, str]:
         """The check as an object of `doctor --json`."""

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class EffectCommands(Listing):
-    """Commands about effects; the name of an effect in the place of a command is answered with `show`."""
+    """Commands about effects; if an effect is named instead of a command, the error message refers to `show`."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command.

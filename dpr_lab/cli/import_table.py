@@ -85,7 +85,7 @@ def _parameter(option: TypedOption) -> inspect.Parameter:
     kind = str if option.reads_text else option.kind
     if option.default is None:
         kind = kind | None
-    flags = (f"--{option.name.replace('_', '-')}",)  # switches have no --no- form
+    flags = (f"--{option.name.replace('_', '-')}",)  # switches without a --no- form
     annotation = Annotated[kind, typer.Option(*flags, help=option.typed.help, **limits)]
     return inspect.Parameter(
         option.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, default=option.default, annotation=annotation

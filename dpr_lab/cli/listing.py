@@ -26,7 +26,7 @@ class Listing(TyperGroup):
             raise
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the command; a file in its place is refused with the commands that take one.
+        """Find the command; a file instead of a command is refused, with the commands that accept a file.
 
         Raises:
             BadParameter: the first argument is a file.
@@ -38,7 +38,7 @@ class Listing(TyperGroup):
         return super().resolve_command(ctx, args)
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """Names of the commands, none of which is imported."""
+        """Names of the commands, without importing them."""
         return list(self.commands)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:

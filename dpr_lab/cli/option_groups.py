@@ -1,4 +1,4 @@
-"""Groups of options: a parameter of a command whose type is a dataclass stands for one option per field."""
+"""Groups of options: a parameter of a command whose type is a dataclass is replaced by one option per field."""
 
 import inspect
 from collections.abc import Callable, Sequence
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def with_groups(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command one option for each field of its groups, in the place of the group.
+    """Replace each group in the signature of a command by one option per field.
 
     A field of a group is declared as an option: `seed: Annotated[int, typer.Option(...)] = 0`.
     """

@@ -1,4 +1,4 @@
-"""`dpr-lab plan`: what to record next, and when to stop."""
+"""`dpr-lab plan`: the next recordings, and when to stop."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -57,7 +57,7 @@ def plan(
     torque: TorqueKind = None,
     as_json: Json = False,
 ) -> None:
-    """Plan the next recordings: start pose, duration, rods, mass and input, with what each is expected to show.
+    """Plan the next recordings: start pose, duration, rods, mass and input, with the expected information of each.
 
     Example: dpr-lab plan runs/*.mcap --rig paper --budget 10min
     """
@@ -94,7 +94,7 @@ def show(made: "Plan") -> None:
         forecast = bool(made.forecast)
         rows = [_row(release) for release in made.releases]
         note = RELEASES + FORECAST * forecast
-        table("What to record, in this order", [*COLUMNS, *["P(decided)"] * forecast], rows, note=note)
+        table("Releases to record, in this order", [*COLUMNS, *["P(decided)"] * forecast], rows, note=note)
     if pairs := _pair_rows(made):
         last = len(made.releases)
         after = "after release 1" if last == 1 else f"after release 1 to {last}"

@@ -163,7 +163,7 @@ def layout(
 def _each(
     files: Sequence[Path], look: Callable[[Path], dict[str, Any]], show: Callable[[dict[str, Any]], None], json: bool
 ) -> None:
-    """Check every file, also after a damaged one, and exit with 3 if any is damaged."""
+    """Check all files, including those after a damaged one; exit with 3 if any is damaged."""
     summaries: list[dict[str, Any]] = []
     for file in files:
         try:

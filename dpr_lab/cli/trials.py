@@ -30,9 +30,10 @@ Example:
 app = typer.Typer(help=HELP, cls=Listing, no_args_is_help=True, rich_markup_mode=None)
 
 HIDDEN = (
-    "one effect of the library (single), two (pair), three (triple) or none (clean); one of the library in another"
-    " form (form); one outside the library (outside); none or one, with faulty encoders (dirty); drives"
-    " with or without a fault (driven, only on request); one among several small ones (background, only on request)"
+    "one effect of the library (single), two (pair), three (triple) or none (clean); one effect of the library"
+    " in another form (form); one effect outside the library (outside); faulty encoders, with one effect or without"
+    " an effect (dirty); drives with or without a fault (driven, only on request); one effect among several small ones"
+    " (background, only on request)"
 )
 
 RigName = Annotated[
@@ -241,8 +242,8 @@ def campaign(
         bool,
         typer.Option(
             "--plan",
-            help="Record each plant release by release until its cause is decided, or until a bench check must decide:"
-            " by plan, by plan with durations of its own choice, from the fixed menu and from random poses.",
+            help="Record each plant release by release until its cause is decided, or until only a bench check can"
+            " decide. Strategies: a plan, a plan that also chooses durations, the fixed menu, and random poses.",
         ),
     ] = False,
     as_json: Json = False,

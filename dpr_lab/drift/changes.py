@@ -6,15 +6,15 @@ Model of the parameter q of run k:
 
 where s follows from runs of the same group and pose, or from successive runs if no group has several runs; it is at
 least the standard deviation from the noise of a run alone. Contrasts c of the group means are tested: each group minus
-the first, and the mean of all groups after one minus that of all up to it (change point). One critical value holds for
-all contrasts and all parameters simultaneously: the quantile of
+the first, and for each change point the mean of all later groups minus that of all earlier ones. One critical value
+holds for all contrasts and all parameters simultaneously: the quantile of
 
     max |c . mean| / (s |c|)
 
 over simulated runs without a change (single-step max-t test).
 
 Source: Hothorn, Bretz & Westfall (2008), Biometrical Journal 50(3) 346-363, the single-step procedure. The simulation,
-the independence of parameters (conservative) and the choice of contrasts are ours.
+the assumed independence of parameters (conservative) and the choice of contrasts are not from this source.
 """
 
 from collections.abc import Sequence
@@ -78,7 +78,7 @@ class ParameterChange:
     after: int
     """Index of the group before the most likely change point."""
     step: float
-    """Change at that point: mean of all groups after it minus that of all up to it, SI."""
+    """Change at that point: mean of all later groups minus that of all earlier ones, SI."""
     step_interval: tuple[float, float]
     """Interval of the step, simultaneous with all others, SI."""
     between: tuple[str, str]

@@ -60,7 +60,7 @@ def grouped(runs: Sequence[Occasion], by: str) -> Grouped:
             f"cannot group by {by}: {len(undated)} of {len(runs)} runs have no recording time: {names}. Import their"
             " tables again with --recorded-at 2026-03-01T14:30, or group by note or folder: --by label"
         )
-    # Runs without a date keep their place among the others.
+    # Runs without a date keep their position in the list.
     order = list(range(len(runs))) if undated else sorted(range(len(runs)), key=lambda i: (_instant(runs[i]), i))
     keys = KEYS[by]([runs[i] for i in order])
     names = tuple(dict.fromkeys(keys))

@@ -20,8 +20,8 @@ def estimate_each_arm(runs: Sequence[Run], rig: Rig, clearest: float = 0.5) -> E
     Args:
         runs: in the order of time, all with the same mode of the arm
         rig: lengths, masses and encoders
-        clearest: largest relative standard deviation of a ratio that is compared; a friction may be near zero, and its
-            standard deviation counts relative to the largest estimate
+        clearest: largest relative standard deviation of a ratio that is compared; for friction, which may be near zero,
+        it is relative to the largest estimate
 
     Raises:
         RunError: a run cannot be fitted, the runs differ in the mode of the arm, or no ratio is determined by all.

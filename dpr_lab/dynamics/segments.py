@@ -77,7 +77,8 @@ class Segments:
     def turning_as_one(self, initial: Array) -> Array:
         """(..., S, 4) initial states, with one speed for rods that turn as one, and one angle for a rod alone.
 
-        The halves of a rod alone are in line, because the torque on a moving arm depends on both angles.
+        The two halves that represent a single rod are aligned, because the torque on a moving arm depends on both
+        angles.
         """
         if self.held.any():
             alone = np.array([setup.alone for setup in self.setups])[self.run]

@@ -280,8 +280,8 @@ class Effect:
     derived: tuple[EffectParameter, ...] = ()
     """Their units."""
     exported: Callable[[Params], Words] | None = None
-    """Function that returns the effect as such elements; None, or {} if these parameters have none: other programs
-    then call its kernel or omit it.
+    """Function that returns the effect as such elements; None, or {} if there are no such elements for these
+    parameters: other programs then call its kernel or omit it.
     """
 
     @property

@@ -5,7 +5,7 @@ from dpr_lab.effects.quantities import EncoderReading
 from dpr_lab.kernels import inlined
 
 LARGEST_RAD_PER_S = 5e-3
-"""Largest rate of a zero, 0.3 degrees per second: a faster one is seen while the rods hang."""
+"""Largest rate of a zero, 0.3 degrees per second: a faster drift is visible while the rods hang."""
 
 
 @inlined

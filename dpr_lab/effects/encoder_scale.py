@@ -30,9 +30,7 @@ def remedy(params: Params, rig: RigConstants, joint: int, exact: float = 5e-3) -
     if usual and usual != usual_counts(configured):
         words += f"; an encoder of {usual // 4} lines, read fourfold, has {usual}"
     elif abs(params["excess"]) > exact:
-        words += (
-            "; no usual encoder has this number: unless a potentiometer, belt or gear is between, suspect another cause"
-        )
+        words += "; no usual encoder has this number: without a potentiometer, belt or gear, another cause is probable"
     return words
 
 

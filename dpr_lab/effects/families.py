@@ -32,7 +32,7 @@ def _drive(j: int) -> Family:
     marks = [f"rotor_inertia_joint{j}", f"load_friction_joint{j}", f"detent_joint{j}", f"backlash_joint{j}"]
     friction = (f"{law}_joint{j}" for law in ("coulomb", "stribeck", "friction_curve", "hysteresis"))
     expected = [f"coulomb_joint{j}", f"load_friction_joint{j}"]
-    expected += ["rotor_inertia_joint2"] if j == 2 else []  # the rotor of joint 1 is part of a
+    expected += ["rotor_inertia_joint2"] if j == 2 else []  # the inertia of the rotor of joint 1 is part of a
     return Family(f"drive_joint{j}", f"geared drive, joint {j}", j, (*marks, *friction), tuple(marks), tuple(expected))
 
 

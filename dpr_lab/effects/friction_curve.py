@@ -34,7 +34,7 @@ def curve(
 ) -> float:
     """Torque on the rod after the joint, N m: a step at rest, then one ramp between two successive speeds.
 
-    Above the last speed, rad/s, which fast swings reach, only viscous friction increases.
+    Fast swings reach the last speed, rad/s; above it only viscous friction increases.
     """
     speed = joint.speed * joint.direction
     size = forward_Nm if joint.direction > 0.0 else backward_Nm
@@ -78,7 +78,7 @@ FRICTION_CURVE = pair(
     ),
     source=(
         "Isotonic (monotone) regression, Robertson, Wright & Dykstra (1988), Order Restricted Statistical Inference;"
-        " the application to a bearing is our own."
+        " the application to a bearing is not from this source."
     ),
 )
 

@@ -47,7 +47,7 @@ def compile_errors(effect: Effect) -> Iterator[str]:
 
 def _error(kernel: Callable[..., Any], effect: Effect) -> str:
     if not isfunction(kernel):
-        return f"the kernel {kernel!r} is no Python function: use the decorator `inlined` of dpr_lab.kernels only"
+        return f"the kernel {kernel!r} is not a Python function: use only the decorator `inlined` of dpr_lab.kernels"
     name, wanted = kernel.__name__, arguments(kernel)
     examples = [QUANTITIES.get(argument, 0.1) for argument in wanted]
     dispatcher: Any = numba.njit(error_model="numpy")(kernel)

@@ -46,11 +46,12 @@ def amplitude_limits(base: BaseParameters, constants: RigConstants) -> Array:
 def oversized(params: Array, limits: Array | None, *, share: float = 0.999) -> tuple[str, ...]:
     """Effects with sizes that no rig has, which indicates another cause: near a limit, or impossible together.
 
-    A limit of the equation itself, within the scale of the prior, is no evidence: a saturated drive has a share of 1.
+    A limit of the equation itself, within the scale of the prior, is not evidence of another cause: a saturated drive
+    has a share of 1.
 
     Args:
         params: (SIZE,) all effects
-        limits: (SIZE,) maximum sizes; None for none
+        limits: (SIZE,) maximum sizes; None: no limits
         share: of a limit that counts as reached
     """
     reached = np.zeros(SIZE, dtype=bool) if limits is None else np.abs(params) >= share * limits
@@ -66,6 +67,6 @@ def oversized(params: Array, limits: Array | None, *, share: float = 0.999) -> t
 
 
 def relative_size(params: Array, limits: Array, effect: str) -> float:
-    """Rms of the amplitudes of one effect relative to their limits, 1."""
+    """Rms of the amplitudes of one effect relative to their limits, dimensionless."""
     amplitudes = [param_index(effect, parameter.name) for parameter in EFFECTS[effect].amplitudes]
     return float(np.sqrt(np.mean((params[amplitudes] / limits[amplitudes]) ** 2)))

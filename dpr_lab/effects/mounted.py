@@ -1,4 +1,4 @@
-"""Effects in a run where joint 2 cannot turn, the arm cannot move, or nothing drives the joints.
+"""Effects in a run in which joint 2 cannot turn, the arm cannot move, or nothing drives the joints.
 
 Joint 2 is then held by dry friction without a limit, a clamped arm has no effects, and drives are off.
 """

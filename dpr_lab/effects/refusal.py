@@ -19,7 +19,7 @@ def _reasons(effect: Effect) -> Iterator[str]:
     if not (effect.name.isidentifier() and effect.name.isascii()):
         yield "the name of an effect must be an identifier, such as magnet_joint1"
     if effect.stage not in StageName.__args__:
-        yield f"no stage {effect.stage!r}; there are: {', '.join(StageName.__args__)}"
+        yield f"no stage {effect.stage!r}; the stages are: {', '.join(StageName.__args__)}"
         return
     if effect.stage in ("play", "play1", "play0", "arm", "input"):
         yield f"the stage {effect.stage!r} is reserved for one effect of dpr-lab"
@@ -28,7 +28,7 @@ def _reasons(effect: Effect) -> Iterator[str]:
     names = [*(state.name for state in effect.internal), *(parameter.name for parameter in effect.parameters)]
     offered = [*STAGES[effect.stage].quantities, *names]
     if unknown := [name for name in arguments(effect.kernel) if name not in offered]:
-        yield f"the kernel asks for {', '.join(unknown)}; at the stage {effect.stage!r} there are: {', '.join(offered)}"
+        yield f"the kernel asks for {', '.join(unknown)}; the stage {effect.stage!r} offers: {', '.join(offered)}"
     if not effect.amplitudes:
         yield "an effect needs at least one amplitude, which is zero if the effect is absent"
     for parameter in effect.parameters:

@@ -51,8 +51,8 @@ Combine = Callable[[int, Collection[str]], tuple[str, ...]]
 class Stage:
     """Quantities of the effects of one stage, and the combination of their contributions.
 
-    Expressions contain names in braces, which each version replaces by its own notation. `#` stands for the number of
-    the joint, `@` for the index of the internal state, `name_3` for element 3 of an array.
+    Expressions contain names in braces, which each version replaces by its own notation. `#` is replaced by the number
+    of the joint and `@` by the index of the internal state; `name_3` is element 3 of an array.
     """
 
     arguments: str
@@ -234,7 +234,7 @@ PER_JOINT = ("timing", "encoder")
 class Requirements(NamedTuple):
     """Quantities that a step must compute for the active effects; bools, or arrays of bools.
 
-    A field with the name of a stage: whether an effect of this stage is active.
+    A field that is named after a stage states whether an effect of this stage is active.
     """
 
     torque: Any

@@ -41,7 +41,7 @@ _JOINT1, _JOINT2 = pair(
 )
 
 TORQUE_SCALE = [replace(_JOINT1, twins=(_JOINT2.name,)), replace(_JOINT2, twins=(_JOINT1.name,))]
-"""Effect for both joints together is the common scale of the rig: only the ratio of the two is identifiable."""
+"""An equal error of both joints is the common scale of the rig, so only the ratio of the two is identifiable."""
 
 TORQUE_SCALE_JOINT0 = at_arm(
     _JOINT1,

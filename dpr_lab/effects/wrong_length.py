@@ -31,9 +31,7 @@ WRONG_LENGTH = Effect(
     quantities=(
         BenchQuantity("error of the length L1", "x", ("added_m",), definition="true L1 minus L1 of the rig file"),
     ),
-    symptom=(
-        "The period of the outer rod and its coupling to the inner rod do not fit together, in every recording alike."
-    ),
+    symptom=("The period of the outer rod and its coupling to the inner rod contradict each other in every recording."),
     bench_check=(
         "Measure L1 between the axes of the joints with a calliper and look up the local gravity; a crystal"
         " has an error of at most 0.01 %, so a larger error is due to the length (or gravity)."

@@ -40,7 +40,8 @@ def arm_motion(t: Array, theta0: Array, name: str, angle: str = "theta0") -> Arm
     if len(t) < FEWEST or not np.isfinite(theta0).all():
         raise RunError(f"{name}: a prescribed joint needs its angle in every row: name the columns of {angle} and t")
     spacing = float(np.median(np.diff(t)))
-    normalised = (t - t[0]) / spacing  # in samples, because the search for the weight of the spline depends on the unit
+    # time in samples, because the search for the weight of the spline depends on the unit
+    normalised = (t - t[0]) / spacing
     spline = make_smoothing_spline(normalised, theta0)
     noise = float(difference_std(t, theta0[:, None])[0]) if len(t) > ORDER else 0.0
     return ArmMotion(t, np.asarray(spline(normalised)), np.asarray(spline.derivative()(normalised)) / spacing, noise)

@@ -1,12 +1,12 @@
-"""Rows that a logger sends whenever an encoder counts: each is the instant at which a rod passes an edge.
+"""Rows that a logger sends whenever an encoder counts: each row gives the instant at which a rod passes an edge.
 
 An encoder counts at the edge between two counts n and n + 1. The row is sent with the new count, so the rod is then at
 the lower end of count n + 1 if it moves up, and at the upper end of count n if it moves down:
 
     theta = (theta_before + theta_read) / 2
 
-with the reading of the row before. The angle of an edge has no rounding error. Taken at its count, it has an error of
-half a count that changes sign with the direction of motion, as the torque of dry friction does.
+with theta_before the reading of the previous row. The angle of an edge has no rounding error. The count itself would
+have an error of half a count that changes sign with the direction of motion, like the torque of dry friction.
 
 The other encoders of such a row are within their counts, and are not changed by the mean.
 """
@@ -38,8 +38,8 @@ SETTINGS = CountedRowSettings()
 def edge_rows(angles: Array) -> Integers | None:
     """Indices of the rows at an edge next to the row before; None if the rows are not sent at each count.
 
-    Rows sampled at an even rate repeat a reading at turning points, and skip counts when the rods move fast. The first
-    row has no row before, and a row that differs by more than one count follows a lost one: both are left out.
+    Rows sampled at an even rate repeat a reading at turning points, and skip counts when the rods move fast. Two kinds
+    of rows are left out: the first row, and a row that differs by more than one count and therefore follows a lost row.
 
     Args:
         angles: (n, m) readings of the encoders, in any unit

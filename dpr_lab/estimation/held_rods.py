@@ -47,13 +47,13 @@ class HeldSettings:
     fewest: int = 4
     """Minimum number of removed samples of rest, and of samples of a swing."""
     sure: float = 0.3
-    """Minimum duration of a short rest relative to the time from the release until the fall is visible. This is three
-    standard deviations of the estimated release.
+    """Minimum duration of a short rest relative to the time from the release until the fall is visible. The limit is
+    three standard deviations of the estimated release.
     """
     onset: float = 4.0
     """Maximum excursion of a rod from its mean position at rest, in standard deviations."""
     own_zero_s: float = 0.05
-    """Maximum delay of the visible motion after t = 0 of the table for t = 0 to count as the release, s; a slow fall
+    """Maximum time from t = 0 of a table to the visible motion, s, up to which t = 0 counts as the release; a slow fall
     becomes visible late.
     """
     driven_share: float = 0.02
@@ -233,7 +233,7 @@ def _turns(motion: RodMotion, first: int, stop: int) -> bool:
         return False
     powers = np.vander(t - t.mean(), 3)
     (curvature, _, middle), precision = np.linalg.lstsq(powers, rods, rcond=None)[0], np.linalg.inv(powers.T @ powers)
-    towards_hanging = curvature * np.sin(middle) > 0  # 0 is upright, so that sin falls through hanging
+    towards_hanging = curvature * np.sin(middle) > 0  # 0 is upright, so that the sine decreases through hanging
     significant = np.abs(curvature) > HELD.bent * np.sqrt(precision[0, 0]) * _noise(motion)
     return bool((towards_hanging & significant).any()) and _fall(t, rods) == 0
 

@@ -25,7 +25,8 @@ class LiveFilterSettings:
     snap: float = 1e8
     """Process noise without data, rad^2/s^7; suitable for rods of about 0.4 m."""
     prior: tuple[float, ...] = (1.0, 1e7, 1e7, 1e7)
-    """Variance of the first state in filter units: the angle is as accurate as the first reading, the rest unknown."""
+    """Variance of the first state in filter units: the angle is as accurate as the first reading, and the other states
+    are unknown."""
 
     most_hz: float = 200.0
     """Maximum rate of filtered samples during a recording, Hz: an update takes a few tenths of a millisecond."""
@@ -93,8 +94,7 @@ class VelocityFilter:
     def update(self, t: float, theta: ArrayLike) -> Array:
         """(2,) speeds after the sample theta (2,) at time t, rad/s.
 
-        Raises:
-            ValueError: t is not after the sample before.
+        Raises: ValueError: t is not later than the previous sample.
         """
         if not t > self._t:
             raise ValueError(f"samples must come in order: {t} s after {self._t} s")

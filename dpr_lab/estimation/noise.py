@@ -60,7 +60,7 @@ class NoiseFloor:
     def covariance(self) -> Array:
         """(2, 2) of (theta1, theta2), J diag(std_joint^2) J^T with J from joint to absolute angles, rad^2.
 
-        They are correlated with a relative encoder of joint 2.
+        With a relative encoder of joint 2 both angles are correlated.
         """
         J = self.joints.to_rods_matrix
         return J @ np.diag(self.std_joint**2) @ J.T
@@ -92,7 +92,7 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
     else:
         source, std = "differences", difference_std(run.t, joints.of_rods(run.theta[:, 1:]))
     floor = _rounding(run, joints.of_rods(run.swing.theta[:, 1:]), rig.radians_per_count[1:], std, still)
-    if run.at_edges and run.setup.alone:  # of two encoders, the one that does not count is between its edges
+    if run.at_edges and run.setup.alone:  # if only one of two encoders counts, the other one is between its edges
         floor[0] = 0.0
     std_joint = np.maximum(std, floor)
     if run.film_noise is not None:
@@ -102,7 +102,7 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
 
 
 def _film_std(film: FilmNoise, joints: JointAngles) -> Array:
-    """(2,) standard deviation of the joint angles of a video, rad; of a single rod the same for both."""
+    """(2,) standard deviation of the joint angles of a video, rad; for a single rod both are equal."""
     rods = np.asarray(film.std) * np.ones(2)
     to_joints = np.linalg.inv(joints.to_rods_matrix)
     return np.sqrt(to_joints**2 @ rods**2)
@@ -154,7 +154,7 @@ def _still(readings: Array, steps: Array, window: int) -> Flags:
     """(n - window + 1, m) whether `window` readings (n, m) from each on stay within one step."""
     least = most = readings
     covered = 1
-    while covered < window:  # extremes of twice as many readings are those of two neighbouring halves
+    while covered < window:  # extremes of twice as many readings follow from those of two neighbouring halves
         shift = min(covered, window - covered)
         least, most = np.minimum(least[:-shift], least[shift:]), np.maximum(most[:-shift], most[shift:])
         covered += shift
@@ -179,7 +179,7 @@ def _steps(readings: Array, counts: Array) -> Array:
     for joint, changes in enumerate(np.abs(np.diff(readings, axis=0)).T):
         moved = changes[changes > NOISE.rounding_rad]
         for step in (counts[joint], moved.min(initial=np.inf)):
-            # a change much smaller than a step has the phase of a multiple, but is none
+            # a change much smaller than a step has the phase of a multiple, but is not a multiple
             of_step = np.where(moved > 0.5 * step, np.exp(2j * np.pi * moved / step), 0.0)
             if len(moved) and abs(of_step.mean()) > NOISE.on_grid:
                 steps[joint] = max(steps[joint], step)

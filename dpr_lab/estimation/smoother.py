@@ -9,8 +9,8 @@ with the innovation y, and the backward pass, from the last sample but one to th
 
     C = P F^T (P-)^-1,    x_s = x + C (x_s' - x-'),    P_s = P + C (P_s' - P-') C^T
 
-where ' is the sample after. P- is factored by Cholesky. Every inner loop runs along a row of `STATES` numbers, and no
-sum changes its order, so the compiler can use vector registers in strict arithmetic.
+where ' denotes the next sample. P- is factored by Cholesky. Every inner loop runs along a row of `STATES` numbers, and
+no sum changes its order, so the compiler can use vector registers in strict arithmetic.
 
 Source: H. E. Rauch, F. Tung & C. T. Striebel (1965), AIAA Journal 3(8), 1445-1450.
 """

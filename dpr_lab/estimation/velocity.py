@@ -35,7 +35,8 @@ class FilterSettings:
     """Settings for the estimate of the process noise."""
 
     memories: tuple[float, float, float] = (-1.0, 2.0, 0.25)
-    """Grid of memories, log10 of samples: first, last, step; for fast swings at 30 Hz to slow ones at 10 kHz."""
+    """Grid of memories, log10 of samples: first, last, step. It covers fast swings at 30 Hz up to slow ones at 10
+    kHz."""
     section_s: float = 0.4
     """Length of a section with constant process noise, s: slightly less than half a swing of a 0.4 m rod."""
     section_samples: int = 100
@@ -99,8 +100,8 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> Array:
     """Maximum-likelihood process noise of each rod by section.
 
     The likelihood of each section is computed for each memory of a grid, and its maximum refined by a parabola through
-    the neighbours. Between the centres of sections the logarithm is interpolated. For each rod its own marginal noise
-    is used.
+    the neighbours. Between the centres of sections the logarithm is interpolated. The noise of each rod is its marginal
+    noise.
 
     Args:
         run: the run; only t >= 0 is used

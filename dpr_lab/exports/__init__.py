@@ -1,7 +1,8 @@
 """Export of the corrected model to other programs; a new format is one file and one row of `FORMATS`.
 
 `Effect.exported` describes each effect by elements that programs share. A program that can call functions gets the
-kernel of an effect. Effects without either are lost in this format, and are listed with the reason.
+kernel of an effect. Effects without elements and without a callable kernel are lost in this format, and are listed with
+the reason.
 """
 
 import json
@@ -39,7 +40,7 @@ class ExportFormat:
     """Whether it requires optional packages; `diagnose --out` then does not write it."""
 
     def lost(self, model: AnyModel, rig: Rig) -> dict[str, str]:
-        """Effect -> why the format cannot express it."""
+        """Effect -> reason why the format cannot express it."""
         expressed = set(in_words(model, rig, self.words))
         expressed |= {name for name in model.effects if name in EFFECTS and EFFECTS[name].stage in self.calls}
         return left_out(model, expressed, self.program)
@@ -52,7 +53,7 @@ class ExportFormat:
         Args:
             model: the model to write
             rig: its rig
-            lost: effects already left out of the refitted model; none: those that the format cannot express
+            lost: effects already left out of the refitted model; None: those that the format cannot express
             check: loss of accuracy, for the JSON
         """
         lost = self.lost(model, rig) if lost is None else lost
@@ -80,7 +81,7 @@ FORMATS: dict[str, ExportFormat] = {
         lambda model, rig, _: {mjcf.XML: mjcf.mjcf(model, rig), mjcf.CALLBACK: mjcf.passive(model, rig)},
         in_mujoco,
         mjcf.WORDS,
-        tuple(stage for stage in _ALL if stage not in ("arm", "play0")),  # the motor would be another body
+        tuple(stage for stage in _ALL if stage not in ("arm", "play0")),  # the motor would be an additional body
     ),
     "urdf": ExportFormat(
         "URDF", "corrected_model.urdf", lambda *model: {"corrected_model.urdf": urdf.urdf(*model)}, in_urdf, urdf.WORDS

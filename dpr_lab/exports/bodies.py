@@ -32,7 +32,8 @@ def words_of(effects: Effects) -> dict[str, Words]:
 def in_words(model: AnyModel, rig: Rig, known: frozenset[str]) -> dict[str, Words]:
     """Effects of a model that a program with these elements can express."""
     expressed = {name: words for name, words in words_of(model.effects).items() if known.issuperset(words)}
-    if isinstance(model, MovingArmModel):  # gravity of a simulator tilts all directions, the effect that of the rods
+    # tilting gravity in a simulator affects all directions, whereas this effect acts in the plane of the rods only
+    if isinstance(model, MovingArmModel):
         return {name: words for name, words in expressed.items() if not {"arm", "tilt"} & set(words)}
     return {name: words for name, words in expressed.items() if "arm" not in words or arm_of(model, rig) is not None}
 
@@ -63,8 +64,7 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     Their masses are those of the model at the scale of its base parameters; a swing depends only on the base
     parameters.
 
-    Raises:
-        ConfigError: no bodies move as a model with a moving arm.
+    Raises: ConfigError: no rigid bodies can represent the model with a moving arm.
     """
     if isinstance(model, MovingArmModel):
         return arm_bodies(model, rig, expressed)

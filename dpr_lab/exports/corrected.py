@@ -1,7 +1,8 @@
 """The model with the named effects: for `compare`, as a plain Python module, and as MJCF.
 
 An amplitude whose interval contains zero is set to zero, so that a spring with an insignificant cubic term is a linear
-spring, which every format with springs can hold. The other values are then their conditional means in the joint normal
+spring, which every format with springs can represent. The other values are then their conditional means in the joint
+normal
 distribution: x - C_xz C_zz^-1 z. A named effect keeps its amplitudes if all of them are insignificant. Effects that
 are fitted to every rig of this kind are omitted if they are insignificant and not named.
 """
@@ -41,7 +42,7 @@ AXES = {"joint1": "theta1", "joint2": "theta2"}
 
 
 def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyModel:
-    """Corrected model of a diagnosis, with its effects, as `compare` takes it and `diagnose --out` writes it.
+    """Corrected model of a diagnosis, with its effects, which `compare` reads and `diagnose --out` writes.
 
     Args:
         diagnosis: ratios, covariance and effects
@@ -191,7 +192,7 @@ def _without_insignificant(
 
 
 def _insignificant(effect: NamedEffect) -> set[str]:
-    """Amplitudes whose interval contains zero; none if no other amplitude is left."""
+    """Amplitudes whose interval contains zero; empty if no other amplitude would be left."""
     amplitudes = {p.name for p in EFFECTS[effect.name].amplitudes} & set(effect.parameters)
     chance = {
         key for key in amplitudes if effect.parameters[key].interval90[0] <= 0 <= effect.parameters[key].interval90[1]

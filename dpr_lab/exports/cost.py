@@ -88,7 +88,7 @@ class Yardstick:
 
 
 def yardstick(model: AnyModel, runs: Sequence[Run], rig: Rig) -> Yardstick:
-    """Replay runs with a corrected model and without its effects; a model that has none is its own reference.
+    """Replay runs with a corrected model and without its effects; a model without effects is its own reference.
 
     Args:
         model: the corrected model

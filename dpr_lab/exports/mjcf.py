@@ -177,7 +177,7 @@ def mjcf(model: AnyModel, rig: Rig) -> str:
     Effects without an MJCF element are listed in the custom text `left_out`, and are in the passive force (`passive`).
 
     Raises:
-        ConfigError: no bodies move as a model with a moving arm.
+        ConfigError: no rigid bodies can represent the model with a moving arm.
     """
     expressed = in_words(model, rig, WORDS)
     made = bodies(model, rig, expressed)
@@ -186,7 +186,7 @@ def mjcf(model: AnyModel, rig: Rig) -> str:
     pull = f"{made.gravity * math.sin(made.tilt)!r} 0 {-made.gravity * math.cos(made.tilt)!r}"
     element(root, "option", gravity=pull, timestep="0.0005", integrator="RK4")
     custom = element(root, "custom")
-    left = [name for name in model.effects if name not in expressed]  # in the passive force, if known
+    left = [name for name in model.effects if name not in expressed]  # represented by the passive force, if known
     text = f"Not expressed here: {', '.join(left)}." if left else "All named effects are expressed."
     element(custom, "text", name="left_out", data=text)
     element(custom, "text", name="scale", data=model.scale_sentence)

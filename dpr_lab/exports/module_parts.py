@@ -179,7 +179,7 @@ def readings_at(x0, t, run, max_step, start, kind, torques):
 
 
 def simulated_rig(base: BaseParameters, constants: RigConstants, arm: ArmModel, effects: Collection[str]) -> RigModel:
-    """The rig of a module; its effects take their parameters by name, so that their values stay empty."""
+    """The rig of a module; its effects read their parameters by name, so that the vector of values is empty."""
     required = required_by(np.isin(list(EFFECTS), list(effects)))._replace(torque=True)
     return RigModel(base, constants, arm, (0.0, 0.0), None, Requirements(*map(bool, required)))  # type: ignore[arg-type]
 
@@ -225,7 +225,7 @@ def of_effects(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionD
 
 
 def _driven(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
-    """Torques of effects, and the resulting torques of joints 1 and 2 in `params`."""
+    """Replacement of the effects of the library: their torques on joints 1 and 2, in `params`."""
     node = of_effects(node, effects)
     (more,) = ast.parse("torque1, torque2 = torque1 + (params[0] - params[1]), torque2 + params[1]").body
     node.body.insert(-1, more)

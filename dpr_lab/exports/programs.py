@@ -25,7 +25,7 @@ class ReplaySettings:
     """Settings of the replay of recordings."""
 
     length_s: float = 10.0
-    """Maximum duration of a replay, s; shorter at an earlier predictability horizon."""
+    """Maximum duration of a replay, s; shorter if the predictability horizon is earlier."""
     rate_hz: float = 200.0
     """Rate at which readings are compared, Hz."""
     step_s: float = 1e-3
@@ -53,7 +53,7 @@ class Replay:
     noise_rad: Array
     """(2,) or (3,) noise floor."""
     torques: Array
-    """(m, 2) mean known torques of joints 1 and 2 in each step from the start, N m; zero without drives. Of a moving
+    """(m, 2) mean known torques of joints 1 and 2 in each step from the start, N m; zero without drives. For a moving
     arm (m, 1) mean inputs of its drive."""
 
     @property
@@ -63,7 +63,7 @@ class Replay:
 
     def driven(self, t: float, state: object) -> list[float]:
         """Torques of joints 1 and 2, N m, or input of the arm during the step that starts at t."""
-        step = int((t - self.start) / REPLAY.step_s + 1e-6)  # a program may have shorter steps
+        step = int((t - self.start) / REPLAY.step_s + 1e-6)  # a program may use shorter steps
         return self.torques[min(step, len(self.torques) - 1)].tolist()
 
     def error(self, theta: Array) -> float:

@@ -92,7 +92,7 @@ def unchanged(model: AnyModel, written: AnyModel) -> set[str]:
 def _starts(bare: Estimate, model: AnyModel, rig: Rig) -> list[tuple[Array, Array]]:
     """(7,) ratios and (SIZE,) effects from which fits start: of the bare model, and of the corrected one.
 
-    Both have the b of the corrected model: free swings determine the sizes of effects only relative to b.
+    Both use b of the corrected model, because free swings determine the sizes of effects only relative to b.
     """
     if not isinstance(model, MovingArmModel):
         of_bare = np.append(bare.ratios[: len(RATIOS)], model.unknowns[len(RATIOS) :])
@@ -149,7 +149,7 @@ def _without(model: AnyModel, lost: frozenset[str], words: frozenset[str]) -> di
 
 
 def _without_zeros(name: str, values: Mapping[str, float]) -> dict[str, float]:
-    """The effect without amplitudes of zero: fitted again, they could become sizes that no element expresses."""
+    """The effect without amplitudes of zero, which could become sizes without an element in a further fit."""
     amplitudes = {p.name for p in EFFECTS[name].amplitudes}
     return {key: value for key, value in values.items() if value or key not in amplitudes}
 

@@ -52,7 +52,7 @@ class Bodies:
     """Bodies of the rig: both rods, the parts at joint 2, and gravity."""
 
     rods: tuple[Rod, ...]
-    """The inner rod, and the outer one where it is mounted."""
+    """The inner rod, and the outer one if it is mounted."""
     tip_mass: float
     """Mass of the encoder at joint 2, kg."""
     gravity: float

@@ -34,7 +34,7 @@ def sources(roots: Mapping[str, Any], rewritten: Mapping[str, Rewrite] | None = 
     for name, root in roots.items():
         writer.names.setdefault(_identity(root), name)
     for name, root in roots.items():
-        if writer.write(root) != name:  # the same function, rewritten differently
+        if writer.write(root) != name:  # the same function with another transformation
             writer.written.append(writer.definition(name, root))
     return "\n\n\n".join(writer.written)
 

@@ -14,7 +14,8 @@ from dpr_lab.errors import RunError
 from dpr_lab.run import Run
 
 MIN_SAMPLES = 8
-"""Minimum number of samples of a segment: twice the number of initial values; fewer carry no information on a model."""
+"""Minimum number of samples of a segment: twice the number of initial values; fewer samples contain no information
+about a model."""
 
 
 def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:

@@ -82,7 +82,7 @@ def disturbance(
     walk = np.diff(
         _at(np.concatenate([np.zeros((1, 4, 4)), np.cumsum(between, axis=0)]), reference.at), axis=0, prepend=0.0
     )
-    walk[problem.segments.offsets[:-1]] = 0.0  # earlier noise is part of the initial state
+    walk[problem.segments.offsets[:-1]] = 0.0  # the effect of earlier noise is part of the initial state
     return Disturbance(np.ascontiguousarray(walk), reference.out, shared)
 
 
@@ -170,7 +170,7 @@ def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
 
 
 def _of_motion(motion: ArmMotion | None) -> float:
-    """Root of the intensity of the noise of a prescribed angle, rad s^(1/2)."""
+    """Square root of the intensity of the noise of a prescribed angle, rad s^(1/2)."""
     return 0.0 if motion is None else motion.noise * float(np.median(np.diff(motion.t))) ** 0.5
 
 

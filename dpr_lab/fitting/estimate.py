@@ -19,7 +19,8 @@ UNKNOWN_RATIOS = (*RATIOS, "b", "p/b")
 """Order of `Estimate.ratios`: 1, 1, 1/s^2, 1/s, 1/s, kg m^2, 1."""
 
 SCALE, ON_ELBOW = UNKNOWN_RATIOS.index("b"), UNKNOWN_RATIOS.index("p/b")
-"""Indices of b, which is identifiable with a known mass, and of p / b, which is with the inner rod alone."""
+"""Indices of b, which is identifiable with a known mass, and of p / b, which is identifiable with the inner rod
+alone."""
 
 EFFECTS_BEGIN, ZEROS_BEGIN = len(UNKNOWN_RATIOS), len(UNKNOWN_RATIOS) + SIZE
 """Indices in `Estimate.vector` at which the blocks `effects` and `zeros` begin."""
@@ -45,7 +46,8 @@ class DifferenceSteps:
     division of the integration steps at changes of direction does.
     """
     geared: float = 1.0
-    """Relative increment of a backlash with a motor behind it; the motor would cross a smaller one within a step."""
+    """Relative increment of a backlash with a motor behind it; the motor would cross a smaller backlash within a
+    step."""
     shape: float = 1e-5
     """Relative increment of a shape parameter: a frequency error of 1e-3 gives a phase error after ten seconds."""
     least_ratio: float = 1e-2
@@ -190,8 +192,9 @@ def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tupl
     """Indices of the unknowns that runs determine; the others keep their values.
 
     Both rods free determine the five ratios, and the inner rod alone also p/b. With a prescribed joint 1 the outer rod
-    determines d/b and c2/b. Without a swing of both rods, e1/b and c1/b stand for e and c divided by the inertia of the
-    swinging part, d/b for the outer rod's gravity if it does not hang in line, and a/b for a second mounting.
+    determines d/b and c2/b. Without a swing of both rods, other quantities are stored in these places: in e1/b and c1/b
+    the gravity and friction divided by the inertia of the swinging part, in d/b the outer rod's gravity if it does not
+    hang in line, and in a/b the value of a second mounting.
     """
     all_setups = list(setups)
     setups = [setup for setup in all_setups if setup.inner is None]
@@ -246,7 +249,7 @@ def effect_parameters(
         effect: the effect
         refined: whether continuous shape parameters are free
         overrides: shape values, as (index in `Estimate.params`, value), that are used for these derivatives only
-        limits: (SIZE,) largest sizes of amplitudes, `dpr_lab.effects.limits`; none without
+        limits: (SIZE,) largest sizes of amplitudes, `dpr_lab.effects.limits`; None without limits
     """
     parameters, steps = [], DIFFERENCE_STEPS
     places = tuple((EFFECTS_BEGIN + index, value) for index, value in overrides)

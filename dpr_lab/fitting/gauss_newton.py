@@ -49,7 +49,8 @@ class GaussNewton:
     linearity: float = 0.1
     """Relative difference between actual and predicted reduction up to which the Jacobian is frozen."""
     converged_frozen: float = 3e-6
-    """Relative reduction that ends the iteration with a frozen Jacobian, if smaller: it converges linearly."""
+    """Relative reduction that ends the iteration with a frozen Jacobian; the limit is smaller because convergence is
+    then linear."""
     amplitude_change: float = 0.2
     """Relative change of an amplitude beyond which the Jacobian of its effect's shape is recomputed at the end."""
     tries: int = 6
@@ -97,7 +98,7 @@ class Fit:
 
     @property
     def converged(self) -> bool:
-        """Whether more iterations would change nothing."""
+        """Whether further iterations would not change the result."""
         return self.stop not in (StopReason.MAXIMUM_ITERATIONS, StopReason.PRELIMINARY, StopReason.BEATEN)
 
     @property
@@ -285,10 +286,12 @@ def iterate(
 
 
 def _end(problem: Problem, chi2: float, reduction: float, tolerance: float, settings: GaussNewton) -> StopReason | None:
-    """Stop after a successful step: a small reduction, also a larger one of a preliminary fit far above the noise.
+    """Reason to stop after a successful step: its reduction is small.
 
-    Far above the noise, the model error exceeds any small reduction. After a segment that could not be followed there
-    is no chi2 to compare with.
+    For a preliminary fit far above the noise, the limit is larger.
+
+    Far above the noise, the model error exceeds any small reduction. If a segment could not be followed before, chi2
+    cannot be compared.
     """
     if not np.isfinite(chi2):
         return None

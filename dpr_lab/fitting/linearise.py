@@ -35,7 +35,7 @@ and speed would be indistinguishable. The same holds for the angle of an outer r
 
 
 def slow_starts(setup: Setup, states: int = 4) -> Array:
-    """(states,) inverse prior standard deviations of the step of an initial state; a clamped arm's is held."""
+    """(states,) inverse prior standard deviations of the step of an initial state; that of a clamped arm is fixed."""
     rods = UNREAD_STARTS if setup.alone else UNKNOWN_STARTS
     return rods if states == len(rods) else np.append(rods, [0.0 if setup.arm_moves else 1.0, 1.0])
 
@@ -133,7 +133,7 @@ def linearise(
     Q, R = np.linalg.qr(np.concatenate([J[:, :, -states:], slow], axis=1))
     Q = np.ascontiguousarray(Q[:, :-states])
     blind = np.abs(np.diagonal(R, axis1=1, axis2=2)).min(axis=1) < BLIND
-    R[lost | blind] = np.eye(states) / BLIND  # nothing determines its initial state: it is kept
+    R[lost | blind] = np.eye(states) / BLIND  # no reading determines its initial state, which is not changed
     of_free = J[:, :, :-states]
     coefficients = Q.transpose(0, 2, 1) @ of_free
     absorbed = Q @ coefficients

@@ -144,7 +144,7 @@ def prior_of(rig: Rig) -> Prior:
     covariance[FRICTION, FRICTION] += (STRENGTH.damping * critical) ** 2
     covariance[np.diag_indices_from(covariance)] *= (
         1.0 + 1e-6
-    )  # nine parameters with some of them fixed: no exact relation
+    )  # with some of the nine parameters fixed, avoid an exact relation
     limits = amplitude_limits(BaseParameters(a, b, d, e1, e2, c1, c2), rig_constants(rig))
     return Prior(mean, covariance, limits)
 

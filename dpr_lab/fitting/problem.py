@@ -52,8 +52,8 @@ class OutputModel(Protocol):
 class Problem:
     """Segments of all runs.
 
-    Whitened values are padded to one length: row 2 k + j of a segment is its sample k of joint j + 1. Where the arm of
-    any run moves, it is a third axis, and its angle and speed are numbers five and six of an initial state.
+    Whitened values are padded to one length: row 2 k + j of a segment is its sample k of joint j + 1. If the arm of any
+    run moves, it is a third axis, and its angle and speed are components five and six of an initial state.
     """
 
     segments: Segments

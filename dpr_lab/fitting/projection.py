@@ -73,7 +73,7 @@ class ColumnSpace:
         """
         norm = np.sqrt(
             np.maximum(np.diagonal(within, axis1=1, axis2=2), 0.0)
-        )  # a difference, which rounding may make too small
+        )  # rounding errors may make this difference too small
         scale = 1 / np.maximum(norm, TINY)
         across = across * self.scale[:, None, None] * scale
         flat = across.reshape(len(self), scale.size)

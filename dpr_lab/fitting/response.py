@@ -199,7 +199,7 @@ def _followed(bases: Array, rig: RigConstants, grid: Segments, estimate: Estimat
         _prescribed_torques(bases_of_run, rig, states, pushes[:, 2:]) if pushes[:, 2:].any() else 0.0
     )
     inverse, alpha = _accelerations(bases_of_run, grid.held[owner], rig.L1, rig.g, states, drive)
-    phi[lost], inverse[lost] = np.eye(4), 0.0  # a swing that cannot be simulated has no response
+    phi[lost], inverse[lost] = np.eye(4), 0.0  # the response is zero for a swing that cannot be simulated
     return FollowedSwing(states, phi, inverse, alpha, pushes[:, :2], [0, 1], [2, 3])
 
 

@@ -18,7 +18,7 @@ def without_outstanding(
     outstanding: float = 9.0,
     settings: GaussNewton = GAUSS_NEWTON,
 ) -> Fit:
-    """Refit from the estimate that results when the worst-fitting segments are down-weighted.
+    """Fit with down-weighted outlying segments, and refit all segments from this estimate.
 
     A single swing that passes near the upright can keep all parameters in a local minimum.
 

@@ -3,10 +3,10 @@
 A segment starts a little before its first sample (`dpr_lab.dynamics.prediction`). Differences are computed with twice
 the integrator's step, because an error of a derivative of 1e-3 does not change the solution of a fit, and this halves
 the time. With nearly singular inertias the swing of twice the step diverges, and no step of a fit along its derivatives
-reduces the cost: segments whose swing differs from the reading by more than `coarse_error` use the integrator's own
-step. Encoder errors do not move the rods, so one simulated swing is sufficient for all of them. Derivatives with
-respect to initial states keep the internal states of effects fixed, because these are passed from segment to segment
-and must not depend on the initial state of another segment.
+reduces the cost. Segments whose swing differs from the readings by more than `coarse_error` therefore use the
+integrator's own step. Encoder errors do not move the rods, so one simulated swing is sufficient for all of them.
+Derivatives with respect to initial states keep the internal states of effects fixed, because these are passed from
+segment to segment and must not depend on the initial state of another segment.
 """
 
 from collections.abc import Sequence

@@ -32,7 +32,7 @@ class Disturbance:
 
 
 def padded(values: Array, weight: Array, offsets: Integers) -> Array:
-    """(segments, longest, axes, k) from (samples, axes, k) and weights (samples, axes); short ones end in zeros."""
+    """(segments, longest, axes, k) from (samples, axes, k) and weights (samples, axes); short segments end in zeros."""
     blocks = np.zeros((len(offsets) - 1, int(np.diff(offsets).max()), weight.shape[1], values.shape[2]))
     _weigh(values, weight, offsets, blocks)
     return blocks

@@ -1,8 +1,8 @@
 """Diagnosis of the gap between simulation and rig: size, location, causes, probabilities, reduction.
 
 Reading order. `diagnose.diagnose` runs the stages; each extends the frozen record of `state`. The modules named here
-are 18,000 words of text and code, a little more than an hour. The other modules of their folders, 53,000 words, answer
-one question each, which the docstring of the module states.
+are 18,000 words of text and code, a little more than an hour. The other modules of these folders contain 53,000 words;
+the docstring of each states its purpose.
 
     stage (reported as)        entry point                       question
     screen                     screen.record.record              which readings are faulty?
@@ -21,8 +21,8 @@ one question each, which the docstring of the module states.
 2. `which.search`: a `Move` proposes and accepts sets; `which.moves` lists all moves in their order;
    `which.fitted_sets` fits each set once, with measures against local minima.
 3. `hypothesis.thresholds`: every threshold of an acceptance, with its origin.
-4. `damage.disturbances`: kicks, hands and readings that step are left out, after the bare model and, by `corrections`,
-   after forward selection.
+4. `damage.disturbances`: readings that are disturbed by kicks, hands or steps are excluded: after the bare model and,
+   by `corrections`, after forward selection.
 
 Recordings that are not fitted are called held out: `Request.held_out` are the runs, `state.held_out` the same after
 screening, and `state.held_out_prediction` predicts them by any set of effects.

@@ -24,7 +24,7 @@ from dpr_lab.rig import Rig
 
 
 def nominal_ratios(rig: Rig) -> Array:
-    """(7,) ratios, b and p/b from the best known values of the rig file."""
+    """(7,) ratios, b and p/b from the best known values in the rig file."""
     return unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))
 
 

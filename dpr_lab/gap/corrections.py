@@ -23,7 +23,7 @@ from dpr_lab.gap.state import Drafted
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """One property of the recordings, as a search shows it."""
+    """A correction of one property of the recordings, as a search shows it."""
 
     correct: Callable[[Drafted], Drafted | None]
     """Returns the state with other recordings; None if they need no change."""
@@ -50,7 +50,8 @@ def _earlier_torques(state: Drafted) -> Drafted | None:
 def _jumps(state: Drafted) -> Drafted | None:
     """The state without kicks and steps of readings; missed counts are in the model only if a reading shows them.
 
-    The held-out runs stay as the bare model left them: a model must not choose the readings that test it.
+    The held-out runs remain as they were screened with the bare model: a model must not choose the readings that test
+    it.
     """
     estimate = state.search.current.fit.estimate
     if not any(record.screened.breaks for record in state.recordings.records):
@@ -62,9 +63,10 @@ def _jumps(state: Drafted) -> Drafted | None:
 
 
 def _explains_better(state: Drafted, recordings: Recordings) -> bool:
-    """Whether the set explains other recordings better by more than the readings that they lack.
+    """Whether the improvement by the set exceeds the effect of the excluded readings.
 
-    Effects that remember the motion (hysteresis, backlash) leave a jump where a segment begins elsewhere.
+    With effects that have internal states (hysteresis, backlash), the residual jumps if a segment begins at another
+    instant.
     """
     model = state.search.current.fit
     problem, initial = recordings.cut(recordings.working_length)

@@ -18,7 +18,7 @@ def ratio_of(parameter: FreeParameter, estimate: Estimate, rig: Rig, *, alone: b
     on_elbow, inertia = (float(unknown[ON_ELBOW]), alone_share(unknown)) if alone else (0.0, 1.0)
     scale, letter = float(unknown[SCALE]) * inertia, "a" if alone else "b"
     if parameter.block == "ratios" and parameter.place < len(RATIOS):
-        if parameter.name == "e1/b":  # of the rod alone, without what hangs on the elbow of the whole rig
+        if parameter.name == "e1/b":  # ratio of the rod alone, without the parts at the elbow of the complete rig
             value -= on_elbow * rig.g / rig.L1
         return f"{parameter.name.partition('/')[0]}/{letter}", value / inertia, inertia
     if parameter.effect == FREE_ARM.name:

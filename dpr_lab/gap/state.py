@@ -10,7 +10,7 @@
     Advised       + covariance, advice
     Supported     + evidence
 
-A function that takes a state takes every later one too.
+A function that accepts a state also accepts every later one.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Identification of a rig's parameters from runs, with what determined each, and comparison of model and runs."""
+"""Identification of a rig's parameters from runs, with the source of each value, and comparison of model and runs."""

@@ -169,9 +169,9 @@ def follow_preprocessed(preprocessed: PreprocessedRun, rig: Rig, model: Model, s
 def _with_effects(bare: RatioFit, measured: Array, rig: Rig, model: Model) -> RatioFit:
     """Prediction of the run by the model with its effects and refitted initial states.
 
-    A segment whose fit is worse than without effects has converged to a wrong minimum, for example if a torque is 20 %
-    wrong without the effects. Its fit is repeated from the measured initial state, a row of (segments, 4), and then
-    from the state in which the segment before it ends, which is more precise where the rods are fast.
+    If the fit of a segment is worse than without effects, it has converged to a wrong minimum, for example because a
+    torque is 20 % wrong without the effects. Its fit is repeated from the measured initial state, a row of (segments,
+    4), and then from the state in which the segment before it ends, which is more precise if the rods are fast.
     """
     laid_out = bare.problem.segments
     at_step = replace(laid_out, step=np.full(len(laid_out), STEP))
@@ -179,7 +179,8 @@ def _with_effects(bare: RatioFit, measured: Array, rig: Rig, model: Model) -> Ra
     firsts = laid_out.t[laid_out.offsets[:-1]]
     leads = firsts - np.array([segment_start(first) for first in firsts.tolist()])
     starts = np.stack([bare.fit.estimate.initial, measured])
-    starts[:, :, :2] -= leads[:, None] * starts[:, :, 2:]  # with effects it starts shortly before its first sample
+    # with effects, a segment starts shortly before its first sample
+    starts[:, :, :2] -= leads[:, None] * starts[:, :, 2:]
     start = Estimate.of(model.unknowns, effect_params(model.effects), starts[0], bare.fit.estimate.zeros)
     best = fit(problem, start, (), iterations=15, settings=TO_THE_MINIMUM)
     for further in (lambda _: starts[1], lambda estimate: _continued(problem, estimate)):

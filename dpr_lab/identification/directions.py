@@ -1,7 +1,7 @@
 """Parameter directions that recordings and measured values do not determine.
 
 Information is represented by whitened rows: sensitivities to relative changes of the parameters. A direction is free if
-a change of 100 % along it is below one standard deviation in all rows.
+a change of the parameters by 100 % along it changes the rows together by less than one standard deviation.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

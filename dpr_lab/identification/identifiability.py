@@ -33,7 +33,8 @@ class AdviceSettings:
     helps: float = 1.1
     """Factor by which a parameter's standard deviation grows if the value is not used."""
     worthwhile_bits: float = 0.1
-    """Minimum gain of a recommended measurement over all nine parameters: as if one of them were known 7 % better."""
+    """Minimum gain of a recommended measurement over all nine parameters: the gain if the standard deviation of one of
+    them fell by 7 %."""
 
 
 SETTINGS = AdviceSettings()
@@ -44,7 +45,7 @@ CRAMER_RAO_NOTE = (
     " residuals are then correlated in time (misfit inflation). Values follow from the nine parameters below: the"
     " bounds of the rig file may shift a ratio within its interval of `identify`."
 )
-"""How value and standard deviation of a ratio differ from those of `identify`."""
+"""Note on the differences between these values and standard deviations of ratios and those of `identify`."""
 
 
 @dataclass(frozen=True, slots=True)

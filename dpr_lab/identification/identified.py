@@ -1,4 +1,4 @@
-"""The identified model: values with intervals and what determined each, from a fit of the ratios."""
+"""The identified model from a fit of the ratios: values with intervals and sources."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -81,7 +81,7 @@ def identified_model(
     Args:
         ratio_fit: the fit
         runs: the runs that were fitted
-        rig: bounds and measured values, which determine what free swings do not
+        rig: bounds and measured values, for the parameters that free swings do not determine
         search: record of the global search
         profile: whether to compute the interval of each ratio by profile likelihood as well
 
@@ -102,7 +102,7 @@ def identified_model(
     share = float(unknown[RATIOS.index("a/b")]) - p_over_b
     mounted_alone = (
         replace(ratio_uncertainty, assumed=0.0) if alone else ratio_uncertainty
-    )  # what is not mounted has no influence on ratios to a
+    )  # parts that are not mounted have no influence on ratios to a
     shown = {name: _ratio(ratio_fit, mounted_alone, rig, name, profile) for name in RATIOS} if alone else ratios
     return Model(
         rig=RigFacts.of(rig),
@@ -170,7 +170,7 @@ def _ratio(
 def _scale(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, b: ParameterValue) -> Scale:
     """Scale of absolute sizes: determined by the runs, or by the rig file.
 
-    Bounds of the rig file may move b away from the runs' estimate. The interval then reaches from one to the other.
+    Bounds of the rig file may move b away from the runs' estimate. The interval then contains both values.
     """
     if SCALE not in ratio_fit.visible:
         return scale_of(b, ratio_fit.fit.estimate.ratios, rig, ratio_fit.visible)

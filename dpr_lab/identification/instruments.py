@@ -153,7 +153,7 @@ def _add_mass(rod: str, place: str, answer: Answer) -> Instrument:
 
 
 JOINT2_ENCODER = " without the joint-2 encoder"
-"""What the inner rod of a rig with two rods carries, but is measured without."""
+"""Parts on the inner rod of a rig with two rods that are removed for its measurement."""
 
 INSTRUMENTS = (
     _weigh("m1", f"the inner rod{JOINT2_ENCODER}"),

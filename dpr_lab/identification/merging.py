@@ -1,8 +1,8 @@
-"""Merging of segments while the model follows them, because longer segments contain more information.
+"""Merging of segments as long as the model follows them, because longer segments contain more information.
 
-Two neighbours are merged if the free run of the first stays near the readings of the second; if it follows only a part,
-the border between them moves by that part. The new segments are fitted again. If the residual increases, the level is
-discarded and repeated in smaller steps: the free run must then stay nearer.
+Two neighbours are merged if the free run of the first stays near the readings of the second; if it follows only a part
+of them, the border between the segments is shifted to the end of that part. The new segments are fitted again. If the
+residual increases, the level is discarded and repeated in smaller steps: the free run must then stay nearer.
 """
 
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ class MergeSettings:
 
     ranges_rad: tuple[float, ...] = (0.2, 0.05, 0.0125)
     """Maximum deviation of a free run from the readings, rad, up to which segments are merged: the fit converges from
-    there. After a failure the next smaller one is used.
+    there. After a failure the next smaller limit is used.
     """
     follows: float = 3.0
     """Reduced chi-square above which longer segments would only amplify the model error."""

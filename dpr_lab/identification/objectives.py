@@ -27,7 +27,8 @@ class ObjectiveSettings:
     """Sampling of the objectives."""
 
     step: float = 0.005
-    """Runge-Kutta step and sample spacing of the published search, s; a smaller one is not needed to find the basin."""
+    """Runge-Kutta step and sample spacing of the published search, s; a smaller step is not needed to find the
+    basin."""
     segment_s: float = 0.25
     """Length of a segment, s: short enough that chaos has no influence."""
     segments: int = 10
@@ -55,7 +56,7 @@ def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
 
     Args:
         runs: the runs with states and noise
-        rig: for L1 and g
+        rig: the rig, for L1 and g
 
     Returns:
         (n, 9) candidates -> (n, runs)
@@ -89,7 +90,7 @@ def paper_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
 
     Args:
         runs: the runs with states
-        rig: for L1 and g
+        rig: the rig, for L1 and g
 
     Returns:
         (n, 9) candidates -> (n, runs)
@@ -129,7 +130,7 @@ def objective_words(name: str) -> str:
 
 
 def _thinned(t: Array) -> Integers:
-    """Indices of samples about a step apart: more samples take time and do not help a search."""
+    """Indices of samples at intervals of about one step: more samples take time without improving a search."""
     ticks = np.floor((t - t[0]) / SETTINGS.step + 1e-6)
     return np.flatnonzero(np.diff(ticks, prepend=-1.0) > 0)
 

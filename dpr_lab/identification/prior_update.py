@@ -1,4 +1,4 @@
-"""MAP update of the nine parameters by the ratios, and what determined each (docs/theory.md, equation 47).
+"""MAP update of the nine parameters by the ratios, and the source of each parameter (docs/theory.md, equation 47).
 
 A free swing determines five numbers; the nine parameters form a four-dimensional family of equally good values.
 Measured values (scale, calliper, knife edge) enter as priors with their standard uncertainty, the others as the bounds
@@ -24,7 +24,8 @@ from dpr_lab.identification.model import ParameterValue
 from dpr_lab.rig import PARAMETERS, Rig
 
 UNREACHED = 1e-6
-"""Relative change along the null space above which data do not determine a parameter: far above rounding."""
+"""Relative change along the null space above which data do not determine a parameter; it is far above rounding
+errors."""
 
 _RELATIVE = (*range(len(RATIOS)), ON_ELBOW)
 
@@ -38,7 +39,7 @@ def update_prior(
     """Most probable nine parameters given the rig file and the estimated ratios, and their base parameters.
 
     Args:
-        estimated: (5,) ratios, or (6,) with b; or those with some indices in `UNKNOWN_RATIOS`
+        estimated: (5,) ratios, or (6,) with b; or the unknowns with the indices `visible` in `UNKNOWN_RATIOS`
         covariance: their covariance
         rig: nominal values, bounds, measured values and L1, g
         visible: these indices; other ratios keep the values of the rig file

@@ -66,7 +66,7 @@ class RatioFit:
 
     @property
     def unknowns(self) -> Array:
-        """(k,) ratios, b and p/b that these runs determine, of the rig without an added mass."""
+        """(k,) those of the ratios, b and p/b that these runs determine, for the rig without an added mass."""
         return self.fit.estimate.ratios[list(self.visible)]
 
     @property
@@ -120,7 +120,7 @@ class RatioFit:
 
     @property
     def initial_covariances(self) -> Array:
-        """(segments, 4, 4) covariance of each initial state from the noise alone, for given unknowns."""
+        """(segments, 4, 4) covariance of each initial state due to the noise alone, with the unknowns fixed."""
         inverse = np.linalg.inv(self.fit.linear.R)
         return inverse @ inverse.transpose(0, 2, 1)
 
@@ -227,7 +227,10 @@ def short_fit(
 def first_fit(
     Z: Array, runs: Sequence[PreprocessedRun], rig: Rig, *, iterations: int, settings: GaussNewton
 ) -> RatioFit:
-    """Fit of the ratios to segments of a quarter of a second, which converges from far away; arguments as above."""
+    """Fit of the ratios to segments of a quarter of a second, which converges from poor initial values.
+
+    Arguments as above.
+    """
     start = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
     problem, initial = segmented(runs, rig, SHORT.first_segment_s)
     return fit_ratios(problem, rods_estimate(start, initial), iterations=iterations, settings=settings)

@@ -70,7 +70,10 @@ class RatioUncertainty:
 
     @property
     def of_prior(self) -> Array:
-        """(n,) share of each variance in that of the rig file's prior, 0 to 1; near 1 the runs add no information."""
+        """(n,) share of each variance in that of the rig file's prior, 0 to 1.
+
+        If it is near 1, the runs add no information.
+        """
         if self.prior is None:
             return np.zeros(len(self.values))
         return np.minimum(np.diag(self.covariance) / np.diag(np.linalg.inv(self.prior)), 1.0)

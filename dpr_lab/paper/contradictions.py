@@ -1,4 +1,4 @@
-"""Contradictions of the publication, each with our recomputed values."""
+"""Contradictions in the publication, each with recomputed values."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Figures 2 to 4 of the publication for our search."""
+"""Figures 2 to 4 of the publication for the repeated search."""
 
 from collections.abc import Callable
 from pathlib import Path

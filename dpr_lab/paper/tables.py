@@ -103,7 +103,7 @@ def table3(ours: Recomputed, rig: Rig) -> PaperTable:
 
 
 def searches(results: Sequence[Found], rig: Rig) -> PaperTable:
-    """Our searches: H, and errors of the nine parameters and of the five ratios."""
+    """The repeated searches: H, and errors of the nine parameters and of the five ratios."""
     columns = (
         "H",
         "grid",

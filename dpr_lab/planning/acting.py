@@ -33,7 +33,7 @@ def allowed_rods(rig: Rig, limits: PlanLimits) -> tuple[Mounting, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Acting:
-    """What can act in the planned releases: rods, drives, arm."""
+    """Parts that can act in the planned releases: rods, drives, arm."""
 
     rods: frozenset[Mounting] = frozenset({"both"})
     """Permitted mountings."""
@@ -46,12 +46,12 @@ class Acting:
 
     @classmethod
     def of(cls, rig: Rig, limits: PlanLimits) -> "Acting":
-        """What the rig file and the limits of a plan permit."""
+        """Parts that the rig file and the limits of a plan permit."""
         states, rods = arm_states(rig, limits), frozenset(allowed_rods(rig, limits))
         return cls(rods, limits.drive is not None, states != ("held",), "driven" in states)
 
     def including(self, setups: Sequence[Setup]) -> "Acting":
-        """What the plan permits, together with what acted in the recordings."""
+        """Parts that the plan permits, together with those that acted in the recordings."""
         driven = [setup.torques for setup in setups if setup.torques is not None]
         return replace(
             self,

@@ -120,7 +120,7 @@ def minutes(release: CandidateRelease, before: MountedParts, limits: PlanLimits)
 
 
 def cheapest_minutes(rig: Rig, limits: PlanLimits) -> float:
-    """Least cost of one release on the rig as it is, minutes."""
+    """Least cost of one release with the present setup of the rig, minutes."""
     now, shortest = mounted_now(rig), limits.recording.shortest_s
     arms = arm_states(rig, limits)
     return min(

@@ -13,9 +13,9 @@ a remainder 4 of 5. Releases from a fixed menu decide less often (24 of 40, all 
 they are not counted. With n of N such releases the share is (n + 1/2) / (N + 1), the mean of the
 posterior from the prior of Jeffreys.
 
-The share of one plant differs from this mean: on some plants the causes stay undecided for a reason that no forecast
-knows. Its prior is a beta distribution with this mean and the weight `weight` of as many releases. After `failed`
-releases that left the causes undecided, k more releases decide with the beta-binomial probability
+The share of one plant differs from this mean: on some plants the causes stay undecided for a reason that a forecast
+cannot take into account. Its prior is a beta distribution with this mean and the weight `weight` of as many releases.
+After `failed` releases that left the causes undecided, k more releases decide with the beta-binomial probability
 
     1 - product over j < k of (b + failed + j) / (weight + failed + j),    b = (1 - confirmed) weight.
 
@@ -48,7 +48,7 @@ class ForecastSettings:
     draws: int = 256
     """Number of random draws for each cause."""
     separable: float = 6.0
-    """d^2 from which two causes count as separable: odds of 20 to 1 on average."""
+    """d^2 from which two causes count as separable; it gives odds of 20 to 1 on average."""
     repeats: int = 6
     """Number of further releases whose d^2 may be summed to reach this value."""
 
@@ -70,7 +70,7 @@ def decision_probability(
         gained: (n, n) d^2 that the releases add, of each
         releases: number of these releases
         inseparable: causes that no release separates; they count as one
-        failed: number of recorded releases that should have decided the causes and did not
+        failed: number of recorded releases that did not decide the causes as expected
     """
     weight = FORECAST.weight + failed + np.arange(releases)
     probability = 1.0 - np.prod(1.0 - FORECAST.confirmed * FORECAST.weight / weight)
@@ -81,7 +81,10 @@ def decision_probability(
 
 
 def _decided(p: Array, d2: Array, together: Flags) -> float:
-    """Share of random draws in which the cause of one named effect, or those that count as one, are decided."""
+    """Share of random draws in which the cause of one named effect is decided.
+
+    Causes that count as one are decided together.
+    """
     from scipy.special import ndtri  # slow to import
     from scipy.stats.qmc import Sobol
 

@@ -7,9 +7,10 @@ Jacobian of segment s by ratios and amplitudes, after projecting out its initial
 
 The horizon is the predictability horizon of the planned swing. With Phi(t) the sensitivity of the angles to the start
 pose and s the standard deviation of a manually placed pose, it is the time at which s |Phi(t)| exceeds a limit. Beyond
-it the actual swing differs from the planned one. Each segment is informative all the same, because its initial state is
-fitted; the best releases are therefore rated by the mean of H over manually placed poses (`dpr_lab.planning.sequence`).
-The columns of the Jacobian, all releases and all segments are computed as lanes of one batch.
+the horizon the actual swing differs from the planned one. Each later segment still contains information, because its
+initial state is fitted; the best releases are therefore rated by the mean of H over manually placed poses
+(`dpr_lab.planning.sequence`). The columns of the Jacobian, all releases and all segments are computed as lanes of one
+batch.
 """
 
 from collections.abc import Iterator, Sequence

@@ -71,7 +71,7 @@ class Knowledge:
     named: frozenset[str] = frozenset()
     """Effects of the model."""
     always: frozenset[str] = frozenset()
-    """Those among them that are no faults: the arm, and the unknown gain of its drive."""
+    """Effects of the model that are not faults: the arm, and the unknown gain of its drive."""
     causes: tuple[Causes, ...] = ()
     """Candidate causes of each named effect."""
     unexplained: float = 0.0
@@ -120,7 +120,7 @@ def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Act
         runs: the runs that were diagnosed
         rig: the rig
         diagnosis: diagnosis of these runs
-        acting: what may act in the next release
+        acting: parts that may act in the next release
     """
     recordings = Recordings(tuple(record(run, rig) for run in runs), rig)
     acting = acting.including([recorded.setup for recorded in recordings.records])
@@ -162,7 +162,7 @@ def _always(rig: Rig, acting: Acting) -> frozenset[str]:
 
 
 def _with_arm(effects: Mapping[str, Mapping[str, float]], rig: Rig, acting: Acting) -> Array:
-    """(SIZE,) parameters of effects, with the arm of the rig file where it moves and is not estimated yet."""
+    """(SIZE,) parameters of effects, with the arm of the rig file if it moves and is not estimated yet."""
     inertia, viscous = arm_start(rig)
     arm = {FREE_ARM.name: {"inertia_kgm2": inertia, "viscous_Nms": viscous}} if acting.arm_moves else {}
     return effect_params({**arm, **effects})
@@ -215,7 +215,7 @@ def _noise_of(rig: Rig) -> Array:
 
 
 def _noise_in(recordings: Recordings) -> Array:
-    """(3,) the same in the recordings; that of the rig file for an arm that was held."""
+    """(3,) the same in the recordings; for an arm that was held, the value of the rig file."""
     levels = [np.median(record.sigma, axis=0) / np.sqrt(RATE_HZ) for record in recordings.records]
     of_arm = [sigma[2] for sigma in levels if len(sigma) > 2] or [_noise_of(recordings.rig)[2]]
     return np.append(np.median([sigma[:2] for sigma in levels], axis=0), np.median(of_arm))

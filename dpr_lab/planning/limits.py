@@ -1,4 +1,4 @@
-"""The limits of a plan: reachable poses, what may be mounted, what the drives can do, and what steps at the rig cost.
+"""The limits of a plan: reachable poses, permitted mountings, limits of the drives, and durations of the steps.
 
 [poses]
 theta1_rad = [0.5, 5.8]
@@ -65,7 +65,7 @@ class ReachablePoses(RigTable):
     def _in_order(self) -> "ReachablePoses":
         for name in ("theta1_rad", "theta2_rad", "elbow_rad"):
             ends = getattr(self, name)
-            if ends is not None and max(abs(end) for end in ends) > 4 * math.pi:  # more than two turns: degrees
+            if ends is not None and max(abs(end) for end in ends) > 4 * math.pi:  # more than two turns indicate degrees
                 radians = [round(math.radians(end), 2) for end in ends]
                 raise ValueError(f"{name} = {list(ends)}: angles are in rad; as degrees these would be {radians}")
             if ends is not None and not ends[0] < ends[1]:
@@ -142,7 +142,7 @@ class ArmPlan(RigTable):
     speed_rad_s: Positive = 1e6
     """Largest speed of the arm."""
     angle_rad: Positive = 1e6
-    """Largest angle of the arm from 0; `limits` of the rig file hold as well."""
+    """Largest angle of the arm from 0; `limits` in the rig file also apply."""
     rate_hz: Annotated[int, Field(ge=10, le=10_000, strict=True)] = 200
     """Rate at which the device replays an input signal."""
     highest_hz: Positive = 5.0
@@ -182,9 +182,9 @@ class PlanLimits(Limits):
     rods: AllowedRods = AllowedRods()
     """Permitted mountings."""
     masses: tuple[AddedMass, ...] = ()
-    """Known masses that may be clamped on."""
+    """Known masses that may be attached."""
     drive: DriveLimits | None = None
-    """Joint drives; without the table there are none."""
+    """Joint drives; None: no drives."""
     arm: ArmPlan = ArmPlan()
     """The arm."""
     minutes: StepMinutes = StepMinutes()

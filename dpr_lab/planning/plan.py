@@ -1,4 +1,4 @@
-"""Planning of recordings: what to record next, its expected information, and when to stop."""
+"""Planning of recordings: the next releases, their expected information, and when to stop."""
 
 import time
 from collections.abc import Sequence
@@ -28,11 +28,11 @@ class PlanLength:
     """Number of planned releases."""
 
     usual: int = 3
-    """Number without a budget; three releases distinguish most effects."""
+    """Number of releases without a budget; three releases distinguish most effects."""
     optional: int = 1
-    """Number once the causes are decided, if effects are not excluded."""
+    """Number of releases once the causes are decided, if some effects are not excluded."""
     most: int = 12
-    """Maximum number within a budget."""
+    """Maximum number of releases within a budget."""
 
 
 LENGTH = PlanLength()
@@ -79,7 +79,7 @@ def plan(
 
 
 def usual_count(known: Knowledge, limits: PlanLimits) -> int:
-    """Number of releases without a budget: few if the causes are decided, and no limit needs a test."""
+    """Number of releases without a budget: few if the causes are decided and no limit must be tested."""
     if known.diagnosis is None or not decided(known.diagnosis) or limits.effects or limits.friction or limits.ratios:
         return LENGTH.usual
     return LENGTH.optional if reservation(known.diagnosis) else 0

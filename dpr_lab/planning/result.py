@@ -32,7 +32,7 @@ class PlannedRelease(_Record):
     text: str
     """Instruction, in words."""
     reason: str
-    """What it adds to the releases before it, in words."""
+    """Contribution of the release in addition to the previous ones, in words."""
     theta1_rad: Number
     """Absolute angle of the inner rod at the release, at rest, 0 = upright."""
     theta2_rad: Number
@@ -46,7 +46,7 @@ class PlannedRelease(_Record):
     elbow: Literal["free", "clamped"]
     """Whether joint 2 is free."""
     added_mass: AddedMass | None
-    """A known mass to clamp on; None without one."""
+    """Known mass to attach; None without a mass."""
     arm: Literal["held", "free", "driven"]
     """Mode of the arm: clamped, free, or driven by the input signal."""
     signal: Literal["", "multisine", "chirp"]
@@ -70,7 +70,8 @@ class PlannedRelease(_Record):
     ratio_std: dict[str, Number]
     """Expected standard deviation of each ratio, by this release and those before it."""
     decided: Number | None
-    """Probability that no further release is necessary after it; None before any recording, and if none is now."""
+    """Probability that no further release is necessary after it; None before any recording, and if no further release
+    is necessary now."""
     simulated: Number | None = None
     """Ratio of the simulated to the linearised squared distance of the two most probable causes; None without an
     open pair.
@@ -116,7 +117,7 @@ class Inseparable(_Record):
 
 
 class LimitForecast(_Record):
-    """Whether the planned releases decide a limit that the rig must keep."""
+    """Whether the planned releases decide a limit that the rig must satisfy."""
 
     quantity: str
     """Name of the limit, as in `dpr-lab accept`."""
@@ -150,13 +151,14 @@ class Plan(Shown, _Record):
     and if none is necessary now.
     """
     ratio_std: dict[str, Number]
-    """Standard deviation of each ratio with the recordings so far; before any, by the rig file's bounds."""
+    """Standard deviation of each ratio with the recordings so far; before any recording, from the bounds of the rig
+    file."""
     detectable: list[Detectable]
     """Minimum detectable sizes after the releases, for each effect."""
     inseparable: list[Inseparable]
     """Causes that only a bench check distinguishes."""
     limits: list[LimitForecast]
-    """Limits of the limits file that the rig must keep."""
+    """Limits from the limits file that the rig must satisfy."""
     assumptions: list[str]
     """Assumptions, in words."""
     seconds: Number

@@ -34,7 +34,7 @@ class SequenceStep:
     minutes: float
     """Duration after the previous release, minutes."""
     worth: float
-    """Weighted sum of the bits that it adds."""
+    """Weighted sum of the bits that the release adds."""
     price: float
     """Minutes by which the value is divided: the whole duration if there is a budget, otherwise only the operator's
     time.
@@ -99,7 +99,8 @@ class Planner:
     def _longer(self, steps: Sequence[SequenceStep], left: float) -> list[SequenceStep]:
         """The releases, the last ones first, with the minutes of the budget in which no further release fits.
 
-        A recording that continues costs no placing, and the accuracy of the ratios grows with its duration.
+        Continuing a recording requires no new placing of the rods, and the accuracy of the ratios grows with its
+        duration.
         """
         extended = list(steps)
         for k in reversed(range(len(steps))):
@@ -132,7 +133,7 @@ class Planner:
         return informed([_bent(release) for release in releases], self.objective.known.model, durations)
 
     def _best(self, pool: list[Informed], now: SequenceSoFar) -> SequenceStep | None:
-        """Best release of all candidates, refined; None if none fits the remaining time."""
+        """Best release of all candidates, refined; None if no release fits into the remaining time."""
         ranked = self._ranked(pool, now)
         if not ranked:
             return None
@@ -153,7 +154,7 @@ class Planner:
         return averaged if share is None else replace(averaged, worth=averaged.worth * min(share, 1.0), simulated=share)
 
     def _ranked(self, pool: Sequence[Informed], now: SequenceSoFar) -> list[SequenceStep]:
-        """Releases that fit the remaining time, the best first."""
+        """Releases that fit into the remaining time, the best first."""
         F, f = now.information, self.objective.known.inflation
         before = self.objective.worth(F)
         steps = [
@@ -197,7 +198,7 @@ def _swing(theta1: float, theta2: float, duration_s: float, on: MountedParts) ->
 
 
 def _bent(release: CandidateRelease) -> CandidateRelease:
-    """Angle of an absent rod: it follows the mounted one."""
+    """Angle of an absent rod, which equals that of the mounted one."""
     return replace(release, theta2=release.theta1) if release.setup.alone else release
 
 

@@ -82,7 +82,7 @@ SHAPES: dict[SignalKind, Callable[[Array, float, float], Array]] = {
 
 
 def driven_releases(model: PresentModel, limits: PlanLimits, rig: Rig) -> list[CandidateRelease]:
-    """Releases from hanging under each signal that keeps the limits; none without drives.
+    """Releases from hanging under each signal that respects the limits; no releases without drives.
 
     Raises:
         ConfigError: every signal of a drive breaks its limits.
@@ -135,10 +135,10 @@ def _driven(torques: Torques, kind: SignalKind, arm: ArmState, rig: Rig) -> Cand
 def _kept(
     signals: Iterable[CandidateRelease], model: PresentModel, limits: PlanLimits, rig: Rig, table: str, size: str
 ) -> list[CandidateRelease]:
-    """The signals at amplitudes that keep speeds and angles.
+    """The signals with amplitudes that respect the limits of speeds and angles.
 
-    Raises:
-        ConfigError: none does; the message names the table of the limits and its key of the size.
+    Raises: ConfigError: no amplitude respects the limits; the message names the table of the limits and its key of the
+    size.
     """
     within_limits = [driven for signal in signals if (driven := _within(signal, model, limits, rig)) is not None]
     if not within_limits:

@@ -39,7 +39,7 @@ SIMULATED_FIT = SimulatedFit()
 def simulated_distance(
     release: CandidateRelease, known: Knowledge, pairs: OpenPairs, truth: int, other: int
 ) -> float | None:
-    """Delta D^2 of a release between two causes, without linearisation; None where the fit does not stay finite.
+    """Delta D^2 of a release between two causes, without linearisation; None if the fit does not stay finite.
 
     Args:
         release: the release

@@ -1,4 +1,4 @@
-"""Stopping rule: whether the recordings decide the causes, and what is still open.
+"""Stopping rule: whether the recordings decide the causes, and which questions are still open.
 
 A cause is decided if one effect of a class and of its alternatives has a probability of at least `SURE`, and if it is
 validated by data that were not fitted: by another release, or by the quarters of a single release. The quarters, and
@@ -75,13 +75,13 @@ def decided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> bool:
 
 
 def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
-    """What the recordings leave open, as a clause; empty if they are sufficient.
+    """The question that the recordings leave open, as a clause; empty if they are sufficient.
 
     Args:
         diagnosis: of the runs recorded so far
         inseparable: causes that no release separates; they count as one, which a bench check divides
     """
-    uncertain = bool(inseparable) and diagnosis.only_uncertain  # the gap is explained, but not by which of them
+    uncertain = bool(inseparable) and diagnosis.only_uncertain  # the gap is explained, but the cause is ambiguous
     if diagnosis.hints:
         return "the description of the recordings is probably wrong"
     if not (uncertain or diagnosis.verdict in ("no_gap", "named")):

@@ -29,10 +29,10 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     """The plan of a sequence.
 
     Args:
-        objective: what was maximised
+        objective: the maximised function
         steps: the sequence
         limits: of the plan
-        seconds: time it took
+        seconds: computing time
     """
     known = objective.known
     after = np.cumsum([known.information, *(step.information for step in steps)], axis=0)
@@ -103,12 +103,12 @@ def _planned(
 def _forecast(objective: Objective, gained: Sequence[Array], releases: int, together: Collection[str]) -> float | None:
     """Probability that this number of releases decides the causes; the causes of `together` count as one.
 
-    None before any recording, and if no further one is necessary.
+    None before any recording, and if no further release is necessary.
     """
     diagnosis = objective.known.diagnosis
     if diagnosis is None or _state(objective.known, together) != "record":
         return None
-    failed = recorded_releases(diagnosis) - 1  # nothing was forecast for the first one
+    failed = recorded_releases(diagnosis) - 1  # there is no forecast for the first release
     return decision_probability(objective.pairs, gained, releases, together, failed)
 
 
@@ -176,7 +176,7 @@ def _sentence(
     if state == "bench check":
         pairs = listed([f"{a} and {b}" for a, b in (inseparable.causes for inseparable in stuck)])
         return (
-            f"Nothing you can record on this rig in {FORECAST.repeats} more releases separates {pairs}: do this bench"
+            f"No recordings on this rig in {FORECAST.repeats} more releases separates {pairs}: do this bench"
             f" check. {stuck[0].check}"
         )
     chances = [release.decided or 0.0 for release in releases]

@@ -48,7 +48,7 @@ def _installed() -> tuple[Plugin, ...]:
     names: set[str] = set()
     for distribution in distributions(path=_import_folders()):
         name = str(distribution.metadata["Name"]) if _mentions_us(distribution.read_text("entry_points.txt")) else ""
-        if not name or name in names:  # the first on the path is the one that is imported
+        if not name or name in names:  # the first one on the path is imported
             continue
         names.add(name)
         for entry in distribution.entry_points:
@@ -64,7 +64,7 @@ def _mentions_us(entry_points: str | None) -> bool:
 
 
 def _import_folders() -> list[str]:
-    """Folders that packages are installed in: those of `sys.path` but the current one."""
+    """Folders of installed packages: all folders of `sys.path` except the current one."""
     try:
         current = Path.cwd()
     except OSError:  # the folder was removed

@@ -60,7 +60,7 @@ def plugin_rows(
         kind: class of the rows
         taken: names of the table's own rows, which no plugin may replace
         name_of: name of a row, from the name of its entry point and the row
-        refusal: why a row cannot be used; empty: it can
+        refusal: reason why a row cannot be used; empty if it can
     """
     added: dict[str, Row] = {}
     for plugin in announced():
@@ -92,7 +92,7 @@ def _load(plugin: Plugin, kind: type[Row]) -> tuple[Row, ...]:
     several: tuple[object, ...] = tuple(value) if isinstance(value, list | tuple) else (value,)
     loaded = tuple(row for row in several if isinstance(row, kind))
     if len(loaded) < len(several) or not loaded:
-        raise TypeError(f"{plugin.entry.value} is not {kind.__name__}, or a tuple of such")
+        raise TypeError(f"{plugin.entry.value} is not {kind.__name__} or a tuple of {kind.__name__}")
     return loaded
 
 

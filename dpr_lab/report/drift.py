@@ -46,7 +46,7 @@ def sentence(drift: Drift) -> str:
 
 
 def between(parameter: ParameterChange) -> str:
-    """The groups that differ: `between 2026-11-16 and 2026-11-17`."""
+    """The groups that differ, for example `between 2026-11-16 and 2026-11-17`."""
     return f"between {parameter.between[0]} and {parameter.between[1]}"
 
 
@@ -54,7 +54,7 @@ def relative(parameter: ParameterChange, change: float) -> str:
     """Format a change in per cent of the first group's mean, or in the parameter's unit if that mean is about zero."""
     if not _has_size(parameter):
         return f"{change:+.3g}"
-    per_cent = round(100 * change / abs(parameter.first), 6)  # rounding errors of equal data are no change
+    per_cent = round(100 * change / abs(parameter.first), 6)  # rounding errors of equal data are not a change
     return f"{per_cent:+.3g} %"
 
 
@@ -94,7 +94,7 @@ def group_rows(drift: Drift) -> list[list[str]]:
 
 
 def basis_sentence(drift: Drift, torques: Sequence[str] = ()) -> str:
-    """Basis of the intervals, and the use of ratios if the scale is not identified."""
+    """Sentences on the basis of the intervals and, if the scale is not identified, on the use of ratios."""
     ends = ("/b", "*b", "/a", "*a")
     scaled = [name for parameter in drift.parameters if "." in (name := parameter.name) and name.endswith(ends)]
     inertia = scaled[0][-1] if scaled else ""

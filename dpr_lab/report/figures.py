@@ -84,8 +84,8 @@ def run_figure(run: Run) -> Figure:
 def response_figure(comparisons: Compared) -> Figure:
     """Measured and simulated angle of both rods, one row per run (figure 2 of the publication).
 
-    The free run is drawn strong up to the predictability horizon and faint beyond it. The axis range is that of the
-    measurement, so a free run that diverges leaves the panel. With a moving arm: one row per run and joint.
+    The free run is a strong line up to the predictability horizon and a faint line beyond it. The axis range is that of
+    the measurement, so a free run that diverges leaves the panel. With a moving arm: one row per run and joint.
     """
     arms, comparisons = _by_kind(comparisons)
     if arms:
@@ -133,7 +133,7 @@ def _by_kind(comparisons: Compared) -> tuple[list[ArmComparison], list[Compariso
 
 
 def _panels(runs: Sequence[ArmComparison]) -> tuple[Figure, list[tuple[Any, ArmComparison, int]]]:
-    """A figure with one panel for each run and read joint."""
+    """A figure with one panel for each run and each joint with readings."""
     rows = [(run, joint) for run in runs for joint, name in enumerate(JOINTS_READ) if name in run.rms_rad]
     figure = new_figure(0.6 + 1.5 * len(rows))
     panels = figure.subplots(len(rows), squeeze=False)[:, 0]

@@ -1,6 +1,7 @@
 """Results as JSON.
 
-No result contains a number that is not finite. One that does is a bug: a warning is issued and null is written.
+No result contains a number that is not finite. A result with such a number is a bug: a warning is issued and null is
+written.
 """
 
 import json

@@ -101,7 +101,7 @@ def save_exports(
             )
         try:
             exports[name] = write_export(FORMATS[name], model, rig, out, lost, check)
-        except ConfigError as error:  # no bodies move as this model does
+        except ConfigError as error:  # no rigid bodies can represent this model
             on_loss(f"{name} was not written: {error}")
     return exports
 

@@ -30,8 +30,9 @@ RATIO_NOTE_ALONE = (
 )
 PARAMETER_COLUMNS = ("parameter", "value ± std", "90 % interval", "unit", "determined by", "meaning")
 PARAMETER_NOTE = (
-    "A measured value is given in the rig file (scale, calliper). Only its bounds: the parameter is not identifiable"
-    " from these runs, and its 90 % interval uses the bounds of the rig file as a prior. Measure it to determine it."
+    'A measured value is given in the rig file (scale, calliper). "Only its bounds": the parameter is not'
+    " identifiable from these runs, and its 90 % interval uses the bounds of the rig file as a prior."
+    " Measure it to determine it."
 )
 BASE_COLUMNS = ("base parameter", "value ± std", "unit", "meaning")
 COMPARISON_COLUMNS = (
@@ -61,7 +62,7 @@ BASE_UNITS = {
     "c2": ("N m s/rad", "viscous friction of joint 2"),
 }
 OF_OUTER_ROD = ("l2", "m2", "mb", "c2", "J2")
-"""Parameters of what is not mounted with an inner rod alone."""
+"""Parameters of the parts that are not mounted if the inner rod is alone."""
 
 RATIO_STD_COLUMNS = ("ratio", "now", "after the plan", "unit")
 LIMIT_FORECAST_COLUMNS = ("quantity", "undecided range", "unit", "decidable after the plan")
@@ -161,14 +162,15 @@ def limit_forecast_rows(made: "Plan") -> list[tuple[str, ...]]:
 
 
 def _too_slow(limit: "LimitForecast") -> str:
-    """Why the speed of a friction limit is not reached; empty if it is."""
+    """Reason why the speed of a friction limit is not reached; empty if it is reached."""
     return "" if limit.reached_rad_per_s is None else f": the joint reaches {limit.reached_rad_per_s:.3g} rad/s"
 
 
 def ratio_std_rows(made: "Plan", release: "PlannedRelease") -> list[tuple[str, ...]]:
     """Standard deviation of each ratio now and after a release of a plan, in the columns `RATIO_STD_COLUMNS`.
 
-    Before any recording, the rig file bounds the ratios of the rods only: those of arm and drive are unknown.
+    Before any recording, the rig file gives bounds of the ratios of the rods only; the ratios of arm and drive are
+    unknown.
     """
     return [
         (
@@ -256,7 +258,7 @@ def comparison_rows(comparisons: "Sequence[Comparison]", angles: AngleUnit = RAD
             ("≥ " if to_the_end(comparison) else "") + three(comparison.horizon_s),
         ]
         for comparison in comparisons
-        for rods in [1 if np.array_equal(*comparison.measured.T) else 2]  # equal angles: one rod in two halves
+        for rods in [1 if np.array_equal(*comparison.measured.T) else 2]  # equal angles: a single rod as two halves
     ]
 
 

@@ -50,7 +50,7 @@ def parameter_words(effect: str, name: str) -> str:
 
 
 def negative_words(effect: str, name: str, value: float) -> str:
-    """Meaning of a negative parameter; empty for others, and where the sign needs no explanation."""
+    """Meaning of a negative parameter; empty for other parameters, and if the sign needs no explanation."""
     parameter = _parameter(effect, name)
     return parameter.negative if parameter is not None and value < 0 else ""
 
@@ -66,13 +66,13 @@ def size_words(effect: str, name: str, angles: AngleUnit = RADIANS, *values: flo
     """
     parameter = _parameter(effect, name)
     unit, factor = _displayed_unit(parameter, angles)
-    if len(set(values)) == 1:  # chosen, not estimated: it has no interval
+    if len(set(values)) == 1:  # a chosen value has no interval
         values = values[:1]
         if parameter is not None and parameter.whole:
             return with_unit(f"{values[0]:.0f}", unit)
     scaled = [factor * value for value in values]
     value, *ends = map(three, scaled)
-    if value in ends and len(set(scaled)) > 1:  # three digits do not show the interval
+    if value in ends and len(set(scaled)) > 1:  # three digits would not show the interval
         return with_unit(with_interval(*scaled), unit)
     return with_unit(f"{value} ({ends[0]} to {ends[1]})" if ends else value, unit)
 

@@ -26,7 +26,7 @@ ALGORITHMS: dict[str, Algorithm[Any]] = {
     "multistart": Algorithm(MultistartSettings, multistart, "local searches from many starts"),
 }
 ALGORITHMS |= plugin_rows("searches", Algorithm, ALGORITHMS)
-"""Value of `algorithm` in a search file -> algorithm; a new one is one file and one row here."""
+"""Value of `algorithm` in a search file -> algorithm; a new algorithm is one file and one row here."""
 
 
 def search_words(name: str) -> str:

@@ -74,7 +74,7 @@ def _search(problem: SearchProblem, size: int, sigma: float, rng: np.random.Gene
 
 
 def _strategy(genes: int, size: int, sigma: float, rng: np.random.Generator) -> Any:
-    import cma  # slow import, one second
+    import cma  # the import takes one second
 
     dimension = max(genes, FEWEST_GENES)
     options = {
@@ -82,7 +82,7 @@ def _strategy(genes: int, size: int, sigma: float, rng: np.random.Generator) -> 
         "BoundaryHandler": cma.BoundTransform,
         "popsize": size,
         "randn": lambda *shape: rng.standard_normal(shape),
-        "seed": np.nan,  # does not change numpy's global generator
+        "seed": np.nan,  # a separate generator leaves numpy's global one unchanged
         "verbose": -9,
     }
     return cma.CMAEvolutionStrategy(rng.random(dimension), sigma, options)

@@ -35,5 +35,5 @@ def cross(x: Array, y: Array, rng: np.random.Generator) -> tuple[Array, Array]:
 
 
 def _between(x: Array, y: Array, beta: Array) -> Array:
-    # Rounding must neither leave the box nor make equal genes differ.
+    # rounding must neither leave the box nor change equal genes
     return np.clip(beta * x + (1 - beta) * y, np.minimum(x, y), np.maximum(x, y))

@@ -17,7 +17,7 @@ from dpr_lab.search.settings import NotNegative, SearchSettings, Share
 
 
 class DifferentialEvolutionSettings(SearchSettings, frozen=True):
-    """Differential evolution; the names and defaults of `scipy.optimize.differential_evolution` but for the size."""
+    """Differential evolution, with the names and, except for the size, the defaults of scipy."""
 
     algorithm: Literal["differential_evolution"] = "differential_evolution"
     generations: Annotated[int, Field(ge=0)] = 300
@@ -74,7 +74,7 @@ def _trials(
         evaluated.append(columns.T)
         return np.minimum(population.cost, FAILED_ABOVE) if len(evaluated) == 1 else np.zeros(len(population.cost))
 
-    init: Any = population.genes  # typed as str in scipy's signature
+    init: Any = population.genes  # the type is str in scipy's signature
     optimize.differential_evolution(
         known_then_none,
         box.T,

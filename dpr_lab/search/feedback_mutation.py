@@ -37,8 +37,8 @@ def replacements(best: Array, size: int, mu: float, nu: float, box: Bounds, rng:
     Returns:
         (size, n) genes
 
-    Source: docs/theory.md, step 4. The publication requires both kinds without their probabilities; equal ones are our
-    choice.
+    Source: docs/theory.md, step 4. The publication requires both kinds without their probabilities; equal probabilities
+    are a choice of dpr-lab.
     """
     local = rng.random((size, 1)) < 0.5
     return np.where(local, around(best, size, mu, nu, box, rng), fresh(size, box, rng))

@@ -79,7 +79,7 @@ def _descended(problem: SearchProblem, start: Array, start_cost: float, settings
         return float(costs[0]), np.where(np.isfinite(costs[1:]), costs[1:] - costs[0], 0.0) / inward
 
     share = (start - lower) / (upper - lower)
-    wall = 10 * float(start_cost) + 1  # cost of a failed point: finite, because the line search interpolates
+    wall = 10 * float(start_cost) + 1  # the cost of a failed point is finite, because the line search interpolates
     options = {"maxiter": settings.iterations}
     local = minimize(value_and_slope, share, method="L-BFGS-B", jac=True, bounds=[(0, 1)] * len(share), options=options)
     genes = np.clip(lower + local.x * (upper - lower), lower, upper)[None]
@@ -87,7 +87,7 @@ def _descended(problem: SearchProblem, start: Array, start_cost: float, settings
 
 
 def _smooth_cost(errors: Array, settings: MultistartSettings) -> Array:
-    """(n,) smooth H for the descent: `max` has kinks at which a quasi-Newton method stalls; a power mean has none."""
+    """(n,) smooth H for the descent: a quasi-Newton method stalls at the kinks of `max`; a power mean has no kinks."""
     combined = cost(errors, settings.aggregate)
     if settings.aggregate != "max":
         return combined

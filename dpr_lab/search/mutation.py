@@ -22,7 +22,7 @@ def mutate(genes: Array, rate: float, box: Bounds, rng: np.random.Generator) -> 
     Returns:
         (size, n) genes and (size,) which chromosomes mutated
 
-    Source: docs/theory.md (7); the number of genes in a multi-point mutation is our choice.
+    Source: docs/theory.md (7); the number of genes in a multi-point mutation is a choice of dpr-lab.
     """
     size, n = genes.shape
     mutates = rng.random(size) < rate

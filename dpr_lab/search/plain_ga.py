@@ -59,7 +59,7 @@ def _populations(problem: SearchProblem, settings: PlainGaSettings, rng: np.rand
 
 
 def _crossed(genes: Array, settings: PlainGaSettings, rng: np.random.Generator) -> Array:
-    """(size, n) children; `genes` come best first, so the winner of a tournament is its lowest index."""
+    """(size, n) children; `genes` are sorted, best first, so the winner of a tournament is its lowest index."""
     size, n = genes.shape
     mothers, fathers = rng.integers(size, size=(2, size, settings.tournament)).min(axis=2)
     point = rng.integers(1, max(2, n), (size, 1))

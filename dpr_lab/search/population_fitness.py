@@ -17,4 +17,4 @@ def population_fitness(fitness: Array) -> float:
     Source: docs/theory.md (8).
     """
     best = float(fitness.max())
-    return float((fitness / best).mean()) if best > 0 else 0.0  # dividing first, so that rounding never exceeds 1
+    return float((fitness / best).mean()) if best > 0 else 0.0  # divide first, so that rounding cannot give more than 1

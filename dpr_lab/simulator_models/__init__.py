@@ -27,7 +27,7 @@ def read_model(path: Path, text: bytes | None = None) -> SimulatorModel:
 
     Args:
         path: the file
-        text: content that replaces that of the file; None: as it is
+        text: content that replaces that of the file; None: the content of the file
 
     Raises:
         ConfigError: the file cannot be read, is none of these formats, or its library is not installed.

@@ -53,7 +53,7 @@ class ChainRod:
     inertia: float
     """Inertia about its centre of mass, kg m^2."""
     length: float | None
-    """Length, m; None if no shape shows it."""
+    """Length, m; None if it does not follow from a shape."""
     hanging: float
     """Angle of the joint in the model with the rods hanging, rad."""
     direction: int

@@ -40,7 +40,7 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
         of_rods = groups[:count]
         arm = arm_of((joints[-1], inner), groups[-1], of_rods, -pull / np.linalg.norm(pull), e, notes)
         if (joints[-1].anchor - sum_of([part for rod in of_rods for part in rod])[1]) @ e < 0:
-            e = -e  # the axis of the rods points from them to the axis of the arm
+            e = -e  # the positive axis of the rods points from the rods to the axis of the arm
     down = pull - (pull @ e) * e
     g = float(np.linalg.norm(down))
     if not g > 0.1:

@@ -1,4 +1,4 @@
-"""Which hinges of a model are the joints of inner rod, outer rod and arm."""
+"""Choice of the hinges of a model that are the joints of inner rod, outer rod and arm."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from dpr_lab.simulator_models.chain import CHAIN
 from dpr_lab.simulator_models.tree import ModelJoint, SimulatorModel, Vector
 
 CHOOSE = "name those to use, --joints INNER,OUTER or INNER,OUTER,ARM or ROD,ARM; the others are fixed at zero"
-"""What to do with a model that has more hinges than a double pendulum on an arm."""
+"""Advice for a model with more hinges than a double pendulum on an arm."""
 
 
 class Hinges(NamedTuple):
@@ -24,7 +24,7 @@ class Hinges(NamedTuple):
 
     @property
     def all(self) -> list[int]:
-        """Those of the rods, and that of an arm last."""
+        """Parts of the rods, and that of an arm last."""
         return [*self.rods, *(() if self.arm is None else (self.arm,))]
 
 

@@ -1,4 +1,4 @@
-"""Read MJCF with MuJoCo's `MjSpec`. Meshes, textures and plugins are removed before."""
+"""Read MJCF with MuJoCo's `MjSpec`. Meshes, textures and plugins are removed first."""
 
 import warnings
 from collections import Counter
@@ -74,7 +74,7 @@ class CompiledMjcf:
 
     @property
     def unnamed(self) -> set[str]:
-        """What the parts call joints that have no name in the file."""
+        """Names that the parts use for joints without a name in the file."""
         return {_name(self.model, j) for j in range(self.model.njnt) if not self.model.joint(j).name}
 
     def body(self, joint: str) -> BodyFrame:
@@ -103,7 +103,7 @@ def compile_mjcf(path: Path, text: bytes | None = None) -> CompiledMjcf:
         ConfigError: MuJoCo is not installed or refuses the file, or masses would come from a mesh.
     """
     try:
-        mujoco = import_module("mujoco")  # its names are created at run time
+        mujoco = import_module("mujoco")  # the names of this module are created at run time
     except ModuleNotFoundError as missing:
         raise ConfigError("reading MJCF needs MuJoCo: pip install 'dpr-lab[exports]'") from missing
     root = with_includes(path, text)
@@ -112,7 +112,8 @@ def compile_mjcf(path: Path, text: bytes | None = None) -> CompiledMjcf:
     degrees = [compiler.get("angle", "degree") for compiler in root.iter("compiler")][-1:] != ["radian"]
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of an inertia matrix near singular, which the checks below describe
+            # warning about a nearly singular inertia matrix, which the checks below report
+            warnings.simplefilter("ignore")
             spec = mujoco.MjSpec.from_string(tostring(root, encoding="unicode"))
             model = spec.compile()
         data = mujoco.MjData(model)
@@ -188,7 +189,7 @@ def _shaped_by_file(geom: Element) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _ShapeMasses:
-    """Which shapes of a file have mass."""
+    """Rules for the shapes of a file that have mass."""
 
     defaults: dict[str, dict[str, str]]
     """Default class -> attributes of its shapes, with those that it inherits."""
@@ -231,7 +232,7 @@ def _number(text: str, default: float) -> float:
 
 
 def _own(parent: Element, inherited: str) -> Iterator[tuple[Element, str]]:
-    """Elements of a body with the default class around them; those in frames too."""
+    """Elements of a body with the default class around them; including elements in frames."""
     inherited = parent.get("childclass", inherited)
     for child in parent:
         if child.tag == "frame":
@@ -331,7 +332,7 @@ def _ends(model: Any, data: Any, body: int) -> Iterator[np.ndarray]:
 
 def _actuators(model: Any) -> Iterator[ModelActuator]:
     for a in range(model.nu):
-        kp, kv = (0.0 - float(term) for term in model.actuator_biasprm[a][1:3])  # without a negative zero
+        kp, kv = (0.0 - float(term) for term in model.actuator_biasprm[a][1:3])  # removes a negative zero
         servo = f"position servo with kp {kp:g} and kv {kv:g}" if kp else f"velocity servo with kv {kv:g}"
         kind = servo if kp or kv else "motor"
         joint = model.joint(int(model.actuator_trnid[a][0])).name

@@ -18,7 +18,7 @@ _INFINITY = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 def refuse_bad_attributes(
     root: Element, names: frozenset[str], path: Path, words: Collection[str] = frozenset()
 ) -> None:
-    """Check the attributes with these names, except in elements of `words`, in which they are no numbers.
+    """Check the attributes with these names, except in elements of `words`, whose attributes are not numbers.
 
     Raises:
         ConfigError: one of them contains something other than finite numbers; the message names file, element and
@@ -49,7 +49,7 @@ def refuse_bad_texts(root: Element, keys: Mapping[str, frozenset[str]], unbounde
                 text = child.text or ""
                 if child.tag in unbounded and _INFINITY.fullmatch(text.strip()):
                     continue
-                if child.tag == "pose" and not text.strip():  # in the frame to which it is relative
+                if child.tag == "pose" and not text.strip():  # the name is that of the reference frame
                     continue
                 if problem := _problem(text):
                     raise ConfigError(f"{path}: <{element.tag}>{label}: element <{child.tag}>: {problem}")

@@ -47,7 +47,7 @@ def read_sdf(path: Path, text: bytes | None = None) -> SimulatorModel:
     Raises:
         ConfigError: Drake is not installed or refuses the file.
     """
-    try:  # imported by name, because the type checker would read all of Drake's stubs
+    try:  # imported by name; otherwise the type checker would read all of Drake's stubs
         parsing, plants = (import_module(f"pydrake.multibody.{module}") for module in ("parsing", "plant"))
     except ModuleNotFoundError as missing:
         raise ConfigError("reading SDFormat needs Drake: pip install drake (Linux and macOS)") from missing

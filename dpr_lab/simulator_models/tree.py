@@ -53,7 +53,7 @@ class Part:
     inertia: Vector
     """(3, 3) inertia about the centre of mass, kg m^2."""
     ends: tuple[Vector, ...] = ()
-    """Points of its shapes, m, which give the length of a rod."""
+    """Points of its shapes, m, which determine the length of a rod."""
 
 
 @dataclass(frozen=True, slots=True)

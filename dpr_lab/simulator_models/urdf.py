@@ -52,7 +52,7 @@ def read_urdf(path: Path, text: bytes | None = None) -> SimulatorModel:
         parts = tuple(_parts(robot, shapes, rotors, path))
     except ConfigError:
         raise
-    except Exception as error:  # the library raises any exception of its helpers
+    except Exception as error:  # the library passes on exceptions of any class
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ConfigError(f"{path}: is not valid URDF: {reason}") from error
     notes = [f"<{tag}> elements, not read: {count}" for tag, count in ignored.items()]
@@ -82,7 +82,7 @@ def _refuse_macros(root: Element, path: Path) -> None:
 
 
 def _without_namespaces(root: Element) -> None:
-    """Remove attributes with prefixes, and declarations of prefixes, which are no part of URDF."""
+    """Remove attributes with prefixes, and declarations of prefixes, which are not part of URDF."""
     for element in root.iter():
         for key in [key for key in element.attrib if ":" in key or key == "xmlns"]:
             del element.attrib[key]
@@ -191,7 +191,7 @@ def _ends(link: Element) -> tuple[Vector, ...]:
                 points += [
                     position + sign * axis * size for axis, size in zip(axes.T, reach, strict=True) for sign in (1, -1)
                 ]
-        except ValueError:  # a shape has no influence on the motion
+        except ValueError:  # an invalid shape is ignored, because it has no influence on the motion
             continue
     return tuple(point for point in points if np.all(np.isfinite(point)))
 

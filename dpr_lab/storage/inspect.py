@@ -63,7 +63,7 @@ class RunInfo:
     schema_hash: str
     versions: Mapping[str, str]
     created_utc: str
-    """Creation time of the file; for an imported table not that of the recording."""
+    """Creation time of the file; for an imported table it is not the time of the recording."""
     recorded_utc: str
     """Time of the recording, ISO 8601 date, or date and time; empty if an import does not state it."""
     note: str

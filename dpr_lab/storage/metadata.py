@@ -130,7 +130,7 @@ class RunSummary:
     gate: str = ""
     """Verdict of the quality gate, one sentence."""
     gate_figures: Mapping[str, float] = field(default_factory=dict)
-    """Values behind the verdict, by name with unit."""
+    """Values on which the verdict is based, by name with unit."""
     pose_measured: tuple[float, float, float] | None = None
     """Absolute angles just before the release, rad."""
     notes: tuple[str, ...] = ()

@@ -27,8 +27,8 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     """Read a run.
 
     t = (tick - release tick) / rate, or the time column of an imported table. Angles come from the counts by the rig
-    stored in the file; of theta1 and theta2 each, full turns are removed so that the rod lies within pi of the
-    requested pose at the release, because the rod may have been raised in either direction.
+    stored in the file; full turns are removed from theta1 and theta2, so that each rod lies within pi of the requested
+    pose at the release: it may have been raised in either direction.
 
     For a file that was cut or damaged the samples before the damage are returned, with `complete` False and a note.
 
@@ -238,7 +238,7 @@ def release_row(release: int | None, ticks: Integers) -> int:
 def full_turns(rig: Rig, pose: str | None, t: Array, theta: Array) -> Array:
     """(3,) whole turns to subtract, rad, so that each rod lies within pi of the pose at t = 0; zero without a pose.
 
-    Without a pose, whole turns between recordings may be what shows a wrong number of counts per turn: they are kept.
+    Without a pose, whole turns between recordings are kept, because they may show a wrong number of counts per turn.
     """
     turns = np.zeros(3)
     if pose is not None:

@@ -62,7 +62,7 @@ class Scan:
 
     path: Path
     size_bytes: int
-    """Size of the file, up to a hole if it has one, bytes."""
+    """Size of the file, or of its part before the first hole, bytes."""
     sha256: str
     """SHA-256 of these bytes."""
     metadata: RunMetadata

@@ -58,10 +58,10 @@ def _publish(part: Path, path: Path) -> None:
     try:
         write_sidecar(path, part)
         try:
-            os.link(part, path)  # never replaces a file created in the meantime
+            os.link(part, path)  # a link never replaces a file that was created in the meantime
         except FileExistsError:
             raise
-        except OSError:  # a file system without hard links
+        except OSError:  # the file system has no hard links
             _refuse_existing(path)
             part.rename(path)
     except OSError as error:

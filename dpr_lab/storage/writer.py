@@ -53,8 +53,8 @@ class WriterSettings:
     recording, so that a killed process loses at most the last 250 ms.
     """
     sync_s: float = 5.0
-    """Interval at which the file is synchronised with the disk, s. Only a power failure loses flushed data; a killed
-    process does not, and each synchronisation can block for 100 ms.
+    """Interval at which the file is synchronised with the disk, s. Flushed data are lost only in a power failure, not
+    with a killed process; each synchronisation can block for 100 ms.
     """
     messages_a_chunk: int = 500
     """Maximum number of events of each kind, and of states, between two flushes; further ones are only counted."""
@@ -83,8 +83,8 @@ class RunWriter:
         part: path to write to instead; the caller renames this file and writes its hash
 
     Raises:
-        RunError: the file exists already, or cannot be written. From any method: the disk failed during the recording;
-        the data written before are kept and can be recovered.
+        RunError: the file exists already, or cannot be written. Any method raises it if the disk fails during the
+        recording; the data written before are kept and can be recovered.
     """
 
     def __init__(
@@ -340,7 +340,8 @@ class RunWriter:
             )
             raise self._failure from error
         except BaseException:
-            # Ctrl-C in the middle of a chunk: continuing could repeat it, whereas ending the file here only loses it.
+            # Ctrl-C in the middle of a chunk: continuing could write the chunk twice, whereas ending the file only
+            # loses it.
             self._leave_cut_off()
             raise
 

@@ -51,7 +51,8 @@ CAN = CanSettings()
 CAN_ERR_BUSOFF = 0x40
 """Bit in the identifier of an error frame: the controller has left the bus (linux/can/error.h)."""
 
-_NO_BUS = (can.CanError, OSError, ValueError, ImportError, NameError)  # kvaser without driver: NameError
+# python-can raises NameError for kvaser without a driver
+_NO_BUS = (can.CanError, OSError, ValueError, ImportError, NameError)
 
 
 def open_can(url: LinkUrl, rig_file: Path | None) -> Transport:
@@ -160,7 +161,7 @@ class CanBus:
         try:
             self._bus.shutdown()
         except (can.CanError, OSError, ValueError, TypeError):
-            pass  # the adapter is already lost, so there is nothing to close
+            pass  # a lost adapter need not be closed
 
     def _note_error(self, error_class: int) -> None:
         self.errors["framing"] += 1

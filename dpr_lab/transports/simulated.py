@@ -43,7 +43,10 @@ DEFAULT_BUS = "tcp" if sys.platform == "win32" else "pty"  # Windows has no pseu
 
 
 def compiles_first(link: str) -> bool:
-    """Whether a link starts a simulated device that compiles its kernels first; it is mute during its first release."""
+    """Whether a link starts a simulated device that compiles its kernels first.
+
+    Such a device sends nothing during its first release.
+    """
     return link.startswith("sim:") and not simulator_compiled()
 
 
@@ -66,7 +69,7 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
     telling.start()
     try:
         link = open_transport(_ready_url(url.text, child))
-        compiling_simulator()  # while the device already answers
+        compiling_simulator()  # meanwhile the device already answers
         return SimulatedTransport(url.text, child, link)
     except BaseException:
         child.end(PATIENCE.stop_s)

@@ -25,7 +25,7 @@ BITRATE_LETTERS = {
     1_000_000: b"S8",
 }
 LONGEST_LINE = 64
-"""Maximum length of a line of an adapter (a frame has 22 bytes): a longer one is noise."""
+"""Maximum length of a line of an adapter (a frame has 22 bytes): a longer line is noise."""
 
 _FRAME = re.compile(rb"t([0-7][0-9A-Fa-f]{2})([0-8])([0-9A-Fa-f]{0,16})")
 _NO_FRAME = re.compile(rb"(|[zZ]|[VNF][0-9A-Za-z]*|[TrR][0-9A-Fa-f]*)")

@@ -15,7 +15,8 @@ _PSEUDO_TERMINAL = re.compile(r"/dev/(pts/\d+|ttys\d+)")
 def leads_to_software(url: str) -> bool:
     """Whether the link of a URL is inside this computer: simulated, pseudo-terminal, loopback or virtual bus.
 
-    A serial port, an adapter or another computer is not, even if the device declares it.
+    The link of a serial port, an adapter or another computer is not inside it, even if the device declares simulated
+    time.
     """
     try:
         link = parse_url(url)

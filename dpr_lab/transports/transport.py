@@ -20,7 +20,7 @@ class Capacity:
     bits_per_s: int
     bits_per_sample: int
     remedy: str
-    """What to change if the samples exceed the capacity."""
+    """Remedy if the samples exceed the capacity."""
     usable_share: float = 0.8
     """Share of the link that samples may use; the rest is reserved for answers, status and arbitration."""
 

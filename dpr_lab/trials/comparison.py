@@ -46,5 +46,5 @@ def _diagnosed(diagnosis: Diagnosis, effect: NamedEffect | None) -> tuple[str, s
 
 
 def _lines(sizes: str) -> str:
-    """Sizes below each other, so that true and estimated sizes of an effect with many amplitudes are side by side."""
+    """Cell with one size per line, so that true and estimated sizes of an effect are next to each other."""
     return sizes.replace("; ", "\n")

@@ -35,7 +35,7 @@ def limits_of(rig: Rig, largest_input: float | None = None, times: RecordingTime
     """Kinds of releases in a plan: the same as for the menu and the random poses.
 
     Args:
-        rig: its rods, and the mode of its arm, remain as they are
+        rig: its mounted rods and the mode of its arm are not changed
         largest_input: of the arm's motor, the largest of the program that the menu and the random poses use
         times: permitted durations
     """
@@ -91,7 +91,7 @@ def at_random(now: Situation) -> tuple[CandidateRelease, Plan | None]:
 
 
 def _release(rig: Rig, theta1: float, theta2: float) -> CandidateRelease:
-    """A release of the rig as it is; a driven arm follows the program of the device."""
+    """A release of the rig without a change of the setup; a driven arm follows the program of the device."""
     mounting = rig.rods.mounting
     return CandidateRelease(theta1, theta2, SEQUENTIAL.duration_s, mounting, rig.added_mass, arm=arm_of(rig))
 

@@ -110,7 +110,7 @@ class _Plan:
     originals: tuple[_Original, ...]
     rig: Rig
     library: tuple[str, ...]
-    """Names instead of effects, because compiled kernels cannot be sent to another process."""
+    """Names instead of effect objects, because compiled kernels cannot be sent to another process."""
     max_effects: int
     seed: int
 

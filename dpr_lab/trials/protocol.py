@@ -67,7 +67,10 @@ class Opened:
 
 
 def keep_runs(folder: Path, seal: str, request: PlantRequest, files: Sequence[Path]) -> Trial:
-    """Record that a plant is drawn, sealed and recorded; from now on the folder contains a trial."""
+    """Write the file which states that a plant is drawn, sealed and recorded.
+
+    From then on the folder contains a trial.
+    """
     names = [path.relative_to(folder).as_posix() for path in files]
     write_json({"seal": seal, "asked": f"{request.kind}:{request.level}", "runs": names}, folder / "trial.json")
     return read_trial(folder)

@@ -40,7 +40,7 @@ class SizeError:
     covered: bool
     """Whether the 90 % interval contains the true value."""
     leads: bool
-    """Whether it is the largest amplitude of its effect."""
+    """Whether this amplitude is the largest of its effect."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ class TrialOutcome:
 
     @property
     def is_true(self) -> bool:
-        """Whether the diagnosis is true as stated: right, or each effect that it does not name is too small to detect.
+        """Whether the statement of the diagnosis is true: it is right, or all unnamed effects are too small to detect.
 
         "No gap", or a list of causes, is a statement about effects above the minimum detectable sizes of the diagnosis.
         """

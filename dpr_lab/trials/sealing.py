@@ -1,6 +1,6 @@
 """Requests to the process of the simulated device: draw and seal a plant, and reveal it.
 
-The truth stays in a folder of the device, which nothing here reads; dpr-lab gets a seal, a rig file and recordings.
+The truth stays in a folder of the device, which dpr-lab never reads; dpr-lab gets a seal, a rig file and recordings.
 """
 
 import json
@@ -21,7 +21,7 @@ class Kind(StrEnum):
     """Kind of hidden content of a plant."""
 
     ANY = "any"
-    """One of the other kinds; the kind is hidden too."""
+    """Any of the other kinds; the kind is hidden too."""
     SINGLE = "single"
     """One effect of the library."""
     PAIR = "pair"
@@ -33,7 +33,7 @@ class Kind(StrEnum):
     OUTSIDE = "outside"
     """An effect outside the library."""
     DIRTY = "dirty"
-    """No effect or one, and faulty encoders."""
+    """Faulty encoders, with one effect or without an effect."""
     DRIVEN = "driven"
     """Driven joints with reported torques, with or without a fault of the drives; never part of `ANY`."""
     BACKGROUND = "background"
@@ -63,9 +63,9 @@ class TrialArm(StrEnum):
     """Mode of the arm of a plant."""
 
     FREE = "free"
-    """It moves by itself; effects at joint 0 are drawn."""
+    """The arm moves by itself; effects at joint 0 are drawn."""
     DRIVEN = "driven"
-    """A motor drives it with a reported input; effects at joint 0 and of the drive are drawn."""
+    """A motor drives the arm with a reported input; effects at joint 0 and of the drive are drawn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,13 +123,12 @@ class HeldPlant:
     def record(self, release: dict[str, Any]) -> dict[str, Any]:
         """Record a release: `theta1`, `theta2`, `duration_s`, and any `rods` and `added_mass` as in a rig file.
 
-        Raises:
-            DprError: the rig cannot make it.
+        Raises: DprError: the rig cannot make this release.
         """
         return self._ask(json.dumps(release))
 
     def opened(self) -> dict[str, Any]:
-        """Its truth and salt; nothing can be recorded after that."""
+        """Truth and salt of the plant; nothing can be recorded after this request."""
         return self._ask("open")
 
 
@@ -155,7 +154,7 @@ def sealed_in_memory(request: PlantRequest, rig: str, *, direct: bool = True) ->
         def parsed(line: str) -> dict[str, Any]:
             assert device.stdin is not None
             assert device.stdout is not None
-            with suppress(BrokenPipeError):  # its message is more informative than the lost connection
+            with suppress(BrokenPipeError):  # the message of the device is more informative than the lost connection
                 device.stdin.write(line + "\n")
                 device.stdin.flush()
             if answer := device.stdout.readline():

@@ -100,7 +100,7 @@ def played(
 ) -> list[SequentialLook]:
     """Choose, record and diagnose until the causes are decided, or until a bench check must decide them.
 
-    The stopping rule is the same for all ways to choose, so the plan is computed after each release of each of them.
+    The stopping rule is the same for all strategies, so a plan is computed after each release of every strategy.
 
     Args:
         rig: the rig

@@ -18,7 +18,7 @@ Outcome = Mapping[str, Any]
 def read_strategies(folder: Path) -> list[dict[str, Outcome]]:
     """Results of the trials in the folder of a campaign, each as strategy -> result."""
     file = folder / TRIALS
-    lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []  # none if every trial failed
+    lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []  # no results if every trial failed
     return [json.loads(line)["strategies"] for line in lines if line]
 
 
@@ -58,8 +58,9 @@ def _of_strategy(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 def forecast_claims(looks: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
     """Each forecast that k more releases are enough, and whether it occurred.
 
-    They are also enough if only a bench check can decide the rest: a forecast counts causes that no release separates
-    as one. A trial that ends at the maximum number of releases says nothing about a later release.
+    They are also enough if only a bench check can decide between the remaining causes, because a forecast counts causes
+    that no release separates as one. A trial that ends at the maximum number of releases contains no information about
+    a later release.
 
     Args:
         looks: each with `forecast`, `decided` and `bench_check`

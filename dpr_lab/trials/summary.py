@@ -13,7 +13,7 @@ from dpr_lab.trials.score import Cause, Claim, SizeError, TrialOutcome
 
 
 def share(outcomes: Sequence[TrialOutcome], holds: Callable[[TrialOutcome], bool]) -> float:
-    """Share of the trials with a property; nan without trials."""
+    """Share of the trials with a property; nan if there are no trials."""
     return float(np.mean([holds(outcome) for outcome in outcomes])) if outcomes else float("nan")
 
 
@@ -44,7 +44,7 @@ def calibration_error(claims: Sequence[Claim]) -> float:
 
 
 def error_if_exact(claims: Sequence[Claim], draws: int = 200) -> float:
-    """Mean calibration error of outcomes drawn with the stated probabilities: that of an exact forecast.
+    """Mean calibration error of outcomes drawn with the stated probabilities, which is the error of an exact forecast.
 
     Bins of few claims have an error by chance alone. A forecast is miscalibrated only if its error exceeds this one.
 

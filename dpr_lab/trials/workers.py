@@ -26,7 +26,8 @@ ADDRESS = re.compile(r"(?P<scheme>tcp|tls)://(?P<host>[^/\s]+):\d+")
 
 START_SCHEDULER = "dask scheduler --host 127.0.0.1 --dashboard-address 127.0.0.1:8787"
 START_WORKERS = "dask worker {scheduler} --host 127.0.0.1 --dashboard-address 127.0.0.1:0 --nthreads 1 --nworkers auto"
-"""Both listen on this machine only; by default they listen on every interface and execute any code they receive."""
+"""These options restrict both to this machine; by default they listen on every interface and execute any code they
+receive."""
 
 
 def exposure(scheduler: str) -> str | None:
@@ -87,7 +88,7 @@ def on_cluster(
         from distributed import as_completed as as_arrived
     except ImportError as error:
         raise DprError("--scheduler needs dask.distributed: pip install 'dpr-lab[cluster]'") from error
-    # it logs a traceback of errors that become one message here
+    # the library logs a traceback of errors that this program reports as one message
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     if not ADDRESS.fullmatch(scheduler):
         raise LinkError(f"{scheduler}: is not an address of a scheduler; use for example tcp://127.0.0.1:8786")
@@ -124,7 +125,7 @@ async def _is_scheduler(address: str, patience_s: float) -> bool:
         await comm.write({"op": "identity", "reply": True})
         answer = await asyncio.wait_for(comm.read(), patience_s)
         comm.abort()
-    except Exception:  # the library raises many exceptions for bytes that are not its messages
+    except Exception:  # the library raises various exceptions for bytes that are not its messages
         return False
     return isinstance(answer, dict) and answer.get("type") == "Scheduler"
 

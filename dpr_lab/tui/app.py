@@ -172,7 +172,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.query_one(StatusLine).show(self.device, urgent, work, self.workspace.out, time.monotonic())
 
     def get_driver_class(self) -> type[Driver]:
-        """Our driver if there is one for this terminal."""
+        """The driver of this package if there is one for this terminal."""
         return our_driver(super().get_driver_class())
 
     async def on_event(self, event: events.Event) -> None:
@@ -262,7 +262,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             return
         step = self.steps[number - 1]
         if step.NAME != self.workspace.step:
-            self.clear_notifications()  # notices about the step that is left
+            self.clear_notifications()  # removes notices about the previous step
         self.workspace.step = step.NAME
         with self.batch_update():  # the step and its keys are drawn in one frame
             self.query_one("#steps", ContentSwitcher).current = step.id

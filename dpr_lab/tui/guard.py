@@ -1,4 +1,4 @@
-"""Errors inside a widget are shown and logged, and the widget continues."""
+"""Errors in a widget are shown and logged, and the widget continues."""
 
 import traceback
 from dataclasses import dataclass

@@ -18,7 +18,7 @@ _BEFORE = re.compile(r"(?: +|[a-z][a-z ]*? {2,})?(?:[•✔✘?■□] |\d+\. )?
 """Prefix of a line before its text: blanks or a label in a column, and a mark or a number."""
 
 NARROWEST = 16
-"""Columns of text; where a label leaves fewer, what follows begins at the edge."""
+"""Minimum columns of text; if a label leaves fewer, continuation lines begin at the left edge."""
 
 
 def keep_units_whole() -> None:

@@ -37,7 +37,7 @@ ACTIONS = frozenset(
         *("to", "verify", "view", "whole", "zoom", "zoom_y"),
     )
 )
-"""Our actions that only show something; those of Textual's widgets, which move a cursor or edit a text, are
+"""Actions of dpr-lab that only show something; those of Textual's widgets, which move a cursor or edit a text, are
 permitted.
 """
 
@@ -49,7 +49,7 @@ JOBS = frozenset(("survey", "verify"))
 
 
 def changes(owner: object, action: str) -> bool:
-    """Whether an action is ours and does more than show something."""
+    """Whether an action belongs to dpr-lab and does more than show something."""
     method = getattr(owner, f"action_{action}", None)
     return method is not None and str(method.__module__).startswith("dpr_lab.") and action not in ACTIONS
 
@@ -70,7 +70,7 @@ _CHANGES = frozenset(
 
 
 def forbid_writing() -> None:
-    """From now on, refuse every call of this process that writes a file, changes a folder or starts a program.
+    """Refuse every later call of this process that writes a file, changes a folder or starts a program.
 
     The tables above give the operator a reason; this is a second protection, in case a table is incomplete. It cannot
     be undone.

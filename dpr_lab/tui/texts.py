@@ -39,7 +39,7 @@ NOTICES = NoticeTimes()
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> RenderableType:
-    """A table as wide as its cells need: text aligned left, numbers right and on one line; long headers wrap."""
+    """A table of the width of its cells: text aligned left, numbers right and on one line; long headers wrap."""
     made = Table(
         title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0)
     )

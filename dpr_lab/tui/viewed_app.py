@@ -1,4 +1,4 @@
-"""App that can be read-only: it then allows only actions and screens that change nothing."""
+"""App that can be read-only, and then allows only actions and screens that do not change anything."""
 
 from typing import Any
 

@@ -89,7 +89,7 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
             """Do nothing: textual-serve calls this for both apps, and `announce` is registered for the outer one."""
 
         async def announce(self, app: Any) -> None:
-            logging.getLogger("aiohttp.access").setLevel(logging.WARNING)  # the default would log the token
+            logging.getLogger("aiohttp.access").setLevel(logging.WARNING)  # the default logger would log the token
             print(
                 f"open http://{place}/{token}/",
                 f"anyone who has this address can {may}; Ctrl-C ends it",
@@ -124,7 +124,7 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
                 await screen.start(*size)
                 await self._process_messages(websocket, screen)
             except (ValueError, LookupError, TypeError, AssertionError):
-                pass  # not sent by our page
+                pass  # the request was not sent by this page
             finally:
                 await screen.stop()
                 self.screens.pop(websocket, None)
@@ -179,7 +179,7 @@ def _screen_type() -> type:
             if process is None:
                 return
             with suppress(TimeoutError):
-                # A screen gives itself `patience_s` to end.
+                # A screen limits its own shutdown to `patience_s`.
                 async with asyncio.timeout(ENDING.patience_s + 5.0):
                     await super().stop()
                     await process.wait()

@@ -51,7 +51,7 @@ class Workspace:
     held_out: list[Path] = field(default_factory=list)
     """Held-out run files, which only validate a diagnosis."""
     next_pose: str = ""
-    """Planned pose that Capture selects next; empty: it keeps its own."""
+    """Planned pose that Capture selects next; empty: Capture keeps its own pose."""
     next_duration_s: float = 10.0
     """Planned duration of that recording."""
     undecided: Path | None = None

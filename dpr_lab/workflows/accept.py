@@ -61,7 +61,7 @@ def accept(
     from dpr_lab.rig import load_rig
 
     rig = load_rig(request.rig)
-    wanted = load_limits(limits, PlanLimits)  # all refusals before the time-consuming part starts
+    wanted = load_limits(limits, PlanLimits)  # check all inputs before the time-consuming part starts
     refuse_impossible_plan(limits, wanted, rig)
     if request.out:
         refuse_file(request.out)
@@ -112,7 +112,7 @@ def _with_recordings(
 def _save(
     acceptance: "Acceptance", diagnosis: "Diagnosis", runs: "Sequence[Run]", rig: "Rig", out: Path, on_event: OnEvent
 ) -> dict[str, str]:
-    """Write the answers, and the diagnosis with its report."""
+    """Write the results of the limits, and the diagnosis with its report."""
     from dpr_lab.report.files import write_json
     from dpr_lab.report.saving import save_diagnosis
 

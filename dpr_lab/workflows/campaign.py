@@ -41,8 +41,7 @@ def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> Campai
 
     Events: `TrialDone`, at the start and after each trial.
 
-    Raises:
-        ConfigError: a kind of plant that has no moving arm, although the arm moves.
+    Raises: ConfigError: a kind that is not available for a moving arm.
         RunError: the folder contains another campaign, or one that is running.
         DprError: a file cannot be written, or the workers are lost; finished trials are kept.
     """
@@ -63,7 +62,7 @@ def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> Campai
 
 
 def _refuse_other_kinds(campaign: "Campaign") -> None:
-    """Refuse kinds of plants that have no moving arm; each of their trials would end with an error."""
+    """Refuse kinds that are not available for a moving arm; each of their trials would end with an error."""
     from dpr_lab.trials.sealing import ON_ARM
 
     others = [] if campaign.arm is None else [kind for kind in campaign.kinds if kind not in ON_ARM]
@@ -84,7 +83,7 @@ def _saved(tried: "Tried", campaign: "Campaign", out: Path) -> tuple[dict[str, A
         counted |= {"strategies": sequential_summary(read_strategies(out))}
     figures = save_trial_figures(counted, out)
     setting = (
-        f"Hidden effects by turns: {', '.join(campaign.kinds)}; size {campaign.level}; drawn around rig"
+        f"Kinds of hidden effects, in turn: {', '.join(campaign.kinds)}; size {campaign.level}; drawn around rig"
         f" “{campaign.rig}” and plant “{campaign.plant}”, seeds from {campaign.seed} on."
     )
     failures = [f"trial {failure.number}: {failure.error}" for failure in tried.failures]

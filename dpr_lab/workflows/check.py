@@ -29,7 +29,7 @@ class CheckRequest:
     value: float | str | None = None
     """Measured value: a number in the unit of the check's quantity, or text with a unit, `6.1 mN m`."""
     std: float | str | None = None
-    """Standard uncertainty, in the same form; text without a unit is in the unit of the value."""
+    """Standard uncertainty, in the same form; a text without a unit is in the unit of the value."""
     rig: str | None = None
     """Rig file, or the name of a built-in one; None: as stored with the first run."""
     out: Path | None = None

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 FORCED = "with_passive_forces"
-"""Folder, in that of the diagnosis, of the model file to which a module of passive forces belongs."""
+"""Subfolder of the diagnosis for the model file that needs a module of passive forces."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +193,7 @@ def _forced(model: "AnyModel", rig: "Rig", simulator: Path, joints: Sequence[str
 
     try:
         whole = into_file(model, rig, simulator, joints)
-    except ConfigError:  # as the file of the simpler model was written, only this one is impossible
+    except ConfigError:  # only this file cannot be written: that of the simpler model exists
         return None
     return whole if whole.passive.module else None
 

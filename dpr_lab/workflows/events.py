@@ -198,7 +198,8 @@ Event: TypeAlias = (
 OnEvent: TypeAlias = Callable[[Event], None]
 
 Proceed: TypeAlias = Callable[[], bool]
-"""Called where a job can pause or end early: may wait; false ends the job with the best result so far."""
+"""Function that is called whenever a job can pause or end early. It may wait; if it returns false, the job ends with
+the best result so far."""
 
 
 def ignore(event: Event) -> None:

@@ -70,18 +70,19 @@ class EnsembleResult:
     sets: dict[str, int]
     """Effects, joined by +, -> number of models with them."""
     factor: float
-    """By which the standard deviations were multiplied."""
+    """Factor by which the standard deviations were multiplied."""
     factor_of_fit: float
-    """The part of it that the fitted recordings require, each predicted without it; 1 if they were not found."""
+    """Part of this factor that follows from predicting each fitted recording without it; 1 if they were not found."""
     expected_coverage: float
-    """Share of the readings that the band of so many models is expected to cover: 0.9, less if they are few."""
+    """Share of the readings that a band of this number of models is expected to cover: 0.9, or less for few models."""
     bands: tuple[BandCoverage, ...]
     amplitudes_rad: tuple[float, float] | None
     """Smallest and largest amplitude of the fitted recordings, beyond which bands may be too narrow; None: unknown."""
     from_diagnosis: bool
-    """Whether the posterior is that of a diagnosis, with its causes; else it is that of the ratios alone."""
+    """Whether the posterior is that of a diagnosis, with its causes; otherwise it is that of the ratios alone."""
     scatter: bool
-    """Whether it contains the scatter between recordings: for a model without a diagnosis, from its recordings."""
+    """Whether the posterior contains the scatter between recordings; without a diagnosis it follows from the recordings
+    of the model."""
 
     def to_json(self) -> dict[str, Any]:
         """Output of `dpr-lab export --ensemble --json`."""
@@ -156,10 +157,10 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
 
 @dataclass(frozen=True, slots=True)
 class _Ensemble:
-    """How models are drawn and compared with a recording."""
+    """Functions that draw models and compare them with a recording."""
 
     drawn: "Callable[[float, int], Sequence[Any]]"
-    """Models, from the factor on the standard deviations of the posterior and their number."""
+    """Function of the factor on the posterior's standard deviations and of the number of models; returns models."""
     band: "Callable[[Sequence[Any], Run], PredictiveBand]"
     """Predictive band of models for a recording."""
     amplitudes: "FittedAmplitudes | None" = None

@@ -36,7 +36,7 @@ class IdentifiabilityResult:
 
 
 def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore) -> IdentifiabilityResult:
-    """Determine what recordings of a rig identify and what they do not.
+    """Determine which parameters the recordings of a rig identify.
 
     Events: `RunRead`, `Warned`.
 

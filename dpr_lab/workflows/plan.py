@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from dpr_lab.rig import Rig
 
 RECORD = "plan.json"
-"""In the folder of a plan: what `plan --json` prints."""
+"""File in the folder of a plan: the output of `plan --json`."""
 
 RIG_FILE = "rig.toml"
-"""In the same folder: the rig file with the start poses of the plan, for `capture --pose`. Releases with other rods,
-another mass or another mode of the arm have their own, such as `rig_P2.toml`.
+"""File in the same folder: the rig file with the start poses of the plan, for `capture --pose`. Releases with other
+rods, another mass or another mode of the arm have their own, such as `rig_P2.toml`.
 """
 
 UNITS = {"s": 1 / 60, "min": 1.0, "h": 60.0}
@@ -42,11 +42,11 @@ class PlanRequest:
     budget: str | None = None
     """Time at the rig, such as `10min`; None: three releases."""
     seed: int = 0
-    """Same seed, same plan."""
+    """Seed of the search; the same seed gives the same plan."""
     out: Path | None = None
     """Folder of `RECORD`, rig files and input signals; None: none are written."""
     any_clock: bool = False
-    """Whether to take runs of a device whose clock is further off than a crystal's."""
+    """Whether to accept runs of a device whose clock rate error is larger than that of a crystal."""
     torque: str | None = None
     """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
 
@@ -66,7 +66,7 @@ class PlanResult:
 def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
     """Plan the next recordings of a rig.
 
-    Events: those of a diagnosis, where runs are given without one.
+    Events: those of a diagnosis, if runs are given without one.
 
     Raises:
         ConfigError: the rig, the limits or the budget is not valid, or leaves nothing to record; a diagnosis without

@@ -1,4 +1,4 @@
-"""Rig files that describe the releases of a plan: its start poses, and what hangs on the rig in each of them."""
+"""Rig files that describe the releases of a plan: start poses, mounted rods, added mass and mode of the arm."""
 
 import re
 from itertools import count
@@ -17,7 +17,7 @@ ARM_MODES = {"held": "clamped", "free": "free", "driven": "driven"}
 
 
 def planned_poses(made: "Plan", rig: "Rig") -> "dict[str, PlannedRelease]":
-    """The releases of a plan by names of poses that the rig file does not have yet: P1, P2, ..."""
+    """Releases of a plan by the names of their poses, P1, P2, ..., without names that the rig file already uses."""
     free = (name for number in count(1) if (name := f"P{number}") not in rig.poses)
     return dict(zip(free, made.releases, strict=False))
 
@@ -27,7 +27,7 @@ def planned_rigs(poses: "dict[str, PlannedRelease]", rig: "Rig", to: Path) -> di
 
     Args:
         poses: releases by the name of their pose
-        rig: the rig file that was planned for
+        rig: the rig file of the plan
         to: the file for releases with its own setup; another setup adds the name of its first pose
 
     Returns:

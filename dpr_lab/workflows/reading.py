@@ -72,7 +72,7 @@ def read_diagnosis(file: Path, runs: "Sequence[Run]") -> "Diagnosis":
 
 
 def refuse_other_runs(file: Path, diagnosis: "Diagnosis", runs: "Sequence[Run]") -> None:
-    """Refuse a diagnosis of other runs: its causes would be combined with the information of these runs."""
+    """Refuse a diagnosis of other runs, because its causes would be combined with the information of these runs."""
     from dpr_lab.gap.screen.pieces import whole
 
     instead = "give its runs, or omit --diagnosis and these runs are diagnosed first"
@@ -83,4 +83,4 @@ def refuse_other_runs(file: Path, diagnosis: "Diagnosis", runs: "Sequence[Run]")
     used = {whole(run.name): run.sha256 for run in diagnosis.evidence.recordings} if diagnosis.evidence else {}
     changed = [run.name for run in runs if run.sha256 and used.get(run.name, run.sha256) not in ("", run.sha256)]
     if changed:
-        raise RunError(f"{file}: is a diagnosis of another recording of the name {listed(changed)}: {instead}")
+        raise RunError(f"{file}: is a diagnosis of another recording with the name {listed(changed)}: {instead}")

@@ -32,7 +32,7 @@ class DriveBounds:
     """Bounds around values that were not measured."""
 
     inertia: tuple[float, float, float] = (1.0, 2.0, 30.0)
-    """Lower bound, guess and upper bound of the arm's inertia, in m L0^2 of the rods at its end."""
+    """Lower bound, guess and upper bound of the arm's inertia, in units of m L0^2 of the rods at its end."""
     factor: float = 3.0
     """Factor between a value from a data sheet or a model and its bounds."""
 

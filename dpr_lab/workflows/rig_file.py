@@ -24,7 +24,7 @@ class RigMeasures:
 
     name: str
     L1: float
-    """Distance between the two joints, m; of a rig with one rod the length of this rod."""
+    """Distance between the two joints, m; for a rig with one rod, the length of this rod."""
     L2: float | None
     """Length of the outer rod, m; None: the rig has one rod."""
     m1: Measure
@@ -68,11 +68,11 @@ class DraftSettings:
     mass: tuple[float, float] = (0.7, 1.4)
     """Relative bounds of an estimated mass."""
     centre: tuple[float, float] = (0.15, 0.95)
-    """Bounds of a centre of mass in lengths of the rod: from a motor at one end to a motor at the other."""
+    """Bounds of a centre of mass in units of the rod's length: from a motor at one end to a motor at the other."""
     inertia: tuple[float, float] = (0.01, 0.26)
-    """Bounds of J in m L^2: from all mass in the middle to half of it at each end (1/4)."""
+    """Bounds of J in units of m L^2: from all mass in the middle (0) to half of it at each end (1/4)."""
     elbow: tuple[float, float, float] = (0.002, 0.2, 3.0)
-    """Lower bound, guess and upper bound of an unknown mass at the elbow, in masses of both rods."""
+    """Lower bound, guess and upper bound of an unknown mass at the elbow, in units of the mass of both rods."""
     damping: tuple[float, float, float] = (1e-5, 3e-3, 0.1)
     """Lower bound, guess and upper bound of the damping ratio of a small swing; some thousandths for ball bearings."""
     poses: tuple[tuple[float, float], ...] = ((math.pi, 0.1), (0.1, 0.1), (0.1, math.pi))
@@ -346,7 +346,7 @@ def _odd_rod(rig: "Rig", rod: int, length: float | None) -> Iterator[RigFinding]
     if length is None:
         return
     if USUAL.kg_per_m * length < m <= USUAL.mass[1]:
-        message = f"{m:g} kg are much for a rod of {length:g} m: was it weighed in another unit?"
+        message = f"{m:g} kg is a large mass for a rod of {length:g} m: was it weighed in another unit?"
         yield RigFinding("odd", f"parameters.m{rod}", message)
     if centroid > length:
         message = f"{centroid:g} m lies beyond the end of the rod at {length:g} m"

@@ -11,7 +11,7 @@ from dpr_lab.workflows.checks import refuse_file
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """Film of a release, as the tracker of its points sees it."""
+    """Settings of the film of a release and of the tracker of its points."""
 
     every: int = 2
     """Rows of the table per frame: 100 frames per second."""

@@ -2,7 +2,7 @@
 
 Each line is one request object. A job is answered when it ends; until then it sends `progress` notifications that name
 the id of its request. `status` and `cancel` are answered at once. To cancel the running job, its process is ended,
-because nothing else interrupts a fit; the next job starts another. No method moves or releases a rod.
+because a fit cannot be interrupted otherwise; the next job starts another process. No method moves or releases a rod.
 
 Source: JSON-RPC 2.0 Specification, https://www.jsonrpc.org/specification; -32800 is the code of the Language Server
 Protocol for a cancelled request.
@@ -206,7 +206,7 @@ class Service:
         with self._changed:
             if not job.cancelled and (self._process is None or not self._process.alive):
                 self._process = ChildFunction(work)
-            process = None if job.cancelled else self._process  # one of a cancelled job is not used, even if it is warm
+            process = None if job.cancelled else self._process  # the process of a cancelled job is not used again
         message = self._last_message(job, process)
         if not job.answered:
             return
@@ -254,7 +254,7 @@ def work(connection: Connection) -> None:
 
     Sends `compiling`, (`progress`, parameters) and finally (`done`, result) or (`failed`, arguments of `RpcError`).
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the service, which ends this process
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the service handles Ctrl-C and ends this process
     requests: SimpleQueue[tuple[str, Any]] = SimpleQueue()
     sending = threading.Lock()
 
@@ -334,7 +334,7 @@ def _request(method: Method, params: Mapping[str, Any]) -> Any:
     Raises:
         RpcError: unknown, missing or wrong parameters.
     """
-    from pydantic import TypeAdapter, ValidationError  # heavy: the start of a command imports all jobs' events
+    from pydantic import TypeAdapter, ValidationError  # slow import: every command imports the events of all jobs
 
     from dpr_lab.configs import key_words
 
@@ -343,7 +343,7 @@ def _request(method: Method, params: Mapping[str, Any]) -> Any:
     if unknown := [name for name in params if name not in known]:
         raise RpcError(RpcCode.INVALID_PARAMS, f"unknown parameter {unknown[0]!r}; available: {', '.join(known)}")
     try:
-        return TypeAdapter(kind).validate_json(json.dumps(dict(params)))  # its messages have the words of JSON
+        return TypeAdapter(kind).validate_json(json.dumps(dict(params)))  # its messages use the terms of JSON
     except ValidationError as error:
         first = error.errors()[0]
         name = key_words(first["loc"])

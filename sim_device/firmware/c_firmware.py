@@ -99,7 +99,8 @@ def load() -> ctypes.PyDLL:
     Raises:
         ConfigError: it cannot be compiled.
     """
-    # the calls are too short to release the interpreter lock, which a busy thread may then keep for some time
+    # the interpreter lock is not released, because the calls are short and a busy thread could then keep it for some
+    # time
     library = ctypes.PyDLL(str(library_path()))
     for name, (result, *arguments) in _PROTOTYPES.items():
         function = library[name]

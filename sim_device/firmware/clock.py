@@ -27,7 +27,7 @@ PATIENCE = 6.0
 class Clock:
     """Device seconds since power-up.
 
-    Wall times are arguments, so the clock itself reads none.
+    Wall times are arguments; the clock itself does not read the time.
     """
 
     pace: Mapping[State, float] = field(default_factory=dict)
@@ -56,7 +56,7 @@ class Clock:
     def advance(self, wall: float, state: State, rate_hz: float, blocked: bool = False) -> float:
         """Device time at the wall time `wall`, s, of a device with `rate_hz` ticks per second.
 
-        A fast clock stops while the link is `blocked`; a real one cannot.
+        A fast clock stops while the link is `blocked`; a real clock does not.
         """
         passed = 0.0 if self._wall is None else wall - self._wall
         self._wall = wall

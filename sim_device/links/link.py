@@ -21,8 +21,7 @@ class LinkLimits:
     fast_samples_hz: float = 60_000.0
     """Maximum samples per wall second under the fast clock, about the capacity of a host in Python."""
     slcan_fast_samples_hz: float = 4_000.0
-    """Maximum for an SLCAN host, which reads byte by byte: at a higher rate, answers are delayed too long by a full
-    pty.
+    """Maximum for an SLCAN host, which reads byte by byte: at a higher rate, a full pty delays the answers too long.
     """
     queue_bytes: int = 65536
     """Number of waiting bytes from which frames are dropped."""

@@ -34,7 +34,7 @@ def open_link(
     """
     kind, _, where = name.partition(":")
     if kind not in LINKS:
-        raise LinkError(f"{name}: there is no link {kind!r} (available: pty, slcan, tcp:PORT, virtual:CHANNEL)")
+        raise LinkError(f"{name}: unknown kind of link {kind!r} (available: pty, slcan, tcp:PORT, virtual:CHANNEL)")
     return LINKS[kind](where, baud, faults or Faults(), math.inf if lossless else LIMITS.queue_bytes, framing)
 
 

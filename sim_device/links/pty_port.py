@@ -19,8 +19,8 @@ class PtyPort:
     """A serial port: the master end of a pseudo terminal in raw mode.
 
     A pseudo terminal ignores the baud rate, a UART does not: if the host has set a rate other than that of the device,
-    both directions transmit noise, and the device answers with noise, so that a wrong rate is distinguishable from
-    silence. If the rate of the host is unknown (not Linux, or `baud` None), every rate is accepted.
+    both directions transmit noise, so that the host can distinguish a wrong rate from silence. If the rate of the host
+    is unknown (not Linux, or `baud` None), every rate is accepted.
     """
 
     def __init__(self, baud: int | None) -> None:

@@ -1,4 +1,4 @@
-"""A CAN adapter in Lawicel's ASCII ("SLCAN"), as python-can's `slcan` backend speaks it."""
+"""A CAN adapter in Lawicel's ASCII ("SLCAN"), as used by the `slcan` backend of python-can."""
 
 import re
 

@@ -1,6 +1,6 @@
 """The drive of the arm: from the release on, the device runs its own program and reports the input.
 
-It is a part of the rig: no message starts, stops or changes it.
+The drive is a part of the rig: no message starts, stops or changes it.
 """
 
 from collections.abc import Callable
@@ -59,7 +59,7 @@ class ArmDrive:
     delay_s: float = 0.0
     """Delay between the input and its effect, which the board does not report."""
     table: InputTable | None = None
-    """Program in place of that of the plant file."""
+    """Program that replaces that of the plant file."""
 
     @property
     def kinds(self) -> tuple[TorqueKind, ...]:

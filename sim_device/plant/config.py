@@ -25,7 +25,7 @@ class _Table(BaseModel):
 
 
 class ArmConfig(_Table):
-    """The arm: held by its brake, free (inertia J0, friction c0, spring k0 about the vertical), or driven too."""
+    """The arm: held by its brake, free (inertia J0, friction c0, spring k0 about the vertical), or free and driven."""
 
     mode: Literal["clamped", "free", "driven"] = "clamped"
     J0: Positive = 0.05
@@ -42,11 +42,11 @@ class EncoderConfig(_Table):
     noise_counts: NotNegative | tuple[NotNegative, NotNegative, NotNegative] = 0.5
     """Standard deviation of Gaussian noise before rounding, common to all encoders or one for each."""
     step_counts: Annotated[int, Field(gt=0)] = 1
-    """Counters change in steps of this number of counts, as those of a coarser encoder."""
+    """Counters change in steps of this number of counts, like those of a coarser encoder."""
     jitter_ms: NotNegative = 0.0
     """Standard deviation of the instants at which the encoders are read."""
     late_every: Annotated[int, Field(ge=0)] = 0
-    """Period of late samples of a swing, in samples, as of a multiplexer; 0: no sample is late."""
+    """Period of late samples of a swing, in samples, as caused by a multiplexer; 0: no sample is late."""
     late_ms: Annotated[float, Field(ge=0, le=50, allow_inf_nan=False)] = 0.0
     """Delay of the late samples."""
     stale_every: Annotated[int, Field(ge=0)] = 0
@@ -117,7 +117,7 @@ class ArmDriveConfig(_Table):
     gear: Positive = 1.0
     """Gear ratio: turns of the motor per turn of the arm."""
     limit: Positive
-    """Maximum input of the driver; what exceeds it is cut off."""
+    """Maximum input of the driver; a larger request is limited to it."""
     program: Literal["sines", "chirp", "prbs", "pd"] = "sines"
     """Two sines, a sweep of one, a pseudo-random binary sequence, or a controller whose arm follows two sines."""
     amplitude: Positive

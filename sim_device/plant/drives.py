@@ -1,6 +1,6 @@
 """Joint drives: from the release on they replay a table of torques and report commanded and measured torques.
 
-They are a part of the rig, as the arm is: no message starts, stops or changes them.
+The drives are a part of the rig, like the arm: no message starts, stops or changes them.
 """
 
 import csv

@@ -1,9 +1,10 @@
-"""The mount that carries the rig: it yields along the ground, in the plane of the rods, and rings.
+"""The mount that carries the rig: it yields horizontally in the plane of the rods, and oscillates.
 
     x'' = w^2 (F / k - x) - 2 zeta w x',    F = -d/dt (S1 cos(theta1) omega1 + S2 cos(theta2) omega2)
 
 with the first moments S1 = e1 / g and S2 = e2 / g. Its acceleration acts on the rods as the torques -S_i cos(theta_i)
-x''. The mount is stiff, so F is that of the rods on a rigid mount; what is neglected is quadratic in the compliance.
+x''. The mount is stiff, so F is computed for rods on a rigid mount; the neglected terms are quadratic in the
+compliance.
 """
 
 import math

@@ -50,7 +50,7 @@ class HeldRods:
 
 
 def placement(operator: OperatorConfig, pose: Pose, seed: int, release: int, error: float = 0.0) -> NDArray[np.float64]:
-    """(3,) final angles of the rods for a pose: with random errors, and with the deliberate `error`, rad."""
+    """(3,) final angles of the rods for a pose, with random errors and the deliberate `error`, rad."""
     theta = pose.theta + np.array([0.0, error, error]) + operator.placement_std * _draw(seed, release)[0]
     return theta if operator.elbow is None else np.array([theta[0], theta[1], theta[1] + operator.elbow])
 

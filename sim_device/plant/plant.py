@@ -38,11 +38,11 @@ LOOK = 5e-4
 Driven = Callable[..., Any]
 """(first, count) -> (count, 2) torques of joints 1 and 2 from each of these ticks to the next, N m.
 
-If the arm is driven: `ArmDrive.block` at the rate of the device.
+For a driven arm: `ArmDrive.block` at the rate of the device.
 """
 
 UNSEEN = Torques(np.zeros(1), np.zeros((1, 2)), on_arm=np.zeros(1))
-"""Torques of a driven arm whose course is not needed: it has the effects of its drive."""
+"""Torques of a driven arm, if only its effects are needed and not the values."""
 
 CONSTANT = [param_index(effect.name, "constant_Nm") for effect in SPRING]
 """Position of a joint's constant torque in the parameters: the torque of a drive between two ticks."""
@@ -129,7 +129,7 @@ class Plant:
     def _can_act(self, name: str) -> bool:
         """Whether the mode of the arm permits an effect."""
         if name not in EFFECTS or not EFFECTS[name].of_arm:
-            return True  # unknown names are refused with the parameters
+            return True  # unknown names are refused when the parameters are read
         return self._setup.torques is not None if EFFECTS[name].driven else self._setup.arm_moves
 
     def _look_for_effects_on_reading(self) -> None:
@@ -149,7 +149,7 @@ class Plant:
         """The rig for `integrate`, and the mode of its arm; its kernels are compiled at the first access."""
         of_arm = self.config.arm
         back_emf = self.config.arm_drive.back_emf if self.config.arm_drive is not None else 0.0
-        mode = "clamped" if of_arm.mode == "clamped" else "free"  # of a driven one the torque is known
+        mode = "clamped" if of_arm.mode == "clamped" else "free"  # the torque of a driven arm is known
         arm = ArmParameters(of_arm.J0, of_arm.c0 + back_emf, of_arm.k0, mode)
         try:
             effects = effects_of_run(effect_params(self.config.effects), self._setup)
@@ -158,7 +158,7 @@ class Plant:
             raise ConfigError(f"plant {self.config.name}: effects: {error}") from error
 
     def refuse_drives(self) -> None:
-        """Verify that drives on the joints of this plant produce exactly the reported torques.
+        """Check that drives on the joints of this plant can produce exactly the reported torques.
 
         Raises:
             ConfigError: a rod is not mounted, or the plant has an effect that belongs to drives.
@@ -182,7 +182,7 @@ class Plant:
         return Swing(self, theta, omega, rate_hz, driven)
 
     def counted(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(n, 3) final counts; unchanged here."""
+        """(n, 3) final counts; unchanged for this kind of plant."""
         return counts
 
     def start(self, theta: Theta, omega: Theta) -> AnyState:
@@ -216,7 +216,7 @@ class Plant:
 
     @cached_property
     def _driven(self) -> tuple[RigModel, int]:
-        """Like `_moving`, for joints in which any torque may act."""
+        """Like `_moving`, for joints on which any torque may act."""
         model, mode = self._moving
         pushed = model.params.copy()
         pushed[CONSTANT] = 1.0
@@ -228,7 +228,7 @@ class Plant:
         return model_with(model.base, model.constants, model.arm, pushed)._replace(params=still), mode
 
     def at_encoders(self, states: Theta) -> Theta:
-        """(n, ...) states with the angle and speed of the arm's motor, which its encoder reads, as those of the arm."""
+        """(n, ...) states in which the angle and speed of the arm are those of its motor, which its encoder reads."""
         if not self._moving[0].required.play0 or self._moving[1] == CLAMPED:
             return states
         angle, speed, _ = motors_of(states).T

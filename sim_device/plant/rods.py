@@ -39,7 +39,7 @@ class SimulatedRods:
         clock_rate: device seconds per true second
         faults: faults of the encoders
         drives: drives of the joints or the arm during a swing; None without any
-        ready: whether the rods can be released; until then the operator moves them to no pose
+        ready: whether the rods can be released; until then the operator does not move them
         before: number of earlier releases
     """
 
@@ -132,14 +132,15 @@ class SimulatedRods:
         return self._read(self._theta(now)[None], RandomStream.IDLE, 0, tick)[0]
 
     def _begin_placing(self, now: float) -> None:
-        """The waiting operator continues."""
+        """The operator, who may be waiting, continues."""
         if self._ready() and self._held.begins == math.inf:
             self._held = replace(self._held, begins=now)
 
     def _guided(self, target: NDArray[np.float64], near: float) -> NDArray[np.float64]:
         """(3,) angles at which the encoders read `target`, if their error exceeds `near`, rad.
 
-        The operator follows the screen. If no angle reads right, as with a stuck bit, it is the target itself.
+        The operator follows the screen. If no angle gives the right reading, for example because of a stuck bit, the
+        result is the target itself.
         """
         theta = target
         for _ in range(HABITS.looks):

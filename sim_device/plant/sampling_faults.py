@@ -9,7 +9,7 @@ from sim_device.plant.config import PlantConfig
 from sim_device.plant.encoders import standard_noise
 from sim_device.random_streams import RandomStream
 
-# columns of the noise by their purpose
+# columns of the random numbers by their purpose
 _JITTER, _REPEATED, _MISSING = range(3)
 
 
@@ -58,7 +58,7 @@ def _within(begin_s: float, lasts_s: float | None, first: int, count: int, rate_
 
 
 def _in_cycle(every: int, first: int, count: int) -> NDArray[np.bool_]:
-    """(count,) whether a sample ends a cycle of `every`; none for 0."""
+    """(count,) whether a sample is the last one in a cycle of `every`; no sample if `every` is 0."""
     if not every:
         return np.zeros(count, dtype=np.bool_)
     return np.arange(first, first + count) % every == every - 1

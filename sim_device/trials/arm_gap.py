@@ -39,7 +39,7 @@ It grows, because the first initial states are far off if the torque has steps.
 
 
 SHORTENED = (1.0, 0.3, 0.1, 0.0)
-"""Factors of the step of an initial state; the best one of each segment counts."""
+"""Factors of the step of an initial state; the best factor of each segment is used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ def arm_gap(config: PlantConfig, rig: Rig) -> float:
     """Root mean square residual of noiseless readings after the best effect-free fit, in units of the noise.
 
     The fit has the base parameters, inertia and friction of the arm and, for each segment of `MEASURE.window`, a free
-    initial state; it starts at the truth. It is infinite if the plant's swing or the fit diverges.
+    initial state; it starts at the true values. It is infinite if the plant's swing or the fit diverges.
     """
     releases = [noiseless_arm(config, rig, number) for number in range(1, len(rig.poses) + 1)]
     if not all(np.isfinite(release.readings).all() for release in releases):

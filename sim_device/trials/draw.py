@@ -25,7 +25,8 @@ from sim_device.trials.request import LEVELS, ON_ARM, EffectRequest
 from sim_device.trials.sizing import Coefficients, sized
 
 NOT_DRAWN = frozenset(effect.name for effect in ENCODER_DRIFT)
-"""Effects that joined the library after the published campaigns: with them, the same seeds would draw other plants."""
+"""Effects that joined the library after the published campaigns: if they were drawn, the same seeds would give other
+plants."""
 
 LARGEST = 40.0
 """Maximum gap of the largest effect of a pair or triple, in units of the noise."""
@@ -40,9 +41,9 @@ class Background:
     gap: tuple[float, float] = (0.1, 0.6)
     """Gap of each small effect, in units of the noise."""
     logger: float = 1 / 3
-    """Probability of a fault of the logger, and with a fault of a second one."""
+    """Probability of a fault of the logger, and of a second fault if there is one."""
     stiffness: tuple[float, float] = (1e5, 5e5)
-    """Stiffness of the mount's second mode, N/m, which moves the rods by less than the noise."""
+    """Stiffness of the mount's second mode, N/m; it moves the rods by less than the noise."""
     frequency_hz: tuple[float, float] = (15.0, 40.0)
     damping: tuple[float, float] = (0.02, 0.05)
     length: float = 0.005
@@ -103,7 +104,7 @@ def _on_arm(wanted: EffectRequest, plant: PlantConfig, rig: Rig, rng: np.random.
 
 
 def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> PlantConfig:
-    """The plant with small effects, a zero offset, a mount that rings, other values, and sometimes logger faults."""
+    """The plant with small effects, a zero offset, a vibrating mount, other values, and sometimes logger faults."""
     least, most = BACKGROUND.effects
     wanted = len(plant.effects) + int(rng.integers(least, most, endpoint=True))
     for name in rng.permutation(visible_effects()).tolist():
@@ -143,8 +144,8 @@ def _roughly_weighed(rig: Rig) -> Iterator[tuple[str, Parameter]]:
 def logger_fault(rng: np.random.Generator) -> EncoderConfig:
     """One fault of a logger, or two at once.
 
-    Readings are late in a cycle; repeated in a cycle, in a stretch of it as in a video, or at random while a bus is
-    busy; taken at uneven instants; or lost for a while.
+    Readings can be late periodically; repeated periodically, in a part of the recording as in a video, or at random
+    while a bus is busy; taken at uneven instants; or lost for some time.
     """
     cycle, begin = int(rng.integers(5, 41)), float(rng.uniform(0.5, 4.0))
     faults: list[dict[str, float]] = [

@@ -23,7 +23,7 @@ class GapMeasure:
     step: float = 2.5e-3
     """Step of the integrator, s."""
     rounds: int = 3
-    """Iterations of Gauss-Newton; from the truth, two suffice for any effect that does not dominate the first
+    """Iterations of Gauss-Newton; from the true values, two suffice for any effect that does not dominate the first
     second.
     """
 
@@ -40,7 +40,8 @@ def gap_size(
 ) -> float:
     """Root mean square residual of noiseless readings after the best effect-free fit, in units of the noise.
 
-    The fit has the five ratios and, for each segment of `MEASURE.window`, a free initial state; it starts at the truth.
+    The fit has the five ratios and, for each segment of `MEASURE.window`, a free initial state; it starts at the true
+    values.
 
     Args:
         ratios: (5,) true ratios of base parameters

@@ -79,8 +79,8 @@ def drawn_arm(plant: PlantConfig, rng: np.random.Generator) -> PlantConfig:
 def visible_on_arm(plant: PlantConfig) -> list[str]:
     """Effects at joint 0 and of its drive that recordings of this plant may show.
 
-    Two show in none: an error of the torque constant, because the scale of all torques or the gain of the drive is
-    fitted, and a zero error of the arm, on which nothing depends.
+    Two effects are never visible: an error of the torque constant, because the scale of all torques or the gain of the
+    drive is fitted, and a zero error of the arm, which has no influence.
     """
     driven = plant.arm_drive is not None
     names = [name for name, effect in OF_ARM.items() if driven or not effect.driven]
@@ -89,7 +89,7 @@ def visible_on_arm(plant: PlantConfig) -> list[str]:
 
 
 def is_plausible(plant: PlantConfig, rig: Rig) -> bool:
-    """Whether the sizes of its effects are within the limits of the library for a rig of this kind."""
+    """Whether the sizes of the plant's effects are within the limits of the library for a rig of this kind."""
     limits = amplitude_limits(with_gravity(base_parameters(plant.Z, rig.L1, rig.g), rig.L1, rig.g), rig_constants(rig))
     return not oversized(effect_params(plant.effects), limits)
 

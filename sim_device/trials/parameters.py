@@ -1,4 +1,4 @@
-"""Random parts of a rig: true parameters similar to those of a plant file, and masses as given by scales."""
+"""Random parts of a rig: true parameters similar to those of a plant file, and masses as shown by scales."""
 
 from dataclasses import dataclass
 

@@ -37,7 +37,7 @@ _KIND_NAMED: dict[str, Kind] = {kind: kind for kind in KINDS}
 _LEVEL_NAMED: dict[str, Level] = {level: level for level in LEVELS}
 
 ANY = "any"
-"""In place of a kind: the kind is drawn from the seed as well."""
+"""Name for any kind: the kind is drawn from the seed as well."""
 
 FREE_SWINGS: tuple[Kind, ...] = tuple(kind for kind in KINDS if kind not in ("driven", "background"))
 """The kinds that `ANY` may select."""
@@ -56,7 +56,7 @@ class EffectRequest:
     kind: Kind
     level: Level = "clear"
     effects: tuple[str, ...] = ()
-    """Names of effects in place of drawn ones, the largest first."""
+    """Names of effects to use instead of drawn ones, the largest first."""
     held_back: bool | None = None
     """Out-of-library effects: only those excluded from tuning (True), only the others (False), or all (None)."""
 
@@ -67,13 +67,13 @@ class EffectRequest:
 
 
 def with_kind(text: str, seed: int, kinds: tuple[Kind, ...] = FREE_SWINGS) -> str:
-    """The request, with a kind drawn from the seed in place of `any`."""
+    """The request, in which a kind drawn from the seed replaces `any`."""
     kind, colon, rest = text.partition(":")
     return f"{generator(seed, RandomStream.KIND).choice(kinds) if kind == ANY else kind}{colon}{rest}"
 
 
 def parse_request(text: str) -> EffectRequest:
-    """`KIND`, `KIND:LEVEL`, or `KIND:LEVEL:EFFECT,EFFECT`; `tuning` or `held_back` may stand for the effects.
+    """`KIND`, `KIND:LEVEL`, or `KIND:LEVEL:EFFECT,EFFECT`; the effects may be given as `tuning` or `held_back`.
 
     Raises:
         ConfigError: no such kind, level or effect.

@@ -1,7 +1,7 @@
 """The seal of a drawn plant: a salted hash, published before any recording, that fixes the truth.
 
 The truth is in a folder of the device, or in its memory, until it is requested. The salt is random and does not depend
-on the seed: with the seed one can draw the plant again, but cannot tell from the seal whether it is the same plant.
+on the seed: with the seed one can draw the plant again, but the seal does not show whether it is the same plant.
 """
 
 import hashlib

@@ -34,10 +34,10 @@ SEARCH = SizeSearch()
 def sized(plant: PlantConfig, rig: Rig, name: str, unit: Coefficients, gap: float) -> Coefficients:
     """Coefficients of an effect, scaled from `unit` until it alone causes a gap on the plant, in units of the noise.
 
-    If no size causes that gap, they are the nearest ones.
+    If no size causes that gap, the coefficients with the nearest gap are returned.
     """
     if name == SATURATION_JOINT0.name:
-        return unit  # a drive gives nothing beyond its limit
+        return unit  # the output of a drive never exceeds its limit
     table = "foreign" if name in FOREIGN else "effects"
     bare = plant.model_copy(update={"effects": {}, "foreign": {}})
     most = FOREIGN[name].most / abs(unit[FOREIGN[name].amplitude.name]) if name in FOREIGN else math.inf
@@ -56,7 +56,7 @@ def sized(plant: PlantConfig, rig: Rig, name: str, unit: Coefficients, gap: floa
 
 
 def _next_scale(proposed: float, scale: float, bounds: list[float]) -> float:
-    """The scale in proportion, limited to the range between too small and too large scales."""
+    """The scale by proportion, limited to the range between scales that were too small and too large."""
     if bounds[0] < proposed < bounds[1]:
         return min(max(proposed, scale / SEARCH.stride), scale * SEARCH.stride)
     return math.sqrt(bounds[0] * bounds[1]) if bounds[0] > 0.0 else scale / SEARCH.retreat

@@ -1,4 +1,4 @@
-"""A blind trial as prepared by the device: a rig with other parts, a drawn plant, its seal, and optional recordings."""
+"""A blind trial as prepared by the device: a changed rig, a drawn plant, its seal, and optional recordings."""
 
 import secrets
 from collections.abc import Mapping

@@ -33,7 +33,7 @@ def test_keys_that_do_not_fit_together_have_one_sentence() -> None:
     [
         ((), []),
         (("--m2", "150"), ["parameters.m2: 150 kg: was it weighed in another unit?"]),
-        (("--m2", "30"), ["parameters.m2: 30 kg are much for a rod of 0.25 m: was it weighed in another unit?"]),
+        (("--m2", "30"), ["parameters.m2: 30 kg is a large mass for a rod of 0.25 m: was it weighed in another unit?"]),
         (("--l1", "3"), ["rig.L1: 3 m: was it measured in another unit?"]),
     ],
 )

@@ -280,5 +280,5 @@ def test_a_fault_without_a_good_value_is_refused_with_its_meaning(name):
 
 
 def test_an_unknown_fault_is_named_with_those_there_are():
-    with pytest.raises(ConfigError, match=r"there is no fault 'fire'.*drop, duplicate"):
+    with pytest.raises(ConfigError, match=r"unknown fault 'fire'.*drop, duplicate"):
         parse_faults(["fire=1"])

@@ -126,7 +126,7 @@ def set_torques(w: LaneWorkspace, drive: Drive, run: Integers, knot: Integers) -
 def _arm_speed(knots: Knots, first: int, last: int, t: float) -> float:
     """Speed of the arm between the knots `first` and `last`, rad/s; constant beyond them."""
     i, beyond = first, last + 1
-    while i < beyond:  # bisection: numpy's own in a kernel would import all of scipy.linalg with it
+    while i < beyond:  # bisection, because numpy's function in a kernel would import all of scipy.linalg
         middle = (i + beyond) // 2
         if knots.t[middle] < t:
             i = middle + 1

@@ -7,10 +7,10 @@ and its first moment about the end of the step are known from the balance of the
     P = tau h - c0 (change of q) - J (change of dq/dt)
     M = tau h^2/2 - c0 h/2 (change of q) - J (change of q - h dq/dt at the start)
 
-What the step contained of both is subtracted. The rest is owed to the arm, which receives a torque (`fed`) that repays
-impulse and moment in two steps. So momentum is conserved, at an impact too, and the arm is where an impact at its own
-instant would have brought it. After an impact the motor stays in contact for one step, in which both bodies take their
-common speed. Loops over lanes as in `stepping`.
+The parts of both that the step already contained are subtracted. The remainder is still to be transmitted to the arm,
+which receives a torque (`fed`) that repays impulse and moment in two steps. Momentum is therefore also conserved at an
+impact, and the arm moves as after an impact at its exact instant. After an impact the motor stays in contact for one
+step, in which both bodies take their common speed. Loops over lanes as in `stepping`.
 """
 
 from dpr_lab.arrays import Flags
@@ -33,13 +33,13 @@ def begin_gear(w: LaneWorkspace) -> None:
 
 @subroutine
 def fed(owed: float, behind: float, step: float) -> float:
-    """Torque by which two steps repay an owed impulse, N m s, and its first moment, N m s^2."""
+    """Torque by which two steps transmit an outstanding impulse, N m s, and its first moment, N m s^2."""
     return (1.5 * owed + behind / step) / step
 
 
 @subroutine
 def transmit(w: LaneWorkspace) -> None:
-    """Replace the torque of the drive by that of the gear on the arm, with the torque that repays what it is owed."""
+    """Replace the torque of the drive by that of the gear on the arm, which includes the outstanding impulse."""
     for k in range(LANES):
         w.motor_torque0[k] = w.torque0[k]
         w.torque0[k] = (1.0 - w.old_loose0[k]) * w.motor_torque0[k] + w.fed0[k]
@@ -63,7 +63,7 @@ def follow(w: LaneWorkspace, active: Flags, until: float) -> None:
 
 @subroutine
 def balance_gear(w: LaneWorkspace) -> None:
-    """Set what the gear owes to the arm after a step; before the release the motor moves as the arm."""
+    """Set the outstanding impulse of the gear after a step; before the release the motor moves with the arm."""
     for k in range(LANES):
         h, geared = w.h[k], 1.0 - w.old_loose0[k]
         first_speed = w.old_motor_speed0[k] - geared * w.old_omega0[k]

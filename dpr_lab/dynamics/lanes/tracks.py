@@ -76,7 +76,8 @@ def _tracks(shape: tuple[int, int, int], active_: bytes, chained_: bytes, run_: 
     starts = [0, *(np.flatnonzero(group[1:] != group[:-1]) + 1).tolist(), len(group)]
     edges = np.array([*(i for ends in pairwise(starts) for i in range(*ends, LANES)), len(group)])
     on = np.array([np.frombuffer(row, dtype=np.bool_) for row in kinds])[group[edges[:-1]]]
-    required = Requirements(*map(np.ascontiguousarray, required_by(on)))  # another layout is another compilation
+    # another array layout would require another compilation
+    required = Requirements(*map(np.ascontiguousarray, required_by(on)))
     return Tracks(candidate[order], first[order], last[order], edges, on, required)
 
 

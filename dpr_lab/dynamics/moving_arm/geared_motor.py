@@ -13,10 +13,10 @@ from dpr_lab.kernels import subroutine
 
 
 class GearedState(NamedTuple):
-    """Fields of `RigState`, and the motor as seen at the arm: angle rad, speed rad/s, and what the gear owes.
+    """Fields of `RigState`, and the motor as seen at the arm.
 
-    That is an impulse, N m s, and its first moment, N m s^2; `bonded` is the time for which the motor stays in contact
-    after an impact, s.
+    The fields of the motor are its angle, rad, its speed, rad/s, and the outstanding impulse of the gear, N m s, with
+    its first moment, N m s^2. `bonded` is the time for which the motor stays in contact after an impact, s.
     """
 
     theta0: float
@@ -39,7 +39,7 @@ AnyState = RigState | GearedState
 
 @subroutine
 def arm_of_gear(t: float, x: GearedState, model: RigModel, drive: float) -> tuple[RigModel, float, float, float, float]:
-    """The rig as the gear leaves it at an instant, in contact or loose.
+    """The rig at an instant, with the gear in contact or inside its backlash.
 
     Returns:
         the rig, whose arm has the motor's inertia and friction only in contact; torques of the gear on the arm and of

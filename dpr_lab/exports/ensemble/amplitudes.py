@@ -36,7 +36,7 @@ class FittedAmplitudes:
 
 
 def fitted_amplitudes(model: Model, runs: Sequence[Run], rig: Rig) -> FittedAmplitudes | None:
-    """Range over the fitted recordings of a model; None without one."""
+    """Range over the fitted recordings of a model; None without a recording."""
     if not runs:
         return None
     fitted = np.concatenate([amplitudes(model, run, rig)[1] for run in runs])
@@ -52,7 +52,7 @@ def beyond_fitted(fitted: FittedAmplitudes, band: PredictiveBand, model: Model, 
 
 
 def amplitudes(model: Model, run: Run, rig: Rig) -> tuple[Array, Array]:
-    """Starts of the segments of a recording, s since the release, and the amplitudes of the swing there, rad."""
+    """Starts of the segments of a recording, s since the release, and the amplitudes of the swing at them, rad."""
     bare = follow(run, rig, model).bare
     problem, estimate = bare.problem, bare.fit.estimate
     upright = energies(problem, estimate.changed(initial=np.zeros((1, 4))))

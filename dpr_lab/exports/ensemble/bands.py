@@ -39,8 +39,9 @@ class BandSettings:
     rate_hz: float = 200.0
     """Rate of the compared readings."""
     unlike: float = 10.0
-    """Limits of the misfit of the first readings. Below the first one, in standard deviations of their noise, a model
-    follows them; above the second one, relative to the median over all half seconds, it does not.
+    """Limits of the misfit of the first readings. A model follows the readings below the first limit, in standard
+    deviations of their noise. It does not follow them above the second limit, relative to the median over all half
+    seconds.
     """
     unexplained: float = 0.5
     """Maximum share of the variance of the first readings that may remain unexplained by a model that follows them."""
@@ -111,9 +112,9 @@ def predictive_band(
     stride = max(1, round((len(swing.t) - 1) / max(float(swing.t[-1]) - first, 1e-9) / settings.rate_hz))
     t = swing.t[(swing.t > started) & (swing.t <= end)][::stride]
     instants = swing.t[(swing.t >= begin) & (swing.t <= started)]
-    of_start = (run.t < started + 1e-9) & ((run.t >= begin) | (begin == first))  # the rest before the release too
+    of_start = (run.t < started + 1e-9) & ((run.t >= begin) | (begin == first))  # includes the rest before the release
     head = preprocess(run.only(of_start), rig)
-    # torques act by their means between instants; those of `head` end with it
+    # torques act by their means between instants; those of `head` end with its last instant
     onward = segments([np.concatenate([instants, t])], setups=[swing.setup])
     noise_Nm = torque_noise(swing.setup.torques) if swing.setup.torques else np.zeros(2)
     drawn = []
@@ -156,8 +157,8 @@ def quantiles_of(drawn: Array, settings: BandSettings = BANDS) -> tuple[Array, A
     """Lower and upper bound (n, joints) of readings (models, n, joints); models that fail are ignored.
 
     Of m models the k-th smallest value is the quantile k / (m + 1) of the distribution from which they are drawn (E. J.
-    Gumbel 1958, Statistics of Extremes). Interpolation between the smallest and the largest, the usual rule, leaves 50
-    models with 86 % instead of 90 %.
+    Gumbel 1958, Statistics of Extremes). The usual rule, interpolation between the smallest and the largest, would give
+    86 % instead of 90 % with 50 models.
     """
     tail = (1 - settings.level) / 2
     finite = np.where(np.isfinite(drawn), drawn, np.nan)

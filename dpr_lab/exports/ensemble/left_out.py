@@ -8,9 +8,9 @@ readings, and z the normal quantile of the band,
 
     s_r = mean (z (y - m) / w)^2,    v = median(s_r) / median(chi2_q / q)
 
-is the variance of the errors in units of the band's; it is 1 if the posterior is right. A recording has about q
-independent errors. The median does not depend on a recording far from the others, to which their values extrapolate. A
-posterior is kept if v is as expected by chance. Otherwise the standard deviations are multiplied by
+is the ratio of the variance of the errors to that of the band; it is 1 if the posterior is right. A recording has about
+q independent errors. The median is not affected by a recording far from the others, for which the values of the others
+are extrapolated. A posterior is kept if v is as expected by chance. Otherwise the standard deviations are multiplied by
 
     t / z ((n + R v) / (n + R))^(1/2),    t = quantile of Student's distribution with n + R degrees of freedom,
 
@@ -46,7 +46,7 @@ class LeftOutSettings:
     members: int = 39
     """Number of models for each recording; the band lies between the second values from both ends."""
     expected: float = 1.0
-    """Number of recordings that the expectation of a right posterior counts as."""
+    """Weight of the expectation that the posterior is right, as a number of recordings."""
     independent: int = 3
     """Number of independent errors of a recording, q: between 1, an error of one parameter, and 11, by the scatter of s
     of 21 recordings of simulated rigs.
@@ -81,7 +81,7 @@ def factor_without(
         members = sampled_models(model, without(components, place), LEFT_OUT.members, seed)
         try:
             errors.append(_squared_errors(predictive_band(model, members, run, rig, seed)))
-        except RunError:  # no state starts this recording
+        except RunError:  # no initial state fits this recording
             continue
     return widening([error for error in errors if np.isfinite(error)])
 

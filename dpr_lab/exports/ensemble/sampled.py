@@ -3,10 +3,10 @@
 A set of effects is drawn by its probability, then its values from their joint normal distribution for another
 recording: the covariance of the fit, and that between recordings (`dpr_lab.gap.conclusion.scatter`). Draws with a
 negative value of a quantity that cannot be negative, and with physically impossible inertias, are drawn again: the
-distribution is truncated. Values set to zero instead would lose their correlation: a friction without the negative
-damping that it was drawn with brakes too much. The scale b is one of these values if the recordings determine it: under
-a known torque tau a swing depends on tau / b. A free swing does not determine it. It is then drawn log-normally within
-its interval, and all masses, inertias and torques are proportional to it.
+distribution is truncated. If negative values were set to zero instead, their correlation would be lost: a friction that
+was drawn together with a negative damping would brake too much without it. The scale b is one of these values if the
+recordings determine it: under a known torque tau a swing depends on tau / b. A free swing does not determine it. It is
+then drawn log-normally within its interval, and all masses, inertias and torques are proportional to it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,7 +46,7 @@ def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: in
 def posterior_of(
     model: Model, diagnosis: Diagnosis | None, scatter: RatioScatter | None = None
 ) -> list[PosteriorComponent]:
-    """The posterior of a diagnosis; for a model without one, the covariance of its ratios.
+    """The posterior of a diagnosis; for a model without a diagnosis, the covariance of its ratios.
 
     Args:
         model: the model
@@ -96,7 +96,7 @@ def diagnosed_posterior(diagnosis: Diagnosis) -> list[PosteriorComponent]:
 
 
 def drawn_values(component: PosteriorComponent, rng: np.random.Generator, tries: int = 1000) -> dict[str, float]:
-    """Values of one set of effects: ratios, and `effect.parameter`; zero for what is negative in all tries."""
+    """Values of one set of effects: ratios, and `effect.parameter`; zero for values that are negative in all draws."""
     values = dict(component.ratios) | {
         f"{name}.{key}": value for name, parameters in component.effects.items() for key, value in parameters.items()
     }

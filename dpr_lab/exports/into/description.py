@@ -1,4 +1,6 @@
-"""Write the corrected model into the URDF or SDFormat file of the user (`dpr_lab.exports.into.target`: what changes).
+"""Write the corrected model into the user's URDF or SDFormat file.
+
+`dpr_lab.exports.into.target` lists the changed quantities.
 
 The coordinates of an element can refer to any frame. The influence of a coordinate is therefore determined numerically:
 the file is read again with this coordinate changed, and positions are linear in it.
@@ -156,7 +158,7 @@ def into_description(
         edit = file.editable(edit.text())
         chain = file.chain(file.model(edit))
     added = PassiveForces()
-    if isinstance(model, Model) and name == "URDF":  # MuJoCo does not read SDFormat
+    if isinstance(model, Model) and name == "URDF":  # MuJoCo cannot read SDFormat
         added = passive_forces(model, rig, expressed, chain, path.name, model.rig.g)
     targets = rod_targets(chain, made, added.friction)
     hinges: list[tuple[ChainRod | ChainArm, RodTarget | ArmTarget]] = list(zip(chain.rods, targets, strict=True))
@@ -185,7 +187,7 @@ def _part(model: SimulatorModel, joint: str) -> Part:
 
 
 def _with_moved_joint(file: _File, edit: XmlEdit, joint: str, shift: Vector) -> XmlEdit:
-    """Move a joint on the part that carries it by a shift, (3,) in the world, m."""
+    """Shift a joint on its parent part by a vector, (3,) in the world, m."""
     model = file.model(edit)
     owner = file.editor.elbow_owner(file.joint(edit, joint), file.link(edit, _part(model, joint)))
 

@@ -180,8 +180,8 @@ def ranked(
 
     Args:
         causes: numbers of each cause, and the mean square error if it keeps its value of the file
-        least: error if all are corrected
-        nothing: error if none is
+        least: error if all causes are corrected
+        nothing: error if no cause is corrected
     """
     growths = [max(error - least, 0.0) for _, error in causes]
     whole = max(nothing - least, *growths, 1e-30)

@@ -6,9 +6,9 @@ file as possible are unchanged: with u the estimated base parameters at b = 1 an
 if |s u_i / x_i - 1| is within its tolerance, and s is one of x_i / u_i.
 
 If known torques alone determine the scale, they were computed with the gears of the file. A common factor s / b of all
-torques is then as possible as the inverse factor of all masses, inertias and frictions. The gears, which change by
-s / b (1 + x_j) with the error x_j of the torque constant of joint j, therefore count like the base parameters, and s is
-one of x_i / u_i, b and b / (1 + x_j).
+torques is then equivalent to the inverse factor of all masses, inertias and frictions. The gears, which change by s / b
+(1 + x_j) with the error x_j of the torque constant of joint j, therefore count like the base parameters, and s is one
+of x_i / u_i, b and b / (1 + x_j).
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,7 +46,7 @@ BODY_TERMS = (("a", "e1"), ("b", "d"))
 
 @dataclass(frozen=True, slots=True)
 class LeastChange:
-    """The corrected model with the numbers of the file wherever they are compatible, and the causes in order."""
+    """The corrected model with all numbers of the file that are compatible, and the causes in order."""
 
     model: AnyModel
     causes: tuple[ModelCause, ...]
@@ -67,7 +67,7 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     effects: Effects = model.effects
     longer = sum(words.get("added_length", 0.0) for words in words_of(effects).values())
     of_file = _base_of(chain, longer)
-    rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])  # visible only in a during a free swing
+    rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])  # in a free swing it is visible only in a
     gears = _gear_factors(effects, diagnosis, runs)
     base = _base(of_file, rotor, model, diagnosis, np.array(list(gears.values())))
     base = with_own_numbers(chain, base, of_file, longer)
@@ -139,7 +139,7 @@ def _base(of_file: Array, rotor: Array, model: Model, diagnosis: Diagnosis, gear
     u = np.insert(model.ratio_values, 1, 1.0)
     std = np.insert(np.sqrt(np.diag(np.array(diagnosis.ratio_covariance))), 1, 0.0)
     tolerance = np.maximum(CHANGE.same, CHANGE.stds * std / u)
-    floor = CHANGE.idle * np.sqrt(of_file[1] * of_file[3])  # a file without damping; both in N m s
+    floor = CHANGE.idle * np.sqrt(of_file[1] * of_file[3])  # for a file without damping; both in N m s
     x = np.where(of_file > 0, of_file, floor) + rotor
     b, scale = model.base["b"].value, diagnosis.scale
     scales: list[float] = [] if scale is not None and scale.known and not len(gears) else (x / u)[:4].tolist()
@@ -162,7 +162,7 @@ def _same_gear(diagnosis: Diagnosis) -> float:
 
 
 def with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: float) -> Array:
-    """(6,) base parameters in which a centre of mass or inertia that hardly differs from the file keeps its value."""
+    """(6,) base parameters that keep every centre of mass or inertia that hardly differs from the file."""
     length, carried = (chain.rods[0].length or 0.0) + longer, sum(r.mass for r in chain.rods[1:]) + chain.elbow_mass
     changed = base.copy()
     for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):

@@ -119,7 +119,7 @@ def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[s
     """Values of the file if compatible, otherwise estimates, at one scale."""
     u: dict[str, float] = dict(zip(SWING_PARAMETERS, model.swing, strict=True))
     tolerance = _tolerances(model)
-    floor = CHANGE.idle * np.sqrt(of_file["a"] * of_file["e1"])  # a file without damping
+    floor = CHANGE.idle * np.sqrt(of_file["a"] * of_file["e1"])  # for a file without damping
     x = {name: of_file[name] or floor for name in tolerance}
 
     def stays(name: str, s: float) -> bool:

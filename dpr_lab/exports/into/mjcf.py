@@ -1,4 +1,4 @@
-"""Write the corrected model into the MJCF file of the user (`dpr_lab.exports.into.target` says what changes)."""
+"""Write the corrected model into the user's MJCF file; `dpr_lab.exports.into.target` lists the changed quantities."""
 
 import math
 from collections.abc import Sequence
@@ -133,7 +133,7 @@ def into_mjcf(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
 
 
 def _overriding(path: Path) -> str:
-    """What in a file overrides the changed numbers, and what to do."""
+    """Settings of a file that override the changed numbers, and the remedy, as a message."""
     root, switches = with_includes(path), {flag for flags in SWITCHES.values() for flag in flags}
     off = [
         f'<flag {name}="disable">'
@@ -150,7 +150,7 @@ def _overriding(path: Path) -> str:
     remedy = "save the compiled model with mj_saveLastXML, and change that"
     if off or global_values:
         remedy = f"remove it, or {remedy}" if global_values else "remove it, and repeat the command"
-        return f"{' and '.join([*off, *global_values])} switches off or overrides what would change: {remedy}"
+        return f"{' and '.join([*off, *global_values])} switches off or overrides the numbers to be changed: {remedy}"
     return f"a default class or compiler option overrides the changed numbers: {remedy}"
 
 

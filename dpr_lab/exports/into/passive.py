@@ -2,7 +2,7 @@
 
 The module is that of `export --to mjcf` (`dpr_lab.exports.mjcf`), at the joints of the user's file. It adds torques, so
 effects that change inertias, and compliant arms, are not part of it. Coulomb friction at rest is left to the engine:
-the joints of the file get that of the added effects, and the module subtracts it while a joint moves.
+the joints of the file get the friction of the added effects, and the module subtracts it while a joint moves.
 """
 
 import math

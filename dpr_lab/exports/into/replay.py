@@ -39,7 +39,7 @@ from dpr_lab.simulator_models.mjcf import compile_mjcf
 class FileReplay:
     """Errors on one recording, root mean square over both rods up to the predictability horizon, rad.
 
-    Of a moving arm: over arm and rods, in segments of 1 s with fitted initial states.
+    For a moving arm: over arm and rods, in segments of 1 s with fitted initial states.
     """
 
     run: str
@@ -74,7 +74,7 @@ def replay_files(
         RunError: the model cannot follow a recording.
     """
     moving = isinstance(model, MovingArmModel)
-    unit = drive_gain(rig).value if moving else 1.0  # torque per recorded input, as the user's file has it
+    unit = drive_gain(rig).value if moving else 1.0  # torque per recorded input according to the user's file
     file, patched = (Simulation.of(before, text, joints, rig.g, moving) for text in (None, after.text))
     gain = unit * patched.gear / file.gear  # the known torques are those of the user's file
     forced = patched.with_module(after.passive.module, rig, gain) if after.passive.module else None
@@ -116,7 +116,7 @@ class Simulation:
 
     @classmethod
     def of(cls, path: Path, text: bytes | None, joints: Sequence[str], g: float, moving: bool = False) -> "Simulation":
-        """Load the user's file, or a changed text of it; with its arm, if this moves.
+        """Load the user's file or its changed text, including an arm that moves.
 
         Raises:
             ConfigError: MuJoCo is not installed, or the file cannot be read.
@@ -143,7 +143,7 @@ class Simulation:
         """
         mujoco = import_module("mujoco")
         data = mujoco.MjData(self.model)
-        self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)  # the torques are applied here
+        self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)  # torques are applied directly
         step = min(float(self.model.opt.timestep), self.longest_step_s)
         self.model.opt.timestep = step
         addresses = [int(self.model.joint(name).qposadr[0]) for name in self.joints]
@@ -168,7 +168,7 @@ class Simulation:
         return np.column_stack([*angles, *(angles[-1:] if count == 1 + moving else [])])  # no rod on joint 2
 
     def with_module(self, module: str, rig: Rig, gain: Array) -> Callable[[Replay], Array]:
-        """Function that simulates as `angles` does, with a module of passive forces."""
+        """Function that simulates like `angles`, with a module of passive forces."""
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / CALLBACK).write_text(module, encoding="utf-8")
             names = runpy.run_path(str(Path(folder) / CALLBACK))

@@ -48,7 +48,7 @@ def predictive_arm_band(members: Sequence[MovingArmModel], run: Run, rig: Rig, s
         seed: seed of initial states and noise
 
     Raises:
-        RunError: the arm of the run does not move as that of the models, or no model can follow the readings.
+        RunError: the arm of the run does not move like that of the models, or no model can follow the readings.
     """
     rng = np.random.default_rng(seed)
     problem, initial = run_problem(run, rig, members[0], ARM_BANDS.window_s)

@@ -124,7 +124,7 @@ def _mounted(rig: Rig) -> Literal["both", "inner"]:
 
 
 def _joint(name: str) -> str:
-    """`joint 0` from `joint0`, as other models with a moving arm have it."""
+    """`joint 0` from `joint0`, the notation of other models with a moving arm."""
     return name.replace("joint", "joint ")
 
 

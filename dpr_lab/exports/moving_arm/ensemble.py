@@ -1,7 +1,7 @@
 """Models with a moving arm sampled from the posterior of a diagnosis, or from the covariance of an identification.
 
 As for rods on a clamped arm (`dpr_lab.exports.ensemble.sampled`), impossible values of a posterior are drawn again; a
-negative loss drawn from a covariance is set to zero. Where torque or current determine the scale, the gain of the drive
+negative loss drawn from a covariance is set to zero. If torque or current determine the scale, the gain of the drive
 is known, and the scale is drawn together with the other values; an error of a measured kt changes the scale, but not
 the swing. Otherwise the scale is drawn log-normally within its interval.
 """
@@ -40,8 +40,7 @@ def sampled_arm_models(
         seed: seed of the random numbers
         tries: number of draws of one model until bodies with its values exist
 
-    Raises:
-        RunError: almost no random model is possible.
+    Raises: RunError: almost no random model is physically possible.
     """
     rng = np.random.default_rng(seed)
     models = list[MovingArmModel]()

@@ -51,7 +51,7 @@ class FollowedSegments:
     offsets: Integers
     """(segments + 1,) first sample of each segment."""
     initial: Array
-    """(segments, 6) states theta0, theta1, theta2 and their speeds where segments start."""
+    """(segments, 6) states theta0, theta1, theta2 and their speeds at the start of each segment."""
     noise: Array
     """(3,) noise of a reading, rad; nan where nothing is read."""
 
@@ -60,7 +60,7 @@ def run_problem(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> 
     """A run in segments with the constants of a model, and (segments, 6) initial states from the readings.
 
     Raises:
-        RunError: the arm of the run does not move as the model's.
+        RunError: the arm of the run does not move like that of the model.
     """
     name = str(run.file or run.name)
     if run.arm_mode not in ("free", "driven"):
@@ -77,7 +77,7 @@ def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float)
     """Simulate a run by segments; only initial states are fitted.
 
     Raises:
-        RunError: the arm of the run does not move as the model's, or the model cannot follow the readings.
+        RunError: the arm of the run does not move like that of the model, or the model cannot follow the readings.
     """
     problem, initial = run_problem(run, rig, model, segment_s)
     unknown, params = engine_values(model, rig)

@@ -26,7 +26,7 @@ CHECK_KINDS: dict[str, CheckKind] = {
         frozenset({"value", "std"}), bench_measurement.form, bench_measurement.propose, bench_measurement.result
     ),
 }
-"""Kinds of checks by name, as messages and tables show it. Earlier kinds are proposed first."""
+"""Kinds of checks by the name that messages and tables show. Earlier kinds are proposed first."""
 
 
 WORTH_A_CHECK = 0.05

@@ -34,7 +34,7 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
 
 
 def _alternatives(texts: Iterable[str]) -> str:
-    """Instructions of which any one is enough, joined by `Or:`; a sentence that several contain is written once."""
+    """Alternative instructions, joined by `Or:`; a sentence that several of them contain is written once."""
     written: set[str] = set()
     parts = []
     for text in texts:
@@ -129,8 +129,9 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
 def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained: bool, predicted: Predictions) -> str:
     """A question about a value, with the way to confirm it; empty if the value is plausible.
 
-    A value is questioned if no candidate predicts it. If the recordings do not determine the measured quantity, it is
-    questioned if it is that of another quantity, or much larger than all fitted ones with the same unit.
+    A value is questioned if no candidate predicts it. If the recordings do not determine the measured quantity, the
+    value is questioned if it equals the estimate of another quantity, or is much larger than all fitted amplitudes with
+    the same unit.
     """
     quantity, estimate, fitted = check.measurand, predicted.estimate, _same_unit(diagnosis, check)
     confused = [

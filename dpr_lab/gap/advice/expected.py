@@ -19,12 +19,12 @@ from dpr_lab.identification.scaling.scale import Scale
 def expected_size(selection: Selection, scale: Scale, check: AdvisedCheck) -> Interval | None:
     """The expected result of a measurement if its effect is the cause, with its absolute 90 % interval.
 
-    It is taken from the fit with that effect in place of the named one, or from the score test if there is no such fit.
+    It is taken from the fit with that effect instead of the named one, or from the score test if there is no such fit.
 
     Args:
         selection: the fits
         scale: scale of torques and inertias, whose uncertainty applies to a measured torque
-        check: the measurement; a recording has no size
+        check: the measurement; a recording measures no size
 
     Returns:
         None for a recording, if the size is zero, or if an amplitude is not identifiable from the recordings

@@ -1,4 +1,4 @@
-"""Simulated recordings of possible releases with the fitted estimate, and the difference of two effects on each."""
+"""Simulated recordings of possible releases with the fitted estimate, and the difference of two effects in each."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -69,7 +69,7 @@ def expected_recordings(recordings: Recordings, chosen: Hypothesis, names: Seque
     """Predicted changes of each release of the menu by some effects.
 
     Args:
-        recordings: they define the noise and the setup of the releases
+        recordings: the recordings that define the noise and the setup of the releases
         chosen: the selected model
         names: the effects
     """

@@ -48,7 +48,7 @@ class CheckSettings:
     causes 1 % of its excess. Assumed.
     """
     broad: float = 3.0
-    """k: scale of an amplitude that no fit predicts, in typical or fitted sizes, whichever is larger. `typical` of
+    """k: scale of an amplitude that no fit predicts, in units of the larger of typical and fitted size. `typical` of
     the library is the size on laboratory rigs; a Cauchy density of three times that size has 20 % of its
     probability above nine times it.
     """
@@ -61,15 +61,17 @@ class CheckSettings:
     trials whose library lacked the cause.
     """
     questioned: float = 3.0
-    """Standard deviations from every prediction beyond which a value is questioned; one correct value in 370 is."""
+    """A value farther than this number of standard deviations from every prediction is questioned; this happens to one
+    correct value in 370."""
     undetermined: float = 3.0
     """Factor on the largest fitted size with the same unit above which a value is questioned that the recordings do not
     determine: friction at rest, for example, is at most about twice that of sliding. Assumed.
     """
     largest: float = 1e6
-    """Maximum accepted value and uncertainty, in typical or fitted sizes, whichever is larger."""
+    """Maximum accepted value and uncertainty, in units of the larger of typical and fitted size."""
     largest_power: float = 6.0
-    """Power of ten beyond which a Bayes factor is only given as a bound, because no normal tail is valid so far out."""
+    """Power of ten beyond which a Bayes factor is only given as a bound, because the normal distribution is not valid
+    so far in its tail."""
     dropped: float = 0.01
     """Probability, relative to that of its class, below which a member leaves the class."""
     iterations: int = 20
@@ -166,7 +168,10 @@ def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
 
 
 def magnitude(values: Array, covariance: Array) -> Interval | None:
-    """Root of the sum of squares of amplitudes with its half interval, from their (n, n) covariance; None at zero."""
+    """Root of the sum of squares of amplitudes, with its half interval, from their (n, n) covariance.
+
+    None if it is zero.
+    """
     if len(values) == 1:
         value, reach = float(values[0]), float(np.sqrt(covariance[0, 0]))
     else:
@@ -177,7 +182,10 @@ def magnitude(values: Array, covariance: Array) -> Interval | None:
 
 
 def has(name: str, measured: str, amplitude: str) -> bool:
-    """Whether an effect contains an amplitude of another one: forms of one effect share all but their additions."""
+    """Whether an effect contains an amplitude of another one.
+
+    All forms of one effect have the same amplitudes, except for those that a form adds.
+    """
     if amplitude == EFFECTS[measured].adds and name in EFFECTS[measured].nested:
         return False
     return not {name, *EFFECTS[name].nested}.isdisjoint({measured, *EFFECTS[measured].nested})

@@ -68,7 +68,7 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
     best = min(fitted.values(), key=lambda candidate: candidate.cost)
     scale = 2 * best.residuals.inflation * CALIBRATION.temperature
     densities = {name: -(candidate.cost - best.cost) / scale for name, candidate in fitted.items()}
-    # members that the recording does not distinguish keep the probability of the named effect
+    # indistinguishable members have the same likelihood as the named effect
     densities |= {name: densities[check.about] for name in prior if name not in densities}
     average = log_mean(np.array([densities[name] for name in prior]), np.array(list(prior.values())))
     driven = "".join(f", driven by {kind} torques" for kind in torque_kinds(answer.runs))

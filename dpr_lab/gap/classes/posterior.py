@@ -15,9 +15,9 @@ one, because the search would have selected a significantly better one. The odds
 with the share `unexplained` of the excess, the share `unique` that only this effect explains, and the fraction `own` of
 it that no other functional form of the other effects explains. First term: a law that
 the library lacks leaves a share of its own gap, however far that is above the noise. The small causes of every rig
-leave about as much as the noise, for any size of the gap, unless the noise is so small that it is no measure of them.
-Second term: an effect that explains no more than what remains may imitate a part of the same unknown cause. Third term:
-a smaller effect may compensate for the inexact form of a large one.
+leave about as much as the noise, for any size of the gap, unless the noise is so small that it is not comparable with
+them. Second term: an effect that explains no more than the remainder may imitate a part of the same unknown cause.
+Third term: a smaller effect may compensate for the inexact form of a large one.
 """
 
 import math
@@ -50,8 +50,8 @@ class Calibration:
     temperature: float = 3.0
     """Divisor of differences of the log predictive density."""
     half_unexplained: float = 0.35
-    """Remaining share of the excess at which a cause outside the library is as probable as one inside, where the
-    remainder equals the noise.
+    """Remaining share of the excess at which a cause outside the library is as probable as one inside, if the remainder
+    equals the noise.
     """
     far: float = 8.0
     """Remainder, in units of the noise, beyond which a larger one is no further evidence of an outside cause. On real
@@ -60,9 +60,11 @@ class Calibration:
     steepness: float = 4.0
     """Exponent with which that probability increases with the remaining share."""
     imitates: float = 0.25
-    """Odds that an effect that explains as much as what remains, far above the noise, imitates an unknown cause."""
+    """Odds that an effect imitates an unknown cause, if it explains as much as the remainder and this is far above the
+    noise."""
     compensates: float = 0.018
-    """Own share at which an effect next to a larger one is as probably a compensation for another form of that one."""
+    """Own share at which a smaller effect is equally likely to be a cause and to compensate for the inexact form of a
+    larger effect."""
     least_own: float = 0.01
     """Minimum own share of an effect; the linear fits of the other forms are inexact."""
     sure: float = 0.98
@@ -76,14 +78,14 @@ class Calibration:
     unseen: float = 0.5
     """Probability of no gap if most effects are undetectable in the recordings: close to zero."""
     least_listed: float = 1e-9
-    """Probability from which an alternative is listed: smaller ones say nothing, and which they are would depend on the
-    order of the library.
+    """Probability from which an alternative is listed: smaller probabilities carry no information, and their order
+    would depend on the order of the library.
     """
     alternatives: int = 5
     """Maximum number of alternatives of each named effect."""
     hidden: float = 0.5
-    """Fraction of an effect's size: a richer form is a probable alternative if parameters of this size are
-    undetectable.
+    """Fraction of an effect's size. A richer form of the effect is a probable alternative if its additional parameters
+    are undetectable at this size.
     """
     same_score: float = 1e-3
     """Relative difference of linear scores up to which they count as equal."""
@@ -98,7 +100,7 @@ CALIBRATION = Calibration()
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """Another effect in place of a named one."""
+    """An alternative to a named effect."""
 
     name: str
     members: tuple[str, ...]
@@ -121,7 +123,7 @@ class EffectPosterior:
     odds: tuple[float, ...] = ()
     """Share of the probability for each member, by the prior of its fitted size."""
     outside: float = 0.0
-    """Probability of a cause outside the library in its place."""
+    """Probability that a cause outside the library replaces it."""
 
 
 def effect_posterior(selection: Selection, name: str, calibration: Calibration = CALIBRATION) -> EffectPosterior:
@@ -178,7 +180,10 @@ def _class_members(
 def _alternatives(
     selection: Selection, without: Hypothesis, test: ScoreTest, named: Score, others: Mapping[str, Score]
 ) -> list[Alternative]:
-    """The best effects in place of the named one, the least cost first; of equal cost, in the order of their names."""
+    """The best alternatives to the named effect by increasing cost.
+
+    Those of equal cost are in the order of their names.
+    """
     alternatives = (
         Alternative(other, (other,), test.cosine(named, score), _cost(selection, without, score))
         for other, score in others.items()

@@ -1,4 +1,4 @@
-"""Assumptions of a diagnosis, and effects that its recordings cannot show, as sentences."""
+"""Sentences on the assumptions of a diagnosis and on effects that are undetectable in its recordings."""
 
 from collections.abc import Mapping
 
@@ -20,7 +20,7 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
 
     Args:
         state: the diagnosis so far
-        least: effect -> amplitude -> minimum detectable size, None where there is none
+        least: effect -> amplitude -> minimum detectable size, None if there is none
     """
     records = state.recordings.records
     sentences = [

@@ -1,18 +1,18 @@
 """Uncertainty of fitted values that are at a bound, such as a viscous friction of zero.
 
-The noise may have moved such a value there. Its true distance u from the bound has the truncated normal density
+The noise may have moved such a value to the bound. Its true distance u from the bound has the truncated normal density
 
     exp((g u - K u^2 / 2) / f),    0 <= u <= U,    K = |c|^2,    g = c^T e,
 
 where e is the whitened residual, f the variance inflation, and c the change of the readings per unit of u. The initial
-states and the other values follow u, so c is projected on what they can change. U is the u at which another value
+states and the other values adapt to u, so their contribution is projected out of c. U is the u at which another value
 reaches its bound. As the estimate is u = 0, the second moment of u counts as its variance, and the other values share
 it: a slope of the friction curve and the viscous friction of a slow joint, for example, are hardly separable.
 
-A value that the others absorb is at its bound of zero as well, and is treated alike.
+A value that the other values absorb is also at its bound of zero, and is treated in the same way.
 
 c is the difference of two simulations along this direction, because the columns of nearly collinear parameters, each
-with its own error, do not cancel. Every value is treated with the others at their bounds.
+with its own error, do not cancel. Each value is treated while the others stay at their bounds.
 """
 
 from collections.abc import Iterator
@@ -77,7 +77,10 @@ def _direction(space: ColumnSpace, inside: list[int], k: int, inward: float) -> 
 
 
 def _farthest(room: Array, direction: Array) -> float:
-    """Largest step in a direction with all values in their bounds; values at a bound that do not move do not count."""
+    """Largest step in a direction that keeps all values within their bounds.
+
+    Values at a bound that do not move are ignored.
+    """
     ahead = np.where(direction > 0.0, room[1], room[0])[direction != 0.0] / direction[direction != 0.0]
     return float(ahead.min(initial=np.inf))
 

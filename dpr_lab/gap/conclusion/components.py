@@ -77,7 +77,7 @@ def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
 
 
 def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
-    """Whether nothing but its cost speaks against a set: possible sizes, no effect that held-out runs refute."""
+    """Whether only its cost speaks against a set: all sizes are possible, and held-out runs refute no effect."""
     refuted = set(selection.misleading) & model.key or model.key in selection.impossible
     return (
         bool(np.isfinite(model.cost)) and not refuted and not follows_remainder(selection.base, model, selection.chosen)
@@ -87,9 +87,9 @@ def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
 def _worse(model: Hypothesis, chosen: Hypothesis) -> float:
     """Cost of a set above that of the selected one, with the remainder of the selected one as noise for both.
 
-    What remains of a set that fits worse is its gap, and not noise. A set that fits better was rejected by the search,
+    The remainder of a set that fits worse is its gap, not noise. A set that fits better was rejected by the search,
     so it is as probable as the selected one at most. Each effect beyond the number of the selected set was the best of
-    hundreds, so it must explain more than chance.
+    hundreds, so it must explain more than would be expected by chance.
     """
     inflation = chosen.residuals.inflation
     further = max(len(model.effects) - len(chosen.effects), 0)

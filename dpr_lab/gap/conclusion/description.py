@@ -1,4 +1,4 @@
-"""Check whether a gap that no effect explains is caused by a wrong description of the recordings."""
+"""Check whether an unexplained gap is caused by a wrong description of the recordings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -77,7 +77,7 @@ def description(
 
 
 def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Description:
-    """A stop that the arm hits, or a drive that is not described, as the cause if no effect explains the motion."""
+    """A sentence on an arm that hits a stop, or on an undescribed drive, if no effect explains the motion."""
     if at_noise_floor(selection.chosen) or selection.share_explained >= DESCRIPTION.closed:
         return Description()
     runs = [record.run.swing for record in records]
@@ -94,7 +94,7 @@ def _trusted(record: Record) -> Run:
 
 
 def _wrong_gravity(rig: Rig, selection: Selection) -> str:
-    """Question a g of the rig file that does not occur on earth, if it appears as an error of L1.
+    """A sentence if g in the rig file does not occur on earth and appears as an error of L1; otherwise empty.
 
     Only g / L1 is identifiable.
     """
@@ -115,7 +115,7 @@ def _wrong_gravity(rig: Rig, selection: Selection) -> str:
 
 
 def _delay_within_row(problem: Problem, selection: Selection) -> str:
-    """A sentence if a delay of known torques is shorter than their rows, and these are too far apart; else empty."""
+    """A sentence if a delay of known torques is shorter than the row interval and this is too long; else empty."""
     if INPUT_DELAY.name not in selection.chosen.effects:
         return ""
     delay = named_params(selection.chosen.fit.estimate.params)[INPUT_DELAY.name]["delay_s"]

@@ -13,7 +13,7 @@ from dpr_lab.shown import listed, percent
 
 
 def notes(state: Advised, kind: Verdict, named_families: Sequence[NamedFamily]) -> list[str]:
-    """All notes, one sentence each; a wrong description of the recordings leaves none."""
+    """All notes, one sentence each; none if the description of the recordings is wrong."""
     if state.description.withholds:
         return []
     return [

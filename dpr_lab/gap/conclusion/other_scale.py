@@ -21,7 +21,7 @@ from dpr_lab.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class OtherScaleRules:
-    """Limit for a question about the scale."""
+    """Limit for a message about the scale."""
 
     explains: float = 0.93
     """Minimum share of the excess chi-square that the model at the other scale explains."""
@@ -29,7 +29,7 @@ class OtherScaleRules:
 
 OTHER_SCALE = OtherScaleRules()
 SCALES = (2.0, 0.5)
-"""True angle over the reading, as for a wrong number of counts per turn."""
+"""Ratio of the true angle to the reading, for example with a wrong number of counts per turn."""
 
 
 def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
@@ -63,7 +63,7 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
 
 
 def _closes(scaled: Hypothesis, selection: Selection) -> bool:
-    """Whether the model at another scale explains the gap; of two models that leave it open neither is evidence."""
+    """Whether the model at another scale explains the gap; if both models leave it open, neither is evidence."""
     before, after = selection.base.residuals.excess, max(scaled.residuals.excess, 0.0)
     return at_noise_floor(scaled) or after <= (1 - OTHER_SCALE.explains) * before
 
@@ -71,7 +71,10 @@ def _closes(scaled: Hypothesis, selection: Selection) -> bool:
 def _scaled_fit(
     problem: Problem, chosen: Hypothesis, ratios: Array, factor: float, effects: frozenset[str]
 ) -> Hypothesis:
-    """Fit of some effects to the readings of joint 1 times a factor, from hanging; starts with (7,) ratios."""
+    """Fit of some effects to the readings of joint 1 multiplied by a factor, measured from hanging.
+
+    Starts with (7,) ratios.
+    """
     joints = problem.joints
     turned = joints.to_rods(problem.measured)
     turned += (factor - 1.0) * (turned[:, :1] - np.pi)  # the elbow keeps its angle

@@ -1,4 +1,4 @@
-"""The ratios to b with their intervals: all of them, and those that the recordings determine."""
+"""The ratios to b with their intervals: all ratios, and those that the recordings determine."""
 
 import numpy as np
 
@@ -14,7 +14,10 @@ from dpr_lab.setup import only_inner
 
 
 def ratios(state: Advised) -> dict[str, Interval]:
-    """Ratios to b with 90 % intervals; of friction, or if widened by the bounds of the rig file, from zero on."""
+    """Ratios to b with 90 % intervals.
+
+    The interval of a friction ratio, and one that the bounds of the rig file widen, has no negative values.
+    """
     values = state.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
     reaches = np.array([state.intervals.get(("", name), 0.0) for name in RATIOS])
     prior_variance = by_unseen_ratios(state.problem, state.selection.chosen, state.recordings.rig)
@@ -30,7 +33,7 @@ def ratios(state: Advised) -> dict[str, Interval]:
 def determined(state: Advised) -> tuple[dict[str, Interval], Array]:
     """Ratios that the recordings determine with the mounted rods: to b, or to a if only the inner rod is mounted.
 
-    A ratio of two fitted values moves with both; an unknown that is absolute here is divided by the assumed inertia.
+    The covariance of a ratio contains those of both fitted values; an absolute value is divided by the assumed inertia.
 
     Returns:
         the ratios, and their (n, n) covariance

@@ -81,7 +81,8 @@ def left_out_values(problem: Problem, fit: Fit) -> Array:
 
         p - (H - H_r + P)^+ g_r
 
-    A value that only this recording determines keeps its common value; so do all if the others are not finite.
+    A value that only this recording determines keeps its common value; if the new values are not finite, all values
+    keep their common values.
 
     Args:
         problem: segments and noise

@@ -56,7 +56,8 @@ def verdict(state: Transferred, visible_counts: tuple[int, int]) -> Verdict:
 
     Args:
         state: the selected set, its probabilities and its performance on held-out recordings
-        visible_counts: number of effects that are detectable at their typical size, and of those detectable at any
+        visible_counts: number of effects that are detectable at their typical size, and number of those detectable at
+        any size
     """
     kind = "unexplained" if state.description.withholds else _verdict(state)
     detectable, effects = visible_counts
@@ -162,7 +163,7 @@ def _sentence(kind: Verdict, state: Transferred) -> str:
 
 
 def _unexplained(state: Transferred) -> str:
-    """Why no effect is the cause: none fits, or the closest ones explain too little or only the fitted recordings."""
+    """The reason why no effect is the cause: none fits, or the closest explain too little or only the fitted runs."""
     selection, posteriors, transferred = state.selection, state.posteriors, state.transfer
     share, remainder = selection.share_explained, _in_noise(selection.chosen.residuals.noise_ratio)
     if not posteriors and _small(selection.chosen):
@@ -193,7 +194,7 @@ def _in_noise(ratio: float) -> str:
 
 
 def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
-    """What remains; the worse of both measures, so a worse free run first."""
+    """The sentence on the remainder, by the worse of two measures: an increased error of the free run comes first."""
     if transferred.worse_free_run:
         errors = transferred.worse_free_run
         before, after = 1e3 * errors.before_rad, 1e3 * errors.after_rad
@@ -211,9 +212,9 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
 
 
 def _causes_named(state: Transferred) -> Sequence[EffectPosterior]:
-    """The causes in the sentence: they carry over to held-out data, and are not merely known effects.
+    """The causes in the sentence: effects that carry over to held-out data and are not only known effects of the rig.
 
-    Less probable ones are named only if no other is; the table of the causes lists them.
+    Less probable effects are named only if no other effect is named; the table of the causes lists them.
     """
     carrying = [cause for cause in state.posteriors if cause.name not in state.transfer.withdrawn]
     unexpected = [cause for cause in carrying if cause.name not in state.selection.expected]
@@ -277,5 +278,5 @@ def _class(posterior: EffectPosterior) -> str:
 
 
 def _doubt(cause: EffectPosterior) -> str:
-    """The probability of an effect that is probably not the cause although it explains a part of the gap."""
+    """The probability in words, for an effect that explains a part of the gap but is probably not the cause."""
     return "" if cause.probability >= VERDICT.rather else f" (probability only {percent(cause.probability)})"

@@ -1,9 +1,9 @@
-"""Rods that are touched at rest: they came to rest, and then the reading of a joint moves although nothing drives it.
+"""Rods that are touched at rest: the reading of a joint changes after they came to rest, although nothing drives it.
 
 A free rod that stays within the noise for half a period of its small oscillation is at rest: friction holds it, or its
-energy is below the noise. Whether it hangs exactly vertically is then a matter of friction. What moves it later is a
-hand, a cable, a support that gives way, or the zero of its encoder; a model with these readings would need friction
-that does not exist.
+energy is below the noise. Whether it hangs exactly vertically is then a matter of friction. A later motion is caused by
+a hand, a cable, a support that gives way, or a drift of the encoder's zero; a model fitted to these readings would need
+friction that does not exist.
 """
 
 from dataclasses import dataclass

@@ -31,7 +31,7 @@ from dpr_lab.gap.screen.sensor_faults import AXES, Finding
 
 @dataclass(frozen=True, slots=True)
 class DisturbanceRules:
-    """What is left out."""
+    """Limits of the intervals that are left out."""
 
     kick_s: float = 0.1
     """Length of the interval about a kick that is left out, s: a hand touches a rod for 20 to 100 ms."""
@@ -40,11 +40,11 @@ class DisturbanceRules:
     push_s: float = 2.5
     """Maximum time between the two kicks at the ends of a push, s."""
     release_s: float = 0.5
-    """Time from the first reading to a kick within which it is the hand that releases the rods, s. What it did before
-    may be a constant torque, which is no kick.
+    """Time from the first reading to a kick within which it is the hand that releases the rods, s. The hand may act
+    with a constant torque before, which is not a kick.
     """
     rounds: int = 6
-    """Maximum number of searches: what is found hides what is smaller."""
+    """Maximum number of searches: a large disturbance hides smaller ones."""
     returns: float = 0.25
     """Maximum sum of two steps, relative to the first, by which a reading returns."""
     while_share: float = 0.3
@@ -133,7 +133,7 @@ def _cleaned(whole: Recordings, parts: Sequence[Sequence[LeftOut]]) -> Recording
 def _with_pushes(
     cleaned: Recordings, parts: Sequence[list[LeftOut]], estimate: Estimate, ratio: float
 ) -> list[list[LeftOut]]:
-    """The intervals, of which two kicks with a push between them become one.
+    """The intervals; two kicks with a push between them are merged.
 
     Every segment between them has a chi2 per reading that exceeds the largest one elsewhere by the ratio.
     """
@@ -171,12 +171,15 @@ def _free(record: Record) -> bool:
 
 
 def _shifted(record: Record, estimate: Estimate) -> bool:
-    """Whether readings are shifted by missed counts that the model does not contain: then nothing stands out."""
+    """Whether readings are shifted by missed counts that the model does not contain; then no jump stands out."""
     return bool(record.screened.breaks) and not estimate.params[param_index(MISSED_COUNTS.name, "counts")]
 
 
 def _jumps(recordings: Recordings, estimate: Estimate, ratio: float) -> list[Jump]:
-    """Kicks and steps of readings in free swings, in two divisions into segments: one sees the ends of the other."""
+    """Kicks and steps of readings in free swings.
+
+    The search uses two overlapping divisions into segments, so that no jump lies at the end of a segment in both.
+    """
     free = [_free(record) and not _shifted(record, estimate) for record in recordings.records]
     kicks, steps = list[Jump](), list[Jump]()
     if recordings.arm_moves or not any(free):
@@ -229,7 +232,7 @@ def _intervals(record: Record, jumps: Sequence[Jump]) -> list[LeftOut]:
 
 
 def _without_slips(record: Record) -> Record:
-    """A record without the readings between steps that were found without a model and take each other back."""
+    """A record without the readings between two opposite steps that were found without a model."""
     steps = [finding for finding in record.screened.findings if finding.name == MISSED_COUNTS.name]
     jumps = [
         Jump(np.inf, 0, finding.at_s, AXES.index(finding.axis), (finding.step,), (-np.inf, np.inf))
@@ -246,7 +249,7 @@ def _without_slips(record: Record) -> Record:
 
 
 def _returns(record: Record, first: Jump, later: Jump) -> bool:
-    """Whether a later step takes back a first one."""
+    """Whether a later step cancels the first one."""
     sizes = first.size[0], later.size[0]
     takes_back = first.joint == later.joint and abs(sum(sizes)) < DISTURBANCE.returns * abs(sizes[0])
     return takes_back and later.at - first.at < DISTURBANCE.while_share * float(np.ptp(record.t))

@@ -35,7 +35,7 @@ class HandRules:
     something else than gravity and friction acts in it.
     """
     at_rest: float = 0.3
-    """Maximum speed of rods that a hand holds, relative to their maximum speed: a record may begin in mid-swing."""
+    """Maximum speed of rods that a hand holds, relative to their maximum speed: a record may begin during the swing."""
     held: float = 0.8
     """Maximum part of the first segment in which the rods may still be held."""
     scatters: float = 5.0
@@ -78,7 +78,7 @@ def _followed(recordings: Recordings, ratios: Array) -> tuple[Problem, Fit]:
 
 
 def energies(problem: Problem, estimate: Estimate) -> Array:
-    """(segments,) energy at the start of each segment of one run, above that of hanging rods, over b, 1/s^2."""
+    """(segments,) energy at the start of each segment of one run relative to hanging rods, divided by b, 1/s^2."""
     constants, (setup,) = problem.model.constants, problem.segments.setups
     base = base_of_run(whole_of(estimate.ratios), setup, constants.L1, constants.g)
     a, b, d, e1, *_ = (base / estimate.ratios[SCALE]).tolist()
@@ -101,7 +101,7 @@ def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float |
     if len(energy) < 2 * HAND.smoothed:
         return None
     if level[0] > max(HAND.first, HAND.first * float(level[1:].max())):
-        # Free rods do not follow the readings under a push, so that only the readings show their speed.
+        # A model of free rods does not follow the readings during a push, so that only the readings show their speed.
         energy[0] = energies(problem, fit.estimate.changed(initial=recordings.cut(LENGTHS.first)[1]))[0]
     smooth, scatter = _smoothed(energy), _scatter(energy)
     top = int(np.argmax(energy >= smooth.max() - 2 * scatter))
@@ -132,11 +132,11 @@ def _held_until(recordings: Recordings, ratios: Array) -> float | None:
     if len(level) < 4 or not np.isfinite(level).all():
         return None
     usual = max(float(level[1:].max()), 1.0)
-    # Free rods do not follow the readings of held ones, so that only the readings show their speed.
+    # A model of free rods does not follow the readings of held rods, so that only the readings show their speed.
     speed = np.abs(recordings.cut(LENGTHS.first)[1][:, 2:]).max(axis=1)
     if level[0] < HAND.first * usual or speed[0] > HAND.at_rest * speed.max():
         return None
-    duration = float(problem.t[problem.segments.offsets[1]] - problem.t[0])  # at a low rate longer than LENGTHS.first
+    duration = float(problem.t[problem.segments.offsets[1]] - problem.t[0])  # longer than LENGTHS.first at a low rate
     first = np.flatnonzero(recording.t < recording.t[0] + HAND.held * duration)[1:]
     for i in first.tolist():
         begin = float(recording.t[i])
@@ -169,6 +169,6 @@ def _smoothed(energy: Array) -> Array:
 
 
 def _scatter(energy: Array) -> float:
-    """Standard deviation of the noise of the energy, from its second differences, which no slow decay has."""
+    """Standard deviation of the noise of the energy, from its second differences, which do not contain a slow decay."""
     variance = 1.0 + 4.0 + 1.0  # of a second difference of white noise
     return float(NORMAL_MAD * np.median(np.abs(np.diff(energy, 2))) / np.sqrt(variance))

@@ -97,7 +97,7 @@ def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
 def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[Jump]]:
     """The most significant kick, and the most significant step of a reading, in each segment.
 
-    A step has a joint only if a kick, which lasts for a while, or a single wrong reading explains less.
+    A joint is given for a step only if a kick of finite duration or a single wrong reading explains less.
     """
     reference = trajectory(problem, fitted.estimate, spacing=TRAJECTORY.coarse_s)
     rough = _Changes.of(problem, fitted, reference, JUMP.kick_torques)
@@ -145,7 +145,7 @@ def _speeds(reference: Trajectory, sample: int, impulses: Array) -> tuple[float,
 
 @dataclass(frozen=True, slots=True)
 class _Changes:
-    """Residuals of all samples, and what is projected out of them."""
+    """Residuals of all samples, and the columns that are projected out of them."""
 
     e: Array
     """(samples, 2) whitened and projected residual."""

@@ -5,8 +5,8 @@
 An error E above 2 u_val is caused by the model itself. All contributions are propagated to a free run whose initial
 state is fitted to the first readings, up to the predictability horizon: u_num by halving the step of the integrator;
 u_input by the measured or assumed constants of the rig (with the ratios refitted each time) and by the noise in the
-fitted values and the initial state; u_D by the noise of the compared readings. The model error itself is in none of
-them; otherwise no error would ever exceed them.
+fitted values and the initial state; u_D by the noise of the compared readings. No contribution contains the model
+error; otherwise no error would ever exceed them.
 
 If an input is wrong by one standard uncertainty, the readings change by c, of which c' remains after the fitted values
 absorb their part. With f the variance inflation n / n_eff, the recordings themselves reduce the standard

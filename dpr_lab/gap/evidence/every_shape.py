@@ -47,9 +47,9 @@ SHAPES = ShapeSettings()
 
 
 def intervals_of_all_shapes(effect: Effect, problem: Problem, model: Hypothesis) -> list[tuple[float, float]] | None:
-    """90 % interval of each amplitude, over all shapes; None if a shape does not separate them.
+    """90 % interval of each amplitude, over all shapes; None if the amplitudes are inseparable in one of the shapes.
 
-    None too for an effect that is not a torque along the swing, or with several shape parameters or too many values.
+    Also None for an effect that is not a torque along the swing, or with several shape parameters or too many values.
 
     Args:
         effect: an effect with a shape

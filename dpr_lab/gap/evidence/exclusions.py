@@ -6,8 +6,8 @@ The minimum detectable size is 5 s, so the effect is smaller with the confidence
     P(|x| < 5 s) = Phi(5 - |a| / s)
 
 In this test the other amplitudes of the effect are zero. A limit of one amplitude, for example of the stiffness of a
-cable, must hold for any others. Its interval is therefore that of the fit of all amplitudes of the effect together,
-and over all shapes of an effect such as cogging (`dpr_lab.gap.evidence.every_shape`).
+cable, must hold for any values of the other amplitudes. Its interval is therefore that of the fit of all amplitudes of
+the effect together, and over all shapes of an effect such as cogging (`dpr_lab.gap.evidence.every_shape`).
 """
 
 from collections.abc import Mapping
@@ -64,7 +64,7 @@ def exclusions(
 def _intervals(problem: Problem, model: Hypothesis, score: Score, given: ColumnSpace) -> dict[str, tuple[float, float]]:
     """90 % interval of each amplitude; empty if the recordings do not separate them.
 
-    An effect whose shapes are those of the recordings, such as an instant, has the interval of its best shape.
+    If the shapes of an effect come from the recordings, such as an instant, the interval is that of its best shape.
     """
     names = [p.name for p in score.effect.amplitudes if p.name not in score.absorbed]
     every = intervals_of_all_shapes(score.effect, problem, model) if score.effect.shapes else None

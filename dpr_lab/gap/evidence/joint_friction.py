@@ -5,8 +5,9 @@ The friction torque at the joint speed u is the sum of the viscous one and of th
     T(u) = c u + sum over laws of tau_law(u).
 
 A free-form friction curve is added to the corrected model, so that T may have any shape. Its amplitudes are hardly
-distinguishable from each other and from c, but T(u) depends on the sum only: with g(u) the derivative of T(u) with
-respect to all fitted values and C their covariance, the linear estimate of T(u) has the variance g(u)^T C g(u).
+distinguishable from each other and from c, but T(u) depends only on their sum. The linear estimate of T(u) has the
+variance g(u)^T C g(u), where C is the covariance of all fitted values and g(u) the derivative of T(u) with respect to
+them.
 
 Joint 0 is that of an arm that is free or driven. The back-EMF of a voltage drive adds ke kt gear^2 / R to its c, and no
 recording separates the two.

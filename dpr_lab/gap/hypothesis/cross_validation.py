@@ -11,8 +11,8 @@ and the quality of the prediction of r is the logarithm of its predictive densit
     -2 log p(r | rest) = chi2(all) - chi2(rest) + f (log det H - log det (H - H_r)) + const,
 
 where f is the variance inflation n / n_eff. A parameter that only r determines therefore makes the
-prediction uncertain instead of wrong. Held-out segments keep free initial states: the score measures their course, not
-their initial state. Shape parameters that hardly any other run determines are also kept free, for example the cubic
+prediction uncertain instead of wrong. The initial states of held-out segments are free: the score measures the motion,
+not its initial state. Shape parameters that hardly any other run determines are also kept free, for example the cubic
 term of a spring that only one run winds up: the other runs would extrapolate it. The size of an effect, its first
 parameter, is always taken from the other runs.
 """
@@ -47,7 +47,7 @@ def folds(problem: Problem) -> Integers:
     """(segments,) fold of each segment: its run, or its quarter of a single run.
 
     Quarters have equally many segments. If a known input drives the run, the joints cover equal paths in each: a
-    controller may keep them at rest for most of the recording, and from a rest nothing else can be predicted.
+    controller may keep them at rest for most of the recording, and data at rest cannot predict the other quarters.
     """
     run, starts = problem.segments.run, problem.segments.offsets[:-1]
     if run.min() < run.max():

@@ -69,7 +69,7 @@ def _size(spread: float, scale: float, remaining: float) -> float | None:
 def visible(least: Mapping[str, Mapping[str, float | None]], limits: Array | None = None) -> tuple[int, int]:
     """Count the effects that are detectable at their typical size, and those that are detectable at any size.
 
-    An effect that is undetectable at any size does not act in these recordings or is absorbed by the ratios.
+    If an effect is undetectable at any size, it does not act in these recordings or is absorbed by the ratios.
 
     Args:
         least: result of `detectable`

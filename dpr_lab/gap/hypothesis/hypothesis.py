@@ -50,8 +50,8 @@ class Refits:
     """Settings of the fits that the search compares."""
 
     preliminary: float = 3e-3
-    """Relative reduction that ends a fit far from the noise. There, sets differ by factors of the residual, which is an
-    error of the model: the last thousandths of it decide nothing. The fit of the selected set is continued to its
+    """Relative reduction that ends a fit far from the noise. Far from the noise, the residual is an error of the model
+    and sets differ by factors: a change of a thousandth is irrelevant. The fit of the selected set is continued to its
     minimum.
     """
     lost: float = 10.0

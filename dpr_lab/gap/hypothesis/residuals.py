@@ -52,7 +52,7 @@ class ResidualStatistics:
 
     @property
     def uncertainty(self) -> float:
-        """Standard deviation of the excess if there is nothing but noise."""
+        """Standard deviation of the excess for noise alone."""
         rho = self.noise_correlation
         return self.level * (self.dof * (1 + rho) / (1 - rho)) ** 0.5
 
@@ -118,8 +118,8 @@ def lone_readings(problem: Problem, estimate: Estimate) -> Flags:
     """(samples, 2) isolated outliers: readings with a wrong value, up to three in a row.
 
     The residual of an outlier is far from the robust straight line through the seven residuals around it (Theil and
-    Sen), farther than those before and after are from their lines, and returns: a missing effect is smooth, or violent
-    for some time, or a step.
+    Sen), farther than those before and after are from their lines, and returns: the residual of a missing effect is
+    smooth, or large for some time, or a step.
     """
     r = np.nan_to_num(problem.weight * (problem.measured - problem.predict(estimate)))
     off, across = np.zeros_like(r), np.full_like(r, np.inf)

@@ -48,8 +48,8 @@ SCAN = ScanSettings()
 ORDER = "order"
 """Shape parameter: number of periods of a torque per turn of its joint.
 
-On an arc of fewer than `SCAN.periods`, two harmonics are a free polynomial in the angle. It fits any smooth force
-and any nonlinearity of the encoder, and is evidence of neither.
+On an arc of fewer periods than `SCAN.periods`, two harmonics act like a free polynomial in the angle. It fits any
+smooth force and any nonlinearity of the encoder, and is evidence of neither.
 """
 
 
@@ -81,7 +81,7 @@ def arc(angle: Array) -> float:
 
 
 def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
-    """The best shapes, none of them a neighbour of a better one."""
+    """The best shapes, without neighbours of a better one."""
     separate: list[Shape] = []
     for i in np.argsort(-gains):
         first = candidates[i][0][1]

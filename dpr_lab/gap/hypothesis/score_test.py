@@ -74,8 +74,8 @@ class ScoreTest:
         return self.shaped[effect][0] if effect in self.shaped else None
 
     def prior_of(self, columns: Sequence[int]) -> RigPrior:
-        """The prior of some columns, with all of the fit among them."""
-        rows = columns if len(self.prior.A) else ()  # none without a rig file
+        """The prior of some columns, which include all columns of the fit."""
+        rows = columns if len(self.prior.A) else ()  # no prior without a rig file
         free = tuple(self.free[i] for i in columns)
         return replace(self.prior, free=free, A=self.prior.A[np.ix_(rows, columns)], e=self.prior.e[list(rows)])
 
@@ -146,7 +146,7 @@ def joint_gain(test: ScoreTest, scores: Iterable[Score]) -> float:
 def _bounded_step(
     test: ScoreTest, free: Sequence[FreeParameter], chosen: ColumnSpace, prior: Array, mean: Array
 ) -> Array:
-    """(columns,) step within the bounds, with the rows of the prior; zero for what the fit absorbs."""
+    """(columns,) step within the bounds, with the rows of the prior; zero for columns that the fit absorbs."""
     room = bounds(test.fit.estimate, free)
     room[:, list(test.fit.absorbed)] = 0.0
     return chosen.with_prior(prior, mean).solution(room)

@@ -42,8 +42,8 @@ class StepSettings:
     part: float = 0.5
     """Fraction of the step of a residual that the readings must be able to contain."""
     errors: float = 3.0
-    """Standard errors by which the readings may show less than the step of the residual. A step of the readings of as
-    many standard errors is seen.
+    """Standard errors by which the readings may show less than the step of the residual. A step of the readings is
+    visible from this number of standard errors on.
     """
     counts: float = 1.5
     """Size of a step, in counts, up to which it is the resolution of an encoder. An edge is counted at the same angle
@@ -91,9 +91,9 @@ def visible_steps(
 def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
     """Whether the readings about an instant contain a step: a polynomial with a step is fitted to them.
 
-    The step of the readings must not be far below that of the residual, and it must be seen. A small step of a residual
-    is within the errors of readings that have none: they must be nearer to this step than to none. A step with fewer
-    readings before or after it is no step but a zero of the recording.
+    The step of the readings must not be far below that of the residual, and it must be visible. A small step of a
+    residual is within the errors of readings that have none: they must be nearer to this step than to zero. With fewer
+    readings before or after it, a step counts as a zero error of the recording.
 
     Args:
         record: the recording

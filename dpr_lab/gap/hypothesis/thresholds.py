@@ -104,7 +104,8 @@ def promising_gain(model: Hypothesis) -> float:
     """Predicted reduction of chi2 from which an additional effect is fitted.
 
     A missing effect inflates the residuals of all readings. Of a few readings, even the cause of all excess cannot
-    reduce chi2 by the significant number of such residuals. It does not need to, because they are small after it.
+    reduce chi2 by the significant number of such residuals. Such a reduction is not necessary, because the residuals
+    are small once the cause is in the model.
     """
     residuals = model.residuals
     inflation = min(residuals.inflation, max(1.0, residuals.chi2 / residuals.dof))
@@ -130,7 +131,7 @@ def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:
 
 
 def follows_remainder(base: Hypothesis, with_curve: Hypothesis, simple: Hypothesis) -> bool:
-    """Whether a curve adds to a simpler set only what the small unknown causes of every rig leave.
+    """Whether a curve explains, beyond a simpler set, only the small remainder that unknown causes leave on every rig.
 
     The simpler set explains nearly all that the curve explains, the remainder is below the noise, and with the
     remainder as noise the curve is not significant.
@@ -172,7 +173,7 @@ def follows_decay(base: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> 
 def indifference(
     base: Hypothesis, model: Hypothesis, *, independent: float = THRESHOLDS.chance, share: float = THRESHOLDS.integrator
 ) -> float:
-    """Difference of cost below which two sets are equally good: due to chance, or to the integrator's steps."""
+    """Difference of cost below which two sets are equally good; chance or the integrator's steps can cause it."""
     return max(independent * model.residuals.inflation, share * (base.residuals.chi2 - model.residuals.chi2))
 
 
@@ -209,7 +210,7 @@ def _significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> fl
 
 
 def scatter(before: Hypothesis, after: Hypothesis, errors: float = THRESHOLDS.consistent) -> float:
-    """Reduction of chi2 that chance may cause, by its scatter between segments; inf for too few segments.
+    """Reduction of chi2 that can occur by chance, from its scatter between segments; inf for too few segments.
 
     The residual due to small unknown effects is smooth along a segment. If it counted as noise of every reading, a
     cause that improves every segment would not be significant. Segments are therefore the independent units.
@@ -230,7 +231,7 @@ def explains_as_much(base: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> 
 
     It explains nearly all that the richer set explains, and its criterion, which contains the penalty of parameters,
     is not significantly higher. While a residual remains, the difference is compared with its scatter between segments:
-    neither set is the exact model, so that the noise of a reading is no measure of the difference.
+    neither set is the exact model, so that the noise of a reading is not the relevant scale of the difference.
 
     Source: Vuong (1989), Likelihood ratio tests for model selection and non-nested hypotheses, Econometrica 57,
     307-333.

@@ -23,7 +23,7 @@ class AdvisedRelease(Saved):
     duration_s: Number
     """Duration of the recording, s."""
     added_mass: AddedMass | None = None
-    """A known mass to clamp on."""
+    """Known mass to attach."""
 
 
 class Quantity(Saved):
@@ -83,7 +83,8 @@ class AdvisedCheck(Saved):
     expected_bits: Number
     """Expected reduction of the uncertainty about them."""
     measures: str = ""
-    """The effect whose amplitude a measurement measures: about zero if that effect is not the cause."""
+    """The effect whose amplitude a measurement measures: the amplitude is about zero if that effect is not the
+    cause."""
     quantity: Quantity | None = None
     """Measured quantity; None for a recording."""
     expected: Interval | None = None

@@ -57,7 +57,7 @@ class Diagnosis(Shown, Saved):
     sentence: str
     """The verdict, up to three sentences: causes, gap reduction, remainder; more after checks."""
     notes: list[str] = []
-    """What the verdict does not contain: effects that do not carry over or differ between recordings, components that
+    """Notes in addition to the verdict: effects that do not carry over or differ between recordings, components that
     several effects form, and the unmodelled remainder.
     """
     hints: list[str] = []
@@ -103,7 +103,8 @@ class Diagnosis(Shown, Saved):
     parent: str = ""
     """SHA-256 of the diagnosis from which a check produced this one."""
     ratios: dict[str, Interval]
-    """a/b, d/b (1), e1/b (1/s^2), c1/b, c2/b (1/s) of the corrected model; those of `determined` of an inner rod alone.
+    """a/b, d/b (1), e1/b (1/s^2), c1/b, c2/b (1/s) of the corrected model; for an inner rod alone, the ratios of
+    `determined`.
     """
     fitted: list[Interval] = []
     """For the inner rod alone: a/b, d/b, e1/b, c1/b, c2/b of the fit, with the rig file's values of the parts that are
@@ -111,13 +112,13 @@ class Diagnosis(Shown, Saved):
     ratio_covariance: list[list[Number]]
     """(5, 5) covariance of the ratios, in their order."""
     determined: dict[str, Interval] = {}
-    """Ratios that the recordings determine, to b or, for the inner rod alone, to its a; A/b and c0/b of a moving
+    """Ratios that the recordings determine: to b or, for the inner rod alone, to its a; also A/b and c0/b of a moving
     arm. All other entries of `ratios` are taken from the rig file. Empty in a file of an older version.
     """
     determined_covariance: list[list[Number]] = []
     """Covariance matrix of the values of `determined`, in the same order."""
     chi2_per_dof: Number
-    """Of the corrected model, over segments of 0.5 s."""
+    """Reduced chi-square of the corrected model, over segments of 0.5 s."""
     exact_torques: bool = False
     """Whether measured torques were assumed to be exact, because the remainder is far above the influence of their
     noise.

@@ -25,8 +25,9 @@ class PosteriorComponent(BaseModel):
     covariance: list[list[Number]]
     """(free, free) covariance, SI."""
     between: list[list[Number]] = []
-    """(free, free) covariance of the values of another recording about these, SI, beyond the noise of the readings.
-    It is zero if the recordings do not differ significantly, and empty in a file of an older version.
+    """(free, free) covariance of the differences between the values of another recording and these, SI, beyond the
+    noise of the readings. It is zero if the recordings do not differ significantly, and empty in a file of an older
+    version.
     """
 
     left_out: list[list[Number]] = []

@@ -19,7 +19,7 @@ class SpeedNoiseSettings:
     bins: int = 12
     """Number of bins with equally many readings, by speed."""
     fewest: int = 40
-    """Minimum number of readings in a bin; with fewer, the test is omitted."""
+    """Minimum number of readings in a bin; with fewer readings, the test is omitted."""
     uneven: float = 0.9
     """Maximum deviation of the sampling interval in a neighbourhood, in sampling periods."""
     overlap: float = 4.0

@@ -19,7 +19,8 @@ class ImplausibleSettings:
     """Fraction of the motion per sample by which the rod must move just before and after a repeated reading."""
     catches_up: float = 0.6
     """Minimum change of the first new reading after repeated ones, in units of the motion since the last new one. It
-    contains the motion that the repeated readings lack; a vibrating rod that was at rest continues from its place.
+    contains the motion that the repeated readings lack; a vibrating rod that was at rest continues from its last
+    position.
     """
     reach: int = 4
     """Number of samples on either side for the speed, so that a single wrong instant has little influence."""
@@ -38,9 +39,10 @@ def too_fast(t: Array, joints: Array) -> Flags:
 def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) -> Flags:
     """Readings equal to the previous one although the rod moves by many standard deviations per sample.
 
-    Wrong instants may make the readings of one axis equal by chance, but hardly of both; and at a turning point, two
-    samples on either side may be equal. Samples that repeat one after the other are judged together, by the motion of
-    both axes since the last new sample: a jump after them is no missed count. A single axis that turns shows nothing.
+    Wrong instants may make the readings of one axis equal by chance, but rarely those of both axes; and at a turning
+    point, two samples on either side may be equal. Samples that repeat one after the other are judged together, by the
+    motion of both axes since the last new sample: a jump after them is no missed count. A single turning axis is no
+    evidence.
 
     Args:
         t: (n,) instants, s
@@ -56,7 +58,8 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
     if len(t) <= 2 * reach:
         return np.zeros(joints.shape, dtype=bool)
     across = (joints[2 * reach :] - joints[: -2 * reach]) / (t[2 * reach :] - t[: -2 * reach])[:, None]
-    velocity = np.pad(across, ((reach, reach), (0, 0)), mode="reflect", reflect_type="odd")  # falls to a turning point
+    # exclude the decrease of speed towards a turning point
+    velocity = np.pad(across, ((reach, reach), (0, 0)), mode="reflect", reflect_type="odd")
     path = velocity * np.diff(t, prepend=t[0] - period)[:, None]
     speed, moved = np.abs(velocity), np.abs(path)
     step = np.diff(joints, axis=0, prepend=np.nan)

@@ -78,7 +78,7 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
 
 
 def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
-    """Whether gravity pulls a rod of any recording upwards: that of one rod is then read from the other zero."""
+    """Whether gravity pulls a rod of any recording upwards, so that its angle is measured from the other zero."""
     rig, e1 = recordings.rig, BASE.index("e1")
     return any(
         base_of_run(fitted.estimate.whole, recording.setup, rig.L1, rig.g)[e1] < 0.0 for recording in recordings.records
@@ -115,7 +115,7 @@ def _refuse_other_angles(recordings: Recordings, start: Array, as_read: Fit) -> 
     """
     mirrored = _fitted(_reinterpreted(recordings, ScaledReadings(arm=-1.0)), start, INPUT.likely)
     if _far_better(mirrored, as_read, DESCRIPTION.better):
-        of_rods = _gain(mirrored) < 0.0  # then arm and input agree with each other
+        of_rods = _gain(mirrored) < 0.0  # in this case, arm and input are consistent
         raise IdentificationError(wrong_sign(recordings.rig, _reduced(as_read), _reduced(mirrored), of_rods=of_rods))
     tried = [(_fitted(_reinterpreted(recordings, other), start, INPUT.likely), other) for other in OTHER_ANGLES]
     best, other = min(tried, key=lambda pair: pair[0].chi2)

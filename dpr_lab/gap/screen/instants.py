@@ -85,7 +85,7 @@ class PeriodicDelay:
 
 
 def even_instants(t: Array, joints: Array) -> Array | None:
-    """Even instants in place of stamps with jitter, if the angles are smoother on them.
+    """Evenly spaced instants instead of stamps with jitter, if the angles are smoother at them.
 
     For each window of seven samples, the sixth divided differences on the stamps and on even instants are compared.
     Even instants are chosen if they are better in significantly more windows, or by the likelihood ratio
@@ -93,8 +93,8 @@ def even_instants(t: Array, joints: Array) -> Array | None:
         sum over joints of  k / 7 ln(rms on stamps / rms on even instants),    k windows, of which one in seven is
         independent.
 
-    It takes the size of each difference into account. Large differences are limited alike on both, because a wrong
-    reading affects both.
+    The likelihood ratio takes the size of each difference into account. Large differences are limited alike on both,
+    because a wrong reading affects both.
 
     Args:
         t: (n,) stamps, s

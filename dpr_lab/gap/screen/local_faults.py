@@ -24,8 +24,8 @@ class LocalFaultSettings:
     degree: int = 5
     """Degree of the polynomial: over 28 ms it fits a rotation at 5 Hz to 1e-5 rad."""
     stands_out: float = 6.0
-    """Standard deviations: three runs contain 6e4 readings; noise alone exceeds this limit in about one of 1e4 such
-    sets.
+    """Threshold in standard deviations. Three runs contain 6e4 readings; noise alone exceeds the threshold in about one
+    of 1e4 such sets.
     """
     above_surroundings: float = 4.0
     """Ratio to the usual level of the surroundings: violent motion increases all residuals, a fault only its own."""
@@ -173,7 +173,7 @@ def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tu
     detectable = power > LOCAL_FAULTS.least_seen
     explained = np.where(detectable, projections**2, 0.0) / np.where(detectable, power, 1.0)
     # A single reading on one side of a step is also an outlier, and few readings contain no more information: among
-    # equals, the nearest is chosen.
+    # equally likely faults, the nearest is chosen.
     best = int(np.argmax(explained >= (1 - 1e-9) * explained.max()))
     size = float(projections[best] / power[best]) if best >= len(places) else None
     return int(places[best % len(places)]), size

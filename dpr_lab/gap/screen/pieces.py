@@ -28,7 +28,7 @@ def whole(name: str) -> str:
 
 
 def are_pieces(names: Iterable[str]) -> bool:
-    """Whether there are names, and all are names of pieces."""
+    """Whether the list of names is not empty and contains only names of pieces."""
     names = list(names)
     return bool(names) and all(whole(name) != name for name in names)
 

@@ -4,7 +4,7 @@ A logger sends a row whenever an encoder counts, and the row is stamped when it 
 are more changes than the link carries: the queue is full, the logger waits for room before it reads the next count, and
 successive rows differ by several counts. All these rows have the same delay, that of the full queue,
 
-    D = (B + b) / r,    B bytes in the queue, b of the row, r bytes per second.
+    D = (B + b) / r,    B bytes in the queue, b bytes per row, r bytes per second.
 
 Near a turning point the rods count slowly and the queue drains while no row is written. After it, each single count is
 a row until the queue is full again. These rows arrive at the even intervals of the link, as if the speed were constant,

@@ -36,12 +36,13 @@ class ThinningSettings:
     """Settings for the readings that are kept and averaged."""
 
     after_release_s: float = 0.03
-    """Start: the latch may touch the rod before, and an initial state lies 20 ms before its segment."""
+    """Time of the first reading used: the latch may touch the rod before it, and an initial state lies 20 ms before its
+    segment."""
     gap_s: float = 0.03
     """Duration of a gap above which a segment ends."""
     gap_spacings: float = 4.5
-    """Duration of a gap in median sampling intervals, for slow recordings; the larger limit applies. A camera's frames
-    are 33 ms apart, and a few of them may be lost.
+    """Duration of a gap in median sampling intervals, for slow recordings; the larger of the two limits applies. A
+    camera's frames are 33 ms apart, and a few of them may be lost.
     """
     averaged_from: float = 1.5
     """Ratio to the rate of the blocks below which a recording is not averaged."""

@@ -32,8 +32,8 @@ class SegmentLengths:
     first: float = 0.25
     """Length at which the fit converges from any rig file within 20 % of the truth."""
     working: float = 0.5
-    """Length at which effects are distinguished: four to seven times as sensitive as the first, and Gauss-Newton still
-    converges."""
+    """Length at which effects are distinguished: it is four to seven times as sensitive as the first length, and
+    Gauss-Newton still converges."""
     steady: float = 2.0
     """Length for a single rod, which is not chaotic: the influence of friction accumulates over several swings."""
     steady_parts: int = 5
@@ -85,7 +85,7 @@ class Recordings:
     torque_noise_Nm: tuple[float, float] = (np.inf, np.inf)
     """Upper limit of the standard deviation of the measured torques of joints 1 and 2, from a fit."""
     tracking: TrackingNoise | None = None
-    """Correlated errors that a fit has shown; None if they are white, or known from the recordings alone."""
+    """Correlated errors that a fit has shown; None if the errors are white, or known from the recordings alone."""
     shutter: Shutter | None = None
     """Rolling shutter for which the readings are corrected."""
     torques_earlier: float = 0.0
@@ -155,7 +155,7 @@ class Recordings:
         return effect_params(arm if self.arm_moves else {})
 
     def with_tracking(self, noise: TrackingNoise | None) -> "Recordings":
-        """The recordings with these correlated errors, where the noise is not known by other means."""
+        """The recordings with these correlated errors, unless the noise is known by other means."""
         if noise is None or self.tracking is not None:
             return self
         evidence = (

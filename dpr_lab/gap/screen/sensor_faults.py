@@ -239,7 +239,8 @@ def _late(run: Run, t: Array, joints: Array) -> tuple[Flags, list[Finding]]:
     delay, repeated = periodic_delay(t, read), np.append(False, (read[1:] == read[:-1]).all(axis=1))
     if delay is None:
         return np.zeros(len(t), dtype=np.bool_), []
-    # a reading that is late by a whole period equals the next one; where it is late by less, the next is a repeated one
+    # a reading that is late by a whole period equals the next one; if it is late by less, the next reading is a
+    # repeated one
     places = [delay.late] if 2 * delay.delay_s * run.rate_hz > 1 else [delay.late, np.roll(delay.late, 1)]
     cycle_position = max(places, key=lambda positions: float(np.mean(repeated[positions])))
     name, share, elsewhere = "repeated_sample", np.mean(repeated[cycle_position]), np.mean(repeated[~cycle_position])
@@ -247,7 +248,7 @@ def _late(run: Run, t: Array, joints: Array) -> tuple[Flags, list[Finding]]:
         late, evidence = cycle_position, f"one reading in {delay.cycle} repeats the previous one"
     elif share > elsewhere + SCREEN.repeating_in_part:
         late = cycle_position & repeated
-        first, last = np.quantile(t[late], [0.1, 0.9])  # by chance, a few others are equal too
+        first, last = np.quantile(t[late], [0.1, 0.9])  # a few other readings are equal by chance
         evidence = f"mostly between {first:.2f} and {last:.2f} s, one reading in {delay.cycle} repeats the previous one"
     else:
         late, name = delay.late, "periodic_delay"
@@ -257,7 +258,7 @@ def _late(run: Run, t: Array, joints: Array) -> tuple[Flags, list[Finding]]:
     finding = Finding(name, run.name, None, float(t[late][0]), f"{evidence}; these readings are excluded")
     if share > SCREEN.repeating or name == "periodic_delay":
         return late, [finding]
-    others, findings = _late(run, t[~late], joints[~late])  # a delay that repeated readings hide
+    others, findings = _late(run, t[~late], joints[~late])  # a delay hidden by repeated readings
     late[~late] = others
     return late, [finding, *findings]
 

@@ -28,7 +28,7 @@ class TimeScaleRules:
     longer: float = 1.5
     """Ratio to the length of the rod, which may protrude beyond its end and carry a small counterweight."""
     apart: float = 3.0
-    """Ratio to the length from the rig file's values, in either direction: some of them are guesses."""
+    """Ratio to the length from the rig file's values, in either direction: some values in the file are guesses."""
     swings: int = 10
     """Number of swings to be timed with a stopwatch."""
 

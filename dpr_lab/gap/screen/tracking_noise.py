@@ -7,8 +7,8 @@ contains both. Within a segment its covariance is
     K(i, j) = s^2 rho^|i - j| + v^2 exp(-(t_i - t_j)^2 / (2 l^2)),
 
 a first-order autoregressive error and a smooth error of the motion, with free s, v, rho and correlation time l. The
-spectrum of the first falls with the square of the frequency, that of the second much faster, which separates them. rho
-is its maximum likelihood estimate.
+spectrum of the first term falls with the square of the frequency, that of the second much faster; this difference
+separates them. rho is its maximum likelihood estimate.
 
 Source: Rasmussen & Williams (2006), Gaussian Processes for Machine Learning, sections 4.2.1 and 5.4.1.
 """
@@ -46,8 +46,8 @@ class TrackingNoiseSettings:
     significant: float = 10.8
     """Minimum of twice the logarithm of the likelihood ratio to white noise: by chance in 0.1 % of cases."""
     rougher: float = 1.5
-    """Maximum ratio of the errors to those that their differences in neighbouring readings indicate: the kinks of a rod
-    that sticks are no errors of a tracker.
+    """Maximum ratio of the errors to those that their differences in neighbouring readings indicate: the abrupt stops
+    of a sticking rod are not errors of a tracker.
     """
 
 

@@ -60,7 +60,7 @@ class FreeRuns:
     """Free runs of one model along a set of recordings."""
 
     items: tuple[Record, ...]
-    """Recordings, each from the first instant that can be simulated: before a gap there may be too few readings."""
+    """Recordings, each from the first instant that can be simulated; there may be too few readings before a gap."""
     problem: Problem
     """Compared readings, one segment for each recording."""
     start: Estimate

@@ -98,7 +98,8 @@ def free_swings(runs: FreeRuns, model: Hypothesis) -> FreeSwings:
     """Sensitivity of the free runs of a model to all uncertain quantities."""
     free, problem = model.fit.free, runs.problem
     states = problem.segments.states
-    slopes = np.zeros((len(problem.t), problem.axes, len(free) + states))  # zeros of these very runs count as known
+    # the zeros of these runs are treated as known
+    slopes = np.zeros((len(problem.t), problem.axes, len(free) + states))
     moves = [i for i, parameter in enumerate(free) if parameter.block != "zeros"]
     slopes[:, :, [*moves, *range(len(free), len(free) + states)]] = problem.slopes(runs.start, [free[i] for i in moves])
     slopes, t = np.nan_to_num(slopes), problem.t

@@ -26,7 +26,7 @@ HORIZONS_S = (0.25, 0.5, 1.0, 2.0)
 """Segment lengths for which the gap is given: from lengths at which every model fits to the onset of chaos."""
 
 TWO_DIGITS = GaussNewton(converged=1e-3, converged_frozen=1e-4)
-"""Tolerance of the fit: a gap by horizon is given with two digits."""
+"""Tolerance of the fit: the gap is reported with two digits."""
 
 TORQUE_HATS = 3
 """Number of torque functions of each joint per segment: one per quarter of a second, limited by its readings."""
@@ -157,7 +157,7 @@ def _per_reading(by_axis: Mapping[str, float]) -> float:
 
 
 def _mean(values: Array, problem: Problem) -> Array:
-    """(axes,) mean over the readings of each axis that count, (samples, 2); zero of an axis without any."""
+    """(axes,) mean over the selected readings (samples, 2) of each axis; zero for an axis without any."""
     counts = np.count_nonzero(problem.read, axis=0)
     return np.asarray(values.sum(axis=0) / np.maximum(counts, 1))
 

@@ -27,7 +27,7 @@ class LoneRules:
     """Limits of a remainder that is in one recording only (docs/decisions/0044)."""
 
     recordings: int = 3
-    """Minimum number of recordings: with two, it is unknown which of them is the exception."""
+    """Minimum number of recordings: with two recordings, it is unknown which of them is the exception."""
     ratio: float = 3.0
     """Minimum ratio of its remainder to that of every other recording."""
     least: float = 0.5

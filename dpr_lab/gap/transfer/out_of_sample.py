@@ -24,7 +24,7 @@ class BlockBootstrap:
     fewest: int = 4
     """Minimum number of such blocks; those of shorter recordings are shorter."""
     draws: int = 400
-    """Number of bootstrap samples: enough to locate the ends of a 90 % interval to a twentieth of its width."""
+    """Number of bootstrap samples, sufficient to locate the ends of a 90 % interval to a twentieth of its width."""
 
 
 BOOTSTRAP = BlockBootstrap()
@@ -81,7 +81,7 @@ def held_out_prediction(recordings: Recordings, base: Hypothesis) -> OutOfSample
 
     @cache
     def chi2(model: Hypothesis) -> Array:
-        estimate = model.fit.estimate  # counts that a fitted run lost were lost in that run only
+        estimate = model.fit.estimate  # counts that were lost in a fitted run do not affect other runs
         estimate = estimate.changed(initial=states, params=without_events(estimate.params))
         fitted = descend(problem, estimate, (), iterations=20)
         return problem.chi2_by_segment(problem.predict(fitted.estimate))

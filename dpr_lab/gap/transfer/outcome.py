@@ -25,7 +25,7 @@ class TransferSettings:
     unproven: float = 0.5
     """Factor on the probability of an effect that does not carry over; the result is at most one half."""
     oversized: float = 0.1
-    """Factor on the probability of an effect with an impossible size: it stands for another cause."""
+    """Factor on the probability of an effect with an impossible size: another cause is then more probable."""
     worse: float = 1.1
     """Factor by which the named effects may increase the error of free runs, besides the noise of the first readings.
     """
@@ -33,8 +33,8 @@ class TransferSettings:
     """Increase of the error of free runs that counts as chance, in its standard deviations due to the noise of their
     first readings."""
     followed_rad: float = 0.3
-    """Error of a free run of the bare model, rms from its beginning, up to which free runs are compared: where it is
-    larger, chaos dominates.
+    """Error of a free run of the bare model, rms from its beginning, up to which free runs are compared: beyond it,
+    chaos dominates.
     """
     followed_s: float = 0.6
     """Minimum time of this comparison, since the beginning of the recording."""
@@ -63,7 +63,7 @@ class Transfer:
 
     basis: Basis
     tested: bool
-    """Whether the recordings have enough segments to predict some from others."""
+    """Whether there are enough segments to predict some of them from the others."""
     closed: GapReduction
     """Share of the gap closed by all effects together."""
     gap_ratio: float

@@ -178,7 +178,7 @@ def _helps(test: OutOfSample, reductions: Array) -> bool:
 
 
 def _of_fitted(closed: GapReduction, selection: Selection) -> float:
-    """Share of the gap closed on held-out data, relative to that in the fitted recordings; of all effects together."""
+    """Share of the gap that all effects together close on held-out data, relative to that in the fitted recordings."""
     fitted = _share_of_fitted(selection.base, selection.chosen)
     return float(np.clip(closed.estimate / max(fitted, TRANSFER.kept), 0.0, 1.0))
 
@@ -202,7 +202,7 @@ def _blocks(reductions: Array, block: int) -> Array:
 
 
 def _sum(reductions: Array, block: int) -> tuple[float, float]:
-    """Sum over segments, and the sum that is beyond chance."""
+    """Sum over segments, and the sum above which it is significant."""
     blocks = _blocks(reductions, block)
     spread = np.sqrt(len(blocks) * np.var(blocks, ddof=1)) if len(blocks) > 1 else np.inf
     return float(reductions.sum()), float(TRANSFER.beyond_chance * spread)

@@ -148,7 +148,7 @@ MAPS: Mapping[str, Map] = {
     "error by angle": _error_by_angle,
     "error by speed": _error_by_speed,
 }
-"""All maps of each joint that are plotted."""
+"""All plotted maps of each joint."""
 
 _OF_TORQUES = (_torque_by_angle, _torque_by_speed, _friction_by_time, _friction_by_load)
 

@@ -15,7 +15,7 @@ def applicable(library: Mapping[str, Effect], problem: Problem, *, of_points: bo
     Args:
         library: effects by name
         problem: the recordings
-        of_points: whether all angles are directions between points in a video, which no number of counts can stretch
+        of_points: whether all angles are directions between points in a video, which do not depend on counts per turn
     """
     setups = problem.segments.setups
     torques = [setup.torques for setup in setups if setup.torques]

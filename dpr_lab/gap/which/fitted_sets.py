@@ -135,7 +135,7 @@ class FittedSets:
         return not (self.oversized(model) or rises(self.problem, model))
 
     def oversized(self, model: Hypothesis) -> tuple[str, ...]:
-        """Effects of a set with sizes that no rig has, or with those of another cause."""
+        """Effects of a set whose sizes are physically impossible or typical of another cause."""
         sizes = significantly_oversized(model, self.problem.limits)
         return (*sizes, *springs_like_scale(self.problem, self.library, model))
 
@@ -144,7 +144,7 @@ class FittedSets:
         return self.possible(model) or not self.possible(other)
 
     def unexpected(self, model: Hypothesis) -> list[str]:
-        """Effects of a set that are supported by the recordings alone."""
+        """Effects of a set for which the recordings alone are evidence."""
         return [name for name in model.effects if name not in self.expected]
 
     def described(self, model: Hypothesis) -> Hypothesis:
@@ -152,7 +152,7 @@ class FittedSets:
 
         The other effects explain parts of the gap that remains with this model. An error of the description, for
         example of a length or of the counts per turn, may cause a gap a thousand times as large, and is not a property
-        of the rig: the same effects are named with the right description.
+        of the rig. With this correction the same effects are named as with the right description.
         """
         corrections = [name for name in model.effects if self.library[name].corrects]
         if not corrections:
@@ -218,7 +218,7 @@ class FittedSets:
 
     @property
     def _is_short(self) -> bool:
-        """Whether these are the sets of the short segments, which are the shortest."""
+        """Whether these sets are fitted to the short segments, which cannot be shortened further."""
         return any(problem is self.problem for problem, _ in self._short)
 
     def on_short(self) -> "FittedSets":
@@ -259,7 +259,8 @@ class FittedSets:
     def _in_best_order(self, model: Hypothesis) -> Hypothesis:
         """The set with the orders of its effects replaced by neighbouring ones, as long as that reduces chi2.
 
-        On an arc of less than a turn, orders are alike, and the scores of a fit without the effect may choose another.
+        On an arc of less than a turn, different orders have similar signatures, and the scores of a fit without the
+        effect may favour a wrong one.
         """
         orders = [
             (param_index(name, shape.name), shape.scan)
@@ -339,8 +340,8 @@ class FittedSets:
     def imaged(self, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
         """The set with another effect in place of one, started at its linear prediction from that solution.
 
-        Of two indistinguishable effects, one then fits as well as the other, although a fit from neither may end in a
-        local minimum in which another effect of the set has lost its shape.
+        Of two indistinguishable effects, one then fits as well as the other, whereas a fit that starts with neither of
+        them may end in a local minimum in which another effect of the set has a wrong shape.
 
         Args:
             model: the solution
@@ -358,10 +359,11 @@ class FittedSets:
     def _handed_over(self, model: Hypothesis, effect: str, other: str) -> Hypothesis:
         """The set with another effect in place of one, started at amplitudes of the same names.
 
-        Rods that hardly move stick at the smallest Coulomb friction, so its derivative at zero is no search direction.
+        Rods that hardly move stick even at the smallest Coulomb friction, so its derivative at zero is not a valid
+        search direction.
         """
         params = model.fit.estimate.params.copy()
-        values = named_params(params).get(effect, {})  # empty if the fit has no use for it
+        values = named_params(params).get(effect, {})  # empty if the fit does not need it
         for parameter in self.library[other].amplitudes:
             params[param_index(other, parameter.name)] = values.get(parameter.name, 0.0)
         start = model.fit.estimate.changed(params=without_effect(params, effect))

@@ -6,10 +6,10 @@ may merely compensate for such a deviation. It must therefore explain a part of 
 remaining effects can explain. A torque that takes no energy and the error of an encoder have no form that depends
 on the speed: a tilt whose sign changes with the speed would be friction.
 
-A form that contains the tested effect itself is no other explanation. Air drag, for example, is Coulomb friction
-multiplied by a function of the speed. Two losses at a joint therefore have no other forms over the speed, nor over the
-time, because the amplitude of a free swing decreases with time. The free function of the speed is an effect of the
-library (`friction_curve`), with which the search compares both.
+A form that contains the tested effect itself is not an alternative explanation. Air drag, for example, is Coulomb
+friction multiplied by a function of the speed. Two losses at a joint therefore have no other forms over the speed, nor
+over the time, because the amplitude of a free swing decreases with time. The free function of the speed is an effect of
+the library (`friction_curve`), with which the search compares both.
 """
 
 import numpy as np

@@ -116,7 +116,9 @@ def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
 
 
 def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:
-    """Sets by the criterion. Sets with an effect of impossible size, or with one that adds too little, come last.
+    """Sets in the order of the criterion.
+
+    Sets with an effect of impossible size, or with one that adds too little, come last.
 
     Three kinds of effects add too little: a curve that follows the remainder, a vibration at a multiple of the swing's
     frequency if another effect explains most of the same reduction, and a drift of friction along one decay if another
@@ -247,6 +249,6 @@ def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
 
 
 def _nearly_equal(score: Score, other: Score) -> bool:
-    """Whether two effects that resemble each other predict the same reduction."""
+    """Whether two effects with similar signatures predict the same reduction."""
     same_gain = abs(score.gain - other.gain) <= BEAM.same_gain * max(score.gain, other.gain)
     return same_gain and len(score.columns) == len(other.columns) and other.effect.name in score.effect.twins

@@ -83,7 +83,7 @@ def _predicts_better(sets: FittedSets, current: Hypothesis, proposal: Proposal) 
 
 
 def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the set without the effect that contributes least of its own, while a residual remains.
+    """While a residual remains, propose the set without the effect that has the smallest own contribution.
 
     The own contribution of an effect is the part of its reduction that no other form of the remaining effects
     explains. Effects that every rig has are never proposed, nor effects whose removal increases the excess far above
@@ -122,7 +122,7 @@ def _compensates_for_another_form(sets: FittedSets, current: Hypothesis, proposa
 
 
 def _without_misleading(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """The set without misleading effects, or with others in their place that predict held-out runs better."""
+    """The set without misleading effects, or with replacements that predict held-out runs better."""
     smaller = sets.predictive(current)
     if smaller is current or sets.held_out_chi2 is None:
         return

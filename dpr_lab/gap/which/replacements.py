@@ -19,7 +19,7 @@ from dpr_lab.gap.which.fitted_sets import EFFORT, FittedSets
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 REPLACEMENTS = 2
-"""Number of candidates that are fitted in place of each effect."""
+"""Number of candidates that are fitted as replacements of each effect."""
 
 
 def _richer(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -95,7 +95,10 @@ def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal
 def _grown_to(
     sets: FittedSets, model: Hypothesis, curve: str, *, most: int, widest: int, chance: float
 ) -> Iterator[Proposal]:
-    """The set with the best further effects, one by one, of `widest` parameters each and up to `most` in all."""
+    """The set extended by the best further effects, one at a time.
+
+    Each of them has at most `widest` parameters, and all together have at most `most`.
+    """
     while True:
         room = min(most - len(model.fit.free), widest)
         ranking = (score for score in sets.test(model).ranking if score.effect.name != curve)

@@ -40,7 +40,7 @@ class Selection:
     impossible: frozenset[frozenset[str]] = frozenset()
     """Fitted sets with an effect of an impossible size."""
     oversized: tuple[str, ...] = ()
-    """Effects of the selected set with sizes that no rig has, or with those of another cause."""
+    """Effects of the selected set whose sizes are physically impossible or typical of another cause."""
     misleading: tuple[str, ...] = ()
     """Effects that worsen the prediction of held-out runs and are therefore not in the selected set."""
     trace: tuple[SearchStep, ...] = ()

@@ -1,7 +1,7 @@
 """Sizes that no rig has, beyond the errors of their fit: of the amplitudes of one effect, and of gravity.
 
-Near the noise the amplitudes of an effect are poorly separated. A cable spring with a hardening term and a constant
-torque must have a stiffness, which a fit may give as zero although its error permits the right value.
+Near the noise the amplitudes of an effect are poorly separated. For example, a cable spring with a hardening term must
+have a stiffness; a fit may estimate it as zero although its interval contains the right value.
 """
 
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ def significantly_oversized(model: Hypothesis, limits: Array | None, deviations:
 
     Args:
         model: the fitted set
-        limits: (SIZE,) maximum sizes; None for none
+        limits: (SIZE,) maximum sizes; None: no limits
         deviations: half the width of an interval, in standard deviations
     """
     params = model.fit.estimate.params

@@ -8,10 +8,10 @@ changes by viscous and dry friction,
 
     dE = -(c1 w1^2 + c2 (w2 - w1)^2 + f1 |w1| + f2 |w2 - w1|) dt;
 
-known torques add tau1 w1 + tau2 (w2 - w1). Without dry friction, its loss would be balanced by a shift of the zeros.
-All coefficients enter linearly. A least-squares fit within bounds about the rig file's values has a small residual if
-angles and times are interpreted correctly, and a large one otherwise. It needs neither an initial state nor a
-simulation. A single rod is represented as two equal halves with the same angle (`dpr_lab.dynamics.base`).
+known torques add tau1 w1 + tau2 (w2 - w1). If dry friction were omitted, a shift of the zeros would compensate for its
+loss. All coefficients enter linearly. A least-squares fit within bounds about the rig file's values has a small
+residual if angles and times are interpreted correctly, and a large one otherwise. It needs neither an initial state nor
+a simulation. A single rod is represented as two equal halves with the same angle (`dpr_lab.dynamics.base`).
 """
 
 import math
@@ -53,15 +53,16 @@ class EnergySettings:
     dry: float = 0.5
     """Maximum dry friction relative to the weight torque of the rods."""
     zero_error_rad: float = 0.1
-    """Maximum error of a zero that is a property of the rig: dry friction holds a rod that far from the vertical, and a
-    camera is tilted by as much.
+    """Maximum zero error that is a property of the rig: dry friction can hold a rod away from the vertical by this
+    angle, and a camera can be tilted by it.
     """
     exchanged: float = 0.9
     """Correlation of kinetic and potential energy, apart from trend and friction, from which times are judged."""
     paces: tuple[float, ...] = (1.0, 2.0, 4.0, 8.0, 0.5, 0.25, 0.125)
     """Speeds at which a video may be stored, relative to its stated frame rate."""
     much_better: float = 0.6
-    """Residual at another speed relative to that at the stated one, below which the other one is probably right."""
+    """Ratio of the residual at another speed to that at the stated speed, below which the other speed is probably
+    right."""
 
 
 ENERGY = EnergySettings()
@@ -139,8 +140,8 @@ def residual_near(t: Array, rods: Array, torques: Array | None, rig: Rig) -> flo
     """Residual of the balance of `energy_fit` at better zeros nearby; infinite without motion.
 
     The potential energy of a small swing of amplitude A changes by the share delta / A with an error delta of its zero.
-    Both zeros move towards the best ones, by at most `ENERGY.zero_error_rad`. The noise of the readings must not count,
-    so the better one of short and long windows does.
+    Both zeros move towards the best ones, by at most `ENERGY.zero_error_rad`. The better of short and long windows is
+    used, so that the noise of the readings has little influence.
     """
     return min((_residual_near(terms, rig) for terms in _balances(t, rods, torques, rig)), default=math.inf)
 

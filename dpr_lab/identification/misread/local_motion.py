@@ -22,7 +22,7 @@ class LocalMotionSettings:
     gap: tuple[float, float] = (0.25, 4.0)
     """An interval between rows longer than both, in periods and in median intervals, is a gap, outside all windows."""
     looked_at_s: float = 10.0
-    """Examined duration of a table, s; a wrong interpretation is wrong from the start."""
+    """Examined duration of a table, s; a wrong interpretation is visible from the start."""
     looked_at: int = 2000
     """Minimum number of rows, because the unit of time may be wrong."""
     fewest: int = 30

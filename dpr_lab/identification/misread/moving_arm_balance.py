@@ -1,14 +1,14 @@
 r"""Balance of the last rod of a moving arm: whether its acceleration can be that of a rod that the arm moves.
 
 The last rod is the outer one of two, or the only one. With its angle th, the angle q of the arm and, of two rods, the
-angle th1 of the inner one, it obeys (docs/theory.md, three coordinates)
+angle th1 of the inner one, the equation of motion is (docs/theory.md, three coordinates)
 
     al = k1 sin(th) + k2 cos(th) q'' + k3 sin(th) cos(th) q'^2 + k4 w + k5 s(w)
          + k6 cos(th1 - th) al1 + k7 sin(th1 - th) w1^2 + k8 w1 + k9 sin(th1) cos(th) q'^2
 
-whichever torque moves the arm. It is linear in the coefficients k, which are fitted without the rig file. The zero and
-the signs of the angles only change signs of coefficients; a wrong unit of the rods breaks the equation. With the true
-angle f q instead of q, k2 / k1 = -f L0 / g and k3 = f^2: both give the scale f of the arm's angle.
+for any torque that moves the arm. It is linear in the coefficients k, which are fitted without the rig file. The zero
+and the signs of the angles only change signs of coefficients; a wrong unit of the rods breaks the equation. With the
+true angle f q instead of q, k2 / k1 = -f L0 / g and k3 = f^2: both give the scale f of the arm's angle.
 """
 
 from collections.abc import Iterable
@@ -69,7 +69,7 @@ class ArmBalance:
 
     @property
     def arm_scale(self) -> float | None:
-        """True angle of the arm relative to its reading; None if the two estimates of it disagree.
+        """True angle of the arm relative to its reading; None if its two estimates disagree.
 
         It is 1 unless it differs significantly.
         """
@@ -141,7 +141,7 @@ def is_unit(scale: float | None, factor: float) -> bool:
 
 
 def wrong_scale(t: Array, theta: Array, rig: Rig) -> ScaledReadings | None:
-    """Another scale of the angle of the arm, or degrees declared as rad; None if the readings show neither.
+    """Another scale of the angle of the arm, or degrees declared as rad; None if the readings show neither of them.
 
     If the rods are in degrees and the scale of the arm is undetermined, the arm is assumed to be in degrees too.
 

@@ -34,7 +34,7 @@ class DescriptionLimits:
 DESCRIPTION = DescriptionLimits()
 
 OTHER_ANGLES = (TURNED_RODS, *SCALED_READINGS)
-"""Interpretations to try where the sign of the arm's angle is not the cause."""
+"""Interpretations to try if the sign of the arm's angle is not the cause."""
 
 UNITS = {
     "torque": {-3.0: "mN m", -2.0: "N cm", 3.0: "kN m"},

@@ -25,7 +25,7 @@ class Misreading:
     read: Callable[[Run], Run | None]
     """The run with this interpretation; None if it does not apply."""
     arm: bool = False
-    """Whether the arm moves in this interpretation, which is also the case for a compliant arm."""
+    """Whether the arm moves in this interpretation; a compliant arm moves too."""
     time_factor: float = 1.0
     """Factor of the times."""
 

@@ -27,7 +27,7 @@ from dpr_lab.run import Run, moves
 
 
 def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
-    """Check that recordings can belong to the rig.
+    """Check that the rig can have produced the recordings.
 
     Raises:
         IdentificationError: the rig cannot have produced them; the message names the probable cause, which was tested.
@@ -41,7 +41,8 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
     if ratio_fit is not None and possible and residual(ratio_fit) < SETTINGS.suspicious:
         return
     chi2 = np.inf if ratio_fit is None else ratio_fit.chi2_per_dof
-    if not possible:  # impossible masses may fit to the noise; another interpretation need not fit better
+    # impossible masses may fit the readings down to the noise, so another interpretation need not fit better
+    if not possible:
         chi2 = max(chi2, SETTINGS.explained * SETTINGS.better)
     causes = [reading.cause for reading, _ in better_readings(runs, rig, chi2, chi2 / SETTINGS.better)]
     if causes:

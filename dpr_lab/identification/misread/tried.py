@@ -25,7 +25,7 @@ class MisreadSettings:
     """Thresholds above which an interpretation is doubted."""
 
     looked_at_s: float = 5.0
-    """Examined duration of each run, s; a wrong interpretation is wrong from the start."""
+    """Examined duration of each run, s; a wrong interpretation is visible from the start."""
     tried_s: float = 2.5
     """Examined duration of each run in the test of other interpretations, s."""
     screened_s: float = 1.0
@@ -118,7 +118,7 @@ class Description:
     hint: str = ""
     """Probable mistake and its correction; empty without evidence against the description."""
     withholds: bool = False
-    """Whether it explains as much as the chosen effects, so that none of them is a cause."""
+    """Whether another interpretation explains as much as the chosen effects, so that none of them is a cause."""
 
 
 def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
@@ -135,7 +135,8 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
     if not explained and all(_slowness(run, rig) > SETTINGS.slow for run in runs):
         # Segments of a slow motion contain little of the swing, so that unlikely masses fit them nearly as well.
         faster = [reading for reading in readings(rig) if reading.time_factor < 1.0]
-        if any(_explaining(faster, runs, rig, first, first)):  # seldom, and all other interpretations take long
+        # this is rare, and fitting all other interpretations takes long
+        if any(_explaining(faster, runs, rig, first, first)):
             paced = better_readings(runs, rig, first, first)
             explained = [(reading, ratio_fit) for reading, ratio_fit in paced if reading.time_factor < 1.0]
     if explained:
@@ -159,11 +160,12 @@ def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
 def better_readings(
     runs: Sequence[Run], rig: Rig, chi2_per_dof: float, limit: float
 ) -> list[tuple[Misreading, RatioFit]]:
-    """Other interpretations that explain the runs far better, best first, without those far worse than the best.
+    """Other interpretations that explain the runs far better, best first; those far worse than the best are omitted.
 
     In an interpretation with slower times, segments of the same length contain less of the swing. The residual then
-    accumulates less, in chi2 with the fourth power. In one with smaller angles, the noise of the same readings may
-    count as a larger part of the swing, so that chi2 is smaller without reason: it is compared at equal parts.
+    accumulates less, in chi2 with the fourth power. In an interpretation with smaller angles, the noise of the same
+    readings may count as a larger part of the swing, so that chi2 is too small: it is compared at the same ratio of
+    noise to swing.
 
     Args:
         runs: the runs with the given interpretation
@@ -172,7 +174,7 @@ def better_readings(
         limit: chi2_per_dof below which an interpretation explains the runs
     """
     good: list[tuple[Misreading, RatioFit]] = []
-    for tried in (readings(rig), other_zeros(runs, rig)):  # zeros at any angle also explain these mistakes
+    for tried in (readings(rig), other_zeros(runs, rig)):  # a free zero can also explain these mistakes
         good = good or list(_explaining(tried, runs, rig, chi2_per_dof, limit))
     good = sorted(good, key=lambda pair: pair[1].chi2_per_dof)
     return [pair for pair in good if pair[1].chi2_per_dof < SETTINGS.better * good[0][1].chi2_per_dof]
@@ -181,7 +183,7 @@ def better_readings(
 def _explaining(
     tried: Iterable[Misreading], runs: Sequence[Run], rig: Rig, chi2_per_dof: float, limit: float
 ) -> Iterator[tuple[Misreading, RatioFit]]:
-    """Those of some interpretations that explain the runs far better, with their fits; arguments as above."""
+    """The given interpretations that explain the runs far better, with their fits; arguments as above."""
     limit = max(min(SETTINGS.explained, limit), chi2_per_dof / SETTINGS.far_better)
     for reading, other in _otherwise(tried, runs, rig, limit):
         compared = other.chi2_per_dof * _larger_noise(reading, runs, rig) ** 2
@@ -227,8 +229,8 @@ def impossible(ratios: Array, rig: Rig) -> str:
 def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
     """Reason why the rig cannot have the inertia b, kg m^2, of a fit; empty if it can.
 
-    A wrong unit of known torques changes only b, so that the residual does not show it. Without known torques, b is
-    not determined by the motion, and only its sign can contradict the rig.
+    A wrong unit of known torques changes only b, so that the residual does not show it. Without known torques, the
+    motion does not determine b, and only the sign of b can contradict the rig.
     """
     nominal = float(unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))[SCALE])
     known = any(run.torques is not None or run.arm_input is not None for run in runs)
@@ -285,7 +287,7 @@ def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> boo
     """Whether a part of the first run alone already fits worse than all runs with a reduced chi-square of `worst`."""
     try:
         part = _preprocessed(runs[:1], rig, longer * SETTINGS.screened_s, thinned=True)
-    except RunError:  # too short a part
+    except RunError:  # the part is too short
         return False
     first = first_fit(rig.nominal, part, rig, iterations=SETTINGS.iterations, settings=GAUSS_NEWTON)
     shares = len(runs) * SETTINGS.tried_s / SETTINGS.screened_s

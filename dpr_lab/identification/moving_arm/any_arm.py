@@ -86,8 +86,8 @@ def identify(
 def has_arm_model(runs: Sequence[Run], rig: Rig) -> bool:
     """Whether `identify` gives a `MovingArmModel`.
 
-    One rod with a clamped arm determines ratios to its own inertia only, as the rig file of a rotary pendulum
-    expects them.
+    One rod with a clamped arm determines ratios to its own inertia only, which are the ratios that the rig file of a
+    rotary pendulum expects.
     """
     alone = rig.rods.mounted == "inner" and rig.arm.mode in ("free", "driven")
     return moves(runs) or (alone and bool(runs) and not any(run.arm_mode == "prescribed" for run in runs))

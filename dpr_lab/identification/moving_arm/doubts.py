@@ -153,7 +153,8 @@ def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
 def stop_sentence(run: Run, rig: Rig) -> str:
     """Sentence on an arm that hits a stop, or whose cable tightens at one end of its range; else empty.
 
-    Its speed jumps there twice, or once before it stays there; at a soft stop, a torque begins beyond an angle.
+    At a stop the speed of the arm jumps twice, or once before it stays there. At a soft stop, a torque acts beyond an
+    angle.
     """
     if run.arm_mode == "clamped" or np.ptp(run.theta[:, 0]) < DOUBTS.hardly_rad:
         return ""

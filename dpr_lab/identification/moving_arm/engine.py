@@ -41,7 +41,7 @@ def engine_values(model: MovingArmModel, rig: Rig) -> tuple[Array, Array]:
 
 
 def engine_constants(model: MovingArmModel, rig: Rig) -> RigConstants:
-    """Constants of the rig, with the arm's length of the model."""
+    """Constants of the rig, with the arm length of the model."""
     return rig_constants(rig)._replace(L0=model.sizes["L0"])
 
 

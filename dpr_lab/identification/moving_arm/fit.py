@@ -30,13 +30,14 @@ class ArmFitSettings:
     iterations: int = 100
     """Maximum number of iterations of each fit."""
     converged: float = 1e-5
-    """Reduction of chi-square by a step with little damping, relative to the degrees of freedom and per unknown."""
+    """Convergence limits: reduction of chi-square by a step with little damping, relative to the degrees of freedom and
+    per unknown."""
     damping: float = 1e-3
     """Initial damping, relative to the diagonal of the normal equations."""
     most_damping: float = 1e9
     """Damping above which no step can reduce the cost."""
     searched: float = 20.0
-    """Reduced chi-square of the first segments above which a global search looks for another start."""
+    """Reduced chi-square of the first segments above which a global search determines other initial values."""
     searched_segments: int = 32
     """Number of segments, spread over all recordings, that this search simulates."""
     misfit: float = 1.5
@@ -215,7 +216,8 @@ def fit_segments(
         if next_slopes is not None:
             gained = (now - then) / max(now, 1e-300)
             p, initial, residuals, now, slopes = trial, states, new, then, next_slopes
-            # a small reduction by a damped step is no sign of convergence: the valley of a long segment is curved
+            # a small reduction by a damped step does not show convergence, because the valley of a long segment is
+            # curved
             if damping <= settings.damping and gained < settings.converged * len(step) / max(problem.dof, 1):
                 converged = True
                 break
@@ -223,7 +225,7 @@ def fit_segments(
         else:
             damping *= 10
             if damping > settings.most_damping:
-                converged = True  # no step reduces the cost: minimum within rounding
+                converged = True  # no step reduces the cost: the minimum is reached within rounding errors
                 break
     linear = _Eliminated(problem, residuals, *slopes, 0.0)
     return ArmFit(problem, p, initial, converged, linear.information + np.diag(prior**2), linear.scores)
@@ -285,5 +287,6 @@ def covariance_of(fit: ArmFit) -> Array:
     if not fit.misfit:
         return inverse * max(1.0, fit.chi2_per_dof)
     n = len(fit.scores)
-    moved = fit.scores @ inverse  # (segment, free); its square keeps every variance positive in spite of rounding
+    # (segment, free); computed as a square, every variance stays positive in spite of rounding
+    moved = fit.scores @ inverse
     return moved.T @ moved * n / max(n - len(fit.values), 1)

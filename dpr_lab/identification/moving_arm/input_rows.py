@@ -118,7 +118,7 @@ def other_input(fit: ArmFit, misfit: float, runs: Sequence[Run], rig: Rig) -> st
 
 
 def _tried(tested: _Tested, run: Run, interval: float) -> tuple[_InputModel, _InputModel]:
-    """The input as the runs state it, and the best one: held or continuous, with or without a delay."""
+    """The input as described in the runs, and the best description: held or continuous, with or without a delay."""
     stated = tested.model(run.input_delay_s, run.continuous)
     step = max(interval / 2, INPUT_ROWS.step_s)
     best = tested.near(stated, step)

@@ -100,7 +100,7 @@ class ArmProblem:
         """(samples, 3) readings of the joints, rad."""
         readings = swing_segments(p, self.frame, self.segments, initial)[:, :3]
         if self.relative:
-            with np.errstate(invalid="ignore"):  # where the integration fails
+            with np.errstate(invalid="ignore"):  # value if the integration fails
                 readings[:, 2] -= readings[:, 1]
         return readings
 

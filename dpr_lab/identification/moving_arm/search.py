@@ -1,4 +1,4 @@
-"""Global search of rods, arm and drive for a start from which the local solver goes on.
+"""Global search for initial values of rods, arm and drive for the local solver.
 
 A gene is the logarithm of an unknown of the fit, between the bounds that the rig file gives its parameters. The cost of
 a candidate is the sum of squared residuals over segments of a quarter of a second, from initial states estimated from
@@ -20,7 +20,7 @@ from dpr_lab.search import ALGORITHMS, load_search
 
 @dataclass(frozen=True, slots=True)
 class ArmSearchSettings:
-    """Settings of the search for a start."""
+    """Settings of the search for initial values."""
 
     algorithm: str = "iga"
     """Name in `dpr_lab.search.ALGORITHMS`."""

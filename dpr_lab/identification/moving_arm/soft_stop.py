@@ -73,7 +73,7 @@ class _Trial:
     angle: float
     beyond: Flags
     column: Array
-    """(k,) torque of the stop without the part that other terms explain."""
+    """(k,) torque of the stop, with the other terms of the equation projected out."""
 
 
 def soft_stop(run: Run, rig: Rig) -> SoftStop | None:
@@ -137,7 +137,7 @@ def _trials(angle: Array, basis: Array) -> tuple[list[_Trial], list[_Trial]]:
 
 
 def _pairs(trials: tuple[list[_Trial], list[_Trial]]) -> list[tuple[_Trial, ...]]:
-    """Single stops, and pairs of stops at both ends."""
+    """Candidates: single stops, and pairs of stops at both ends."""
     largest, smallest = trials
     return [*((trial,) for trial in (*largest, *smallest)), *product(largest, smallest)]
 

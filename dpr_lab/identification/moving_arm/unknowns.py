@@ -95,7 +95,7 @@ def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
     if driven:
         free.append("gain")
     else:
-        start[SWING_PARAMETERS.index("gain")] = 1.0  # for an acceleration; unused without an input
+        start[SWING_PARAMETERS.index("gain")] = 1.0  # value for an acceleration; unused without an input
     if rig.rig.L0_std is not None and set(modes) != {CLAMPED}:
         free.append("L0")
     return Unknowns("b" if both_rods else "a", tuple(free), kind, scale, start)

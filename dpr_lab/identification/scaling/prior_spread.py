@@ -1,8 +1,8 @@
 """Uncertainty of parameters that only the prior of the rig file determines (docs/theory.md, equation 56).
 
-Each of the nine has a lognormal prior. Its median is the measured value, or the nominal one. The standard deviation of
-its logarithm is that of a measured value, std / measured, or that of a uniform distribution between its bounds,
-ln(upper / lower) / sqrt(12). The ratios of inertias and gravity then update this prior, in logarithms z = ln Z:
+Each of the nine parameters has a lognormal prior. Its median is the measured value, or the nominal one. The standard
+deviation of its logarithm is that of a measured value, std / measured, or that of a uniform distribution between its
+bounds, ln(upper / lower) / sqrt(12). The ratios of inertias and gravity then update this prior, in logarithms z = ln Z:
 
     K = P0 J^T (J P0 J^T + C)^-1,    z = z0 + K (ln q - ln q(z0)),    P = P0 - K J P0,    J = d ln q / d z
 
@@ -46,7 +46,7 @@ def scale_of(b: ParameterValue, unknown: Array, rig: Rig, visible: Sequence[int]
     """Scale of absolute sizes determined by the rig file.
 
     Args:
-        b: the used value of b, and what determined it
+        b: the used value of b, and its source
         unknown: (7,) ratios, b and p/b, of which only ratios count
         rig: measured values, nominal values and bounds
         visible: indices in `UNKNOWN_RATIOS` that the recordings determine; default: the five ratios
@@ -112,7 +112,7 @@ def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = 
     scale_std = np.sqrt(slopes @ P @ slopes)
     intervals = {}
     for i, name in enumerate(PARAMETERS):
-        if name in BASE:  # friction: its ratio to b is determined, b is not
+        if name in BASE:  # friction: its ratio to b is determined, but b is not
             low, high = lognormal90(float(b / unknown[SCALE] * Z[i]), float(scale_std))
             intervals[name] = (float(min(low, Z[i])), float(max(high, Z[i])))
         else:

@@ -16,7 +16,7 @@ Interval90 = tuple[float, float]
 
 
 ROD_OF = {"a": "inner rod about joint 1", "b": "outer rod about joint 2"}
-"""Inertia of the scale -> whose it is."""
+"""Inertia of the scale -> rod to which it belongs."""
 
 
 class Scale(BaseModel):
@@ -80,8 +80,8 @@ class Scale(BaseModel):
     def absolute90(self, value: float, interval: Interval90, power: int = 1) -> Interval90:
         """90 % interval of an absolute size including the uncertainty of the scale.
 
-        On each side, the distance to the end of the fitted interval and the distance by which b alone moves the value
-        are added as independent errors.
+        On each side, two independent errors are added: the distance to the end of the fitted interval, and the change
+        of the value due to b alone.
 
         Args:
             value: the size at this b

@@ -11,11 +11,12 @@ d^2 / 2 and variance d^2, where d^2 = Delta D^2 / T and T is the temperature of 
 value of the recording is the expected reduction of the entropy between both causes, given their present probabilities.
 
 **Library.** A plan must not assume that the causes named so far are correct. Therefore the same bits are computed for
-every amplitude of the library against every other one and against none, at several sizes and even odds, and averaged.
+every amplitude of the library against every other one and against no effect, at several sizes and even odds, and
+averaged.
 
-**Effects that are not excluded.** If no gap is visible, or causes explain it, the answer is open because of amplitudes
-that may have their minimum detectable size too. For each of them the same bits are computed against none, at this
-size and even odds.
+**Effects that are not excluded.** If no gap is visible, or causes explain it, the answer is open as long as other
+amplitudes may have their minimum detectable size. For each of these amplitudes the same bits are computed against no
+effect, at this size and even odds.
 
 **Ratios (D-optimality).** log2 of the reduction of the volume of their covariance, with the effects of the model
 fitted.
@@ -171,7 +172,7 @@ def _with_hidden(name: str, about: str, columns: Sequence[int], known: Knowledge
 
 
 def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
-    """Expected bits of each pair of the likeliest cause and another."""
+    """Expected bits of each pair of the most probable cause and another cause."""
     if len(pairs.names) < 2:
         return {}
     best = int(np.argmax(pairs.probabilities))
@@ -193,7 +194,7 @@ def _even_bits() -> tuple[Array, Array]:
 
 
 def library_bits(known: Knowledge, F: Array) -> float:
-    """Mean bits about an amplitude of the library against another one, and against none, at even odds."""
+    """Mean bits about an amplitude of the library against another amplitude, and against no effect, at even odds."""
     columns = [i for i in range(RATIO_COLUMNS, len(F)) if known.model.columns[i].effect not in known.named]
     G = given(F, known.fitted, columns)
     power = np.maximum(np.diag(G), 0.0)
@@ -271,7 +272,7 @@ def detectable(
     """Size of each amplitude of some or all effects, in standard deviations; None if it is not detectable.
 
     Args:
-        known: what is known now
+        known: the present knowledge
         F: (k, k) information
         sigmas: standard deviations of a size
         names: of the effects; None: all

@@ -43,15 +43,18 @@ def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:
     """Each limit of a file with some information.
 
     Args:
-        known: what is known now
+        known: the present knowledge
         F: (k, k) information
-        limits: what the rig must keep
+        limits: limits that the rig must satisfy
     """
     return [*_of_effects(known, F, limits), *_of_friction(known, F, limits), *_of_ratios(known, F, limits)]
 
 
 def goal_bits(known: Knowledge, F: Array, limits: Limits) -> float:
-    """Sum over the limits of the negative log2 of half width / distance; a ratio below one half adds nothing more."""
+    """Sum over the limits of the negative log2 of half width / distance.
+
+    A ratio below one half gives no further gain.
+    """
     shares = [goal.reach / goal.room for goal in goals(known, F, limits) if goal.reach is not None]
     return float(np.sum(-np.log2(np.maximum(shares, 0.5)))) if shares else 0.0
 
@@ -62,9 +65,9 @@ def limit_forecasts(
     """Each limit of a file, and whether releases decide it.
 
     Args:
-        known: what is known now
+        known: the present knowledge
         F: (k, k) information after the releases
-        limits: what the rig must keep
+        limits: limits that the rig must satisfy
         releases: the releases; a friction limit is decided only if the joint reaches its speed in one of them or before
     """
     slow = _too_slow(known, limits, releases)
@@ -81,7 +84,7 @@ def limit_forecasts(
 
 
 def _too_slow(known: Knowledge, limits: Limits, releases: Sequence[CandidateRelease]) -> dict[str, float]:
-    """Friction limit -> speed that its joint reaches, for those whose speed it does not reach, rad/s."""
+    """Friction limit -> speed that its joint reaches, for limits whose speed the joint does not reach, rad/s."""
     if not limits.friction:
         return {}
     planned, evidence = reached_speeds(releases, known.model), known.diagnosis.evidence if known.diagnosis else None

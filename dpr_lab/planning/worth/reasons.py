@@ -1,4 +1,4 @@
-"""Reason of a release of a plan: what it adds, in words."""
+"""Reason for a release of a plan: its contribution, in words."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class Reason:
 
 
 def reason(before: Expected, after: Expected, needed: bool = False, diagnosed: bool = True) -> Reason:
-    """Compare what is expected before and after a release.
+    """Compare the expected results before and after a release.
 
     Args:
         before: before it

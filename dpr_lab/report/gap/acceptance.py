@@ -14,7 +14,7 @@ RULE = (
 
 
 def answer_sentence(acceptance: Acceptance) -> str:
-    """The overall answer and the number of limits that pass."""
+    """The overall result and the number of limits that pass."""
     passed = sum(limit.answer == "pass" for limit in acceptance.limits)
     return f"{acceptance.answer}: {passed} of {len(acceptance.limits)} limits pass"
 

@@ -103,7 +103,7 @@ def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
 
 
 def _acceptance(acceptance: Acceptance) -> Iterator[Block]:
-    """The answer to each limit, and the releases that would decide the open ones."""
+    """The result of each limit, and the releases that would decide the undecided limits."""
     yield f"{answer_sentence(acceptance)}."
     yield PageTable(LIMIT_COLUMNS, limit_rows(acceptance), RULE, "prose")
     if sentence := deciding_sentence(acceptance):
@@ -140,7 +140,8 @@ def _checks(diagnosis: Diagnosis) -> Iterator[Block]:
 
 def _gap_reduction(diagnosis: Diagnosis) -> Iterator[Block]:
     rows = tables.closed_rows(diagnosis)
-    width = len(tables.CLOSED_COLUMNS) if diagnosis.evidence is None else 2  # the budget lists errors of free runs
+    # the budget contains the errors of free runs
+    width = len(tables.CLOSED_COLUMNS) if diagnosis.evidence is None else 2
     note = tables.CLOSED_NOTE if diagnosis.evidence is None else ""
     yield PageTable(tables.CLOSED_COLUMNS[:width], [row[:width] for row in rows], note, "prose")
     if diagnosis.gap.waterfall:

@@ -10,7 +10,7 @@ from dpr_lab.report.digits import NONE, superscripts, three, with_interval, with
 from dpr_lab.report.words import negative_words, parameter_words, size_words
 
 RUN = "run"
-"""Index of the recording of an event, which is not a size; the remedy names the release."""
+"""Parameter that is the index of a recording, not a size; the remedy names the release."""
 
 
 def only_ratios(diagnosis: Diagnosis) -> bool:
@@ -19,7 +19,7 @@ def only_ratios(diagnosis: Diagnosis) -> bool:
 
 
 def assumed(diagnosis: Diagnosis) -> str:
-    """`assuming b = 0.00534 kg m² (not measured)`; empty where the scale is known."""
+    """`assuming b = 0.00534 kg m² (not measured)`; empty if the scale is known."""
     return superscripts(diagnosis.scale.assumption) if diagnosis.scale and not diagnosis.scale.known else ""
 
 
@@ -31,7 +31,7 @@ def scale_note(diagnosis: Diagnosis) -> str:
 def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RADIANS, *, brief: bool = False) -> str:
     """Parameters of an effect with intervals; ratios first if only these are identified, those held at zero last.
 
-    With `brief`, amplitudes whose interval contains zero are only named, unless all of them are such.
+    With `brief`, amplitudes whose interval contains zero are only named, unless this applies to all of them.
     """
     parameters = {name: size for name, size in effect.parameters.items() if name != RUN}
     sizes = {name: size for name, size in parameters.items() if any((size.value, *size.interval90))}

@@ -33,8 +33,8 @@ def held_out_words(diagnosis: Diagnosis) -> str:
 def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
     """The gap of the bare model, split into the part that each effect removes and the remainder.
 
-    Parts are differences of rms values (rad) as effects are added one at a time. A probable cause has a part of its
-    own; the terms of improbable causes share one. None where there is no gap to split.
+    Parts are differences of rms values (rad) as effects are added one at a time. Each probable cause has its own part;
+    the terms of improbable causes share one part. None if there is no gap to split.
     """
     if diagnosis.evidence is not None and diagnosis.evidence.closing:
         gaps = [(step.effect or "", step.left_rad) for step in diagnosis.evidence.closing]
@@ -63,7 +63,7 @@ def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
 
 
 def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
-    """Label and share of each part of the mean squared residual; empty where there is no gap."""
+    """Label and share of each part of the mean squared residual; empty if there is no gap."""
     budget = diagnosis.gap.budget
     if budget is None or budget.of_gap is None:
         return []

@@ -147,7 +147,7 @@ class _Candidate:
     probability: float
     alternatives: tuple[RivalEffect, ...]
     outside: float
-    """Probability of a cause outside the library in its place."""
+    """Probability that a cause outside the library replaces it."""
 
 
 def standing_rows(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBABLE) -> list[tuple[str, ...]]:
@@ -233,7 +233,7 @@ def _percent(probability: float) -> str:
 
 
 def step_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
-    """Gap and cumulative share of the excess explained, from the bare model to that with all effects."""
+    """Gap and cumulative share of the excess explained, from the bare model to the model with all effects."""
     gaps, explained = steps(diagnosis), diagnosis.gap.explained_share
     shares = [1 - (gap / gaps[0][1]) ** 2 if gaps[0][1] > 0 else 0.0 for _, gap in gaps[:-1]]
     shares += [explained] if len(gaps) > 1 else [0.0]
@@ -244,11 +244,12 @@ def step_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[s
 
 
 def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
-    """Label and gap (rad) of each model, from the bare one to that with all effects."""
+    """Label and gap (rad) of each model, from the bare model to the model with all effects."""
     return [
         ("bare model", per_reading(diagnosis.gap.before_rad)),
         *(
-            (f"+ {named(step['effect'])}", float(step.get("gap_rad", step["rms_rad"] / 2**0.5)))  # older: sum of joints
+            # older files contain the sum over the joints
+            (f"+ {named(step['effect'])}", float(step.get("gap_rad", step["rms_rad"] / 2**0.5)))
             for step in diagnosis.gap.waterfall
         ),
     ]
@@ -270,7 +271,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.only_uncertain:
         partly = "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
     elif per_reading(diagnosis.gap.after_rad) < per_reading(diagnosis.gap.floor_rad):
-        partly = "The remainder is smaller than the noise of a reading: inspect the rig only if it matters to you."
+        partly = "The remainder is smaller than the noise of a reading: inspect the rig only if this matters to you."
     likely = " or ".join(named(rival.name) for rival in diagnosis.rivals if rival.probability >= PROBABLE)
     more = f"The recordings neither confirm nor exclude {likely}: record further releases. If these do not confirm it,"
     cause = more if likely else "No effect of the library is the cause:"

@@ -13,7 +13,7 @@ def trust_words(diagnosis: Diagnosis) -> list[str]:
     """Results of the blind trials, and their limits."""
     trust = diagnosis.trust
     if trust is None or not trust.trials:
-        return ["No blind trials were made on plants like this rig. To make them: `dpr-lab diagnose --trust 40`."]
+        return ["No blind trials were made on plants like this rig. To run them: `dpr-lab diagnose --trust 40`."]
     return [
         f"Blind trials: {len(trust.trials)} plants with the fitted parameters were simulated with the named"
         " effects, with another effect, or with none; recorded like this rig, each with different noise; and"

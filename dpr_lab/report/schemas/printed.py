@@ -39,7 +39,7 @@ class PrintedSimulator(BaseModel):
     lost: dict[str, str]
     """Effect -> reason why the file cannot contain it."""
     passive: list[str]
-    """Those among them that the module of passive forces contains (MuJoCo), together with a file of its own."""
+    """Effects among these that the module of passive forces contains (MuJoCo); this module has its own model file."""
     replays: list[FileReplay]
     """Errors on held-out recordings, or on the fitted ones if none are held out; empty without MuJoCo."""
     refused: str
@@ -60,7 +60,7 @@ class CheckedDiagnosis(Diagnosis):
 
 
 class PrintedPlan(Plan):
-    """What `dpr-lab plan --json` prints, and `plan.json` of its folder."""
+    """Output of `dpr-lab plan --json`, and `plan.json` in the folder of a plan."""
 
     files: dict[str, str] = Field(default={})
     """Name of each file that was written -> its path."""

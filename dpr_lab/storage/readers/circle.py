@@ -1,8 +1,8 @@
 """The circle on which most points of a film lie, although a tracker followed something else in some frames.
 
 Sources: Kasa (1976), IEEE Trans. Instrum. Meas. 25, 8-14: least squares of x^2 + y^2 - 2 cx x - 2 cy y - k;
-Rousseeuw (1984), J. Am. Stat. Assoc. 79, 871-880: of circles through three of the points, the one with the least median
-of distances, then least squares of the points near it.
+Rousseeuw (1984), J. Am. Stat. Assoc. 79, 871-880: the circle through three of the points with the least median of
+distances, then least squares for the points near it.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ class CircleSettings:
     """Limits for a circle through tracked points."""
 
     triples: int = 100
-    """Number of circles through three random points: with a third of the points wrong, 30 of them are right."""
+    """Number of circles through three random points: if a third of the points are wrong, 30 of them are right."""
     near: float = 6.0
     """Distance from the circle in median distances, about 4 standard deviations, up to which a point is on it."""
     fits: int = 20
@@ -32,8 +32,8 @@ SETTINGS = CircleSettings()
 def most_of_a_circle(points: Array, settings: CircleSettings = SETTINGS) -> tuple[Array, Flags] | None:
     """Centre (2,) of the circle on which most points lie and (n,) whether each does; None if they lie on a line.
 
-    The first circle is the one with the least median distance of all points, among the one fitted to them and those
-    through three of them.
+    The candidates for the first circle are the fit to all points and circles through three points; the one with the
+    least median distance of all points is chosen.
 
     Args:
         points: (n, 2) in the order of the frames, each finite

@@ -31,7 +31,7 @@ class PointSettings:
     """Limits for tracked points."""
 
     likelihood: float = 0.6
-    """Minimum likelihood of a point; DeepLabCut draws no others (its pcutoff)."""
+    """Minimum likelihood of a point; DeepLabCut does not draw points below it (its pcutoff)."""
     at_rest: float = 0.05
     """Motion of a point relative to that of another one, below which it is a pivot at rest."""
     at_origin: float = 1.5
@@ -62,7 +62,7 @@ _UNIT = r"([\W_]*(px|pixels?|mm|cm|m)\W*)?"
 _BY_NAME = re.compile(rf"{_COORDINATE}{_UNIT}", re.I)
 _WORDS = r"[\W_]*(?:coordinate|coord|position|pos)[\W_]*(?:(?:for|of)\b[\W_]*)?(?:the\b[\W_]*)?"
 _IN_WORDS = re.compile(rf"(?P<axis>[xy]){_WORDS}(?P<point>.+?){_UNIT}", re.I)
-"""As "x coordinate of the elbow"."""
+"""Part of a message, such as "x coordinate of the elbow"."""
 _ANGLE = re.compile(r"theta|(?<![a-z])th(?![a-z])|phi|angle|^q\d|joint")
 _ALONE = re.compile(rf"([xy]){_UNIT}", re.I)
 
@@ -114,7 +114,7 @@ def _with_names(table: Table) -> Table:
     points = [_Point(f"{k}", np.column_stack([table.values[k], table.values[k + 1]])) for k in xy]
     try:
         rods = [np.hypot(*(end.at - start.at).T) for start, end in pairwise(_chosen(table, points, ()))]
-    except RunError:  # not on a circle
+    except RunError:  # the points are not on a circle
         return table
     if max(float(np.nanstd(rod) / np.nanmean(rod)) for rod in rods) > LENGTHS.scatter:
         return table
@@ -240,7 +240,7 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
 
 
 def _repeats(ends: list[_Point]) -> Flags:
-    """(n,) frames that repeat the frame before them, apart from the noise of the tracker; none if they are few.
+    """(n,) frames that repeat the frame before them, apart from the noise of the tracker; no frames if they are few.
 
     The points hardly move in such a frame, although they move in the same direction before and after it.
     """
@@ -285,8 +285,8 @@ def _upside_down(rods: list[Array]) -> bool:
 
     Over an interval too short for friction, the increments of squared speed and of height of the ends of the rods are
     negatively correlated if y points upwards, also for rods that swing from near upright or turn over. The noise hides
-    this over short intervals, the exchange of energy between the rods over others: the interval with the largest
-    correlation decides. Points that do not move hang.
+    this correlation over short intervals, and the exchange of energy between the rods hides it over some longer ones:
+    the interval with the largest correlation decides. Points that do not move are assumed to hang.
     """
     points = np.cumsum(rods, axis=0)  # (rods, n, xy)
     lags = [2**k for k in range(points.shape[1].bit_length()) if 4 * 2**k < points.shape[1]]
@@ -307,7 +307,7 @@ def _falling(points: Array, lag: int) -> float:
 
 
 def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Point]:
-    """Pivot and ends of the rods: the named points, or all by number or else in the order of the table.
+    """Pivot and ends of the rods: the named points; otherwise all points by number, or in the order of the table.
 
     A missing pivot is estimated.
     """
@@ -321,12 +321,12 @@ def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Po
         raise RunError(f"{table.path}: contains the points {available}: select with --take {WANTED}")
     if len(chosen) == 1 or (len(chosen) == 2 and _moved(chosen[0]) > SETTINGS.at_rest * _moved(chosen[1])):
         return [_pivot_of(table, chosen[0]), *chosen]
-    pivot = np.nanmedian(chosen[0].at, axis=0)  # the pivot rests, so its noise is not that of the rods
+    pivot = np.nanmedian(chosen[0].at, axis=0)  # the pivot rests, so its noise differs from that of the rods
     return [_Point(chosen[0].name, np.broadcast_to(pivot, chosen[0].at.shape)), *chosen[1:]]
 
 
 def _by_number(points: list[_Point]) -> list[_Point]:
-    """Points in the order of the numbers at the end of their names, if each has one: m1 before m2."""
+    """Points in the order of the numbers at the end of their names, if all names have one: m1 before m2."""
     numbered = all(re.search(r"\d$", point.name) for point in points)
     return sorted(points, key=lambda point: int(re.findall(r"\d+", point.name)[-1])) if numbered else points
 

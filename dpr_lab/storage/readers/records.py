@@ -1,6 +1,6 @@
 """JSON files: a list of records, one record per line, or lists of numbers of equal length.
 
-Loggers write each sample as an object of its own, `{"t": 0.01, "theta1": 3.1}`, in a list or on a line, often next to
+Loggers write each sample as a separate object, `{"t": 0.01, "theta1": 3.1}`, in a list or on a line, often next to
 values that describe the recording. The longest list of objects is the table; without one, each list of numbers is a
 column. Objects and lists within an object become columns with its name: `imu/gyro[1]`.
 """

@@ -1,8 +1,9 @@
-"""Lengths of rods in a video: their scatter is the noise of the angles, their dependence on the pose shows the camera.
+"""Lengths of rods in a video: their scatter is the noise of the angles, their dependence on the pose a tilted camera.
 
 The length of a rod is constant, so the scatter of the distance of its ends is the noise of a point in the picture.
 Divided by the length it is the noise of the angle. If the camera does not look along the joint axes, the length in the
-picture also varies with the pose: by a constant and two harmonics of the angles (weak perspective), which are no noise.
+picture also varies with the pose: by a constant and two harmonics of the angles (weak perspective), which are not
+noise.
 
 Source: Hartley & Zisserman (2004), Multiple View Geometry in Computer Vision, section 6.3: affine cameras.
 """
@@ -25,7 +26,7 @@ class LengthSettings:
     """Limits for the lengths of rods."""
 
     scatter: float = 0.1
-    """Maximum relative scatter of a rod's length; above it the points are not its ends."""
+    """Maximum relative scatter of a rod's length; above it the points are not the ends of the rod."""
     wild: float = 4.0
     """Deviation of a length, in standard deviations, beyond which it is limited."""
     correlated: float = 4.0

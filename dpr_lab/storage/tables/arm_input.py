@@ -31,17 +31,18 @@ _UNITS = {
 }
 _KIND = "(?:measured|meas|commanded|command|cmd|desired|des|motor|arm)?"
 _UNNAMED = f"{_KIND}(?:input|u|control|action){_KIND}"
-"""Names of an input whose kind is that of the rig file: `input`, as `run export` writes it, and usual others."""
+"""Names of an input whose kind is that of the rig file: `input`, which `run export` writes, and other usual names."""
 _CART = re.compile("(?:x|pos|position)?(?:cart|carriage|trolley|slider|carro)(?:x|pos|position)?([cm]?m)?")
 _PLACE = re.compile("(?:x|pos|position)([cm]?m)?")
-"""Names that are also those of angles or points: of a cart only if no column has a plain name."""
+"""Names that are also those of angles or points: they name the position of a cart only if no column has a plain
+name."""
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _ANGLES = {"rad": 1.0, "deg": 180 / math.pi}
 
 
 @dataclass(frozen=True, slots=True)
 class CartSettings:
-    """How the rail of a cart is described.
+    """Description of the rail of a cart.
 
     Attributes:
         rail_m: length of the arm that represents it, m: at 1 m/s it turns at 0.1 rad/s, and g / L1 exceeds the square
@@ -59,7 +60,7 @@ class KnownInputs:
     """Columns of the known torques of joints 1 and 2, or of the input of a driven arm."""
 
     pairs: Pairs
-    """Kind -> both columns, for a driven arm its input and `PASSIVE`; empty for a free swing."""
+    """Kind -> both columns, for a driven arm, its input and `PASSIVE`; empty for a free swing."""
     factors: tuple[float, float]
     """Factors of both columns from the unit in the name of the column to SI."""
     motor: MotorTable | None = None
@@ -233,8 +234,8 @@ def cart_note(
 ) -> list[str]:
     """A note on how to import the motion of a cart if a column with its position is not used.
 
-    On an arm of length R that turns by theta_0 = -x / R, the rod feels the acceleration of a cart at x, because the
-    terms with the squared speed of the arm vanish for a long arm.
+    On an arm of length R that turns by theta_0 = -x / R, the pivot of the rod has the acceleration of a cart at x,
+    because the terms with the squared speed of the arm vanish for a long arm.
 
     Args:
         table: the table

@@ -45,7 +45,10 @@ def clean_rows(text: str, width: int, delimiter: str | None, decimal_comma: bool
 
 
 def _all_wide(raw: NDArray[np.uint8], ends: NDArray[np.intp], width: int, delimiter: str | None) -> bool:
-    """Whether all lines have this number of fields; a comment may too, but it fails as a number later."""
+    """Whether all lines have this number of fields.
+
+    A comment may have it too, but is rejected later because it is not a number.
+    """
     if delimiter is None:
         begins = raw > _BLANK
         begins[1:] &= raw[:-1] <= _BLANK

@@ -68,7 +68,7 @@ def wrap_behind(before: float, after: float, step: float = 0.0, continues: bool 
 
 
 def continues_across(row: int, columns: Iterable[Array]) -> bool:
-    """Whether moving readings continue from one row to the next as in the rows about them: the clock wrapped there.
+    """Whether the clock wrapped at a row: moving readings continue across it as in the neighbouring rows.
 
     Args:
         row: index of the first row after the fall

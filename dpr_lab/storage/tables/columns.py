@@ -37,7 +37,7 @@ _ROD_NAME = rf"(rod|pole|pend(ulum|ulo|ule|el)?)(angle|pos|position)?{_ANGLE_UNI
 _COUNT_NAME = rf"(counts?|enc|encoder){{axis}}(counts?|ticks?)?|{_ANGLE_WORD}{{axis}}(counts?|ticks?)"
 _ONE_ROD = re.compile(f"{_ANGLE_NAME}|{_COUNT_NAME}|{_ROD_NAME}".format(axis=""))
 _PLACE = re.compile("pos(ition)?([cm]?m)?")
-"""A position is the angle of the rod only if no other column is: next to an angle it is that of a cart."""
+"""A position is the angle of the rod only if no other column is an angle; otherwise it is the position of a cart."""
 _COORDINATE = re.compile("[xy]([cm]?m|px|pixels?)?")
 _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
 _SAID_UNIT = re.compile(r"(?<![a-z])(rad|deg|counts)(ians|rees)?(?![a-z])|°|(?<![a-z])gra(us|dos|di)(?![a-z])")
@@ -46,7 +46,7 @@ _ONLY_UNIT = re.compile(
 )
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
 _NO_NAME = re.compile(r"\d+|.+\[\d+\]|[xy]", re.I)
-"""Names without a meaning: numbers, elements of an array, and the axes of a plot."""
+"""Names without a meaning: numbers, elements of an array, and axes of a plot."""
 SPEED_CORRELATION = 0.9
 """Minimum correlation of the steps of an angle with its speed: at six rows per period it is 0.95 for exact speeds."""
 _JOINT_STATES = (re.compile(r"(?:.*[/.])?positions?\[\d+\]", re.I), re.compile(r".+/position", re.I))
@@ -236,7 +236,7 @@ def _correlation(first: Array, second: Array) -> float:
 
 
 def _never_falls(column: Array) -> bool:
-    """Whether a column increases, or repeats its value in rows that were written together, as a time does."""
+    """Whether a column increases like a time, which may repeat its value in rows that were written together."""
     steps = np.diff(column)
     return bool(len(steps) and (steps >= 0).all() and column[-1] > column[0])
 
@@ -295,7 +295,7 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
 def _example(names: Sequence[str], named: Mapping[str, str], missing: Sequence[str]) -> str:
     """Option that names the missing columns: the remaining columns in their order if there is one for each."""
     unknown = [name for name in names if name not in named.values() and name != NO_ROD]
-    # Without the arm, whose column may only have been guessed.
+    # without the arm, whose column may only be a guess
     rest = unknown if len(unknown) == len(missing) else [name for name in names if name not in (named.get("t"), NO_ROD)]
     complete = len(rest) == len(missing) and not any(re.search(r"[,=]", name) for name in rest)
     pairs = zip(missing, rest if complete else ["NAME"] * len(missing), strict=True)

@@ -1,4 +1,4 @@
-"""A table with its interpretation, about which an import has doubts."""
+"""A table with its interpretation, and the limits for doubts about it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ class QuestionSettings:
     refused_rows_a_period: float = 2.0
     """Number of rows per period below which a swing cannot be followed."""
     still_share: float = 0.002
-    """Excursion of a rod relative to the other's, below which its column is considered constant: coupled rods always
-    move both.
+    """Excursion of a rod relative to that of the other rod, below which its column is considered constant: coupled rods
+    always move both.
     """
     stiff_rad: float = 0.02
     """Range of joint 2 below which it is considered fixed, and the same relative to the excursion of the rods."""
@@ -41,21 +41,23 @@ class QuestionSettings:
     other_unit: float = 30.0
     """Value of the factor in `time_scale` above which the unit of time must be wrong."""
     same_rig: float = 0.15
-    """Residual of the torque balance, with L1 free, up to which the inertias are compared with the rig file."""
+    """The inertias are compared with the rig file only if the residual of the torque balance with free L1 is below this
+    limit."""
     other_rig: float = 1.1
     """Factor between an inertia over gravity and the nearest value that the rig file allows, above which a warning is
-    given. It is below 1.05 for free swings of the correct rig, 1.15 or more for another one of this repository.
+    given. The factor is below 1.05 for free swings of the correct rig, and 1.15 or more for other rigs of this
+    repository.
     """
     torque_step: float = 0.08
     """Median change of a known torque between rows, relative to its range, above which a warning is given: 0.012 for a
     sine of 1 Hz at 200 Hz, 0.12 at 20 Hz.
     """
     idle: tuple[float, float] = (1.0, 0.75)
-    """Residual of the torque balance, relative to gravity, above which known torques may not act at all, and the
-    residual without them, relative to that one, below which a warning is given.
+    """Residual of the torque balance, relative to gravity, above which known torques may not act at all, and the ratio
+    of the residual without them to that residual below which a warning is given.
     """
     energy_rows: int = 200_000
-    """Maximum number of rows for the energy test; a wrong interpretation is wrong from the start."""
+    """Maximum number of rows for the energy test; a wrong interpretation is visible from the start."""
     pose: tuple[float, float] = (3.0, 10.0)
     """Distance from the named pose, in units of its tolerance, above which a warning is given and above which the
     table is refused.

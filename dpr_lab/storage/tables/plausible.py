@@ -17,10 +17,10 @@ from dpr_lab.storage.tables.options import ImportOptions
 
 @dataclass(frozen=True, slots=True)
 class Plausible:
-    """Limits of a plausible table; outside them a unit is wrong or the file is not a recording."""
+    """Limits of a plausible table; outside these limits a unit is wrong or the file is not a recording."""
 
     nan_share: float = 0.1
-    """Maximum share of rows without a value, unless they are scattered, as where a tracker loses a point."""
+    """Maximum share of rows without a value, unless they are scattered, for example because a tracker loses a point."""
     lost_share: float = 0.5
     """Maximum share of scattered rows without a value."""
     lost_rows: int = 10
@@ -93,7 +93,7 @@ def refuse_missing(path: Path, t: Array, whole: Flags) -> None:
     Raises:
         RunError: more than a tenth of the rows have no value, and these are not scattered.
     """
-    edges = np.flatnonzero(np.diff(whole, prepend=True, append=True))  # of intervals without a value, begin and end
+    edges = np.flatnonzero(np.diff(whole, prepend=True, append=True))  # begin and end of intervals without a value
     intervals = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a > PLAUSIBLE.lost_rows]
     missing = float(np.mean(~whole)) if len(whole) else 0.0
     if missing <= (PLAUSIBLE.nan_share if intervals else PLAUSIBLE.lost_share):
@@ -188,7 +188,7 @@ def _leaps(angles: Array, rows: int) -> Flags:
 
 
 def gap_notes(t: Array) -> list[str]:
-    """Note on gaps between (n,) times, s, if there are any."""
+    """Note on gaps between (n,) times, s; empty without gaps."""
     steps = np.diff(t)
     gaps = steps[steps > PLAUSIBLE.gap_steps * np.median(steps)]
     return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []

@@ -46,7 +46,7 @@ class ReadingSettings:
     0.4 for driven geared joints, and 0.1 or more with one wrong option.
     """
     near_balance: float = 0.15
-    """Residual of the torques up to which only the nearest zeros are searched; far ones have a larger residual."""
+    """Residual of the torques up to which only the nearest zeros are searched; distant zeros have a larger residual."""
     better_balance: float = 2.0
     """Factor by which the residual of the torques must be smaller in another interpretation. No other interpretation of
     a correct table reduces it by more than a third.
@@ -54,10 +54,11 @@ class ReadingSettings:
     sure_balance: float = 0.25
     """Maximum residual of the torques of another interpretation."""
     alike_balance: float = 1.1
-    """As `alike`, for the torques."""
+    """Same factor as `alike`, for the torques."""
     wrong_zero_rad: float = 0.15
-    """Distance of the nearest balanced zero that is doubted even if the torques of a noisy record follow little better
-    from it. It is at most 0.08 for 21 correct recordings of real rigs, and 0.17 for a zero that is 10 degrees off.
+    """Distance of the nearest zero that balances the torques, above which the stated zero is doubted even if the
+    residual of a noisy record hardly falls. The distance is at most 0.08 for 21 correct recordings of real rigs, and
+    0.17 for a zero that is 10 degrees off.
     """
     better_zero: float = 1.1
     """Factor by which the residual of the torques must be smaller with this zero."""
@@ -193,7 +194,7 @@ def _conserves(fit: EnergyFit | None) -> bool:
 
 
 def _with_other_zeros(read: ReadTable) -> OtherReading | None:
-    """Correct the zeros of the rods so that a free swing conserves its energy; None if no zeros do."""
+    """The table with zeros of the rods for which a free swing conserves its energy; None if there are no such zeros."""
     rods = read.rods(read.values, read.options)
     added = energy_zeros(read.t, rods, read.rig)
     if added is None or not _conserves(energy_fit(read.t, rods + added, None, read.rig)):
@@ -202,7 +203,7 @@ def _with_other_zeros(read: ReadTable) -> OtherReading | None:
 
 
 def balanced_readings(read: ReadTable) -> list[OtherReading]:
-    """Interpretations with which the accelerations follow from the torques clearly better than as given; best first."""
+    """Interpretations with a clearly smaller residual of the torque balance than the given one, best first."""
 
     def balance(values: Values, options: ImportOptions) -> TorqueBalance | None:
         return torque_balance(read.t, read.rods(values, options), read.torques, read.rig)
@@ -235,7 +236,8 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
 def _by_energy(read: ReadTable, balancing: tuple[float, float]) -> tuple[float, float]:
     """The zeros that conserve the energy of a single free rod, if they are near those of the torque balance.
 
-    Where friction stops a rod or changes its sign, the accelerations are wrong and move the zeros; the energy is right.
+    If friction stops a rod or changes its sign, the accelerations are wrong and shift the zeros, whereas the energy is
+    right.
     """
     if read.rig.rods.mounting == "both" or read.torques is not None:
         return balancing
@@ -251,14 +253,15 @@ def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
     values, options, rig = read.values, read.options, read.rig
     if options.unit != "counts":
         from_pi = np.abs((np.asarray(added) % (2 * np.pi)) - np.pi)
-        if from_pi.max() < READ.wrong_zero_rad:  # the rest is an error of the zero, which a diagnosis names
+        # the remaining difference is an error of the zero, which a diagnosis names
+        if from_pi.max() < READ.wrong_zero_rad:
             return _changed(values, options, read.columns, zero=True)
         return with_zeros(values, options, added)
     turned = (rig.encoders.joint_angles.of_rods(added) + np.pi) % (2 * np.pi) - np.pi
     counts = np.round(turned / np.asarray(rig.radians_per_count)[1:])
     moved = {axis: values[axis] + count for axis, count in zip(AXES[1:], counts, strict=True)}
     zeros = [round(zero) for zero in np.asarray(rig.encoders.zero_counts)[1:] - counts]
-    if rig.rods.mounting != "both":  # in the turn of the swing
+    if rig.rods.mounting != "both":  # within the turn of the swing
         turn = 2 * np.pi / abs(rig.radians_per_count[1])
         zeros[0] += round(turn * round((float(np.median(values["theta1"])) - zeros[0]) / turn))
     of_joint2 = f" and {zeros[1]} for joint 2" if rig.rods.mounted == "both" else ""

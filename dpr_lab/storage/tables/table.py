@@ -18,7 +18,7 @@ from dpr_lab.run import FilmNoise
 from dpr_lab.storage.tables.clean import NOT_A_VALUE, clean_rows
 from dpr_lab.storage.tables.content import Content, Line, TableLimits
 
-DELIMITERS = (";", "\t", ",")  # in this order: with a semicolon or tab as delimiter, a comma is the decimal sign
+DELIMITERS = (";", "\t", ",")  # the order matters: with a semicolon or tab as delimiter, a comma is the decimal sign
 LIMITS = TableLimits()
 _CLOCK_TIME = re.compile(r"(?:.*[ T])?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)(?:Z|[+-]\d{2}:?\d{2})?")
 
@@ -176,7 +176,7 @@ class _Columns:
         )
 
     def _number(self, word: str, place: int, line: int) -> float:
-        """A number; of a time as `14:30:00.123`, after a date or not, or `30:00.1`, its seconds."""
+        """A number; for a time such as `14:30:00.123` (with or without a date) or `30:00.1`, its seconds."""
         try:
             return float(word.replace(",", ".") if self._comma else word)
         except ValueError:

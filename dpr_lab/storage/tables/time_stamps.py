@@ -1,8 +1,8 @@
 """Faults of time stamps: too few digits, stamps on the wrong side of a gap, and a carry at the wrong row.
 
-Too few digits, as of a spreadsheet that shows three: several rows share one time. If the rows are evenly spaced, their
-number determines the times: t_i = t_0 + i T, and each written time differs from t_i by at most half of its resolution,
-apart from a constant. Rows of an uneven logger, or lost rows, violate this.
+Too few digits, for example from a spreadsheet that shows three: several rows share one time. If the rows are evenly
+spaced, their number determines the times: t_i = t_0 + i T, and each written time differs from t_i by at most half of
+its resolution, apart from a constant. Rows of an uneven logger, or lost rows, violate this.
 
 Stamps at gaps: a logger that pauses, for example while it writes to a card, may take the stamp of a row before the
 pause and its reading after it, or vice versa. The reading then continues the motion on the other side of the gap.
@@ -59,7 +59,8 @@ SETTINGS = StampSettings()
 def carried_times(t: Array) -> tuple[Array, str]:
     """Times with rows that are a second or a minute early or late corrected, and a note; others are unchanged.
 
-    A few rows are moved by the unit if the time runs backwards without it, and all steps around them are then usual.
+    A few rows are shifted by the unit if the time runs backwards without this shift and all steps around them have the
+    usual size with it.
 
     Args:
         t: (n,) s, NaN where unknown

@@ -46,13 +46,14 @@ def find_torques(
 
     Args:
         names: names of the columns
-        source: `measured` or `commanded`, if only this kind is requested; `none` for none; None for all
+        source: `measured` or `commanded`, if only this kind is requested; `none` for no torques; None for all
         given: names of the columns of `tau1` and `tau2`, if stated
         path: path of the table
         alone: whether there is only joint 1, so that its torque needs no number
 
     Raises:
-        RunError: two columns of one torque, none of the requested kind, a joint with a torque of another kind only,
+        RunError: two columns of one torque, no torque of the requested kind, a joint with a torque of another kind
+        only,
             or a stated column that does not exist.
     """
     if source == "none":
@@ -124,7 +125,7 @@ def torque_column(table: Table, name: str) -> Array:
 
 
 def held_torque(t: Array, torque: Array, rows: NDArray[np.intp]) -> Array:
-    """Torque of the kept rows. Before removed rows it is the mean over them, which conserves the impulse.
+    """Torque of the kept rows. Over removed rows the mean torque is used, which conserves the impulse.
 
     Args:
         t: (rows,) s
@@ -154,7 +155,7 @@ class OtherTorques:
 def other_torques(
     torques: Array | None, pair: tuple[str, str], scale: Mapping[str, float], ignored: tuple[str, Array] | None
 ) -> Iterator[OtherTorques]:
-    """Torques with other signs, in other units, or exchanged; those that are ignored.
+    """Other interpretations: torques with other signs, in other units, or exchanged, and the ignored torques.
 
     Args:
         torques: (n, 2) as interpreted, N m; None for a free swing
@@ -227,7 +228,7 @@ def idle_torques(
         pair: names of their columns
         rig: the recorded rig
         limits: residual of the torque balance, relative to gravity, above which the torques may not act at all;
-            residual without them, relative to that one, below which they probably do not
+            ratio of the residual without them to that residual, below which they probably do not act
     """
     acting, idle = (torque_balance(t, rods, acting, rig) for acting in (torques, None))
     if torques is None or acting is None or idle is None:

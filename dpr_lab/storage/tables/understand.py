@@ -187,7 +187,7 @@ def _understood(
     path, options, time = read.path, read.options, read.t[read.kept]
     check_spacing(path, time - time[0])
     theta, counts = angles(read.values, options, rig, path)
-    if options.zero == "upright" and counts is None:  # hanging is -180 or 180 degrees, by habit of the logger
+    if options.zero == "upright" and counts is None:  # loggers use -180 or 180 degrees for hanging rods
         theta[:, 1:] -= turn_of_hanging(theta[:, 1])
     if options.arm in ("free", "driven"):
         refuse_still_arm(theta[:, 0], options.arm, path)

@@ -1,4 +1,4 @@
-"""Layouts of viewers for run files: angles, torques and events of the joints, one plot below the other."""
+"""Layouts of viewers for run files: angles, torques and events of the joints, with the plots below each other."""
 
 from collections.abc import Callable
 

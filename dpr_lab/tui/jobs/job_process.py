@@ -73,7 +73,7 @@ class JobProcess:
         self._process.terminate()
 
     def _send(self, order: Any) -> None:
-        with suppress(OSError):  # it may just have ended
+        with suppress(OSError):  # the process may just have ended
             self._process.pipe.send(order)
 
     def _gone(self) -> JobEvent:

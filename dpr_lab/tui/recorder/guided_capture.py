@@ -27,7 +27,7 @@ def carry_out(
 
 
 def lost_since(before: Mapping[str, int], device: Device) -> dict[str, int]:
-    """Samples lost since the given loss counts, by cause; a device counts torques once it streams."""
+    """Samples lost since the given loss counts, by cause; a device counts lost torques only while it streams."""
     return {cause: count - before.get(cause, 0) for cause, count in device.losses.items()}
 
 

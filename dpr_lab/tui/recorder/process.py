@@ -1,7 +1,7 @@
 """Process that owns the device: link, driver and capture run here, so that drawing cannot cause lost samples.
 
-It executes commands from a pipe and sends reports. If the other side of the pipe is lost, so is the operator: nothing
-is released any more, a current recording is finished as incomplete, and the process ends.
+It executes commands from a pipe and sends reports. If the other side of the pipe is lost, the operator is lost too:
+nothing is released any more, a current recording is finished as incomplete, and the process ends.
 """
 
 import contextlib
@@ -51,7 +51,8 @@ def serve(connection: Connection, url: str, rig_name: str, runs: Path, log: Path
     inbox, outbox = Inbox(connection), Outbox(connection)
     try:
         rig = load_rig(rig_name)
-        # Its imports take seconds on a slow computer; during the first capture the device would seem to be silent.
+        # Import in advance: the imports take seconds on a slow computer, and the device would seem to be silent during
+        # the first capture.
         threading.Thread(target=LiveSpeed, args=(rig, rig.link.rate_hz), daemon=True).start()
         with contextlib.closing(open_transport(url or rig.link.url, rig_file=rig.path)) as transport:
             with Device(transport) as device:
@@ -122,7 +123,7 @@ def _exercise(device: Device, order: Exercise) -> Exercised:
 
 
 class _IdleWatch:
-    """Shows where the rods are between captures, and notices when the device goes away."""
+    """Follows the rods between captures, and detects the loss of the device."""
 
     def __init__(self, device: Device, rig: Rig, outbox: Outbox) -> None:
         self._device, self._rig, self._outbox = device, rig, outbox

@@ -1,4 +1,4 @@
-"""Last readings of the rods and their age: nothing is shown as current that may have changed since."""
+"""Last readings of the rods and their age: no value is shown as current if it may have changed since."""
 
 import math
 from dataclasses import dataclass
@@ -37,11 +37,11 @@ class Sighting:
     """Time of the reading, `time.monotonic()`, s."""
 
     def fresh(self, now: float) -> bool:
-        """Whether it is still current."""
+        """Whether the reading is still current."""
         return now - self.at <= SIGHTING.fresh_s
 
     def settles(self, ordered: float) -> bool:
-        """Whether it shows the result of a release command given at this time, `time.monotonic()`, s."""
+        """Whether the reading shows the result of a release command given at this time, `time.monotonic()`, s."""
         if self.latched is None:
             return False
         return self.at >= ordered if not self.latched else self.at > ordered + SIGHTING.outcome_s

@@ -47,7 +47,7 @@ def absolute(model: "MovingArmModel") -> Group:
 
 
 def identifiability(model: "MovingArmModel") -> Group:
-    """What the recordings do not determine, and combinations that they cannot separate."""
+    """Sentences on values that the recordings do not determine, and on combinations that they cannot separate."""
     undetermined = [f"{name}: {reason}" for name, reason in model.undetermined.items()]
     notes = [superscripts(note) for note in model.notes]
     known = "" if undetermined or model.notes else "The recordings determine all values of this rig."
@@ -70,7 +70,7 @@ def draw_merges(model: "MovingArmModel", misfit: Chart, length: Chart) -> None:
 
 @dataclass(frozen=True, slots=True)
 class ComparedArmRun:
-    """What the charts show: one joint of a run and of the model, by segment."""
+    """Content of the charts: one joint of a run and of the model, by segment."""
 
     comparison: "ArmComparison"
     joint: int

@@ -140,7 +140,7 @@ Grey values are old: no message has arrived from the device since then, and the 
         return ""
 
     def at_stake(self) -> str:
-        """What leaving now would end: a current recording, or the decision whether to keep one."""
+        """A sentence on what would be lost now: a current recording, or the decision whether to keep one."""
         if self.recording is not None:
             return "The current recording ends now; the data recorded so far are kept."
         if self.workspace.undecided is None:
@@ -198,7 +198,7 @@ Grey values are old: no message has arrived from the device since then, and the 
                 pass
         if (
             self.display and self._countdown is None
-        ):  # nothing changes behind the countdown, so that the link is free for it
+        ):  # the page is not redrawn behind the countdown, so that the line is free for it
             self._draw()
 
     def _age(self) -> None:
@@ -334,7 +334,7 @@ Grey values are old: no message has arrived from the device since then, and the 
         before = attempt.phase
         attempt.hear(report)
         if isinstance(report, GoAheadAsked) or (attempt.phase is Phase.RECORDING and attempt.phase is not before):
-            self.app.bell()  # the operator looks at the rods
+            self.app.bell()  # the bell, because the operator looks at the rods
         if self._countdown is not None and attempt.obstacle:
             self._countdown.stop(attempt.obstacle)
         if isinstance(report, AttemptFinished):

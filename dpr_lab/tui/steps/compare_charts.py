@@ -33,7 +33,7 @@ SETTINGS = CompareSettings()
 
 @dataclass(frozen=True, slots=True)
 class ComparedRun:
-    """What the charts show: one axis of a comparison, its free run, and a second comparison."""
+    """Content of the charts: one axis of a comparison, its free run, and a second comparison."""
 
     comparison: "Comparison"
     free_run: "FreeRun"
@@ -90,7 +90,7 @@ class ComparedRun:
         )
 
     def figures(self, news: str) -> str:
-        """Numbers of the comparison, followed by `news`; those of the second comparison are on another line."""
+        """Numbers of the comparison, followed by `news`; the numbers of the second comparison are on another line."""
         second = "" if self.second is None else f"\nsecond: {_figures(self.second, self.unit)}"
         return _figures(self.comparison, self.unit) + (f"  {news}" if news else "") + second
 

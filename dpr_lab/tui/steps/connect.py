@@ -101,7 +101,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
                 self._exercised = ""
                 if (
                     report.alive or self.device.lost is not None or not self.display
-                ):  # the page shows the other messages
+                ):  # other messages are shown on the page
                     mild = report.alive and self.device.ordered is None
                     severity = "warning" if mild else "error"
                     self.notify(report.message, severity=severity, timeout=NOTICES.error_s, markup=False)
@@ -134,7 +134,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         self._exercised = ""
         await self.services.connect()
         self.query_one(OptionList).focus()
-        self.action_look()  # the one used last
+        self.action_look()  # the link used last
         self.post_message(self.Done())
         self._draw()
 

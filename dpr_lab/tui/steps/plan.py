@@ -1,4 +1,4 @@
-"""Step Plan: what to record next, and when to stop; a proposal becomes the next pose of Capture."""
+"""Step Plan: the next recordings, and when to stop; a proposal becomes the next pose of Capture."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -92,7 +92,7 @@ are diagnosed first.
             yield Static(id="details")
 
     def missing(self) -> str:
-        """Empty: a first plan needs a rig file only."""
+        """Empty, because a first plan needs a rig file only."""
         return ""
 
     def outcome(self) -> str:
@@ -110,7 +110,7 @@ are diagnosed first.
         self.invite()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Offer to take a release only if there is one."""
+        """Show the key that takes a release only if there is a release."""
         if action == "take":
             return self._made is not None and bool(self._made.plan.releases) and self.job is None
         return super().check_action(action, parameters)
@@ -186,7 +186,7 @@ are diagnosed first.
         return releases[row] if 0 <= row < len(releases) else None
 
     def _diagnosis(self) -> Path | None:
-        """The diagnosis of the bench if it is of the selected runs."""
+        """The diagnosis of the workspace if it belongs to the selected runs."""
         made, now = self.workspace.made_from.get("Diagnose", {}), self.workspace.basis()
         unchanged = all(made.get(kind) == now[kind] for kind in self.RESTS_ON)
         return self.workspace.diagnosis if unchanged else None
@@ -220,7 +220,7 @@ def _row(release: "PlannedRelease", unit: AngleUnit) -> tuple[str, ...]:
 
 
 def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
-    """The marked release, what no release decides, and the assumptions."""
+    """The marked release, the causes that no release separates, and the assumptions."""
     from dpr_lab.report.tables import LIMIT_FORECAST_COLUMNS, limit_forecast_rows, ratio_std_rows
     from dpr_lab.report.words import in_words, named
 

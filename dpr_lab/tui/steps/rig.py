@@ -95,14 +95,14 @@ the selected rig.
 
     def enter(self) -> None:
         """Read the file again, because it may have changed; the list is ready for Enter."""
-        if self._named != self.workspace.rig:  # a plan was taken
+        if self._named != self.workspace.rig:  # a planned release was taken
             self._show_name(self.workspace.rig)
             self._offer()
         self.query_one(OptionList).focus()
         self._read()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Indicate that there is more than fits on the screen."""
+        """Indicate that the text is longer than the screen."""
         return action != "page" or self.query_one("#described").max_scroll_y > 0
 
     def action_page(self, by: int) -> None:

@@ -2,7 +2,7 @@
 
 After each frame the cursor is set to a cell that represents the number of the frame, and the terminal is asked for the
 cursor position (`ESC [ 6 n`; ECMA-48, DSR). It answers (`ESC [ row ; column R`) when it has drawn everything before.
-The answer therefore confirms the frame, and no key and no late answer can be mistaken for it.
+The answer therefore confirms the frame, and neither a key nor a late answer can be mistaken for it.
 """
 
 import asyncio

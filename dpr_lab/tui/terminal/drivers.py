@@ -4,7 +4,7 @@ from textual.driver import Driver
 
 
 def our_driver(textuals: type[Driver]) -> type[Driver]:
-    """Replacement for a driver of Textual; Textual's own if there is no replacement."""
+    """Replacement for a driver of Textual; the original driver if there is no replacement."""
     if textuals.__name__ == "WebDriver":
         from dpr_lab.tui.terminal.page import PageDriver
 

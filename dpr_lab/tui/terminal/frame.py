@@ -45,7 +45,7 @@ SETTINGS = FrameSettings()
 Cell = tuple[str, Look]
 BLANK: Cell = (" ", Look())
 UNKNOWN: Cell = ("", Look("?"))
-"""Content that differs from every cell."""
+"""Content that is different from every possible cell."""
 
 
 class CellFrame:

@@ -9,7 +9,7 @@ class SightSettings:
     """Required speed of a terminal."""
 
     round_trip_s: float = 0.3
-    """Maximum time until the terminal confirms a frame, s: nearly immediate for the eye."""
+    """Maximum time until the terminal confirms a frame, s: it appears nearly immediate."""
     patience_s: float = 10.0
     """Maximum time for a slow line to draw the first frame of a countdown, s."""
     least_columns: int = 40
@@ -39,6 +39,7 @@ class Sight(Protocol):
             the round trip time, s
 
         Raises:
-            SafetyStop: no confirmation in time, or nobody can see it; the message says why and what to do.
+            SafetyStop: no confirmation in time, or nobody can see the screen; the message states the reason and the
+            remedy.
         """
         ...

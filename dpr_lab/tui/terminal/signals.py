@@ -26,7 +26,7 @@ def end_on_signals(end: Callable[[], object], restore: Callable[[], object]) -> 
 
     A Python signal handler runs between two steps of the main thread, so `end` must
     only ask for the end. If the process is still there after a while, for any reason, the terminal is restored and the
-    process ends at once; the recorder finishes its file by itself when the other end of its pipe is gone.
+    process ends at once; the recorder finishes its file by itself when the other end of its pipe is closed.
 
     Args:
         end: requests the end

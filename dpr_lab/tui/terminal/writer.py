@@ -68,7 +68,7 @@ class TerminalWriter:
             if select.select([], [self._fileno], [], 0)[1]:
                 os.write(self._fileno, last_words.encode())
         except (OSError, termios.error):
-            pass  # the terminal was closed, so there is nothing to restore
+            pass  # a closed terminal need not be restored
 
     def _run(self) -> None:
         while True:

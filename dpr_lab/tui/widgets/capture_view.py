@@ -60,7 +60,7 @@ class CaptureState:
     countdown: bool
     """Whether the countdown to a release runs."""
     code: bool
-    """Whether it starts only after the operator typed a code."""
+    """Whether the countdown starts only after the operator typed a code."""
     undecided: str
     """Run of an earlier session that was neither kept nor repeated."""
     unit: AngleUnit
@@ -154,7 +154,7 @@ class CaptureView(Vertical):
 
 
 def _lengths(rig: Rig) -> Lengths:
-    """Drawn lengths; a single rod has the place of the inner one."""
+    """Drawn lengths; a single rod is drawn as the inner one."""
     outer = rig.L2 or rig.L1
     if rig.rods.number == 2:
         return Lengths(rig.L0, rig.L1, outer)

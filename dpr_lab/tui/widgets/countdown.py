@@ -119,7 +119,7 @@ class Countdown(ModalScreen[bool]):
             self.stop("the terminal lost the focus")
 
     def _show(self) -> None:
-        """The number during the countdown; the code before."""
+        """The number during the countdown, or the code before it."""
         self.query_one(Digits).display = not self._to_type
         asked = Content(f"RELEASING {self._pose} in")
         if self._to_type:

@@ -9,7 +9,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Button, Markdown, Static
 
 HELP_KEY = Binding("f1,question_mark", "app.help", "Help", id="app.help")
-"""Key of the help, repeated here because a screen on top of the app hides the app's own keys."""
+"""Key of the help, defined again, because a screen on top of the app hides the app's own keys."""
 
 
 class HelpScreen(ModalScreen[None]):
@@ -29,7 +29,7 @@ class HelpScreen(ModalScreen[None]):
 
 
 class Question(ModalScreen[bool]):
-    """Confirmation: everything except an explicit yes is a no."""
+    """Confirmation: any answer except an explicit yes counts as no."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("y", "answer(True)", "Yes", id="question.yes"),

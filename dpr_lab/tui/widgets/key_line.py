@@ -30,7 +30,7 @@ class KeyLine(Widget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.set_reactive(Widget.auto_links, False)  # links have their own colour
+        self.set_reactive(Widget.auto_links, False)  # links would be drawn in their own colour
         self._keys: list[tuple[Binding, bool]] = []
 
     def on_mount(self) -> None:

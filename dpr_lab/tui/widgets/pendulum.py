@@ -24,7 +24,7 @@ class Lengths:
 
 
 class _Drawing(PlainCanvas):
-    """A drawing that follows its size; grey where it is old."""
+    """A drawing that adapts to its size; outdated parts are grey."""
 
     def __init__(self, *, id: str | None = None) -> None:
         super().__init__(1, 1, id=id)
@@ -37,7 +37,7 @@ class _Drawing(PlainCanvas):
 
     @abstractmethod
     def _draw(self) -> None:
-        """Draw the whole picture again, in the present size."""
+        """Redraw the whole picture in the present size."""
 
     def _colour(self, name: str) -> str:
         """Colour of the theme, or grey."""
@@ -108,7 +108,7 @@ ArmLimits = tuple[float, float]
 class ArmAbove(_Drawing):
     """View from above: the arm turns about the centre, angle 0 points to the right, positive counterclockwise.
 
-    Dots mark the circle of its tip, between its limits where the rig file states them.
+    Dots mark the circle of its tip, between its limits if the rig file states them.
     """
 
     def __init__(self, *, id: str | None = None) -> None:

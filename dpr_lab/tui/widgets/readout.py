@@ -27,7 +27,7 @@ class Placement:
 
 
 def placement_text(placement: Placement, unit: AngleUnit) -> Content:
-    """Two lines for each angle to set: the angle, and the angle and direction to turn it."""
+    """Two lines for each angle to set: the present angle, then the remaining angle and the direction of the turn."""
     names = ("inner θ1", "outer θ2") if len(placement.wanted) > 1 else ("rod θ1",)
     lines = [
         line

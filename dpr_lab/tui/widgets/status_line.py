@@ -27,7 +27,7 @@ class RecordingNow:
 
 
 COUNTDOWN = "RELEASING"
-"""Text in place of a recording during the countdown."""
+"""Text during the countdown, instead of the recording."""
 
 
 class StatusLine(Static):
@@ -53,7 +53,7 @@ class StatusLine(Static):
 
 
 def _rests(work: Sequence[str], folder: Path) -> Iterator[list[Content]]:
-    """Work and folder, from the longest text to the shortest."""
+    """Texts on running work and folder, in the order of decreasing length."""
     shorter = (work, work, [text.partition(",")[0] for text in work], [text.partition(" ")[0] for text in work])
     for k, texts in enumerate(shorter):
         shown = [Content.styled(f"▸ {', '.join(texts)}", "bold $primary")] if texts else []

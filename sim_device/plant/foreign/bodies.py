@@ -53,12 +53,12 @@ def bending_rod(body: Body, values: Values) -> EquationOfMotion:
 
 
 def wobbling_rod(body: Body, values: Values) -> EquationOfMotion:
-    """The outer rod leans out of the plane by phi, held by a spring; it starts leaning.
+    """The outer rod leans out of the plane by phi, held by a spring; it leans at the release.
 
     T = a w1^2/2 + b (phi'^2 + cos(phi)^2 w2^2)/2 + d w1 [cos(phi) cos(t1-t2) w2 + sin(phi) sin(t1-t2) phi']
     V = e1 cos t1 + e2 cos t2 cos phi + k phi^2/2,    k = b (2 pi f)^2
 
-    The spring alone would let it wobble at f; i = AXIAL b is its inertia about its own axis.
+    With the spring alone it would oscillate at f; i = AXIAL b is its inertia about its own axis.
     """
     flat = (1 - AXIAL) * body.b
     stiffness = body.b * (2 * math.pi * values["frequency_hz"]) ** 2
@@ -83,7 +83,7 @@ def wobbling_rod(body: Body, values: Values) -> EquationOfMotion:
 
 
 def loose_bearing(body: Body, values: Values) -> EquationOfMotion:
-    """The shaft of joint 1 moves within a clearance and strikes its rim.
+    """The shaft of joint 1 moves within a clearance and hits its rim.
 
         T = T_rods + M (x'^2 + z'^2)/2 + x' (p1 c1 w1 + p2 c2 w2) - z' (p1 s1 w1 + p2 s2 w2),    p = e / g
         V = V_rods + M g z

@@ -1,4 +1,4 @@
-"""Brakes, wind and a tilting table: torques that depend on the place or the time, not on the rig."""
+"""Brakes, wind and a tilting table: torques that depend on position or time, not on the rig."""
 
 import math
 
@@ -11,7 +11,7 @@ AIR_DRAG = 5e-3
 
 
 def cable_snag(body: Body, values: Values) -> EquationOfMotion:
-    """The cable catches once: tau1 = -c omega1 exp(-((t - t0) / T)^2)."""
+    """The cable gets caught once: tau1 = -c omega1 exp(-((t - t0) / T)^2)."""
     size, begin_s, lasts = values["brake_Nms_per_rad"], values["at_s"], values["lasts_s"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
@@ -31,7 +31,7 @@ def eddy_brake(body: Body, values: Values) -> EquationOfMotion:
 
 
 def air_draught(body: Body, values: Values) -> EquationOfMotion:
-    """Wind across the outer rod, in gusts; only the difference from the drag of still air.
+    """Wind across the outer rod, in gusts; the torque is the difference from the drag in still air.
 
     F = -K [|v - u| (v - u) - |v| v],    u = U (1 + sin(2 pi t / T) / 2) cos(theta2)
     """

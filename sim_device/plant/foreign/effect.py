@@ -1,4 +1,4 @@
-"""Interface of an out-of-library effect, which the library lacks at least in this form."""
+"""Interface of an out-of-library effect: the library does not contain it, at least not in this form."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -31,7 +31,7 @@ Torques = Callable[[float, float, float, float, float], tuple[float, float]]
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """The rods in base parameters of docs/theory.md (12), with the masses and lengths behind them, SI."""
+    """The rods by the base parameters of docs/theory.md (12), with the corresponding masses and lengths, SI."""
 
     a: float
     b: float
@@ -158,7 +158,7 @@ def integrate(motion: EquationOfMotion, state: NDArray[np.float64], t: NDArray[n
 def _solved(
     slope: Slope, error: float, state: NDArray[np.float64], first: float, t: NDArray[np.float64], event: Any = None
 ) -> Any:
-    from scipy.integrate import solve_ivp  # slow to import, and few plants need it
+    from scipy.integrate import solve_ivp  # imported here, because the import is slow and few plants need it
 
     return solve_ivp(
         slope, (first, t[-1]), state, "DOP853", t, events=event, rtol=error, atol=error / 10, max_step=LONGEST_STEP
@@ -168,7 +168,7 @@ def _solved(
 def _integrate_sticking(
     error: float, body: Body, dry: DryJoint, state: NDArray[np.float64], t: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """From stop to start and back, with a separate integration between two events."""
+    """The motion between stops and starts of the joint, with a separate integration between two events."""
     states, x, first = [state[None]], state, t[0]
     t, side = t[1:], float(np.sign(dry.speed(x))) or _starts(body, dry, x)
     while len(t):
@@ -180,7 +180,7 @@ def _integrate_sticking(
             x[1 + dry.joint] = 0.0 if dry.joint == 1 else x[2]
             # A joint that has just broken away transmits the limit torque; rounding must not stop it again.
             side = _starts(body, dry, x) if side else _pushed(body, dry, x)
-            if first == began:  # a slide shorter than a step, whose start was taken for its end
+            if first == began:  # a slide shorter than a step, whose start was detected as its end
                 x[1 + dry.joint] += side * BEGUN
     return np.concatenate(states)
 
@@ -203,7 +203,7 @@ def _sliding_slope(body: Body, dry: DryJoint, side: float) -> Slope:
 
 
 def _change(body: Body, dry: DryJoint, side: float) -> Any:
-    """Event functions, which fall through zero when the joint stops or must slide."""
+    """Event functions, which decrease through zero when the joint stops or must slide."""
 
     def left(t: float, x: NDArray[np.float64]) -> float:
         return side * dry.speed(x) if side else dry.size(x) - abs(dry.holding(body, x))

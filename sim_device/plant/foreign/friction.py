@@ -53,7 +53,7 @@ def lugre_joint2(body: Body, values: Values) -> EquationOfMotion:
 
         z' = w - |w| z / (Z g(w)),    tau2 = -F z / Z,    g = 1 + R exp(-(w/v)^2),    w = omega2 - omega1
 
-    z / Z stays within +-(1 + R); over a closed cycle the bristles only take energy out.
+    z / Z stays within +-(1 + R); over a closed cycle the bristles only dissipate energy.
 
     Source: Canudas de Wit, Olsson, Astrom & Lischinsky (1995), A new model for control of systems with friction, IEEE
     Transactions on Automatic Control 40(3), 419-425.
@@ -75,7 +75,7 @@ def lugre_joint2(body: Body, values: Values) -> EquationOfMotion:
 def joint_force(
     body: Body, moment: float, mass: float, theta1: float, theta2: float, omega1: float, omega2: float
 ) -> float:
-    """Force on a joint that carries `mass`, N; `moment` is the part that rotates with the inner rod, kg m.
+    """Force on a joint that supports `mass`, N; `moment` is the part that rotates with the inner rod, kg m.
 
     It follows from the accelerations without friction, which is smaller by orders of magnitude.
     """
@@ -107,7 +107,7 @@ def plastic_load_joint2(body: Body, values: Values) -> EquationOfMotion:
 
 
 def warming_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Grease that warms and then stays warm: tau1 = C (1 - exp(-t / T)) omega1, on top of c1."""
+    """Grease that warms up to a constant temperature: tau1 = C (1 - exp(-t / T)) omega1, on top of c1."""
     size, lasts = values["damping_Nms_per_rad"], values["lasts_s"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:

@@ -38,7 +38,7 @@ class ForeignPlant:
         self._relative = bool(known.relative2)
 
     def refuse_drives(self) -> None:
-        """Raise ConfigError if a plant with an out-of-library effect is to be driven."""
+        """Raise ConfigError if drives are requested for a plant with an out-of-library effect."""
         raise ConfigError(f"plant {self.config.name}: with an out-of-library effect it has no joint drives")
 
     def let_go(
@@ -49,7 +49,7 @@ class ForeignPlant:
         return ForeignSwing(self, start, float(theta[0]), rate_hz, release)
 
     def misread(self, theta: Array, t: Array, run: int) -> Array:
-        """(n, 3) angles with encoder errors at rest; those of a swing already contain them."""
+        """(n, 3) angles with encoder errors at rest; the angles of a swing already contain these errors."""
         if not np.isneginf(t).all():
             return theta
         states = np.zeros((len(theta), 4 + len(self.motion.memory)))
@@ -70,7 +70,7 @@ class ForeignPlant:
         return self._rods.reveal()
 
     def counted(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(n, 3) readings of the counters in place of these counts."""
+        """(n, 3) readings of the counters with errors of counting."""
         return counts if self.effect.counter is None else self.effect.counter(counts, self.values)
 
 
@@ -88,7 +88,7 @@ class ForeignSwing:
         """(count, 3) readings at the ticks `first`, `first` + 1, ... since the release, rad.
 
         Raises:
-            ValueError: `first` lies before the last read tick; a swing is read forwards.
+            ValueError: `first` lies before the last read tick; a swing is read forwards only.
         """
         states = self.states(first, count)
         t = np.arange(first, first + count) / self._rate_hz

@@ -47,13 +47,13 @@ def swaying_latency_joint2(joints: Array, moment: Moment, values: Values) -> Arr
 
 
 def warming_scale_joint1(joints: Array, moment: Moment, values: Values) -> Array:
-    """A scale that changes until the electronics are warm: error = A (1 - exp(-t / T)) q, q the angle from hanging."""
+    """A scale that changes while the electronics warm up: error = A (1 - exp(-t / T)) q, q the angle from hanging."""
     warm = -np.expm1(-np.maximum(moment.t, 0.0) / values["lasts_s"])
     return _with_joint(1, joints, values["error_per_rad"] * warm * (joints[:, 0] - np.pi))
 
 
 def peaked_eccentricity_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """A magnet nearest at one place: error = A (exp(K (cos(q - q0) - 1)) less its mean over a turn, exp(-K) I0(K))."""
+    """A magnet that is nearest at one angle: error = A (exp(K (cos(q - q0) - 1)) - exp(-K) I0(K)), with mean zero."""
     narrowness = values["narrowness"]
     peak = np.exp(narrowness * (np.cos(joints[:, 1] - values["place_rad"]) - 1))
     from scipy.special import i0e  # slow to import, and few plants need it

@@ -40,7 +40,7 @@ def drag_on_outer_rod(
 
 
 def power_drag_outer(body: Body, values: Values) -> EquationOfMotion:
-    """Drag of the outer rod by another power of its speed than the second."""
+    """Drag of the outer rod with an exponent of the speed other than two."""
     size, exponent = values["drag_N_per_m"], values["exponent"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:

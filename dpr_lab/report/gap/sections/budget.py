@@ -141,5 +141,5 @@ BUDGET = EvidenceSection(
     ),
     symbols="E = S − D, u_val² = u_num² + u_input² + u_D². If E exceeds 2 u_val: δ_model = E ± u_val. ASME V&V 20-2009."
     " Limits without a distribution: JCGM 100:2008 (GUM), 4.3.7. The model was calibrated on the fitted recordings, so"
-    " their E is not a blind test; E of held-out recordings is.",
+    " their E is not a blind test. Only E of held-out recordings is one.",
 )

@@ -1,1 +1,1 @@
-"""Doubts about a table, by what shows them."""
+"""Doubts about a table, one module for each kind of evidence."""

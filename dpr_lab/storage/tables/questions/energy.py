@@ -67,7 +67,7 @@ def energy_questions(
 
 
 def read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
-    """Doubt with the interpretations that would remove it; its correction if there is one."""
+    """Doubt with the interpretations that would remove it, and its correction if there is only one."""
     causes = "; or ".join(other.sentence for other in others)
     return TableQuestion(f"with these options {broken} if {causes}", others[0].mend if len(others) == 1 else ())
 

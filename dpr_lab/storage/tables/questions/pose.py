@@ -46,7 +46,7 @@ def pose_questions(table: InterpretedTable, settings: QuestionSettings) -> list[
 
 
 def _readings_in_pose(table: InterpretedTable, settings: QuestionSettings) -> list[OtherReading]:
-    """Interpretations with the swing starting in the named pose and conserving its energy, fewest changes first."""
+    """Interpretations in which the swing starts in the named pose and energy is conserved, the fewest changes first."""
     read = table.read(settings)
     others, as_read = list(read.others()), OtherReading((), (), read.values, table.options)
     candidates = [as_read.mirrored, *others, *(other.mirrored for other in others)]
@@ -59,7 +59,10 @@ def _readings_in_pose(table: InterpretedTable, settings: QuestionSettings) -> li
 
 
 def _zeros_in_pose(table: InterpretedTable, added: Array, settings: QuestionSettings) -> list[OtherReading]:
-    """The table with other zeros, for which its swing starts in the named pose, unless its energy is then worse."""
+    """The table with other zeros for which its swing starts in the named pose.
+
+    Unchanged if the energy is then conserved less well.
+    """
     if table.options.unit == "counts" or table.options.pose is None:
         return []
     read, tolerance = table.read(settings), table.rig.poses[table.options.pose].tolerance
@@ -89,5 +92,5 @@ def _in_pose(table: InterpretedTable, other: OtherReading, settings: QuestionSet
 
 
 def apart(rods: Array, pose: Array) -> float:
-    """Largest distance of a rod from a pose, without whole turns, rad."""
+    """Largest distance of a rod from a pose, whole turns subtracted, rad."""
     return float(np.abs((rods - pose + np.pi) % (2 * np.pi) - np.pi).max())
