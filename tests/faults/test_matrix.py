@@ -21,7 +21,7 @@ IN_THE_SWING_S = "20"
 """After the rest, even if a loaded host is slow to end it, and before the end."""
 
 ALL = "every sample"
-COUNTED = "every sample but those lost, which are counted"
+COUNTED = "every sample except the lost ones, which are counted"
 FLAGGED = "every sample as the encoder gave it; the run is marked degraded"
 MARKED = "every sample; the run is marked degraded"
 UNTIL = "every sample until then, in a file marked as incomplete"

@@ -248,8 +248,7 @@ def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
     return [
         ("bare model", per_reading(diagnosis.gap.before_rad)),
         *(
-            # older files contain the sum over the joints
-            (f"+ {named(step['effect'])}", float(step.get("gap_rad", step["rms_rad"] / 2**0.5)))
+            (f"+ {named(step['effect'])}", float(step.get("gap_rad", step["rms_rad"] / 2**0.5)))  # old: joint sum
             for step in diagnosis.gap.waterfall
         ),
     ]
