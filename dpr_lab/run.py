@@ -37,8 +37,8 @@ class FilmNoise:
 class Run(Shown):
     """One recorded release.
 
-    Time is the device's, t = (tick - release tick) / rate, or that of an imported table. t = 0 is the release, and the
-    samples with t < 0 are the rest before it. Missing samples are absent from `t`; nothing is resampled.
+    Time is device time, t = (tick - release tick) / rate, or the time of an imported table. t = 0 is the release; at
+    samples with t < 0, the rods are at rest. Missing samples are absent from `t`; nothing is resampled.
     """
 
     name: str

@@ -35,7 +35,7 @@ class Torques:
 
     @property
     def arm_knots(self) -> tuple[Array, Array]:
-        """(n + 2,) instants and (n + 2,) impulse on the arm until each, N m s; none without a torque on it."""
+        """(n + 2,) instants and (n + 2,) impulse on the arm up to each, N m s; empty without a torque on the arm."""
         return _arm_knots(self)
 
     @property

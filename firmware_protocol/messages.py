@@ -1,4 +1,4 @@
-"""Messages of dpr.dbc as typed values, and the frames that carry them.
+"""Messages of dpr.dbc as typed values, and their conversion to and from frames.
 
 There is one dataclass per message, with the signals of dpr.dbc as fields in the same order. A frame is the same on both
 links: an 11-bit identifier, node * 64 + number, and up to eight bytes.
@@ -314,7 +314,7 @@ class Frame:
 
 
 def encode(message: Message, node: int = DEVICE_NODE) -> Frame:
-    """Frame that carries a message to or from a node.
+    """Frame with a message to or from a node.
 
     Raises:
         LocalProtocolError: a field is out of its range in dpr.dbc.

@@ -40,7 +40,8 @@ class Options:
 
 
 SEALED_PLANT = "sealed"
-"""A sealed plant in place of the plant file: the one in `device/` in the folder of the rig file."""
+"""Value of the option for a sealed plant instead of a plant file: the plant in `device/`, in the folder of the rig
+file."""
 SEALED_FILE = Path("device") / "plant.toml"
 SEALED_TORQUES = Path("device") / "torques.csv"
 """Table of torques that its drives replay, if it has drives."""

@@ -165,7 +165,7 @@ class Device:
         """Refuse an invalid sample rate before anything moves.
 
         Raises:
-            LinkError: more than the link can carry; the message contains the calculation.
+            LinkError: the link is too slow for this rate; the message contains the calculation.
             DeviceFault: more than the device can sample.
         """
         for capacity in self._transport.capacities:

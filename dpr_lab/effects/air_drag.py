@@ -2,7 +2,7 @@ r"""Air drag: quadratic resistance, integrated along the rods.
 
 A point of the inner rod at the distance s from joint 1 moves across its rod at s w1; one of the outer rod, s from
 joint 2, at v(s) = L1 w1 cos(theta2 - theta1) + s w2. The drag force is k v |v| per metre. A point of the arm moves
-at its radius times the speed of the arm, so the drag of the arm and of what it carries sums to one coefficient.
+at its radius times the speed of the arm, so the drag of the arm and of all parts mounted on it has one coefficient.
 """
 
 import math

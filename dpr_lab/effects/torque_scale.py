@@ -13,7 +13,7 @@ def rescaled(torque: float, excess: float) -> float:
 
 
 def gear(params: Params) -> Words:
-    """Gear of the drive's motor over the one with which the known torques were computed."""
+    """Gear ratio of the drive's motor, relative to the gear ratio that was used to compute the known torques."""
     return {"gear": 1.0 + params["excess"]}
 
 

@@ -190,8 +190,8 @@ def rounding_std(readings: Array, steps: Array, window: int) -> Array:
     """(m,) standard deviation of the rounding errors of readings (n, m) to multiples of `steps` (m,).
 
     step / sqrt(12) while a reading crosses steps, because the errors of its samples are then independent. A reading
-    that stays within one step for `window` samples, such as that of a rod balanced by a controller, rests near the edge
-    between two values, with errors of up to step / 2.
+    that stays within one step for `window` samples, such as the reading of a rod balanced by a controller, may be near
+    the edge between two values, with errors of up to step / 2.
     """
     if len(readings) < window:
         return steps / math.sqrt(12)

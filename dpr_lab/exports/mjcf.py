@@ -173,7 +173,7 @@ class EngineFile:
 def mjcf(model: AnyModel, rig: Rig) -> str:
     """The corrected model as MJCF: two hinges, 0 = upright, joint 2 relative to the inner rod.
 
-    An arm that is free or driven has a hinge of its own, and a motor whose control is the input in its own unit.
+    A free or driven arm has a third hinge and a motor. The control of the motor is the input in its own unit.
     Effects without an MJCF element are listed in the custom text `left_out`, and are in the passive force (`passive`).
 
     Raises:
@@ -287,7 +287,7 @@ def _rod(parent: Element, rod: Rod, joint: int, position: str, friction: float) 
 
 
 def _drawn(body: Element, ends: str) -> None:
-    """A capsule between two ends that is visible and collides with nothing."""
+    """A visible capsule between two ends, without collisions."""
     element(body, "geom", type="capsule", fromto=ends, size="0.006", contype="0", conaffinity="0")
 
 

@@ -140,7 +140,7 @@ def _bare_fit(model: AnyModel, runs: Sequence[Run], rig: Rig) -> tuple[Problem, 
 
 
 def _without(model: AnyModel, lost: frozenset[str], words: frozenset[str]) -> dict[str, dict[str, float]]:
-    """Remaining effects, and simpler ones in place of the lost effects."""
+    """Remaining effects, and simpler effects that replace the lost ones."""
     known = {name: _without_zeros(name, values) for name, values in known_effects(model.effects).items()}
     remaining = {name: values for name, values in known.items() if name not in lost}
     reduced = {name: values for name in sorted(lost) if (values := _reduced(name, known[name], words))}
@@ -155,7 +155,7 @@ def _without_zeros(name: str, values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _reduced(name: str, values: Mapping[str, float], words: frozenset[str]) -> dict[str, float]:
-    """The effect without some amplitudes besides its first, if these elements can then express it; otherwise {}.
+    """The effect without some of its further amplitudes, if these elements can then express it; otherwise {}.
 
     A spring without its cubic term is a linear spring.
     """

@@ -74,7 +74,7 @@ def _link(root: Element, name: str, rod: Rod) -> None:
 
 
 def _drawn(link: Element, middle: str, turned: str, length: float) -> None:
-    """A cylinder that is visible and collides with nothing."""
+    """A visible cylinder without collisions."""
     visual = element(link, "visual")
     element(visual, "origin", xyz=middle, rpy=turned)
     element(element(visual, "geometry"), "cylinder", radius="0.006", length=repr(length))

@@ -22,15 +22,15 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.setup import Setup
 
 BLIND = 1e-12
-"""Standard deviations per rad below which readings carry no information on an initial state, because of rounding."""
+"""Standard deviations per rad below which readings contain no information on an initial state, because of rounding."""
 
 
 UNKNOWN_STARTS = np.array([0.0, 0.0, 1.0, 1.0])
 UNREAD_STARTS = np.array([0.0, 1.0, 1.0, 1.0])
 """Inverse prior standard deviation of the step of an initial state, 1/rad and s/rad.
 
-A joint that rests from before the first sample on carries no information on its earlier speed: without the prior, angle
-and speed would be indistinguishable. The same holds for the angle of an outer rod that is not mounted.
+The readings of a joint that is at rest from the first sample on contain no information on its initial speed: without
+the prior, angle and speed would be indistinguishable. The same holds for the angle of an outer rod that is not mounted.
 """
 
 

@@ -9,7 +9,7 @@ stays weak. With J the derivative of the ratios, b and p/b with respect to the n
 where F widens the ratios of friction by a fixed damping ratio: bounds of friction are guesses. An amplitude of an
 effect is normal about zero with a third of its limit (`dpr_lab.effects.limits`) as standard deviation.
 
-A residual above the noise is treated as noise of its own size, so the cost of a fit is
+Residuals larger than the noise are treated as noise of that size, so the cost of a fit is
 
     chi2 + w (v - mean)^T P^-1 (v - mean),    w = max(1, chi2 / readings),
 
@@ -100,9 +100,9 @@ class Prior:
 
         The order is initial states, ratios, zeros of encoders, amplitudes. An amplitude is absorbed if the recordings,
         with the prior of the earlier unknowns, contain less information on it than its own prior. An amplitude of zero,
-        whose effect is not in the model yet, is also absorbed if almost nothing of its column remains after projection
-        on the earlier columns. (This does not apply to others, because a torque and the ratios may share only the
-        unknown scale.)
+        whose effect is not in the model yet, is also absorbed if its column is almost zero after the earlier columns
+        are projected out. (This does not apply to others, because a torque and the ratios may share only the unknown
+        scale.)
 
         Args:
             space: inner products of the derivatives, initial states projected out

@@ -1,4 +1,4 @@
-"""Identifiability of a rig from free swings, and bench measurements that determine the rest.
+"""Identifiability of a rig from free swings, and bench measurements that determine the other parameters.
 
 Information is represented by whitened rows, sensitivities to relative changes of the nine parameters: for the
 recordings F dratios/dZ Z, with F^T F the information of the ratios; for a measured value Z / std. Bounds are used only

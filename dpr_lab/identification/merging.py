@@ -107,7 +107,7 @@ def _piece(ratio_fit: RatioFit, index: int) -> _Piece:
 
 
 def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece] | None:
-    """A segment extended by the part of the next one that it follows, and the rest; None: too little."""
+    """A segment extended by the part of the next one that it fits, and the remaining part; None: too short."""
     t, (border, end) = ratio_fit.problem.t, ratio_fit.problem.segments.offsets[index + 1 : index + 3].tolist()
     first, second = _piece(ratio_fit, index), _piece(ratio_fit, index + 1)
     taken = _followed(ratio_fit, index, tolerance)

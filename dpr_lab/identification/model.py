@@ -216,13 +216,13 @@ class SearchRecord(_Record):
 
 
 class Model(Shown, _Record):
-    """Identified model: five ratios with intervals, nine values with what determined each, and its history."""
+    """Identified model: five ratios with intervals, nine values with their sources, and the history of the search."""
 
     rig: RigFacts
     """Rig of the model."""
     ratios: Annotated[dict[str, EstimatedValue], AfterValidator(of_rods)]
     """a/b, d/b, e1/b, c1/b, c2/b: the quantities that a free swing determines, because its equation of motion is
-    homogeneous. Of the inner rod alone e1/a and c1/a.
+    homogeneous. For the inner rod alone: e1/a and c1/a.
     """
     fitted: list[EstimatedValue] = []
     """For the inner rod alone: a/b, d/b, e1/b, c1/b, c2/b of the fit, with the rig file's values of the parts that are
@@ -232,11 +232,11 @@ class Model(Shown, _Record):
     cramer_rao_std: Annotated[dict[str, Number], AfterValidator(of_rods_or_none)]
     """Cramer-Rao bound of the standard deviation of each ratio at this noise; empty in a corrected model of one rod."""
     parameters: Annotated[dict[str, ParameterValue], AfterValidator(by_name(PARAMETERS))]
-    """The nine kinetic parameters by name, SI, with what determined each."""
+    """The nine kinetic parameters by name, in SI units, with their sources."""
     base: Annotated[dict[str, ParameterValue], AfterValidator(by_name(BASE))]
     """a, b, d, e1, c1, c2 in SI; their common scale is determined by measured values or a known added mass only."""
     scale: Scale | None = None
-    """Assumed b of absolute sizes, its interval and what determined it; None in a file of an older version."""
+    """Assumed b of absolute sizes, with its interval and its source; None in a file of an older version."""
     identifiability: Identifiable | None = None
     """Directions that the runs determine; None in a corrected model."""
     fit: FitSummary

@@ -33,7 +33,7 @@ class Plugin:
 
 
 def announced() -> tuple[Plugin, ...]:
-    """All plugins that are installed, in the order of package and name; none while they are turned off."""
+    """All installed plugins, in the order of package and name; empty while plugins are turned off."""
     return () if os.environ.get(OFF) else _installed()
 
 

@@ -29,7 +29,7 @@ AXES = ("theta1", "theta2")
 
 
 def save_comparison(model: Model, comparisons: Sequence[Comparison], out: Path) -> dict[str, Any]:
-    """Write figures and report of a comparison; return what `dpr-lab compare --json` prints.
+    """Write figures and report of a comparison; return the output of `dpr-lab compare --json`.
 
     Raises:
         DprError: the folder or a file cannot be written.

@@ -219,7 +219,7 @@ def base_rows(model: "Model") -> list[list[str]]:
 
 
 def parameter_rows(model: "Model") -> list[list[str]]:
-    """The nine physical parameters and what determines each, in the columns `PARAMETER_COLUMNS`."""
+    """The nine physical parameters and their sources, in the columns `PARAMETER_COLUMNS`."""
     rows: list[list[str]] = []
     for name, parameter in model.parameters.items():
         if model.fitted and name in OF_OUTER_ROD:

@@ -17,7 +17,7 @@ FORMAT = "dpr-lab run 1"
 SUFFIX = ".mcap"
 RIG_ATTACHMENT = "rig.toml"
 RELEASED = "RELEASED"
-"""Kind of the event that carries the release tick."""
+"""Kind of the event that contains the release tick."""
 
 PROVENANCE, UNITS, END = "provenance", "units", "end"
 """Names of the metadata records before the first and after the last sample."""

@@ -265,7 +265,7 @@ def _collect(file: mmap.mmap, collected: _Collected) -> str:
 
 
 def _reason(error: Exception) -> str:
-    """Reason in brackets if it is one of our messages; messages of libraries are omitted."""
+    """Reason in brackets if it is a message of this package; messages of libraries are omitted."""
     if type(error) is McapError and str(error):
         return f" ({error})"
     if isinstance(error, CRCValidationError):

@@ -10,7 +10,7 @@ from textual.message_pump import MessagePump
 
 
 class Guarded(MessagePump):
-    """Mixin for our widgets: Textual ends a widget whose handler raises, but the screen must continue."""
+    """Mixin for widgets of this package: Textual ends a widget whose handler raises, but the screen must continue."""
 
     async def _dispatch_message(self, message: Message) -> None:
         try:

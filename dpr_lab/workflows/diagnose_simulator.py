@@ -177,7 +177,7 @@ def _replays(
     rig: "Rig",
     runs: "Sequence[Run]",
 ) -> "tuple[FileReplay, ...]":
-    """Errors of the file, of the patched one, and of the one with passive forces if there is one."""
+    """Errors of the file, of the patched file, and of the file with passive forces if it exists."""
     from dpr_lab.exports.into.replay import replay_files
 
     replays = replay_files(simulator, patched, names, model, rig, runs)

@@ -51,8 +51,8 @@ class ExportResult:
     torques: tuple[str, ...] = ()
     """Kinds of the known torques that drove the runs."""
     scale: dict[str, Any] | None = None
-    """Assumed inertia of masses, inertias and torques (`b`, kg m^2), its 90 % interval, what determined it, and which
-    inertia it is (`inertia`, a of an inner rod alone); None: unknown."""
+    """Assumed inertia of masses, inertias and torques (`b`, kg m^2), its 90 % interval, its source, and the name of the
+    inertia (`inertia`, a of an inner rod alone); None: unknown."""
     scale_sentence: str = ""
     """Description of the scale, one sentence."""
 

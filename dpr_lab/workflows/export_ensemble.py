@@ -211,7 +211,7 @@ def _of_arm(model: "MovingArmModel", diagnosis: "Diagnosis | None", rig: "Rig", 
 
 
 def _fitted_runs(model: "Model", rig: "Rig") -> "list[Run]":
-    """The fitted recordings, a single long one in pieces; none if one of them was moved or replaced."""
+    """The fitted recordings, a single long one in pieces; empty if one of them was moved or replaced."""
     from dpr_lab.gap.screen.pieces import in_pieces
 
     files = [Path(used.file) for used in model.runs]

@@ -34,7 +34,7 @@ class PlanRequest:
     rig: str
     """Rig file, or the name of a built-in one."""
     runs: tuple[Path, ...] = ()
-    """Runs so far; none: a first plan from the rig file alone."""
+    """Runs so far; empty: a first plan from the rig file alone."""
     diagnosis: Path | None = None
     """Diagnosis of these runs; None: they are diagnosed first."""
     limits: Path | None = None

@@ -78,7 +78,7 @@ class CBoard:
             self._ticks, self._next_tick = TickBase(now, actions.rate_hz), 0
 
     def _idle_reading(self, now: float) -> NDArray[np.int64]:
-        """(1, 4) only the newest reading: earlier ones are discarded while nothing is streamed."""
+        """(1, 4) newest reading; earlier readings are discarded while nothing is streamed."""
         tick = self._next_tick - 1
         return np.concatenate([[tick], self._rods.idle_counts(now, tick)])[None]
 

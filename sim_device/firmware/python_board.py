@@ -80,7 +80,7 @@ def streamed(
 
 
 def is_sample(frame: Frame) -> bool:
-    """Whether a frame carries a sample."""
+    """Whether a frame contains a sample."""
     return frame.number == NUMBERS[Sample]
 
 

@@ -9,7 +9,8 @@ import sys
 import time
 import tty
 
-# Linux's struct termios2 carries every rate; termios of the standard library knows only those in the B... table.
+# Linux's struct termios2 allows every rate; termios of the standard library allows only the constants B0, B50 and so
+# on.
 _TCGETS2, _TCSETS2 = 0x802C542A, 0x402C542B
 _TERMIOS2 = struct.Struct("4I20s2I")
 _CBAUD, _BOTHER = 0o010017, 0o010000

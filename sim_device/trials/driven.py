@@ -95,7 +95,7 @@ ANY_FAULT = EffectRequest("driven")
 
 
 def drawn_fault(seed: int, wanted: EffectRequest = ANY_FAULT) -> DriveFault | None:
-    """One of `FAULTS` or none, all equally probable, or the one that is requested by name.
+    """One of `FAULTS` or None, all equally probable, or the fault that is requested by name.
 
     Raises:
         ConfigError: the requested effect is not a fault of drives.

@@ -25,8 +25,8 @@ def record(
 ) -> list[Run]:
     """One run from each of the rig's poses, as dpr-lab would have recorded it.
 
-    The counts of the swings are those that the protocol would have transmitted; the rest before them has different
-    noise of the same kind.
+    The counts of the swings equal those that the protocol would have transmitted. The counts at rest before the release
+    have different noise of the same kind.
 
     Args:
         config: the plant

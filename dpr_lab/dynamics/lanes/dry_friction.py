@@ -1,7 +1,7 @@
 """Coulomb friction in the lanes: each lane divides its step at the events of its joints.
 
-Law and scheme are those of `dpr_lab.dynamics.dry_friction` and `dpr_lab.dynamics.events`. All lanes advance together,
-so a trial step with an event is taken back instead of being repeated at once:
+Law and scheme are described in `dpr_lab.dynamics.dry_friction` and `dpr_lab.dynamics.events`. All lanes advance
+together, so a trial step with an event is undone and repeated in the next step of all lanes:
 
     t                       te            until
     |------------ 1 ----------------------|    trial step; `settle` finds an event in it

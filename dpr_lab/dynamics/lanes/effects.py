@@ -80,8 +80,7 @@ add_arm_drives = lane_stage("drive0")
 """(w, active): replace the known torque of the arm's drive in the row `torque0` by the acting one."""
 
 add_whole_torques = lane_stage("whole0")
-"""(w, constants, active): add to the rows `torque0`, `torque1`, `torque2` what acts on an arm that moves and its
-rods.
+"""(w, constants, active): add the torques on a moving arm and its rods to the rows `torque0`, `torque1`, `torque2`.
 """
 
 add_dry_limit0 = lane_stage("dry0")

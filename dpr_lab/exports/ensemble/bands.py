@@ -33,7 +33,7 @@ class BandSettings:
     start_s: float = 0.5
     """Time to which the initial states are fitted, from the first reading."""
     starts: int = 4
-    """Maximum number of starts that are tried, each `start_s` after the one before."""
+    """Maximum number of starts that are tried, at intervals of `start_s`."""
     length_s: float = 10.0
     """Maximum duration of the comparison."""
     rate_hz: float = 200.0
@@ -60,7 +60,7 @@ class PredictiveBand:
     t: Array
     """(n,) s since the release."""
     measured: Array
-    """(n, 2) rad; (n, 3) of a moving arm, as its joints are read, nan where nothing is read."""
+    """(n, 2) readings, rad; (n, 3) for a moving arm, nan for joints without an encoder."""
     low: Array
     """Lower end of the band, in the shape of `measured`, rad."""
     high: Array
@@ -156,7 +156,7 @@ def _first_followed(followed: Followed, settings: BandSettings) -> float:
 def quantiles_of(drawn: Array, settings: BandSettings = BANDS) -> tuple[Array, Array]:
     """Lower and upper bound (n, joints) of readings (models, n, joints); models that fail are ignored.
 
-    Of m models the k-th smallest value is the quantile k / (m + 1) of the distribution from which they are drawn (E. J.
+    The k-th smallest value of m models is the quantile k / (m + 1) of the distribution from which they are drawn (E. J.
     Gumbel 1958, Statistics of Extremes). The usual rule, interpolation between the smallest and the largest, would give
     86 % instead of 90 % with 50 models.
     """

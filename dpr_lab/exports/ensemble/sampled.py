@@ -135,7 +135,7 @@ def square_root(covariance: Array) -> Array:
 
 
 def signed(values: Mapping[str, float]) -> dict[str, float]:
-    """Values, with zero in place of negative ones of parameters that cannot be negative."""
+    """Values; negative values of parameters that cannot be negative are replaced by zero."""
     return {name: max(value, 0.0) if name in _positive() else value for name, value in values.items()}
 
 

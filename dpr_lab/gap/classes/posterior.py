@@ -13,11 +13,11 @@ one, because the search would have selected a significantly better one. The odds
     m = min(remainder / noise, far)
 
 with the share `unexplained` of the excess, the share `unique` that only this effect explains, and the fraction `own` of
-it that no other functional form of the other effects explains. First term: a law that
-the library lacks leaves a share of its own gap, however far that is above the noise. The small causes of every rig
-leave about as much as the noise, for any size of the gap, unless the noise is so small that it is not comparable with
-them. Second term: an effect that explains no more than the remainder may imitate a part of the same unknown cause.
-Third term: a smaller effect may compensate for the inexact form of a large one.
+it that no other functional form of the other effects explains. First term: if a law is missing from the library, a
+fixed share of its gap remains, for any ratio of gap and noise. The small causes of every rig leave about as much as the
+noise, for any size of the gap, unless the noise is so small that it is not comparable with them. Second term: an effect
+that explains no more than the remainder may imitate a part of the same unknown cause. Third term: a smaller effect may
+compensate for the inexact form of a large one.
 """
 
 import math
@@ -107,7 +107,8 @@ class Alternative:
     cosine: float
     """Cosine between its signature and that of the named effect: the part of the named effect that it can imitate."""
     cost: float
-    """Predictive cost of the set with this effect in place of the named one; by the score test if it was not fitted."""
+    """Predictive cost of the set in which this effect replaces the named one; from the score test if it was not
+    fitted."""
     probability: float = 0.0
 
 
@@ -206,7 +207,7 @@ def _added_cost(selection: Selection, name: str, alternative: Alternative) -> fl
     """Cost of an alternative above that of the selected set.
 
     The search has compared them: an alternative that fits better is not significantly better, so it is as probable as
-    the named effect at most. A richer form of the effect also follows the error of the integrator, or what remains.
+    the named effect at most. A richer form of the effect also fits the error of the integrator or the remainder.
     """
     chosen = selection.chosen
     added = max(alternative.cost - chosen.cost, 0.0)
@@ -216,7 +217,7 @@ def _added_cost(selection: Selection, name: str, alternative: Alternative) -> fl
 
 
 def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
-    """Whether another effect is a curve that would only imitate the named effect, or follow small unknown causes."""
+    """Whether another effect is a curve that would only imitate the named effect or fit small unknown causes."""
     with_both = selection.fitted.get(selection.chosen.key | {other})
     instead = selection.fitted.get(without.key | {other})
     if instead is None or follows_decay(selection.base, instead, selection.chosen):
@@ -227,7 +228,7 @@ def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
 
 
 def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> float:
-    """Prior of the size of another effect in place of a named one: as fitted, or by its linear score."""
+    """Prior of the size of an effect that replaces a named one: its fitted size, or that of the linear score."""
     fitted = selection.fitted.get(without.key | {score.effect.name})
     if fitted is not None:
         return plausibility(fitted.fit.estimate.params, score.effect.name)
@@ -238,10 +239,10 @@ def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> fl
 
 
 def _in_one_class(selection: Selection, without: Hypothesis, test: ScoreTest, score: Score, other: Score) -> bool:
-    """Whether the recordings prefer neither of two effects with the same signature: by fits, or by linear scores.
+    """Whether two effects with the same signature fit equally well; compared by fits or by linear scores.
 
-    A richer form has the same signature where the recordings show that what it adds is zero. It is a member only where
-    they cannot show that (`_hidden`).
+    A richer form has the same signature if the recordings show that its additional amplitude is zero. It is a member of
+    the class only if they cannot show this (`_hidden`).
     """
     if score.effect.name in other.effect.nested:
         return False
@@ -281,13 +282,14 @@ def _cost(selection: Selection, without: Hypothesis, score: Score) -> float:
 def outside(
     selection: Selection, name: str = "", calibration: Calibration = CALIBRATION, *, members: Iterable[str] = ()
 ) -> float:
-    """Probability of a cause outside the library: of the gap, or in place of one effect of the set.
+    """Probability that a cause outside the library explains the gap, or replaces one effect of the set.
 
     Args:
         selection: the selected set and all fitted sets
         name: the effect; empty for the gap
         calibration: of the probabilities
-        members: effects that are indistinguishable from it; if every rig has one of them, it compensates for nothing
+        members: effects that are indistinguishable from it; if every rig has one of them, the effect is not regarded as
+        a compensation
     """
     remainder = 0.0 if at_noise_floor(selection.chosen) else selection.chosen.residuals.noise_ratio
     unexplained = max(1 - selection.share_explained, calibration.least_left)
@@ -313,7 +315,7 @@ def odds_outside(
 
     Args:
         unexplained: share of the excess that is not explained
-        remainder: rms of what is not explained, in units of the noise; zero if only noise remains
+        remainder: rms of the unexplained residual, in units of the noise; zero if only noise remains
         unique: share of the excess that only the effect explains; infinite for the gap as a whole
         own_share: fraction of this share that no other form of the other effects explains; 1 for a dominant effect
         calibration: of the probabilities

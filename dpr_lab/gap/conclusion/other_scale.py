@@ -2,7 +2,8 @@
 
 If a rod turns by theta = f phi for readings phi, gravity acts on phi like e1 sin(f phi) / f. This equals e1 sin(phi)
 and a torque that depends on the angle, such as that of a cable or of cogging. The accelerations of two coupled rods
-show their scale, as do those of a rod on an arm that moves; those of one degree of freedom do not.
+determine their scale, and so do the accelerations of a rod on a moving arm. The accelerations of one degree of freedom
+do not.
 """
 
 from dataclasses import dataclass, replace

@@ -28,11 +28,12 @@ class RestRules:
     of_median: float = 1.25
     """Standard deviation of the median of normal values relative to that of their mean, sqrt(pi / 2)."""
     periods: float = 0.55
-    """Length of a rest in slow periods of small oscillations: within half a period a swing moves by its amplitude."""
+    """Minimum time at rest, in slow periods of small oscillations: within half a period a swing moves by its
+    amplitude."""
     errors: float = 6.0
     """Maximum range of the medians at rest in their standard deviations."""
     moves: float = 3.0
-    """Minimum motion, in units of this range and of the range of the rest."""
+    """Minimum motion, in units of this range and of the range at rest."""
     of_swing: float = 0.5
     """Maximum motion relative to the swing before: rods that swing again were released again."""
 
@@ -45,13 +46,13 @@ class Touch:
     """Motion of rods that were at rest."""
 
     rest_s: float
-    """Start of the rest."""
+    """Start of the time at rest."""
     at_s: float
     """Start of the motion."""
     axis: int
     """Joint that moves most."""
     size: float
-    """Its largest distance from the rest, rad."""
+    """Its largest distance from the angle at rest, rad."""
 
 
 def touch(record: Record, slow_period_s: float) -> Touch | None:

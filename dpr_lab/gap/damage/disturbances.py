@@ -71,7 +71,7 @@ class LeftOut:
 
     @property
     def of_counts(self) -> bool:
-        """Whether nothing is left out, because an encoder missed counts."""
+        """Whether an encoder missed counts, so that no readings are left out."""
         return self.since == self.until
 
 

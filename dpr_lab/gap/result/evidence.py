@@ -78,9 +78,9 @@ class ExclusionLevels:
     """Confidence from which an effect is excluded at its minimum detectable size."""
 
     sure: float = 0.95
-    """Of an effect of known shape: its estimate is below 3.4 standard deviations."""
+    """For an effect of known shape: its estimate is below 3.4 standard deviations."""
     of_shapes: float = 0.84
-    """Of an effect of unknown shape: its estimate, the largest of all shapes, is below 4 standard deviations."""
+    """For an effect of unknown shape: its largest estimate over all shapes is below 4 standard deviations."""
 
 
 EXCLUDED = ExclusionLevels()

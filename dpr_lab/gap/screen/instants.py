@@ -93,8 +93,8 @@ def even_instants(t: Array, joints: Array) -> Array | None:
         sum over joints of  k / 7 ln(rms on stamps / rms on even instants),    k windows, of which one in seven is
         independent.
 
-    The likelihood ratio takes the size of each difference into account. Large differences are limited alike on both,
-    because a wrong reading affects both.
+    The likelihood ratio takes the size of each difference into account. Large differences are limited in the same way
+    on both sides, because a wrong reading affects both.
 
     Args:
         t: (n,) stamps, s
@@ -144,8 +144,8 @@ def _likelihood_ratio(on_stamps: Array, on_even: Array, counts: Flags) -> float:
 def _even_clock(t: Array) -> tuple[float, Array, Flags]:
     """An even clock near stamps (n,): its period, s, its instants (n,), s, and (n,) where no sample is lost nearby.
 
-    Stamps may come in bursts, so the period is that over many samples. A lost sample moves the clock by a period. Where
-    none is lost and the clock does not wander, a straight line through all stamps has the least noise.
+    Stamps may come in bursts, so the period is that over many samples. A lost sample moves the clock by a period.
+    Without lost samples and with a steady clock, a straight line through all stamps has the least noise.
     """
     index, drift = np.arange(len(t)), min(INSTANTS.drift, len(t) // 4)
     period = float(np.median(t[drift:] - t[:-drift])) / drift

@@ -1,8 +1,8 @@
 """Rows that wait in the queue of a saturated link: their delay varies within a recording.
 
 A logger sends a row whenever an encoder counts, and the row is stamped when it arrives. While the rods move fast, there
-are more changes than the link carries: the queue is full, the logger waits for room before it reads the next count, and
-successive rows differ by several counts. All these rows have the same delay, that of the full queue,
+are more changes than the link can transmit: the queue is full, the logger waits for room before it reads the next
+count, and successive rows differ by several counts. All these rows have the same delay, that of the full queue,
 
     D = (B + b) / r,    B bytes in the queue, b bytes per row, r bytes per second.
 

@@ -106,7 +106,7 @@ class Record:
 
     @property
     def _rounded(self) -> bool:
-        """Whether the changes of neighbouring readings repeat, as those of an encoder with a fixed step do."""
+        """Whether neighbouring readings have few distinct differences, as with an encoder of fixed step."""
         changes = np.round(np.diff(self.screened.joints[:, np.isfinite(self.screened.noise)], axis=0), 7)
         return any(len(np.unique(joint)) < THINNING.distinct * len(joint) for joint in changes.T)
 
@@ -115,13 +115,13 @@ class Record:
         return replace(self, sigma=self.sigma * factor, noise_correlation=correlation)
 
     def with_shutter(self, shutter: Shutter, constants: RigConstants) -> "Record":
-        """The record with its readings corrected for a rolling shutter, in place of an earlier correction."""
+        """The record with its readings corrected for a rolling shutter; an earlier correction is replaced."""
         shown = self.joints if self.shown is None else self.shown
         joints = shutter.corrected(self.t, shown, constants, alone=self.setup.alone)
         return replace(self, joints=joints, shown=shown)
 
     def with_finding(self, name: str, evidence: str) -> "Record":
-        """The record with a fault of the whole run, in place of an earlier one of this name."""
+        """The record with a fault of the whole run; an earlier fault of this name is replaced."""
         others = [finding for finding in self.screened.findings if finding.name != name]
         finding = Finding(name, self.run.name, None, None, evidence)
         return replace(self, screened=replace(self.screened, findings=(*others, finding)))
@@ -287,7 +287,7 @@ def _curvature(t: Array, values: Array, rate_hz: float) -> Array:
 
 
 def _arm_moves(run: Run, standard_errors: float) -> bool | None:
-    """Whether neighbouring readings of encoder 0 are correlated, which noise is not."""
+    """Whether neighbouring readings of encoder 0 are correlated, in contrast to noise."""
     swing = run.swing.theta[:, 0]
     if run.arm_read is False or (run.counts is None and np.ptp(swing) == 0.0):
         return None

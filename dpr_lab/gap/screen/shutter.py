@@ -1,6 +1,6 @@
 """Rolling shutter: a camera reads its picture line by line, so that the instant of a reading depends on its place.
 
-A point at the position p (m, from the pivot) is shown where it is at
+The picture shows a point with the position p (m, from the pivot) at the instant
 
     t + k n . p,
 

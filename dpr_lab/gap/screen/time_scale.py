@@ -1,8 +1,8 @@
 """Time base of recordings of a single rod, judged by gravity.
 
-A rod swings like a mass point at the distance I / S from its joint, with inertia I and first moment S. Where all mass
-lies between the joint and the end of the rod at L, this equivalent length is at most L (Huygens). Time stamps that are
-k times too long make it k^2 times longer, without any other trace: the motion of one rod determines I / S only together
+A rod swings like a mass point at the distance I / S from its joint, with inertia I and first moment S. If all mass is
+between the joint and the end of the rod at L, this equivalent length is at most L (Huygens). Time stamps that are k
+times too long make it k^2 times longer, and have no other effect: the motion of one rod determines I / S only together
 with the unit of time. With two rods the unit of time is identifiable, because the coupling d relates gravity to L1.
 
 Source: Huygens (1673), Horologium oscillatorium, part 4.
@@ -26,7 +26,7 @@ class TimeScaleRules:
     """Equivalent lengths that the rig file contradicts."""
 
     longer: float = 1.5
-    """Ratio to the length of the rod, which may protrude beyond its end and carry a small counterweight."""
+    """Ratio to the length of the rod: a rod may protrude beyond its end and may have a small counterweight."""
     apart: float = 3.0
     """Ratio to the length from the rig file's values, in either direction: some values in the file are guesses."""
     swings: int = 10

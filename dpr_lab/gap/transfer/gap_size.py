@@ -115,7 +115,7 @@ def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
 
 
 def _hats(edges: Integers, axes: int) -> Array:
-    """(n, axes, axes TORQUE_HATS) generalised torques of each joint, in every segment alike."""
+    """(n, axes, axes TORQUE_HATS) generalised torques of each joint, the same in every segment."""
     torque = np.zeros((edges[-1], axes, axes * TORQUE_HATS))
     for first, last in pairwise(edges):
         share = np.linspace(0, TORQUE_HATS - 1, last - first)

@@ -4,14 +4,14 @@ The selected set and the set without one effect are fitted to the same runs and 
 
     d_s = chi2_s(without) - chi2_s(with)
 
-for each segment s, with neighbouring segments grouped, an effect carries over to held-out data under three conditions:
+for each segment s, with neighbouring segments grouped, an effect is valid for held-out data under three conditions:
 d is significantly positive (by its sum or by its signed ranks); d is significantly negative in no run; and the share of
 the gap that the effect closes is not significantly below half of that in the fitted recordings. Effects that worsen the
-free runs, of held-out runs if there are any, are not confirmed. An effect that does not carry over explains the fitted
+free runs, of held-out runs if there are any, are not confirmed. An effect that fails this test explains the fitted
 recordings only. If there is a single release, its quarters are held out in turn, and an effect that fails is not
-withdrawn, but not sure either. If all effects together increase the gap of the data that were not fitted, or if one
-recording alone has a remainder (`dpr_lab.gap.transfer.lone_recording`), none is sure. With fewer segments than quarters
-no held-out test is possible: no effect is then refuted, and none is sure.
+withdrawn, but is not certain either. If all effects together increase the gap of the data that were not fitted, or if
+one recording alone has a remainder (`dpr_lab.gap.transfer.lone_recording`), no effect is certain. With fewer segments
+than quarters, no held-out test is possible: no effect is then refuted, and none is certain.
 
 The sum alone has little power if the reduction is largest in a few segments, because its scatter is then as large as
 the sum. The signed ranks detect a reduction in all segments.

@@ -321,10 +321,10 @@ class FittedSets:
         return bool(((previous > EFFORT.outstanding) & (current < 0.5 * previous)).any())
 
     def replaced(self, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
-        """The set with another effect in place of one; None if the other one has no score.
+        """The set in which one effect is replaced by another; None if the other effect has no score.
 
-        The fit starts without either effect. If it fails, it starts from a fit with both, in which a related effect
-        gradually takes over the share of the other.
+        The fit starts without either effect. If it fails, it is repeated from a fit with both, in which a related
+        effect gradually explains the share of the other.
         """
         smaller = self.without(model, effect)
         score = self.test(smaller).of(other)
@@ -338,10 +338,10 @@ class FittedSets:
         return replaced
 
     def imaged(self, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
-        """The set with another effect in place of one, started at its linear prediction from that solution.
+        """The set in which one effect is replaced by another, started at the linear prediction from that solution.
 
-        Of two indistinguishable effects, one then fits as well as the other, whereas a fit that starts with neither of
-        them may end in a local minimum in which another effect of the set has a wrong shape.
+        From this start, two indistinguishable effects fit equally well. A fit that starts with neither of them may end
+        in a local minimum in which another effect of the set has a wrong shape.
 
         Args:
             model: the solution
@@ -357,7 +357,7 @@ class FittedSets:
         return refit_without(self.problem, with_both, effect, self.bare)
 
     def _handed_over(self, model: Hypothesis, effect: str, other: str) -> Hypothesis:
-        """The set with another effect in place of one, started at amplitudes of the same names.
+        """The set in which one effect is replaced by another, started at amplitudes of the same names.
 
         Rods that hardly move stick even at the smallest Coulomb friction, so its derivative at zero is not a valid
         search direction.

@@ -102,7 +102,7 @@ def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, nam
 
 
 def _free(effect: Effect, tested: Effect, angle: Array, speed: Array, t: Array) -> Array:
-    """(n, k) hats over the angle, and over time and speed where the effect may depend on them."""
+    """(n, k) hats over the angle, and over time and speed if the effect may depend on them."""
     of_pose = not effect.dissipative and effect.stage in ("torque", "encoder")
     hats = [angle_hats(angle)[0]]
     if not _are_losses_of_speed(effect, tested):

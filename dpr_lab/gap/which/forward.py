@@ -104,9 +104,10 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 
 
 def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
-    """Whether a set stays far from the noise, that of known torques included, even with all effects together.
+    """Whether the residual is far above the noise, including that of known torques, even with all effects together.
 
-    The reduction by all candidates of the score test is at least that by any few of them, as far as they are linear.
+    All candidates of the score test together reduce chi2 at least as much as any few of them, as far as they are
+    linear.
     """
     if sets.problem.disturbance is None or not far_from_noise(model):
         return False
@@ -185,7 +186,7 @@ def _with_one_more(
 
 
 def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothesis], last: bool) -> float:
-    """Excess above which a further set of a level decides nothing: it is neither extended nor accepted."""
+    """Excess above which a further set of a level is neither extended nor accepted."""
     sound = [model for model in _ranked(sets, best, level) if not any(_doubts(sets, best, level, model))]
     ahead = [*sound[:1], *_runners_up(sets, sound[0], sound[1:])] if sound else []
     if last:

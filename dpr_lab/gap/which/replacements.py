@@ -214,7 +214,7 @@ def _far_more_plausible(sets: FittedSets, current: Hypothesis, proposal: Proposa
 
 
 def with_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[str], Hypothesis]:
-    """All fitted sets, including those with an alternative in place of each effect.
+    """All fitted sets, including the sets in which an alternative replaces an effect.
 
     Alternatives are effects that the linear scores can hardly distinguish from the effect, or rank above it. If an
     indistinguishable one fits worse, its fit ended in a local minimum, and is repeated from the chosen solution.

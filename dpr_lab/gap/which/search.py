@@ -14,7 +14,7 @@ from dpr_lab.gap.which.fitted_sets import FittedSets
 
 
 class Proposal(NamedTuple):
-    """A set that a move proposes in place of the current one."""
+    """A set that a move proposes as replacement of the current one."""
 
     model: Hypothesis
     value: float = float("nan")

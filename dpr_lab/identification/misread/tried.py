@@ -259,8 +259,8 @@ def fitted(
 ) -> RatioFit | None:
     """Fit of the rods without effects to the beginning of each run.
 
-    None if the fit has no finite result, or if a part of the first run alone has a chi2 far above `worst`. A part of
-    the segments has at most the chi2 of all, because its ratios need to fit nothing else.
+    None if the fit has no finite result, or if a part of the first run alone has a chi2 far above `worst`. A fit to a
+    part of the segments has a chi2 of at most that of the fit to all segments.
 
     Args:
         runs: the runs in one interpretation

@@ -1,7 +1,7 @@
 """Conversion between a model with a moving arm and the unknowns of the common fitting engine with every effect.
 
-The engine has ratios to b of a whole rig, b and p/b; of an inner rod alone only a - p, e1 - p g/L1 and c1 act
-(`dpr_lab.dynamics.base`), so that the rest is taken from the rig file.
+The engine has the ratios to b of a whole rig, b and p/b. With an inner rod alone, only a - p, e1 - p g/L1 and c1 act
+(`dpr_lab.dynamics.base`); the other parameters have the values of the rig file.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Identifiability of a rig with a free or driven arm, and the bench measurements that determine the rest.
+"""Identifiability of a rig with a free or driven arm, and the bench measurements that determine the other parameters.
 
 Information is represented by whitened rows, as in `dpr_lab.identification.identifiability`: sensitivities to relative
 changes of the physical parameters of rods, arm and motor. With q the unknowns of the recordings and F^T F their Fisher
@@ -298,7 +298,7 @@ def _answers(
 
 
 def _of_one_rod(instrument: Instrument) -> Instrument:
-    """The measurement at a rig without a second rod, whose only rod carries no encoder of joint 2."""
+    """The measurement at a rig without a second rod, whose only rod has no encoder of joint 2."""
     quantity = replace(instrument.quantity, name=instrument.quantity.name.replace(JOINT2_ENCODER, ""))
     return replace(instrument, how=instrument.how.replace(JOINT2_ENCODER, ""), quantity=quantity)
 

@@ -20,7 +20,7 @@ ROD_OF = {"a": "inner rod about joint 1", "b": "outer rod about joint 2"}
 
 
 class Scale(BaseModel):
-    """Assumed value of b for absolute sizes, its interval, and what determined it."""
+    """Assumed value of b for absolute sizes, with its interval and its source."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 

@@ -140,7 +140,7 @@ def contribution_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A named effect, or the closest one if none is named, with its alternatives."""
+    """A named effect, or the closest effect if none is named, with its alternatives."""
 
     name: str
     members: tuple[str, ...]

@@ -98,7 +98,7 @@ def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
 
 
 def _autocorrelation(values: Array) -> float:
-    """Correlation of neighbouring values, NaN where there is none."""
+    """Correlation of neighbouring values; neighbours with a NaN are ignored."""
     power, products = float(np.nanmean(values**2)), values[1:] * values[:-1]
     return float(np.nanmean(products)) / power if power > 0 and np.isfinite(products).any() else 0.0
 

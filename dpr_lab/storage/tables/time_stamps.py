@@ -1,4 +1,4 @@
-"""Faults of time stamps: too few digits, stamps on the wrong side of a gap, and a carry at the wrong row.
+"""Faults of time stamps: too few digits, stamps on the wrong side of a gap, a full second added at the wrong row.
 
 Too few digits, for example from a spreadsheet that shows three: several rows share one time. If the rows are evenly
 spaced, their number determines the times: t_i = t_0 + i T, and each written time differs from t_i by at most half of
@@ -7,8 +7,9 @@ its resolution, apart from a constant. Rows of an uneven logger, or lost rows, v
 Stamps at gaps: a logger that pauses, for example while it writes to a card, may take the stamp of a row before the
 pause and its reading after it, or vice versa. The reading then continues the motion on the other side of the gap.
 
-Carry: a stamp composed of two counters that are not read at one instant, such as the second of a clock and the
-milliseconds of the processor, is a second early or late in the rows between their two changes: 24.997, 24.002, 25.009.
+Full second at the wrong row: a stamp composed of two counters that are not read at one instant, such as the second of a
+clock and the milliseconds of the processor, is a second early or late in the rows between their two changes: 24.997,
+24.002, 25.009.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Detection of programs that keep a session and answer cursor queries in place of the operator's terminal.
+"""Detection of programs that keep a session and answer cursor queries instead of the operator's terminal.
 
 tmux, GNU screen, Zellij and mosh are terminals themselves: they confirm a frame at once, even if nobody is attached.
 """

@@ -29,7 +29,7 @@ class Sight(Protocol):
 
     @property
     def multiplexer(self) -> str:
-        """Name of a program that confirms frames in place of the operator's terminal; empty if none is known."""
+        """Name of a program that confirms frames instead of the operator's terminal; empty if none is known."""
         ...
 
     async def seen(self, patience_s: float) -> float:

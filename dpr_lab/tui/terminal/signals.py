@@ -25,8 +25,8 @@ def end_on_signals(end: Callable[[], object], restore: Callable[[], object]) -> 
     """End the app on these signals.
 
     A Python signal handler runs between two steps of the main thread, so `end` must
-    only ask for the end. If the process is still there after a while, for any reason, the terminal is restored and the
-    process ends at once; the recorder finishes its file by itself when the other end of its pipe is closed.
+    only request the end. If the process has not ended after a few seconds, the terminal is restored and the process
+    ends at once; the recorder finishes its file by itself when the other end of its pipe is closed.
 
     Args:
         end: requests the end

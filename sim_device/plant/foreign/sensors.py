@@ -115,7 +115,7 @@ def overspeed_loss(joints: Array, moment: Moment, values: Values) -> Array:
 
 
 def stuck_bit(counts: NDArray[np.int64], values: Values) -> NDArray[np.int64]:
-    """One bit of encoder 2 always reads 0: the one whose weight is nearest to the requested one."""
+    """One bit of encoder 2 always reads 0: the bit with the weight nearest to the requested weight."""
     if values["weight_counts"] == 0.0:
         return counts
     bit = max(0, round(np.log2(values["weight_counts"])))
