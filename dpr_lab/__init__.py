@@ -126,7 +126,11 @@ _FORMER = {"identify_moving_arm": "identify", "compare_moving_arm": "compare"}
 def __getattr__(name: str) -> Any:
     if name in _FORMER:
         present = _FORMER[name]
-        warn(f"dpr_lab.{name} is now dpr_lab.{present}, which takes every arm", DeprecationWarning, stacklevel=2)
+        warn(
+            f"dpr_lab.{name} is now dpr_lab.{present}, which accepts every mode of the arm",
+            DeprecationWarning,
+            stacklevel=2,
+        )
         return __getattr__(present)
     if name not in _FROM:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

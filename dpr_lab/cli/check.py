@@ -26,7 +26,7 @@ def check(
     force: Annotated[bool, typer.Option("--force", help="Accept a value that no candidate cause predicts.")] = False,
     rig: Annotated[
         str | None,
-        typer.Option(help="Rig file; by default the one stored with the run.", autocompletion=complete_rig),
+        typer.Option(help="Rig file; default: the rig file stored with the run.", autocompletion=complete_rig),
     ] = None,
     torque: TorqueKind = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the new diagnosis.json and its report.")] = None,

@@ -22,7 +22,9 @@ class EffectCommands(Listing):
             BadParameter: no command has this name.
         """
         if args[0] not in self.list_commands(ctx):
-            raise typer.BadParameter(f"no command {args[0]!r}; for an effect: {ctx.command_path} show {args[0]}", ctx)
+            raise typer.BadParameter(
+                f"no command {args[0]!r}; if this is an effect: {ctx.command_path} show {args[0]}", ctx
+            )
         return super().resolve_command(ctx, args)
 
 

@@ -146,7 +146,7 @@ def _show_bands(done: "EnsembleResult") -> None:
         if band.delay_s > 0:
             line(
                 f"{band.run}: without its first {band.delay_s:.2g} s, which the model fits far worse than the"
-                " rest: a hand may still have moved the rods."
+                " later readings: a hand may still have moved the rods."
             )
 
 

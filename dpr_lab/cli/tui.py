@@ -16,16 +16,17 @@ def tui(
     rig: Annotated[
         str | None,
         typer.Option(
-            help="Rig file, or the name of a built-in one; default: the one used last.", autocompletion=complete_rig
+            help="Rig file, or the name of a built-in one; default: that of the last session.",
+            autocompletion=complete_rig,
         ),
     ] = None,
     link: Annotated[
-        str | None, typer.Option(help="Link to the device; default: the one used last, or that of the rig file.")
+        str | None, typer.Option(help="Link to the device; default: that of the last session, or of the rig file.")
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of runs, model, report and diagnosis; default: the one used last. Another folder begins"
+            help="Folder of runs, model, report and diagnosis; default: that of the last session. Another folder begins"
             " without selected runs and results."
         ),
     ] = None,

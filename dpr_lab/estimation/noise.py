@@ -174,12 +174,13 @@ def _rounding(run: Run, readings: Array, counts: Array, std: Array, still: bool)
 
 
 def _steps(readings: Array, counts: Array) -> Array:
-    """(m,) step of which the changes of the readings are multiples: a count of the rig, or their smallest; else 0."""
+    """(m,) step whose multiples are the changes of the readings: a count of the rig or the smallest change; else 0."""
     steps = np.zeros(readings.shape[1])
     for joint, changes in enumerate(np.abs(np.diff(readings, axis=0)).T):
         moved = changes[changes > NOISE.rounding_rad]
         for step in (counts[joint], moved.min(initial=np.inf)):
-            # a change much smaller than a step has the phase of a multiple, but is not a multiple
+            # a change much smaller than a step has a phase near zero, like a multiple of the step, but is not a
+            # multiple
             of_step = np.where(moved > 0.5 * step, np.exp(2j * np.pi * moved / step), 0.0)
             if len(moved) and abs(of_step.mean()) > NOISE.on_grid:
                 steps[joint] = max(steps[joint], step)

@@ -51,7 +51,7 @@ def identify(
 ) -> Model:
     """Identify the kinetic parameters of a rig from runs with a clamped or prescribed arm.
 
-    Arguments as of `dpr_lab.identification.moving_arm.any_arm.identify`, which takes every arm.
+    Arguments as of `dpr_lab.identification.moving_arm.any_arm.identify`, which accepts every mode of the arm.
 
     Raises:
         ConfigError: unknown objective or search.

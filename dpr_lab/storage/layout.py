@@ -58,7 +58,7 @@ UNIT_TABLE = {
     "t": "s since tick 0, device time",
     "counts": "encoder counts of joints 0, 1, 2, multi-turn",
     "tau": "N m, known torques of joints 1, 2, each held until the next sample; with a driven arm its input, and 0",
-    "tau_commanded": "N m, the commanded ones; tau then holds the measured ones",
+    "tau_commanded": "N m, commanded torques; tau then contains the measured torques",
     "theta": "rad, absolute angles of arm, inner and outer rod; 0 = upright, pi = hanging",
     "log_time": "ns since the stream started: device time on /samples, host time on the other channels",
     "publish_time": "ns, host clock; equal to log_time on /samples",

@@ -178,7 +178,7 @@ REASONS = ("gap", "unexplained", "unsure", "sensor")
 def failures(diagnosis: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.9) -> list[str]:
     """One sentence for each of the requested `REASONS` that apply to a diagnosis.
 
-    Recordings that cannot show a gap, and a probably wrong description of them, are always included.
+    A sentence is always included if the recordings cannot show a gap, or if their description is probably wrong.
 
     Args:
         diagnosis: the diagnosis

@@ -71,7 +71,7 @@ class RunRead:
     file: Path
     name: str
     notes: tuple[str, ...]
-    """Note of the reader for the operator."""
+    """Notes of the file reader for the operator."""
 
 
 @dataclass(frozen=True, slots=True)

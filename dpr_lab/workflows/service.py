@@ -176,7 +176,7 @@ class Service:
 
     def _cancel(self, params: Mapping[str, Any]) -> bool:
         if set(params) != {"id"} or not _is_id(params["id"]):
-            raise RpcError(RpcCode.INVALID_PARAMS, 'cancel takes the id of a job: {"id": 1}')
+            raise RpcError(RpcCode.INVALID_PARAMS, 'cancel needs the id of a job: {"id": 1}')
         with self._changed:
             jobs = [job for job in self._all() if job.id == params["id"]]
             for job in jobs:

@@ -62,7 +62,7 @@ def _compiler() -> str:
             return compiler
     raise ConfigError(
         "the firmware in C needs a C compiler and none was found (cc, gcc, clang): install one (Debian: apt install"
-        " gcc), or take the firmware in Python"
+        " gcc), or use the firmware in Python"
     )
 
 

@@ -94,7 +94,7 @@ MALFORMED = [
     (b'{"jsonrpc": "2.0", "id": 1, "method": "identify", "params": {"runs": 3}}', -32602, "runs"),
     (b'{"jsonrpc": "2.0", "id": 1, "method": "identify", "params": {"runs": []}}', -32602, "missing parameter 'rig'"),
     (b'{"jsonrpc": "2.0", "id": 1, "method": "plan", "params": {"runs": "x", "rig": "paper"}}', -32602, "valid array"),
-    (b'{"jsonrpc": "2.0", "id": 1, "method": "cancel", "params": {}}', -32602, "takes the id"),
+    (b'{"jsonrpc": "2.0", "id": 1, "method": "cancel", "params": {}}', -32602, "needs the id"),
 ]
 
 

@@ -16,7 +16,7 @@ class LaneSamples(NamedTuple):
     """Samples of the current segment in each lane."""
 
     t1: Array
-    """(LANES, longest) instants of the read angle of joint 1, s."""
+    """(LANES, longest) instants at which the angle of joint 1 is read, s."""
     t2: Array
     out: Array
     """(n * N * columns,) readings of all candidates in sequence: joint 1, joint 2 and optionally the arm, rad."""

@@ -7,10 +7,10 @@ inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`), a draw is
     z ~ N(0, V),    x = x0 - P^-1 J_x^T J_z z / f + n,    n ~ N(0, P^-1),    P = J_x^T J_x / f + W.
 
 f is computed with the model with its effects: the misfit of the same rods without effects contains no information about
-its initial states. It does not widen the prior, which alone limits the speed of a joint that dry friction stops at
-once. For such a joint the readings are not a linear function of the state: a draw that fits the readings worse than the
-tail of this distribution allows is moved towards the fit. The zeros are fixed unless the encoders are set to zero
-before each recording (`rezeroed`).
+its initial states. The factor f does not widen the prior. Only the prior limits the initial speed of a joint that dry
+friction stops at once. For such a joint the readings are not a linear function of the state: a draw that fits the
+readings worse than the tail of this distribution allows is moved towards the fit. The zeros are fixed unless the
+encoders are set to zero before each recording (`rezeroed`).
 """
 
 from dataclasses import dataclass

@@ -111,7 +111,7 @@ class Simulation:
     direction: Array
     """(n,) signs of the joints, 1 or -1."""
     gear: Array
-    """Gears of the motors, 1 without a motor: (2,) of the rods, or (1,) of a moving arm."""
+    """Gear ratios of the motors, 1 without a motor: (2,) of the rods, or (1,) of a moving arm."""
     longest_step_s: float = 5e-4
 
     @classmethod

@@ -57,9 +57,9 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
     turns, moving = ("rods turn", "rods with a clamped elbow") if coupled else ("rod turns", "a single rod")
     option = f"--scale {factor:g}" + (f", or --scale theta1={factor:g} if theta2 is relative" if coupled else "")
     return (
-        f"If the {turns} by {factor:g} times the reading, one effect fewer explains the recordings as well, and those"
-        f" of {moving} cannot show the difference. Check counts_per_rev of joint {joint} ({counts} in the rig file;"
-        f" it would be {counts / factor:.0f}), or the unit of the table ({option})."
+        f"If the {turns} by {factor:g} times the reading, one effect fewer is sufficient, and recordings"
+        f" of {moving} cannot distinguish the two cases. Check counts_per_rev of joint {joint} ({counts} in the rig"
+        f" file; it would be {counts / factor:.0f}), or the unit of the table ({option})."
     )
 
 

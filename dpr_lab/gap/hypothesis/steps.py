@@ -46,8 +46,8 @@ class StepSettings:
     visible from this number of standard errors on.
     """
     counts: float = 1.5
-    """Size of a step, in counts, up to which it is the resolution of an encoder. An edge is counted at the same angle
-    in both directions, so that readings taken at edges differ by one count after a reversal.
+    """Maximum size, in counts, of a step that is due to the resolution of an encoder. An encoder counts an edge at the
+    same angle in both directions. Readings taken at edges therefore change by one count at a reversal.
     """
 
 

@@ -118,7 +118,7 @@ def _revised(sets: FittedSets, state: SearchState) -> SearchState:
         tested = run(moves, sets, after)
         if tested.current.cost - state.current.cost < indifference(sets.bare, state.current):
             return tested
-        undone = Decision(True, "what remains of the other set after its tests explains less")
+        undone = Decision(True, "after its tests, the other set explains less")
         state = tested.after(revision, Proposal(state.current), undone)
     return state
 

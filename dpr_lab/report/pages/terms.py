@@ -21,7 +21,7 @@ TERMS = {
     "Bayes factor": "ratio by which the result of a check changes the odds of a cause",
     "minimum detectable size": "smallest size that would be visible in these recordings",
     "confidence": "probability that an effect of this size or larger would have been detected",
-    "determined by": "what determines a value: the recordings, a measured value of the rig file, or its bounds only",
+    "determined by": "source of a value: the recordings, a measured value of the rig file, or its bounds only",
     "gap reduction": "relative decrease of the gap: the rms residual above the noise",
     "horizon (s)": "predictability horizon: time at which the uncertainty of the initial state alone moves an angle by"
     " 0.1 rad",

@@ -29,7 +29,7 @@ from dpr_lab.tui.widgets.readout import BAD, GOOD, angles_text, old_text, ordere
 SIMULATED = TRANSPORTS["sim"].example
 CONNECTING = "connecting ({connect.disconnect}: cancel)"
 COMPILING = "compiling the simulated rig, once on this computer: about half a minute ({connect.disconnect}: cancel)"
-OWN = "or the URL of another link ({connect.edit} to enter it); empty: that of the rig file"
+OWN = "or the URL of another link ({connect.edit} to enter it); empty: the link of the rig file"
 UNTESTED = "not tested: press {connect.exercise}"
 CLOSES = " (closes the latch)"
 LINKS = "\n".join(f"- {kind.name}: `{kind.example}`" for kind in TRANSPORTS.values() if kind.example != SIMULATED)

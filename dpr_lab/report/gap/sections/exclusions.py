@@ -72,6 +72,6 @@ EXCLUSIONS = EvidenceSection(
     title="Excluded effects",
     words=exclusion_words,
     tables=(FoldedTable("All excluded effects", ("effect", "excluded from this size", "confidence"), exclusion_rows),),
-    symbols="Size: 5 s, where s is the standard deviation of the linear estimate a of the effect in addition to all"
-    " named effects, with the correlation of the residuals. Confidence: Φ(5 − |a| / s).",
+    symbols="Size: 5 σ, where σ is the standard deviation of the linear estimate a of the effect in addition to all"
+    " named effects, with the correlation of the residuals. Confidence: Φ(5 − |a| / σ).",
 )
