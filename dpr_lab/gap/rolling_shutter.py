@@ -59,7 +59,12 @@ def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesi
 
 
 def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
-    """Whether recordings that were corrected for a rolling shutter are explained better than without it."""
+    """Whether recordings that were corrected for a rolling shutter are explained better than without it.
+
+    With other segments, because other readings were left out, neither is better than the other.
+    """
+    if len(without.fit.linear.chi2_by_segment) != len(corrected.fit.linear.chi2_by_segment):
+        return False
     inflation = corrected.residuals.inflation
     chance = min(THRESHOLDS.chance * inflation, scatter(without, corrected))
     return without.cost - corrected.cost > chance + PENALTY.parameter * inflation

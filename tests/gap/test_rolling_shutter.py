@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -9,7 +11,9 @@ from scipy.interpolate import CubicSpline
 
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.rolling_shutter import likeliest_shutter
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
+from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.shutter import Shutter
@@ -98,3 +102,14 @@ def test_a_picture_that_is_read_at_once_has_no_rolling_shutter(tmp_path: Path) -
     records = tuple(record(run, rig) for run in runs)
     recordings, problem, bare = fit_bare_model(Recordings(records, rig), nominal_ratios(rig))
     assert likeliest_shutter(recordings, problem, bare) is None
+
+
+def test_a_correction_after_which_other_readings_are_left_out_is_not_kept() -> None:
+    def fitted(chi2: Array) -> Hypothesis:
+        fit = SimpleNamespace(free=(), chi2=chi2.sum(), linear=SimpleNamespace(chi2_by_segment=chi2))
+        residuals = ResidualStatistics(float(chi2.sum()), 50 * len(chi2), level=1.0, autocorrelation=0.0)
+        return Hypothesis((), cast(Any, fit), residuals, chi2, {})
+
+    before, after = np.full(6, 1000.0), np.full(6, 50.0)
+    assert explains_more(fitted(before), fitted(after))
+    assert not explains_more(fitted(before), fitted(after[:5]))
