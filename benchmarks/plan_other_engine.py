@@ -6,10 +6,14 @@ A plant is drawn around the rig `paper` and has one effect of one to ten times t
 release of the menu shows, or none. Each plant is recorded release by release until its cause is decided, or until a
 bench check must decide, as in `dpr-lab trials campaign --plan`; a plant that stays undecided counts as one release more
 than the maximum.
+
+With `--first N` the minimum of each plant is sought: if no strategy was decided by one release, N other first releases
+are recorded and diagnosed one by one. If one of them decides, the minimum is one, otherwise the least of all
+strategies.
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -28,7 +32,7 @@ from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.worth.criteria import detectable
 from dpr_lab.rig import MASSES, PARAMETERS, Rig, load_rig
 from dpr_lab.run import Run
-from dpr_lab.trials.next_release import SEQUENTIAL, STRATEGIES, limits_of
+from dpr_lab.trials.next_release import SEQUENTIAL, STRATEGIES, at_random, limits_of
 from dpr_lab.trials.sequential import SequentialLook, played
 from dpr_lab.trials.sequential_summary import forecast_claims
 from dpr_lab.trials.summary import calibration_error, error_if_exact
@@ -173,14 +177,35 @@ def is_true(plant: Plant, looks: Sequence[SequentialLook]) -> bool:
     return is_right(plant, looks) or (found.verdict == "no_gap" and least is not None and plant.size < least)
 
 
+def least(plant: Plant, counts: Mapping[str, int], first: int, seed: int) -> int:
+    """Smallest number of releases that decided a plant, of all strategies and of some other first releases.
+
+    Args:
+        plant: the plant
+        counts: releases of each strategy
+        first: number of other first releases, at random poses
+        seed: of the plant
+    """
+    decided = min(counts.values())
+    if not plant.effect or decided == 1:  # the absence of a gap needs two releases
+        return decided
+    for k in range(first):
+        rng = np.random.default_rng([seed, k, 29])
+        (look,) = played(plant.rig, at_random, partial(plant.record, rng=rng), rng, limits_of(plant.rig), most=1)
+        pose = np.degrees(look.release.start[:2]).round()
+        print(f"  first release {pose} deg: decided {look.is_last}", file=sys.stderr, flush=True)
+        if look.is_last and is_right(plant, [look]):
+            return 1
+    return decided
+
+
 def _judged(right: bool, true: bool) -> str:
     return "right" if right else "too small" if true else "wrong"
 
 
 def bars(results: dict[str, list[tuple[list[SequentialLook], bool, bool]]]) -> list[Bar]:
     """Releases until decided; right, or true as stated, when stopped."""
-    most = SEQUENTIAL.most + 1
-    counts = {name: [len(looks) if looks[-1].is_last else most for looks, *_ in each] for name, each in results.items()}
+    counts = {name: [_count(looks) for looks, *_ in each] for name, each in results.items()}
     mean = {name: float(np.mean(each)) for name, each in counts.items()}
     made = []
     for name, each in results.items():
@@ -195,6 +220,11 @@ def bars(results: dict[str, list[tuple[list[SequentialLook], bool, bool]]]) -> l
             made.append(at_most(f"{name}: releases over the menu's", mean[name] / mean["menu"], 0.6))
         made += _of_plans(name, [looks for looks, *_ in each])
     return made
+
+
+def _count(looks: Sequence[SequentialLook]) -> int:
+    """Releases until decided; one more than the maximum if undecided."""
+    return len(looks) if looks[-1].is_last else SEQUENTIAL.most + 1
 
 
 def _as_outcome(look: SequentialLook) -> dict[str, Any]:
@@ -222,9 +252,11 @@ def main() -> None:
     parser = options(__doc__)
     parser.add_argument("--plants", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0, help="of the first plant")
+    parser.add_argument("--first", type=int, default=0, help="other first releases tried for the minimum of a plant")
     parser.add_argument("--strategies", nargs="+", default=list(STRATEGIES), choices=list(STRATEGIES))
     args = parser.parse_args()
     results: dict[str, list[tuple[list[SequentialLook], bool, bool]]] = {name: [] for name in args.strategies}
+    minima = list[int]()
     for seed in range(args.seed, args.seed + (1 if args.quick else args.plants)):
         plant = drawn(seed)
         print(f"plant {seed}: {plant.effect or 'nothing'} {plant.size:.3g}", file=sys.stderr)
@@ -241,7 +273,16 @@ def main() -> None:
                 file=sys.stderr,
                 flush=True,
             )
-    show("plans on plants of MuJoCo", bars(results), args.json)
+        if args.first:
+            counts = {name: _count(each[-1][0]) for name, each in results.items()}
+            minima.append(least(plant, counts, args.first, seed))
+            print(f"  minimum: {minima[-1]}", file=sys.stderr, flush=True)
+    shown = bars(results)
+    if minima:
+        shown.append(
+            Bar(f"minimum: releases until decided, mean (of {len(minima)})", "-", float(np.mean(minima)), None)
+        )
+    show("plans on plants of MuJoCo", shown, args.json)
 
 
 if __name__ == "__main__":

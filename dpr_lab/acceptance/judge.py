@@ -165,7 +165,7 @@ def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
         stated = diagnosis.stated_ratios.get(name)
         interval = stated.interval90 if stated else None
         reason = _untrusted(diagnosis) or _undetermined(diagnosis, name)
-        reason = reason or next(filter(None, (_doubted(diagnosis, named) for named in diagnosis.effects)), "")
+        reason = reason or next(filter(None, map(_doubted, diagnosis.effects)), "")
         yield _judged(name, limit.unit, limit.bounds, interval, _answer(interval, *limit.bounds), reason)
 
 
@@ -257,8 +257,7 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
         if effect in named.members:
             return f"indistinguishable from {named.name}"
     for rival in diagnosis.rivals:
-        is_alternative = effect in (rival.name, *rival.members) and rival.probability > 1 - SURE
-        if is_alternative and not diagnosis.simpler_form(rival):
+        if effect in (rival.name, *rival.members) and rival.probability > 1 - SURE:
             instead = rival.instead_of or "none"
             return f"it is the cause with probability {percent(rival.probability)}, instead of {instead}"
     return "named before, but not confirmed on other recordings" if effect in diagnosis.withdrawn else ""
@@ -270,12 +269,11 @@ def _undetermined(diagnosis: Diagnosis, ratio: str) -> str:
     return "" if ratio in stated else f"these recordings determine {listed(list(stated))}, not {ratio}"
 
 
-def _doubted(diagnosis: Diagnosis, named: NamedEffect) -> str:
+def _doubted(named: NamedEffect) -> str:
     """Reason why the ratios depend on a named effect; empty if its class is certain."""
-    probability = diagnosis.probability_of(named)
-    if probability >= SURE:
+    if named.probability >= SURE:
         return ""
-    return f"the ratios depend on the cause, and the probability of {named.name} is {percent(probability)}"
+    return f"the ratios depend on the cause, and the probability of {named.name} is {percent(named.probability)}"
 
 
 def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> str:
@@ -292,6 +290,6 @@ def _unsure(diagnosis: Diagnosis, effect: str) -> str:
     """Reason why an effect that is too large may be another one; empty if it is certain or was not named."""
     for named in diagnosis.effects:
         if named.name == effect:
-            sure = diagnosis.probability_of(named) * named.odds.get(effect, 1 / len(named.members))
+            sure = named.probability * named.odds.get(effect, 1 / len(named.members))
             return "" if sure >= SURE else f"the probability that it is the cause is {percent(sure)}"
     return ""

@@ -55,17 +55,13 @@ class Causes:
 
 
 def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
-    """Candidate causes of each named effect: the members of its class by their odds, and its alternatives.
-
-    A richer form whose addition is excluded counts as the simpler form (`Diagnosis.simpler_form`).
-    """
+    """Candidate causes of each named effect: the members of its class by their odds, and its alternatives."""
     for effect in diagnosis.effects:
         odds = {name: effect.odds.get(name, 1 / len(effect.members)) for name in effect.members}
         alternatives = {name: effect.probability * share for name, share in odds.items()}
         for rival in diagnosis.rivals:
             if rival.instead_of == effect.name and rival.name not in effect.members:
-                name = diagnosis.simpler_form(rival) or rival.name
-                alternatives[name] = alternatives.get(name, 0.0) + rival.probability
+                alternatives[rival.name] = rival.probability
         yield Causes(effect.name, alternatives)
 
 

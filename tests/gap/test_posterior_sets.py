@@ -92,3 +92,23 @@ def test_an_effect_that_every_rig_has_compensates_for_nothing(
     found = replace(refined(sets, forward(sets)), own_shares={name: 0.001})
     assert outside(found, name) > 0.7
     assert outside(found, name, members=("encoder_offset_joint2",)) == CALIBRATION.outside_when_closed
+
+
+@pytest.mark.slow
+def test_a_drift_of_rate_zero_is_no_separate_cause(
+    bare: Callable[..., Any], screened: Callable[..., Any], recorded: Callable[..., list[Run]]
+) -> None:
+    """Such a drift fits as well as the offset, or the tilt, and costs one parameter for any number of releases."""
+    tilt, offset, drift = "base_tilt", "encoder_offset_joint1", "encoder_drift_joint1"
+    runs = recorded({offset: {"offset_rad": 0.01}}, duration=2.0)
+    problem, base = bare(runs)
+    library = {name: EFFECTS[name] for name in (tilt, offset, drift)}
+    sets = FittedSets(screened(runs), problem, library, base, expected=frozenset({tilt}))
+    found = refined(sets, forward(sets))
+    assert found.chosen.effects == (tilt,)
+    for lower, forms in ((0.0, (drift,)), (1.0, ())):
+        drifting = costing(replace(found.chosen, effects=(drift,), curves={}), found.chosen.cost - lower)
+        posterior = effect_posterior(replace(found, fitted={**found.fitted, frozenset({drift}): drifting}), tilt)
+        assert posterior.forms == forms
+        assert set(posterior.members) == {tilt, offset} | ({drift} - {*forms})
+        assert posterior.alternatives == ()

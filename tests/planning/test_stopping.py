@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dpr_lab.acceptance.judge import SURE, judge
-from dpr_lab.acceptance.limits import Limits
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis, load_diagnosis
 from dpr_lab.gap.result.evidence import Evidence, Exclusion, RecordingUsed
 from dpr_lab.planning.forecast import FORECAST
@@ -189,36 +187,6 @@ def test_inseparable_causes_count_as_one() -> None:
     assert decided(uncertain, {"coulomb_joint1", "stribeck_joint1"})
     remainder = uncertain.model_copy(update={"sentence": "A remainder has another cause."})
     assert not decided(remainder, {"coulomb_joint1", "stribeck_joint1"})
-
-
-@pytest.mark.parametrize(("sizes", "expected"), [(1.0, True), (3.8, False)])
-def test_a_richer_form_whose_addition_is_excluded_counts_as_the_simpler_one(sizes: float, expected: bool) -> None:
-    """A drift of rate zero fits as well as an offset and costs one parameter, however many releases there are."""
-    rate = Exclusion(
-        effect="encoder_drift_joint1",
-        parameter="rate_rad_per_s",
-        size=5e-6,
-        estimate=1e-6 * sizes,
-        confidence=NormalDist().cdf(5.0 - sizes),
-    )
-    rival = {"name": rate.effect, "class": [rate.effect], "probability": 0.16, "cosine": 1.0}
-    found = one_cause(rivals=[rival | {"instead_of": "encoder_offset_joint1"}])
-    offset = {
-        "name": "encoder_offset_joint1",
-        "members": ["encoder_offset_joint1", "base_tilt"],
-        "odds": {"encoder_offset_joint1": 0.5, "base_tilt": 0.5},
-        "probability": 0.82,
-    }
-    found = found.model_copy(update={"effects": [found.effects[0].model_copy(update=offset)]})
-    found = of_runs(found, "P1", "P2", exclusions=[rate])
-    (causes,) = causes_of(found)
-    assert sum(causes.probabilities.values()) == pytest.approx(0.98)
-    assert (rate.effect not in causes.probabilities) is expected
-    assert decided(found, {"encoder_offset_joint1", "base_tilt"}) is expected
-    assert not decided(found)
-    assert (found.probability_of(found.effects[0]) >= SURE) is expected
-    (ratio,) = judge(found, Limits.model_validate({"ratios": {"c2/b": {"min": 0.0, "unit": "1/s"}}})).limits
-    assert ("the ratios depend on the cause" in ratio.reason) is not expected
 
 
 @pytest.mark.parametrize(("probability", "listed"), [(0.947, True), (0.96, False)])

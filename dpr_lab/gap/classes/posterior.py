@@ -5,6 +5,10 @@ out) have a cosine of at least 0.999 and if they predict the recordings equally 
 with this record. Within a class, the probability is divided according to the prior of each member's fitted size
 (`dpr_lab.effects.plausibility`): a clock error of 3 % is impossible for a crystal, a length error of 6 % is possible.
 
+A richer form of a member whose additional amplitudes are all excluded at their minimum detectable sizes, and are not
+worth their penalty together, is no separate cause: both differ by less than these sizes, and further recordings would
+not change their odds. It counts as the member.
+
 The probability of a class is the softmax of the predictive costs of the sets in which it replaces the named effect,
 multiplied by the probability that the cause is in the library at all. No other set is more probable than the selected
 one, because the search would have selected a significantly better one. The odds of a cause outside are
@@ -28,7 +32,7 @@ import numpy as np
 
 from dpr_lab.effects import EFFECTS, effect_params, param_index, plausibility
 from dpr_lab.effects.effect import Effect
-from dpr_lab.gap.hypothesis.detectable import detectable
+from dpr_lab.gap.hypothesis.detectable import detectable, linear_exclusions
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.hypothesis.thresholds import (
@@ -121,6 +125,8 @@ class EffectPosterior:
     """The effect itself and the indistinguishable ones."""
     alternatives: tuple[Alternative, ...]
     probability: float
+    forms: tuple[str, ...] = ()
+    """Richer forms of the members whose additional amplitudes are excluded: they count as the simpler form."""
     odds: tuple[float, ...] = ()
     """Share of the probability for each member, by the prior of its fitted size."""
     outside: float = 0.0
@@ -138,9 +144,9 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
     without, chosen, test = selection.without[name], selection.chosen, selection.tests_without[name]
     named_score = test.shaped[name][0]
     others = {score.effect.name: score for score in test.ranking if score is not named_score}
-    plausibilities = _class_members(selection, without, test, named_score, others)
+    plausibilities, forms = _class_members(selection, without, test, named_score, others)
     prior = np.array([plausibility(chosen.fit.estimate.params, name), *plausibilities.values()])
-    rest = {other: score for other, score in others.items() if other not in plausibilities}
+    rest = {other: score for other, score in others.items() if other not in plausibilities and other not in forms}
     alternatives = _alternatives(selection, without, test, named_score, rest)
     added_cost = np.array(
         [
@@ -163,6 +169,7 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
             if weight >= calibration.least_listed
         ),
         probability=float(weights[0]),
+        forms=forms,
         odds=tuple((prior / prior.sum()).tolist()),
         outside=of_outside,
     )
@@ -170,12 +177,23 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
 
 def _class_members(
     selection: Selection, without: Hypothesis, test: ScoreTest, named: Score, others: Mapping[str, Score]
-) -> dict[str, float]:
-    """Effects that are indistinguishable from the named one, with the prior of their size, the most plausible first."""
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Effects that are indistinguishable from the named one, and the richer forms that count as one of them.
+
+    The former have the prior of their size, the most plausible first.
+    """
+    least = detectable(selection.chosen, selection.final_test)
     same = [other for other, score in others.items() if _in_one_class(selection, without, test, named, score)]
-    hidden = [other for other in _hidden(selection, named.effect) if other in others and other not in same]
-    sizes = {other: _plausibility(selection, without, others[other]) for other in (*same, *hidden)}
-    return dict(sorted(sizes.items(), key=lambda member: (-member[1], member[0])))
+    hidden = [other for other in _hidden(selection, named.effect, least) if other in others and other not in same]
+    forms = tuple(
+        other
+        for other in others
+        if other not in hidden and {named.effect.name, *same}.intersection(EFFECTS[other].nested)
+        if _adds_nothing(selection, without, other, least.get(other, {}))
+    )
+    members = [other for other in (*same, *hidden) if other not in forms]
+    sizes = {other: _plausibility(selection, without, others[other]) for other in members}
+    return dict(sorted(sizes.items(), key=lambda member: (-member[1], member[0]))), forms
 
 
 def _alternatives(
@@ -256,11 +274,23 @@ def _in_one_class(selection: Selection, without: Hypothesis, test: ScoreTest, sc
     return not related and score.gain - other.gain < max(margin, CALIBRATION.same_score * score.gain)
 
 
-def _hidden(selection: Selection, effect: Effect) -> tuple[str, ...]:
+def _adds_nothing(selection: Selection, without: Hypothesis, richer: str, sizes: Mapping[str, float | None]) -> bool:
+    """Whether all detectable amplitudes that a richer form adds to the selected set are excluded.
+
+    Together they must not be worth their penalty either, where the richer form was fitted.
+    """
+    score, fitted = selection.final_test.of(richer), selection.fitted.get(without.key | {richer})
+    better = fitted is not None and fitted.cost_at(selection.chosen.residuals.inflation) < selection.chosen.cost
+    if score is None or richer in selection.chosen.effects or better:
+        return False
+    added = linear_exclusions(selection.final_test, score, sizes)
+    return bool(added) and all(amplitude.is_excluded for amplitude in added)
+
+
+def _hidden(selection: Selection, effect: Effect, least: Mapping[str, Mapping[str, float | None]]) -> tuple[str, ...]:
     """Richer forms of an effect whose additional parameters are undetectable in the recordings."""
     params = selection.chosen.fit.estimate.params
     size = max(abs(float(params[param_index(effect.name, p.name)])) for p in effect.amplitudes)
-    least = detectable(selection.chosen, selection.final_test)
     return tuple(
         score.effect.name
         for score in selection.final_test.ranking

@@ -24,6 +24,7 @@ def named_effect(state: Advised, posterior: EffectPosterior) -> NamedEffect:
             "name": posterior.name,
             "class": list(posterior.members),
             "odds": dict(zip(posterior.members, posterior.odds, strict=False)),
+            "forms": list(posterior.forms),
             "probability": posterior.probability,
             "outside": posterior.outside,
             "parameters": {

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from functools import cache
+from statistics import NormalDist
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.fitting.prior import prior_of
 from dpr_lab.fitting.projection import TINY
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.score_test import ScoreTest
+from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
+from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.rig import load_rig
 
 SIGMAS = 5.0
@@ -64,6 +66,33 @@ def _size(spread: float, scale: float, remaining: float) -> float | None:
         remaining: fraction of its squared norm that the fitted columns do not explain
     """
     return float(spread * scale / remaining**0.5) if remaining > SEEN and scale < 1 / TINY else None
+
+
+def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float | None]) -> list[Exclusion]:
+    """Exclusion of each detectable amplitude of an effect, the others zero; without intervals.
+
+    A linear estimate a of standard deviation s excludes the minimum detectable size 5 s with the confidence
+    P(|x| < 5 s) = Phi(5 - |a| / s).
+
+    Args:
+        test: score test on the named effects
+        score: the effect in this test
+        sizes: its minimum detectable sizes, see `detectable`
+    """
+    given, excluded = test.projected(score.columns), list[Exclusion]()
+    for i, column in enumerate(score.columns):
+        parameter = test.free[column].name
+        size = sizes.get(parameter)
+        if not size:
+            continue
+        estimate = float(given.gradient[i] / given.H[i, i] * given.scale[i])
+        confidence = NormalDist().cdf(SIGMAS * (1 - abs(estimate) / size))
+        excluded.append(
+            Exclusion(
+                effect=score.effect.name, parameter=parameter, size=size, estimate=estimate, confidence=confidence
+            )
+        )
+    return excluded
 
 
 def visible(least: Mapping[str, Mapping[str, float | None]], limits: Array | None = None) -> tuple[int, int]:

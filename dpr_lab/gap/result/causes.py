@@ -34,6 +34,10 @@ class NamedEffect(Saved):
     """The effect and the effects that are indistinguishable from it in these recordings."""
     odds: dict[str, Number] = {}
     """Share of the probability for each member of the class, by the plausibility of its size."""
+    forms: list[str] = []
+    """Richer forms of the members whose additional amplitudes are all excluded at their minimum detectable sizes, so
+    that they count as the simpler form.
+    """
     probability: Number
     """Probability that the cause is one of the members."""
     outside: Number | None = None

@@ -169,24 +169,6 @@ class Diagnosis(Shown, Saved):
         """Whether the gap is explained to the noise floor, so that only its causes are uncertain."""
         return UNCERTAIN in self.sentence
 
-    def simpler_form(self, rival: RivalEffect) -> str:
-        """The named effect, or a member of its class, that an alternative contains, if all that it adds is excluded.
-
-        Both differ by less than the minimum detectable size of the addition. Empty if the alternative is another cause.
-        The probability of such an alternative hardly falls with further recordings: an addition of zero costs only the
-        penalty of one parameter.
-        """
-        tested = self.evidence.exclusions if self.evidence else []
-        added = [amplitude for amplitude in tested if amplitude.effect == rival.name]
-        members = [name for named in self.effects if named.name == rival.instead_of for name in named.members]
-        contained = [name for name in members if name in EFFECTS[rival.name].nested]
-        return contained[0] if contained and added and all(amplitude.is_excluded for amplitude in added) else ""
-
-    def probability_of(self, named: NamedEffect) -> float:
-        """Probability of a named effect, with its richer forms whose addition is excluded."""
-        rivals = (rival for rival in self.rivals if rival.instead_of == named.name and self.simpler_form(rival))
-        return named.probability + sum(rival.probability for rival in rivals)
-
     def _heading(self) -> str:
         return self.sentence
 
