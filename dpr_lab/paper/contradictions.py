@@ -38,7 +38,7 @@ def _group_four(ours: Recomputed) -> Contradiction:
     E = ours.table1["angles"][:, 0]
     return Contradiction(
         "Table 2 gives group 4 the value 0.149 from X1, but in Table 1 that is row 3; row 4 has 17.45.",
-        f"Ours, angles from X1: row 3 as printed {E[2]:.4g}, row 4 {E[3]:.4g}. "
+        f"Our values, angles from X1: row 3 as printed {E[2]:.4g}, row 4 {E[3]:.4g}. "
         "Table 1 is the X1 column of Table 2 (row 6 agrees), so one of the two numbers of the group is wrong.",
     )
 
@@ -65,7 +65,7 @@ def _pose_of_H(ours: Recomputed) -> Contradiction:
         "By section 3.7, H combines all three poses, but Table 3's H of rows 3 and 7 (37.3511, 4.69242) are"
         " Table 1's single-pose E of rows 7 and 6 (37.35, 4.69). H is then neither a sum nor a maximum; the"
         " smallest pose or X1 alone would fit.",
-        f"Table 2 has 53.195 and 64.470 for the same row 6 from X2 and X3. Ours, angles: {shown(2)}; {shown(6)}.",
+        f"Table 2 has 53.195 and 64.470 for the same row 6 from X2 and X3. Our values, angles: {shown(2)}; {shown(6)}.",
     )
 
 
@@ -95,7 +95,7 @@ def _order_of_H(ours: Recomputed, rig: Rig) -> Contradiction:
     five = np.abs(ratio_percent(TABLE_3[best, :9], TRUE, rig)).max()
     return Contradiction(
         "Table 3 is sorted by H, its last row best with 0.07534.",
-        f"Ours, angles from X1: the last row has {E[-1]:.4g}; the smallest is row {best + 1} with {E[best]:.4g}, "
+        f"Our values, angles from X1: the last row has {E[-1]:.4g}; the smallest is row {best + 1} with {E[best]:.4g}, "
         f"printed as {TABLE_3[best, -1]:g}. Its nine parameters are wrong by up to {nine:.2g} %, "
         f"but its five ratios by at most {five:.2g} %.",
     )

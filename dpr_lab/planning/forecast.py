@@ -8,10 +8,10 @@ bench check divides them.
 
 A release may also reveal another effect or another alternative, which leaves the causes undecided until a further
 release. `confirmed` is the share of planned releases in blind trials that decided causes which were sure by this
-probability. It did not depend on the kind of the diagnosis: one cause 14 of 16, several causes 7 of 8, no gap 13 of 14,
-a remainder 4 of 5. Releases from a fixed menu decide less often (24 of 40, all planned ones 26 of 36, sure or not), so
-they are not counted. With n of N such releases the share is (n + 1/2) / (N + 1), the mean of the
-posterior from the prior of Jeffreys.
+probability. This share did not depend on the kind of the diagnosis: one cause 14 of 16, several causes 7 of 8, no gap
+13 of 14, a remainder 4 of 5. Releases from a fixed menu decide less often (24 of 40, all planned ones 26 of 36, sure or
+not), so they are not counted. With n of N such releases the share is (n + 1/2) / (N + 1), the mean of the posterior
+from the prior of Jeffreys.
 
 The share of one plant differs from this mean: on some plants the causes stay undecided for a reason that a forecast
 cannot take into account. Its prior is a beta distribution with this mean and the weight `weight` of as many releases.

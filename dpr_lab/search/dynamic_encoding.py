@@ -12,7 +12,8 @@ def around(best: Array, size: int, mu: float, nu: float, box: Bounds, rng: np.ra
 
         y_i = (mu + nu beta) x_i,   beta uniform on {0, 0.1, ..., 1}, clipped to the bounds
 
-    The range is a share of the gene's value, so it suits parameters that are far from zero, as masses and lengths are.
+    The range is a share of the gene's value, so it is suitable for parameters far from zero, such as masses and
+    lengths.
 
     Args:
         best: (n,) best chromosome x

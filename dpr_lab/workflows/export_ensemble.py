@@ -72,7 +72,7 @@ class EnsembleResult:
     factor: float
     """Factor by which the standard deviations were multiplied."""
     factor_of_fit: float
-    """Part of this factor that follows from predicting each fitted recording without it; 1 if they were not found."""
+    """Part of this factor from the prediction of each recording by models fitted without it; 1 if files are missing."""
     expected_coverage: float
     """Share of the readings that a band of this number of models is expected to cover: 0.9, or less for few models."""
     bands: tuple[BandCoverage, ...]

@@ -82,7 +82,7 @@ class Calibration:
     unseen: float = 0.5
     """Probability of no gap if most effects are undetectable in the recordings: close to zero."""
     least_listed: float = 1e-9
-    """Probability from which an alternative is listed: smaller probabilities carry no information, and their order
+    """Probability from which an alternative is listed: smaller probabilities contain no information, and their order
     would depend on the order of the library.
     """
     alternatives: int = 5

@@ -5,8 +5,9 @@ The noise may have moved such a value to the bound. Its true distance u from the
     exp((g u - K u^2 / 2) / f),    0 <= u <= U,    K = |c|^2,    g = c^T e,
 
 where e is the whitened residual, f the variance inflation, and c the change of the readings per unit of u. The initial
-states and the other values adapt to u, so their contribution is projected out of c. U is the u at which another value
-reaches its bound. As the estimate is u = 0, the second moment of u counts as its variance, and the other values share
+states and the other values adapt to u, so their contribution is projected out of c. U is the value of u at which
+another parameter reaches its bound. As the estimate is u = 0, the second moment of u counts as its variance, and the
+other values share
 it: a slope of the friction curve and the viscous friction of a slow joint, for example, are hardly separable.
 
 A value that the other values absorb is also at its bound of zero, and is treated in the same way.

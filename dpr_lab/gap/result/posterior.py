@@ -19,7 +19,7 @@ class PosteriorComponent(BaseModel):
     ratios: dict[str, Number]
     """a/b, d/b, e1/b, c1/b, c2/b, and b, kg m^2, if the recordings determine it."""
     effects: dict[str, dict[str, Number]]
-    """Effect -> parameter -> value, SI, at the b of these ratios, else at that of the diagnosis."""
+    """Effect -> parameter -> value, SI, with b of `ratios`, or with b of the diagnosis if `ratios` has none."""
     free: list[str]
     """Fitted values, in the order of the covariance: a ratio, or `effect.parameter`."""
     covariance: list[list[Number]]

@@ -78,7 +78,7 @@ class BetterReading:
 
     reading: Misreading
     share: float
-    """Share of the excess chi2 of the given interpretation that it removes."""
+    """Share of the excess chi2 of the given interpretation that this interpretation removes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,7 +284,7 @@ def fitted(
 
 
 def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> bool:
-    """Whether a part of the first run alone already fits worse than all runs with a reduced chi-square of `worst`."""
+    """Whether a part of the first run has a larger chi-square than all runs with a reduced chi-square of `worst`."""
     try:
         part = _preprocessed(runs[:1], rig, longer * SETTINGS.screened_s, thinned=True)
     except RunError:  # the part is too short

@@ -87,7 +87,7 @@ class _Tested:
 
 
 def other_input(fit: ArmFit, misfit: float, runs: Sequence[Run], rig: Rig) -> str:
-    """Options of the import that describe the input better than stated, as a sentence; empty if there are none.
+    """Sentence with import options that would describe the input better than the present ones; empty if there are none.
 
     Args:
         fit: fit with the input as the runs state it

@@ -66,7 +66,7 @@ def _following(
     near_rad: float,
     step: float,
 ) -> tuple[set[int], set[int]]:
-    """Segments whose free run follows the next one, and segments with a negligible error of the integration."""
+    """Segments whose free run agrees with the next segment, and segments with a negligible integration error."""
     if not pairs:
         return set(), set()
     coarse, fine = (problem_of(recordings, rig, list(pairs.values()), h) for h in (step, step / 2))

@@ -12,8 +12,8 @@ TERMS = {
     "90 % interval": "interval that contains the true value in 90 of 100 cases, if the model is right",
     "unique contribution": "share of the excess chi-square that returns when this effect is removed and the others are"
     " refitted",
-    "excess explained": "share of the excess chi-square: the sum of squared residuals in units of the noise, minus what"
-    " noise alone contributes",
+    "excess explained": "share of the excess chi-square: the sum of squared residuals in units of the noise, minus the"
+    " contribution of noise alone",
     "share of the excess": "share of the excess chi-square that a torque or reading error at this place explains",
     "cosine similarity": "cosine of the angle between the signatures of two effects: 1 = indistinguishable,"
     " 0 = unrelated",

@@ -29,7 +29,7 @@ class QuestionSettings:
     always move both.
     """
     stiff_rad: float = 0.02
-    """Range of joint 2 below which it is considered fixed, and the same relative to the excursion of the rods."""
+    """Range of joint 2 below which it is considered fixed: absolute, and relative to the excursion of the rods."""
     unexplained: tuple[float, float] = (0.3, 0.8)
     """Residual of the energy of a free and of a driven swing above which a warning is given: geared drives of real
     rigs dissipate up to half of the exchanged energy by Coulomb friction.

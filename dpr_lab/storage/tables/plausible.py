@@ -107,7 +107,7 @@ def refuse_missing(path: Path, t: Array, whole: Flags) -> None:
         option = f"its longest part with values (--start-s {t[first]:.6g}{lasts})"
     raise RunError(
         f"{path}: {(~whole).sum()} of {len(whole)} rows have no value (NaN; in a film also points that the tracker lost"
-        f" or mistook): too many for a recording. Export it again, or use {option}"
+        f" or confused): too many for a recording. Export it again, or use {option}"
     )
 
 
