@@ -1,6 +1,6 @@
 """Check of the numbers in files of simulators before the library of a format reads them.
 
-The libraries misread some numbers: SDFormat's reads `1,5` as 1.0, and MuJoCo reads an empty text as zero.
+The libraries misread some numbers: the library of SDFormat reads `1,5` as 1.0, and MuJoCo reads an empty text as zero.
 """
 
 import math
