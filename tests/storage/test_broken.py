@@ -1,5 +1,7 @@
 """Killed, cut, flipped and foreign files: nothing but RunError is raised and no wrong sample is ever read."""
 
+# pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
+
 import os
 import shutil
 import subprocess
@@ -53,7 +55,7 @@ def assert_only_true_samples(path):
 @pytest.mark.slow
 def test_a_file_cut_anywhere_gives_true_samples_or_a_run_error(tmp_path, whole):
     content = whole.read_bytes()
-    cuts = [0, 1, 7, 8, 9, len(content) - 1, *np.random.default_rng(2).integers(10, len(content) - 1, 60)]
+    cuts = [0, 1, 7, 8, 9, len(content) - 1, *np.random.default_rng(2).integers(10, len(content) - 1, 25)]
     read = 0
     for cut in cuts:
         path = tmp_path / "cut.mcap"
@@ -64,7 +66,7 @@ def test_a_file_cut_anywhere_gives_true_samples_or_a_run_error(tmp_path, whole):
             assert not run.complete
             assert "damaged" in run.notes[-1]
         assert not verify(path).ok
-    assert read > 30
+    assert read > 12
 
 
 def test_every_chunk_before_the_cut_is_kept(tmp_path, whole):
@@ -84,7 +86,7 @@ def test_a_flipped_byte_is_found_and_never_read_as_right(tmp_path, whole):
     content = whole.read_bytes()
     path = tmp_path / "flipped.mcap"
     rng = np.random.default_rng(3)
-    for at in rng.integers(0, len(content), 80):
+    for at in rng.integers(0, len(content), 30):
         flipped = bytearray(content)
         flipped[at] ^= 1 << rng.integers(8)
         path.write_bytes(flipped)

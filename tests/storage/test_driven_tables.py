@@ -13,6 +13,7 @@ from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.export import export
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import load_run
+from dpr_lab.storage.tables import understand
 from dpr_lab.storage.tables.preview import preview
 from dpr_lab.storage.writer import RunWriter
 from dpr_lab.tui.steps.table_options import parse_options
@@ -22,6 +23,12 @@ from dpr_lab.workflows.reading import read_runs
 T = np.arange(0, 1, 0.01)
 ANGLES = np.column_stack([T, np.cos(6 * T), np.cos(8 * T)])
 TAU = np.column_stack([np.sin(5 * T), 0.1 + 0 * T])
+
+
+@pytest.fixture(autouse=True)
+def without_doubts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The angles do not follow from these torques; a search for the cause (`test_questions.py`) takes seconds."""
+    monkeypatch.setattr(understand, "questions", lambda _: [])
 
 
 def table(folder: Path, header: str, *columns: np.ndarray) -> Path:
@@ -99,7 +106,6 @@ def test_of_measured_and_commanded_torques_both_are_kept(paper: Rig, tmp_path: P
         assert run.readings_sha256 == made.readings_sha256
 
 
-@pytest.mark.slow
 def test_of_measured_and_commanded_torques_one_can_be_kept_alone(paper: Rig, tmp_path: Path) -> None:
     file = table(tmp_path, ",".join(MEASURED + COMMANDED), TAU, 2 * TAU)
     commanded = import_csv(file, paper, ImportOptions(torque="commanded"))
@@ -175,8 +181,7 @@ _PUSHED = np.array([[1.0, 0.0], [-1.0, 1.0]])
 """From torques of the joints to generalised ones."""
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("driven", "passive"), [pytest.param(1, 2, marks=pytest.mark.long), (2, 1)])
+@pytest.mark.parametrize(("driven", "passive"), [(1, 2), (2, 1)])
 def test_a_joint_without_a_torque_column_is_passive(paper: Rig, tmp_path: Path, driven: int, passive: int) -> None:
     expected = np.zeros_like(TAU)
     expected[:, driven - 1] = TAU[:, 0]

@@ -39,8 +39,8 @@ def grown_kb(path: Path) -> int:
 
 
 @pytest.mark.slow
-def test_a_table_of_ten_megabytes_takes_a_few_times_its_numbers(tmp_path: Path) -> None:
-    rows = 250_000
+def test_a_table_of_four_megabytes_takes_a_few_times_its_numbers(tmp_path: Path) -> None:
+    rows = 100_000
     with (tmp_path / "a.csv").open("w") as file:
         file.write("t,theta1,theta2\n")
         for k in range(rows):

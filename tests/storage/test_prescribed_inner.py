@@ -10,7 +10,7 @@ from tests.gap.test_moving_arm import prescribed
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("hanging", [False, True])
+@pytest.mark.parametrize("hanging", [pytest.param(False, marks=pytest.mark.long), True])
 def test_its_table_is_not_compared_with_a_free_swing(tmp_path, hanging):
     rig, run, _ = prescribed(seconds=4.0)
     theta, t = run.theta, run.t

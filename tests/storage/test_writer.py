@@ -1,5 +1,7 @@
 """A written run equals the run read by this package and by the plain mcap reader; errors are reported."""
 
+# pyright: reportOptionalMemberAccess=false, reportArgumentType=false
+
 import hashlib
 import itertools
 import json
@@ -200,10 +202,10 @@ def test_samples_reach_the_operating_system_within_a_quarter_second(tmp_path):
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a limit on file size")
 def test_memory_stays_flat_and_every_chunk_is_in_the_index(tmp_path):
-    path, ticks, clock = tmp_path / "long.mcap", np.arange(3000), itertools.count()
+    path, ticks, clock = tmp_path / "long.mcap", np.arange(1200), itertools.count()
     with RunWriter(path, RunMetadata(RIG, "X1", 1000), now=lambda: float(next(clock))) as writer:
         for tick in ticks:
-            if tick == 500:
+            if tick == 200:
                 tracemalloc.start()
             writer.samples([tick], wobble(ticks[tick : tick + 1]))
         grown, _ = tracemalloc.get_traced_memory()
@@ -213,9 +215,9 @@ def test_memory_stays_flat_and_every_chunk_is_in_the_index(tmp_path):
         summary = make_reader(file).get_summary()
     assert summary is not None
     assert summary.statistics is not None
-    assert len(summary.chunk_indexes) == summary.statistics.chunk_count >= 3000
+    assert len(summary.chunk_indexes) == summary.statistics.chunk_count >= 1200
     assert [len(index.message_index_offsets) for index in summary.chunk_indexes[-2:]] == [1, 1]
-    assert grown < 100_000  # bytes; mcap's list of chunks takes 600 each, so 1.5 MB
+    assert grown < 100_000  # bytes; mcap's list of chunks takes 600 each, so 0.6 MB
 
 
 def test_a_full_disk_says_so_and_keeps_the_file(tmp_path):
