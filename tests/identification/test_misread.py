@@ -108,7 +108,7 @@ def in_time(run: Run, factor: float) -> Run:
 
 @pytest.fixture(scope="module")
 def driven(paper: Rig) -> list[Run]:
-    return driven_runs(paper, 0)[1][:1]
+    return driven_runs(paper, 0, duration=2.0)[1][:1]
 
 
 @pytest.fixture(scope="module")
@@ -171,7 +171,7 @@ def test_a_reversed_torque_is_named(driven, paper: Rig, case) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("unit", "to_Nm"), [("mN m", "0.001"), ("kN m", "1000")])
+@pytest.mark.parametrize(("unit", "to_Nm"), [("mN m", "0.001"), pytest.param("kN m", "1000", marks=pytest.mark.long)])
 def test_torques_in_another_unit_are_named(driven, paper: Rig, unit: str, to_Nm: str) -> None:
     in_unit = [replace(run, torques=run.torques / float(to_Nm), commanded=None) for run in driven]
     with pytest.raises(

@@ -153,7 +153,7 @@ def test_arms_that_cannot_be_are_refused(change, words):
 def test_intervals_cover_and_errors_keep_to_the_cramer_rao_bound(mode):
     rng, rig = np.random.default_rng(5), rig_with(mode, "torque" if mode == "driven" else None)
     scores, sizes = [], []
-    for _ in range(8 if FULL else 3):
+    for _ in range(8 if FULL else 2):
         Z, arm, start = drawn(rng, rig)
         driven = mode == "driven"
         run = recorded(rig, Z, arm, start, PUSH if driven else None, PUSH if driven else 0 * T, rng)

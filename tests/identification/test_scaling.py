@@ -11,6 +11,7 @@ from dpr_lab.identification.scaling.prior_spread import scale_of, with_intervals
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import PARAMETERS, Rig, load_rig
 from dpr_lab.rig_tables import Parameter
+from tests.thinned import FULL
 
 WEIGHED = 1e-4
 """Standard uncertainty of a weighed mass, kg."""
@@ -44,7 +45,7 @@ def scale(rig: Rig, unknown: np.ndarray) -> Scale:
 )
 def test_the_interval_of_the_scale_holds_the_true_b_in_nine_rigs_of_ten(name: str, weighed: tuple[str, ...]) -> None:
     rig, rng, held = load_rig(name), np.random.default_rng(5), []
-    for _ in range(150):
+    for _ in range(150 if FULL else 60):
         Z = rng.uniform(*rig.bounds)
         low, high = scale(known(rig, Z, *weighed), seen(rig, Z)).interval90
         held.append(low <= base_parameters(Z, rig.L1, rig.g)[BASE.index("b")] <= high)
