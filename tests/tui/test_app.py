@@ -265,7 +265,7 @@ async def test_a_screen_that_is_too_small_says_so_and_keeps_showing_the_state_of
 @pytest.mark.slow
 async def test_after_the_window_was_too_small_the_keys_work_again(tmp_path: Path, until, said) -> None:
     # The step had lost the focus: "r does nothing here now", below "Press r to RELEASE".
-    app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
+    app = DprApp(Workspace(out=tmp_path), tmp_path / "state", steps=STEPS[:3])
     async with app.run_test(size=(80, 24)) as pilot:
         for key, focused in (("3", app.steps[2]), ("2", app.query_one("#names"))):
             await pilot.press(key)

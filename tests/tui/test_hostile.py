@@ -81,7 +81,7 @@ async def test_a_state_folder_that_cannot_be_written_is_a_sentence(tmp_path: Pat
     state = tmp_path / "file" / "state"
     workspace, notices = load(state)
     assert notices == [] or "cannot be read" in notices[0]
-    app = DprApp(workspace, state, notices=notices)
+    app = DprApp(workspace, state, notices=notices, steps=STEPS[:3])
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         assert f"{state}: Not a directory: the current rig, link and runs will not be remembered" in said(app)

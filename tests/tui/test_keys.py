@@ -10,7 +10,7 @@ from textual.widgets import Markdown
 import dpr_lab.tui
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import load_rig
-from dpr_lab.tui.app import KEYED, DprApp
+from dpr_lab.tui.app import KEYED, STEPS, DprApp
 from dpr_lab.tui.keys import actions, keys_file, load_keymap
 from dpr_lab.tui.recorder.attempt import Attempt, Phase
 from dpr_lab.tui.recorder.messages import Connected, Idle, RecorderFailed
@@ -69,7 +69,7 @@ def test_two_actions_may_swap_their_keys(tmp_path: Path) -> None:
 @pytest.mark.long
 async def test_a_new_key_works_and_the_old_one_does_not(tmp_path: Path) -> None:
     changed = keymap(tmp_path, "[capture]\nrepeats = 'f6'\n[app]\nnext = 'y,ctrl+right'")
-    app = DprApp(Workspace(out=tmp_path), tmp_path / "state", changed)
+    app = DprApp(Workspace(out=tmp_path), tmp_path / "state", changed, steps=STEPS[:3])
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("y", "n", "y")
         assert app.current.NAME == "Capture"
@@ -96,7 +96,7 @@ def test_a_key_means_one_thing_on_all_screens() -> None:
 async def test_every_text_names_the_key_as_it_is(tmp_path: Path) -> None:
     # A remapped release key left "Press r to RELEASE" on the screen, and r did nothing.
     changed = keymap(tmp_path, "[capture]\nrelease = 'f7'\nstart = 'f8'\nconnect = 'f9'\n[connect]\nexercise = 'f6'")
-    app = DprApp(Workspace(out=tmp_path), tmp_path / "state", changed)
+    app = DprApp(Workspace(out=tmp_path), tmp_path / "state", changed, steps=STEPS[:3])
     async with app.run_test(size=(120, 40)) as pilot:
         await pilot.press("3")
         step = app.query_one(CaptureStep)

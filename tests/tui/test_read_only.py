@@ -38,30 +38,30 @@ def contents(folder: Path) -> dict[str, bytes]:
     }
 
 
+KEYS = {
+    "1": ("c", "m", "l", "z", "i", "f2", "f5"),
+    "2": ("f3", "i"),
+    "3": ("s", "c"),
+    "4": ("s",),
+    "5": ("s",),
+    "6": ("s", "h"),
+}
+"""By step, the keys of actions that do more than show."""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("step", "keys"),
-    [
-        ("1", ("c", "m", "l", "z", "i", "f2", "f5")),
-        ("2", ("f3", "i")),
-        ("3", ("s", "c")),
-        ("4", ("s",)),
-        ("5", ("s",)),
-        ("6", ("s", "h")),
-    ],
-)
 async def test_every_action_that_does_more_than_show_answers_with_one_sentence(
-    step: str, keys: tuple[str, ...], bench: Workspace, tmp_path: Path
+    bench: Workspace, tmp_path: Path
 ) -> None:
     app = DprApp(bench, tmp_path / "state", read_only=True)
     before = contents(tmp_path)
     async with app.run_test(size=(100, 32)) as pilot:
-        for key in keys:
+        for step, key in ((step, key) for step, keys in KEYS.items() for key in keys):
             await pilot.press(step, "escape")
             app.messages.messages.clear()
             await pilot.press(key)
             await pilot.pause()
-            assert [message.text for message in app.messages.messages] == [READ_ONLY], key
+            assert [message.text for message in app.messages.messages] == [READ_ONLY], (step, key)
             assert len(app.screen_stack) == 1
         assert app.device.opening is None
     assert contents(tmp_path) == before

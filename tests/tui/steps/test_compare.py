@@ -56,7 +56,9 @@ def swing(name: str, horizon_s: float, held_out: bool = False) -> Comparison:
 
 
 @pytest.mark.slow
-async def test_runs_are_compared_as_the_command_does(lab, until, recorded: list[Path], modelled: Path) -> None:
+async def test_runs_are_compared_as_the_command_does_and_a_free_run_starts_where_the_slider_stands(
+    lab, until, recorded: list[Path], modelled: Path, paper: Rig
+) -> None:
     async with lab(CompareStep, runs=recorded, model=modelled) as pilot:
         await until(pilot, lambda: "saved in" in figures(pilot.app))
         report = pilot.app.workspace.out / "report"
@@ -68,13 +70,6 @@ async def test_runs_are_compared_as_the_command_does(lab, until, recorded: list[
         assert step(pilot.app).at_stake() == ""
         assert figures(pilot.app).startswith("fitted, 6 segments")
 
-
-@pytest.mark.slow
-async def test_a_free_run_starts_where_the_slider_stands(
-    lab, until, recorded: list[Path], modelled: Path, paper: Rig
-) -> None:
-    async with lab(CompareStep, runs=recorded[:2], model=modelled) as pilot:
-        await until(pilot, lambda: "saved in" in figures(pilot.app))
         from_release = series(pilot.app, "#angle")["free run"]
         await pilot.press("o", "right_square_bracket", "right_square_bracket", "right_square_bracket")
         assert pilot.app.query_one(Slider).value == 1.5

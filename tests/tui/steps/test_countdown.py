@@ -16,6 +16,7 @@ from dpr_lab.transports import open_transport
 from dpr_lab.tui.app import DprApp
 from dpr_lab.tui.recorder.attempt import Phase
 from dpr_lab.tui.recorder.messages import AttemptSeen
+from dpr_lab.tui.steps.capture import CaptureStep
 from dpr_lab.tui.terminal.sight import SightSettings
 from dpr_lab.tui.widgets import countdown
 from dpr_lab.tui.widgets.countdown import Countdown, new_code
@@ -75,13 +76,12 @@ async def test_any_other_key_and_rods_that_move_stop_the_countdown(
         step.hear(AttemptSeen(step.attempt.number, moving, True, time.monotonic()))
         await until(pilot, lambda: "nothing was released" in said(app))
         assert not isinstance(app.screen, Countdown)
+        step.hear(AttemptSeen(step.attempt.number, rest, True, time.monotonic()))
+        await what_stops_the_countdown_is_named(pilot, app, until, said)
     assert recorded(app) == []
 
 
-@pytest.mark.slow
-async def test_what_stops_the_countdown_is_named(app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Countdown, "SECOND_S", 600.0)
-
+async def what_stops_the_countdown_is_named(pilot: Pilot[None], app: DprApp, until, said) -> None:
     async def shrink(pilot: Pilot[None]) -> None:
         await pilot.resize_terminal(30, 10)
 
@@ -93,22 +93,20 @@ async def test_what_stops_the_countdown_is_named(app: DprApp, until, said, monke
         "the terminal lost the focus": leave,
         "the window became too small to show the countdown": shrink,
     }
-    async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, SIM)
-        await to_ready(pilot, until, step)
-        for why, way in ways.items():
-            await pilot.press("r")
-            assert isinstance(app.screen, Countdown)
-            assert step.counting_down
-            await until(pilot, lambda: "RELEASING" in str(app.query_one(StatusLine).render()))
-            assert "Any key but r stops it" in headline(app)
-            await way(pilot)
-            await until(pilot, lambda why=why: f"Not released: {why}; nothing was released" in said(app))
-            await until(pilot, lambda: "RELEASING" not in str(app.query_one(StatusLine).render()))
-    assert recorded(app) == []
+    step = app.query_one(CaptureStep)
+    for why, way in ways.items():
+        await until(pilot, in_phase(step, Phase.READY))
+        await pilot.press("r")
+        assert isinstance(app.screen, Countdown)
+        assert step.counting_down
+        await until(pilot, lambda: "RELEASING" in str(app.query_one(StatusLine).render()))
+        assert "Any key but r stops it" in headline(app)
+        await way(pilot)
+        await until(pilot, lambda why=why: f"Not released: {why}; nothing was released" in said(app))
+        await until(pilot, lambda: "RELEASING" not in str(app.query_one(StatusLine).render()))
 
 
-@pytest.mark.long
+@pytest.mark.slow
 async def test_in_a_multiplexer_the_code_that_is_shown_is_typed_before_the_countdown(
     app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -116,6 +114,10 @@ async def test_in_a_multiplexer_the_code_that_is_shown_is_typed_before_the_count
     async with app.run_test(size=(80, 24)) as pilot:
         step = await connect(pilot, until, SIM)
         await to_ready(pilot, until, step)
+        with monkeypatch.context() as impatient:
+            impatient.setattr(countdown, "SIGHT", SightSettings(code_s=0.2))
+            await pilot.press("r")
+            await until(pilot, lambda: "Not released: the code was not typed within 0.2 s" in said(app))
         await pilot.press("r")
         first = code(app)
         assert "Any other key stops it" in headline(app)
@@ -129,20 +131,6 @@ async def test_in_a_multiplexer_the_code_that_is_shown_is_typed_before_the_count
         await pilot.press(*code(app))
         await until(pilot, in_phase(step, Phase.JUDGED))
     assert len(recorded(app)) == 1
-
-
-@pytest.mark.slow
-async def test_a_code_that_is_not_typed_ends_the_countdown(
-    app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(Watched, "multiplexer", "tmux")
-    monkeypatch.setattr(countdown, "SIGHT", SightSettings(code_s=0.2))
-    async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, SIM)
-        await to_ready(pilot, until, step)
-        await pilot.press("r")
-        await until(pilot, lambda: "Not released: the code was not typed within 0.2 s" in said(app))
-    assert recorded(app) == []
 
 
 def code(app: DprApp) -> str:

@@ -86,31 +86,25 @@ async def test_a_release_of_one_rod_has_one_start_angle(lab, until, tmp_path: Pa
     one_rod.write_text(paper_text() + '\n[rods]\nmounted = "inner"\n')
     async with lab(PlanStep) as pilot:
         pilot.app.workspace.rig = str(one_rod)
-        await planned(pilot, until, tmp_path)
+        await planned(pilot, until, tmp_path, budget="40s")
         row = [str(cell) for cell in pilot.app.query_one(DataTable).get_row_at(0)]
         assert row[1].count("°") == 1
 
 
 @pytest.mark.slow
-async def test_a_release_without_the_mass_of_the_present_rig_file_is_not_recorded_under_it(
+async def test_a_release_is_recorded_under_the_rig_file_that_describes_its_mass(
     lab, until, said, tmp_path: Path
 ) -> None:
-    loaded = tmp_path / "loaded.toml"
-    mass = '\n[added_mass]\nrod = "outer"\nmass = 0.1\nposition = 0.2\n'
-    loaded.write_text(paper_text() + mass)
+    with_mass = tmp_path / "loaded.toml"
+    with_mass.write_text(paper_text() + '\n[added_mass]\nrod = "outer"\nmass = 0.1\nposition = 0.2\n')
     async with lab(PlanStep) as pilot:
-        await planned(pilot, until, tmp_path)
-        pilot.app.workspace.rig = str(loaded)
+        await planned(pilot, until, tmp_path, budget="40s")
+        before, pilot.app.workspace.rig = pilot.app.workspace.rig, str(with_mass)
         await pilot.press("A")
         await pilot.pause()
         assert "the rig file describes other rods or masses" in said(pilot.app)
-        assert (pilot.app.workspace.rig, pilot.app.workspace.next_pose) == (str(loaded), "")
-
-
-@pytest.mark.long
-async def test_a_release_with_another_mass_brings_the_rig_file_that_describes_it(lab, until, tmp_path: Path) -> None:
-    async with lab(PlanStep) as pilot:
-        await planned(pilot, until, tmp_path)
+        assert (pilot.app.workspace.rig, pilot.app.workspace.next_pose) == (str(with_mass), "")
+        pilot.app.workspace.rig = before
         planner = step(pilot.app)
         assert planner._made is not None
         made = planner._made
@@ -162,7 +156,7 @@ async def test_the_taken_release_is_recorded_only_by_the_release_key(until, tmp_
         await app.services.connect()
         await until(pilot, lambda: app.device.connected)
         await pilot.press("2")
-        await planned(pilot, until, tmp_path, SHORT)
+        await planned(pilot, until, tmp_path, SHORT, "40s")
         await pilot.press("A")
         await until(pilot, lambda: app.device.connected and app.workspace.next_pose == "P1")
         await pilot.press("1")
