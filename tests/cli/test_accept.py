@@ -5,8 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.thinned import thinned
-
 pytestmark = pytest.mark.slow
 
 LIMITS = {
@@ -25,31 +23,39 @@ def runs(tmp_path_factory: pytest.TempPathFactory, cli) -> list[Path]:
     return sorted(out.glob("*.mcap"))
 
 
-@pytest.mark.parametrize(
-    "answer",
-    thinned(["pass", "fail", "not decidable"], 3),
-)
-def test_each_answer_has_its_exit_code(runs: list[Path], tmp_path: Path, cli, answer: str) -> None:
+@pytest.fixture(scope="module")
+def accepted(runs: list[Path], tmp_path_factory: pytest.TempPathFactory, cli) -> tuple[Path, str]:
+    """The folder of `accept` with one limit that passes and one that fails, and what it printed."""
+    folder = tmp_path_factory.mktemp("limits")
+    (folder / "limits.toml").write_text(f"{LIMITS['pass'][1]}\n{LIMITS['fail'][1]}")
+    words = ("--rig", "paper", "--limits", folder / "limits.toml", "--out", folder / "out")
+    done = cli("accept", *runs, *words)
+    assert done.code == 1, done.err
+    return folder / "out", done.out
+
+
+@pytest.mark.parametrize("answer", LIMITS)
+def test_each_answer_has_its_exit_code(
+    runs: list[Path], accepted: tuple[Path, str], tmp_path: Path, cli, answer: str
+) -> None:
     code, text = LIMITS[answer]
     file = tmp_path / "limits.toml"
     file.write_text(text)
-    done = cli("accept", *runs, "--rig", "paper", "--limits", file, "--json")
+    done = cli("accept", *runs, "--rig", "paper", "--limits", file, "--diagnosis", accepted[0], "--json")
     assert done.code == code, done.err
     assert done.json["answer"] == answer
     assert [limit["answer"] for limit in done.json["limits"]] == [answer]
 
 
-def test_the_report_shows_each_limit_with_its_answer(runs: list[Path], tmp_path: Path, cli) -> None:
-    file, out = tmp_path / "limits.toml", tmp_path / "out"
-    file.write_text(f"{LIMITS['pass'][1]}\n{LIMITS['fail'][1]}")
-    done = cli("accept", *runs, "--rig", "paper", "--limits", file, "--out", out)
-    assert done.code == 1, done.err
+def test_the_report_shows_each_limit_with_its_answer(runs: list[Path], accepted: tuple[Path, str], cli) -> None:
+    out, printed = accepted
+    file = out.with_name("limits.toml")
     page = (out / "diagnosis.html").read_text()
     section = page[page.index('id="acceptance"') :].split("</details>")[0]
     assert "fail: 1 of 2 limits pass" in section
     for quantity in ("latency_joint2.delay_s", "c2/b"):
         assert quantity in section
-        assert quantity in done.out
+        assert quantity in printed
     answers = {limit["quantity"]: limit["answer"] for limit in json.loads((out / "accept.json").read_text())["limits"]}
     assert answers == {"latency_joint2.delay_s": "pass", "c2/b": "fail"}
     assert json.loads((out / "diagnosis.json").read_text())["files"]["report"] == str(out / "diagnosis.html")

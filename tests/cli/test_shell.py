@@ -16,6 +16,7 @@ import pytest
 import typer
 
 from dpr_lab.cli.app import COMMANDS, app
+from tests.warm_process import started
 
 
 def commands(group: Any, *words: str) -> Iterator[tuple[str, ...]]:
@@ -136,13 +137,8 @@ def test_an_interrupted_capture_finalises_its_file(tmp_path: Path, cli, number: 
 def test_on_a_terminal_nothing_is_released_before_enter(tmp_path: Path) -> None:
     master, slave = pty.openpty()
     words = ["capture", "--rig", "paper", "--link", "sim://?clock=fast", "--pose", "X1", "--duration", "1"]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "dpr_lab", *words, "--out", str(tmp_path)],
-        stdin=slave,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    pipe = subprocess.PIPE
+    process = started("dpr_lab", [*words, "--out", str(tmp_path)], stdin=slave, stdout=pipe, stderr=pipe, text=True)
     assert process.stderr is not None
     for line in process.stderr:
         if "press Enter" in line:

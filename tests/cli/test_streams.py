@@ -45,29 +45,25 @@ TABLE = "t,theta1,theta2\n" + "".join(f"{i / 100},{3 + i / 1000},{3 - i / 1000}\
 
 
 @pytest.mark.slow
-def test_names_from_files_reach_the_terminal_without_escapes(tmp_path: Path) -> None:
+def test_names_from_files_reach_the_terminal_without_escapes(tmp_path: Path, cli) -> None:
     table = tmp_path / f"swing{EVIL.replace('/', '')}.csv"
     table.write_text(TABLE.replace("theta2\n", f"theta2,{EVIL}\n").replace("\n", ",1\n").replace("evil,1", "evil", 1))
     words = ("import", "csv", table, "--rig", "paper", "--out", tmp_path / "runs")
-    imported = run(*words, capture_output=True)
+    imported = cli(*words)
     (made,) = (tmp_path / "runs").glob("*.mcap") if (tmp_path / "runs").is_dir() else (table,)
-    for done in (
-        imported,
-        run("run", "info", made, capture_output=True),
-        run("run", "info", table, capture_output=True),
-    ):
-        assert STEERS.search((done.stdout + done.stderr).decode().replace("\x1b[", "")) is None
-        assert b"]0;owned" in done.stdout + done.stderr
+    for done in (imported, cli("run", "info", made), cli("run", "info", table)):
+        assert STEERS.search((done.out + done.err).replace("\x1b[", "")) is None
+        assert "]0;owned" in done.out + done.err
 
 
 @pytest.mark.slow
-def test_a_rig_with_such_a_name_is_refused(tmp_path: Path) -> None:
+def test_a_rig_with_such_a_name_is_refused(tmp_path: Path, cli) -> None:
     rig = (CLI.parents[1] / "configs" / "rigs" / "paper.toml").read_text().replace('"paper"', '"a\\u001b[2J"')
     (tmp_path / "rig.toml").write_text(rig)
-    done = run("identifiability", "--rig", tmp_path / "rig.toml", capture_output=True)
-    assert done.returncode == 3
-    assert b"cannot be displayed" in done.stderr
-    assert b"\x1b" not in done.stderr + done.stdout
+    done = cli("identifiability", "--rig", tmp_path / "rig.toml")
+    assert done.code == 3
+    assert "cannot be displayed" in done.err
+    assert "\x1b" not in done.err + done.out
 
 
 @pytest.mark.slow

@@ -128,6 +128,7 @@ def test_wrong_words_are_refused(tmp_path: Path, cli) -> None:
             "kind form: a plant whose arm moves is",
         ),
         (("campaign", "--n", "1", "--scheduler", "localhost", "--out", "t"), 4, "tcp://127.0.0.1:8786"),
+        (("campaign", "--n", "1", "--scheduler", "tcp://0.0.0.0:1", "--out", "t"), 4, "can run any code"),
     ],
 )
 def test_bad_input_is_answered_with_a_sentence(tmp_path: Path, cli, words, code: int, said: str) -> None:

@@ -29,15 +29,6 @@ def test_what_the_network_reaches_is_warned_of(address: str) -> None:
     assert "can run any code" in (exposure(address) or "")
 
 
-@pytest.mark.long
-def test_a_campaign_warns_before_it_connects(tmp_path: Path) -> None:
-    pytest.importorskip("distributed", reason="dask.distributed is not installed")
-    words = ["trials", "campaign", "--n", "1", "--scheduler", "tcp://0.0.0.0:1", "--out", str(tmp_path)]
-    done = subprocess.run([sys.executable, "-m", "dpr_lab", *words], capture_output=True, text=True, timeout=150)
-    assert "can run any code" in done.stderr
-    assert done.returncode == 4
-
-
 def recipe(page: str) -> list[str]:
     """The commands of a page that start a scheduler and workers on this machine."""
     return re.findall(r"^(dask (?:scheduler|worker) .*127\.0\.0\.1.*)$", (ROOT / page).read_text(), re.MULTILINE)

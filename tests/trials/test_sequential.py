@@ -123,8 +123,16 @@ def test_a_campaign_whose_trials_all_failed_has_no_strategies(tmp_path: Path) ->
     assert sequential_summary(read_strategies(tmp_path)) == {}
 
 
-@pytest.mark.long
 def test_only_the_plan_that_may_choose_them_records_for_other_durations(paper: Rig) -> None:
+    permitted = {}
+    for name, strategy in STRATEGIES.items():
+        times = limits_of(paper, times=strategy.times).recording
+        permitted[name] = (times.shortest_s, times.longest_s)
+    assert permitted == {"plan": (10.0, 10.0), "free": (10.0, 30.0), "menu": (10.0, 10.0), "random": (10.0, 10.0)}
+
+
+@pytest.mark.long
+def test_every_strategy_records_for_a_permitted_duration(paper: Rig) -> None:
     durations = {}
     for name, strategy in STRATEGIES.items():
         now = Situation(paper, [], None, np.random.default_rng(0), limits_of(paper, times=strategy.times))
