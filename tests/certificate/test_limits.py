@@ -18,14 +18,22 @@ torque_Nm = { max = 0.01, unit = "N m" }
 """
 
 
-@pytest.fixture
-def certified(folder: Path, tmp_path: Path, remembered: None) -> Path:
-    """A certificate with limits, next to its runs and limits."""
+@pytest.fixture(scope="module")
+def place(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the runs, the same for all tests: their diagnosis is remembered."""
+    place = tmp_path_factory.mktemp("limits")
     for run in ("X1.mcap", "X2.mcap"):
-        shutil.copy(folder / run, tmp_path)
-    (tmp_path / "limits.toml").write_text(LIMITS)
-    path = tmp_path / "certificate.json"
-    certify(request_of(tmp_path), path, limits=tmp_path / "limits.toml")
+        shutil.copy(folder / run, place)
+    return place
+
+
+@pytest.fixture
+def certified(place: Path, remembered: None) -> Path:
+    """A certificate with limits, next to its runs and limits."""
+    (place / "limits.toml").write_text(LIMITS)
+    path = place / "certificate.json"
+    path.unlink(missing_ok=True)
+    certify(request_of(place), path, limits=place / "limits.toml")
     return path
 
 

@@ -14,7 +14,7 @@ from dpr_lab.run import Run
 from tests.identification.test_moving_arm_fit import NOISE, rig_with
 from tests.whole_swing import simulate_arm
 
-T = np.arange(0, 3, 0.005)
+T = np.arange(0, 2, 0.005)
 PUSH = 0.25 * np.sin(4 * T) + 0.2 * np.sin(7.3 * T + 1)
 
 

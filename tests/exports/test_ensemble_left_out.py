@@ -37,7 +37,7 @@ COMPONENT = PosteriorComponent(
 def test_the_band_of_the_next_recording_covers_about_90_percent(recordings: int, error: float) -> None:
     """Errors of some standard deviations in three independent directions of each recording."""
     rng = np.random.default_rng(recordings)
-    squared = np.mean((error * rng.standard_normal((4000, recordings, 3))) ** 2, axis=2)
+    squared = np.mean((error * rng.standard_normal((1000, recordings, 3))) ** 2, axis=2)
     factors = np.array([widening(of_fit.tolist()) for of_fit in squared])
     assert np.mean(2 * norm.cdf(factors * NORMAL_Q90 / error) - 1) == pytest.approx(0.9, abs=0.03)
 

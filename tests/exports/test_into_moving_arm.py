@@ -134,7 +134,7 @@ def test_identified_numbers_go_into_the_file_and_are_replayed_with_their_input(t
     file, rig, truth = files(tmp_path, "damping of the arm")
     rng, runs = np.random.default_rng(1), []
     t = np.arange(0, 2.5, 0.005)
-    for number, start in enumerate([(2.3, 3.6), (1.9, 2.5), (3.9, 3.0)]):
+    for number, start in enumerate([(2.3, 3.6), (3.9, 3.0)]):
         theta = swing(truth, rig, start, t) + rng.normal(0, 3e-4, (len(t), 3))
         table = tmp_path / f"swing{number}.csv"
         rows = np.column_stack([t, theta, push(t)])
@@ -144,9 +144,9 @@ def test_identified_numbers_go_into_the_file_and_are_replayed_with_their_input(t
         done = CliRunner().invoke(app, [*args, "--keep-rest"])
         assert done.exit_code == 0, done.output
     of_rig, model = ["--rig", str(tmp_path / "rig.toml")], tmp_path / "m.json"
-    done = CliRunner().invoke(app, ["identify", *map(str, runs[:2]), *of_rig, "--out", str(model)])
+    done = CliRunner().invoke(app, ["identify", str(runs[0]), *of_rig, "--out", str(model)])
     assert done.exit_code == 0, done.output
-    args = ["export", str(model), *of_rig, "--into", str(file), "--check", str(runs[2]), "--out", str(tmp_path / "out")]
+    args = ["export", str(model), *of_rig, "--into", str(file), "--check", str(runs[1]), "--out", str(tmp_path / "out")]
     done = CliRunner().invoke(app, [*args, "--json"])
     assert done.exit_code == 0, done.output
     (replay,) = json.loads(done.stdout)["replays"]

@@ -33,7 +33,7 @@ PLANTED = {
 QUICK = [("damping of the arm", 2), ("gear", 1)]
 """Errors with the number of rods that `make test` plants: of arm and drive, with one rod and with two.
 
-Friction takes four times as long; `test_least_change.py` plants it at a joint.
+Friction takes four times as long; `test_least_change.py` plants errors of rods and joints.
 """
 
 

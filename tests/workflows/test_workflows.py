@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 from unittest.mock import Mock
 
 import pytest
@@ -28,14 +29,14 @@ class Heard(list[events.Event]):
     def __call__(self, event: events.Event) -> None:
         self.append(event)
 
-    def of(self, *kinds: type) -> list[events.Event]:
+    def of(self, *kinds: type) -> list[Any]:
         return [event for event in self if isinstance(event, kinds)]
 
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[CaptureResult, Heard]:
     heard = Heard()
-    options = CaptureOptions(duration=3.0)
+    options = CaptureOptions(duration=1.5)
     request = CaptureRequest(
         "paper", tmp_path_factory.mktemp("runs"), options, ("X1", "X3"), url="sim://?clock=fast&seed=3"
     )
