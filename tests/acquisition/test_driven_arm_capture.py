@@ -157,7 +157,7 @@ def test_a_free_arm_with_both_rods_is_captured_and_identified(tmp_path: Path, be
         assert estimate.value == pytest.approx(value / base[1], abs=4 * estimate.std), name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_driven_double_pendulum_is_captured_and_identified(tmp_path: Path, bench, agree) -> None:
     rig = load_rig("driven_double")
     with bench(rig="driven_double", plant="driven_double") as (device, _):

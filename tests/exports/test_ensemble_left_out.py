@@ -88,7 +88,7 @@ def test_two_recordings_are_too_few(released: tuple[Model, list[Run], Rig]) -> N
     assert factor_without(truth, [pair], runs[:2], rig, 0) == 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_posterior_that_is_too_narrow_is_widened(released: tuple[Model, list[Run], Rig]) -> None:
     """Four releases of one plant; the values without each differ by ten standard deviations of the posterior."""
     truth, runs, rig = released

@@ -215,7 +215,7 @@ def test_effects_of_arm_and_drive_are_in_the_program(name, near, effects, rods, 
     assert away.max() < near
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_fmu_with_backlash_of_the_gear_agrees_with_the_python_module(tmp_path):
     rig, model = model_of("inner", k0=0.0)
     model = model.model_copy(update={"effects": {**SETS["gear"], "input_delay": {"delay_s": 0.02}}})

@@ -74,7 +74,7 @@ def test_simulated_time_has_no_clock_drift(serve, operate) -> None:
     assert info(done.runs[0]).clock == {}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("link", [pytest.param("serial", marks=pytest.mark.long), "CAN"])
 def test_lost_host_times_do_not_change_device_time(link: str, serve, operate, wrong_samples) -> None:
     stalled = serve(link=LINKS[link], clock="realtime", drift_ppm=200.0, fault=("stall_ms=350", "drop=0.02"))

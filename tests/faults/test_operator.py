@@ -78,25 +78,29 @@ def test_a_stopped_capture_finishes_its_file(
     matrix.show(f"{number.name} during the swing", link, said, process.returncode, UNTIL)
 
 
+def halted_three_times(folder: Path, link: str) -> tuple[int, Path, str]:
+    """A capture whose process is stopped for 300 ms, three times: its exit code, its file, what it prints last."""
+    folder.mkdir()
+    process = start(folder, link, "--duration", "4")
+    path = await_release(folder, process, 30_000)
+    for _ in range(3):
+        process.send_signal(signal.SIGSTOP)
+        time.sleep(0.3)
+        process.send_signal(signal.SIGCONT)
+        time.sleep(0.4)
+    last = last_line(process)
+    return process.returncode, path, last
+
+
 @pytest.mark.parametrize("link", ["serial", pytest.param("CAN", marks=pytest.mark.long)])
 def test_a_host_stopped_for_300_ms_loses_nothing(link: str, tmp_path: Path, wrong_samples, matrix) -> None:
-    for attempt in range(8):  # a loaded machine may leave it standing until the device no longer waits
-        folder = tmp_path / str(attempt)
-        folder.mkdir()
-        process = start(folder, link, "--duration", "4")
-        path = await_release(folder, process, 30_000)
-        for _ in range(3):
-            process.send_signal(signal.SIGSTOP)
-            time.sleep(0.3)
-            process.send_signal(signal.SIGCONT)
-            time.sleep(0.4)
-        said = last_line(process)
-        if "heard nothing from the host" not in said:
-            break
-    assert process.returncode == 0, said
+    attempts = (halted_three_times(tmp_path / str(number), link) for number in range(8))
+    # a loaded machine may leave it standing until the device no longer waits
+    code, path, last = next(attempt for attempt in attempts if "heard nothing from the host" not in attempt[2])
+    assert code == 0, last
     assert sum(info(path).lost.values()) == 0
     assert wrong_samples(path) == 0
-    matrix.show("the host stopped for 300 ms, three times", link, said, 0, "every sample")
+    matrix.show("the host stopped for 300 ms, three times", link, last, 0, "every sample")
 
 
 @pytest.mark.parametrize("link", ["serial", pytest.param("CAN", marks=pytest.mark.long)])

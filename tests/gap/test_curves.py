@@ -38,6 +38,7 @@ def test_an_eccentric_encoder_is_still_named_as_one(tmp_path):
     assert diagnosis.effects[0].probability > 0.8
 
 
+@pytest.mark.long
 def test_cogging_that_follows_small_unknown_causes_does_not_replace_a_zero_error():
     case = bench("classroom", 404)
     diagnosis = diagnose(case.runs, case.rig, held_out=case.held_out, library=LIKELY)

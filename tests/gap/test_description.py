@@ -106,7 +106,7 @@ def test_a_single_rod_at_half_its_scale_is_asked_for_the_scale_and_given_no_spri
     assert "--scale 2" in asked.sentence
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3, 4, 5))])
 def test_a_single_rod_that_is_read_correctly_is_not_asked_for_its_scale(seed: int, tmp_path: Path) -> None:
     rig, runs = one_rod.recorded(one_rod.drawn(seed), seed, tmp_path)

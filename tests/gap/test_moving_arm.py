@@ -43,7 +43,7 @@ def case(fault, mode, both=False, seconds=3.0, seed=3):
         ("coulomb_joint0", "driven"),
         pytest.param("spring_joint0", "free", marks=pytest.mark.long),
         pytest.param("torque_scale_joint0", "driven", marks=pytest.mark.long),
-        ("input_delay", "driven"),
+        pytest.param("input_delay", "driven", marks=pytest.mark.long),
     ],
 )
 def test_a_fault_of_the_arm_or_its_drive_is_named_with_its_size(fault, mode):

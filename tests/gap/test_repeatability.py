@@ -107,7 +107,7 @@ def test_a_law_outside_the_library_is_reproducible_and_unmodelled() -> None:
     assert budget.of_reproducible < 0.5
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_disturbance_of_each_recording_alone_is_not_reproducible() -> None:
     laws = [law("wander", 0, 2, seed) for seed in range(3)]
     budget = of(each_its_own(laws, 5, **dict.fromkeys(candidates("coulomb", *SMOOTH), "")))

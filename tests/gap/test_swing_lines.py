@@ -94,7 +94,7 @@ def test_air_drag_is_not_called_a_drift_of_friction_after_one_release(tmp_path: 
     assert found.probabilities.get("friction_drift_joint1", 0.0) < 0.2
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_drift_of_friction_that_drag_cannot_imitate_is_named(tmp_path: Path) -> None:
     rod = one_rod.Rod(dry=2e-4, damping=6e-3, offset=-8e-4, noise=8e-4, counts=2400)
     rig, runs = one_rod.recorded(rod, 1, tmp_path)

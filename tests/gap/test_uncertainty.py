@@ -48,7 +48,7 @@ def test_steps_of_a_play_are_not_missed_counts(recorded, paper: Rig):
     assert not [finding for finding in found.sensor_findings if finding.name == "missed_counts"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_friction_that_follows_the_load_shows_the_scale(paper: Rig):
     plant, rig = weighed_rig(load_plant("paper", 3), paper)
     told = plant.model_copy(update={"effects": {"load_friction_joint2": {"friction_radius_m": 6e-4}}})

@@ -137,7 +137,7 @@ def test_a_zero_offset_and_dry_friction_of_one_rod_are_not_called_cogging(tmp_pa
     assert "rotor_inertia_joint1 is indistinguishable from e1/b" in " ".join(diagnosis.assumptions)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     "rod",
     [
@@ -200,7 +200,7 @@ def test_a_spring_that_needs_gravity_to_lift_the_rod_does_not_stand_for_a_zero_o
     assert gravity_torque(rig, diagnosis) > 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_whole_turns_between_recordings_show_a_wrong_number_of_counts(tmp_path: Path) -> None:
     """An encoder with 4000 counts, of which the rig file says 4096; the rod was turned once between the releases."""
     rig, runs = recorded(Rod(scale=-0.0234, turns=(0, 1)), 5, tmp_path)

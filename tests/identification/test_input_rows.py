@@ -19,7 +19,11 @@ ROW = 20
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("renewed", "share"),
-    [("with the rows", 0.0), ("5 ms before", 0.25), pytest.param("always", 0.5, marks=pytest.mark.long)],
+    [
+        pytest.param("with the rows", 0.0, marks=pytest.mark.long),
+        ("5 ms before", 0.25),
+        pytest.param("always", 0.5, marks=pytest.mark.long),
+    ],
 )
 def test_an_input_that_acts_before_its_rows_is_named(renewed: str, share: float) -> None:
     """A drive that renews its torque once per row, at the row or 5 ms before it, or at every millisecond."""

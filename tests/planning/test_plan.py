@@ -62,7 +62,7 @@ def test_the_same_seed_gives_the_same_plan(paper: Rig) -> None:
     assert first.releases == second.releases
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_minutes_in_which_no_further_release_fits_lengthen_the_releases(paper: Rig) -> None:
     made = plan(paper, budget_min=1.8)  # two of at least 0.67 min fit, a third one does not
     assert len(made.releases) == 2
