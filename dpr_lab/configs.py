@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 
 from dpr_lab.errors import ConfigError, unknown_name
-from dpr_lab.whole_file import regular
+from dpr_lab.whole_file import read_text, regular
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -57,9 +57,7 @@ def read_config(path: Path, model: type[Model]) -> Model:
             one line for each fault, naming the file, the key and the value.
     """
     try:
-        text = regular(path, ConfigError).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+        text = read_text(path, ConfigError, "utf-8-sig")
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: is not text in UTF-8, byte {error.start}: save it with this encoding") from error
     return parse_config(text, str(path), model)

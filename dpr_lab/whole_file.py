@@ -35,6 +35,19 @@ def regular(path: Path, error: type[DprError] = DprError) -> Path:
     return path
 
 
+def read_text(path: Path, error: type[DprError] = DprError, encoding: str = "utf-8") -> str:
+    """Read a regular file as text.
+
+    Raises:
+        DprError: it is not a regular file, or cannot be read.
+        UnicodeDecodeError: it is not text of this encoding.
+    """
+    try:
+        return regular(path, error).read_text(encoding=encoding)
+    except OSError as refused:
+        raise error(f"{path}: cannot be read: {refused.strerror}") from refused
+
+
 def write_whole(path: Path, write: Callable[[Path], object], error: type[DprError] = DprError) -> None:
     """Create the folder of `path`, let `write` fill a temporary file in it, and replace `path` by this file.
 

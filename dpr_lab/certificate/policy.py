@@ -16,7 +16,7 @@ from dpr_lab.certificate.lines import Verified
 from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.estimate import DIFFERENCE_STEPS
 from dpr_lab.gap.result.causes import EffectSize, NamedEffect
-from dpr_lab.gap.result.diagnosis import Diagnosis, SensorFinding
+from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.scaling.scale import Scale
 
 Ends = tuple[float, float]
@@ -62,7 +62,7 @@ def required_claims(diagnosis: Diagnosis, acceptance: Acceptance | None = None) 
         "tested on": _text(diagnosis.basis),
         "named": _text(", ".join(effect.name for effect in diagnosis.effects)),
         "withdrawn": _text(", ".join(diagnosis.withdrawn)),
-        "sensor faults": _text(", ".join(map(_fault, diagnosis.sensor_findings))),
+        "sensor faults": _text(", ".join(f"{finding.name} ({finding.run})" for finding in diagnosis.sensor_findings)),
         "share of the gap closed": _share(closed.estimate, closed.interval90),
     }
     if diagnosis.scale is not None:
@@ -96,10 +96,6 @@ def _effect_claims(effect: NamedEffect, scale: Scale | None) -> Iterator[tuple[s
             operator = f"{'/' if parameter.scale_power > 0 else '*'} {scale.inertia}"
             typical = scale.ratio(parameter.typical, parameter.scale_power)
             yield f"{name} {operator}, {size.ratio_unit}", _number(size.ratio, size.ratio_interval90, typical)
-
-
-def _fault(finding: SensorFinding) -> str:
-    return f"{finding.name} ({finding.run})"
 
 
 def _text(value: str) -> RequiredClaim:

@@ -66,10 +66,8 @@ def _end(message: str, exit_code: int) -> NoReturn:
     """Print the reason and exit; further Ctrl-C during this time is ignored."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        from dpr_lab.cli.console import complain, json_mode
+        from dpr_lab.cli.console import complain
 
-        if "--json" in sys.argv:  # the command may not have imported it
-            json_mode(True)
         complain(message, exit_code)
         sys.stdout.flush()
     except OSError:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dpr_lab.cli.checks import AnyClock, Json, RigName, TorqueKind
-from dpr_lab.cli.console import emit, json_mode, line, say, table
+from dpr_lab.cli.console import emit, line, say, table
 
 if TYPE_CHECKING:
     from dpr_lab.acceptance.judge import Acceptance
@@ -40,7 +40,6 @@ def accept(
 
     Example: dpr-lab accept runs/*.mcap --rig paper --limits limits.toml --out out/acceptance
     """
-    json_mode(as_json)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.accept import accept as accept_runs
     from dpr_lab.workflows.diagnose import DiagnoseRequest

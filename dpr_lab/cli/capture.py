@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dpr_lab.cli.checks import ArmMode, Elbow, InnerMode, Json, RigName, Rods, positive
-from dpr_lab.cli.console import emit, json_mode, line, say
+from dpr_lab.cli.console import emit, line, say
 
 if TYPE_CHECKING:
     from dpr_lab.acquisition.holding import Confirm
@@ -56,7 +56,6 @@ def capture(
 
     Example: dpr-lab capture --rig paper --link sim:// --pose X1 --pose X2 --pose X3 --out runs
     """
-    json_mode(as_json)
     from dpr_lab.acquisition.capture import CaptureOptions
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.capture import CaptureRequest

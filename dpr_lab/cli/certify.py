@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dpr_lab.cli.checks import Json, RigName
-from dpr_lab.cli.console import emit, json_mode, line, table
+from dpr_lab.cli.console import emit, line, table
 from dpr_lab.cli.option_groups import DiagnosisChoices, with_groups
 
 if TYPE_CHECKING:
@@ -41,7 +41,6 @@ def certify(
 
     Example: dpr-lab certify runs/*.mcap --rig paper --out certificate.json
     """
-    json_mode(as_json)
     if choices.seed >= 1 << 63:
         raise typer.BadParameter("--seed must be below 2^63 in a certificate")
     from dpr_lab.cli.listener import Listener
@@ -99,7 +98,6 @@ def verify(
 
     Example: dpr-lab verify certificate.json
     """
-    json_mode(as_json)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.certify import verify as verify_certificate
 

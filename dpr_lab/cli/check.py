@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dpr_lab.cli.checks import TorqueKind, complete_rig
-from dpr_lab.cli.console import emit, json_mode, line, table
+from dpr_lab.cli.console import emit, line, table
 
 if TYPE_CHECKING:
     from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -39,7 +39,6 @@ def check(
 
     Example: dpr-lab check diagnosis/diagnosis.json 1-3fa2 --value '2.1 mN m' --std '0.2 mN m' --out checked
     """
-    json_mode(as_json)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.check import CheckRequest, take_check
 

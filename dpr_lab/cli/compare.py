@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from dpr_lab.cli.checks import AnyClock, Json, TorqueKind
-from dpr_lab.cli.console import emit, json_mode, line, table
+from dpr_lab.cli.console import emit, line, table
 from dpr_lab.workflows.compare import compare as compare_runs
 
 
@@ -24,7 +24,6 @@ def compare(
 
     Example: dpr-lab compare runs/*.mcap --model model.json --out report
     """
-    json_mode(as_json)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.report.moving_arm import COMPARISON_COLUMNS as MOVING_ARM_COLUMNS
     from dpr_lab.report.moving_arm import comparison_rows as moving_arm_rows

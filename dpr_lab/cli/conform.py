@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from dpr_lab.cli.checks import Json
-from dpr_lab.cli.console import emit, json_mode, progress, table
+from dpr_lab.cli.console import emit, progress, table
 
 
 def conform(
@@ -21,7 +21,6 @@ def conform(
 
     Example: dpr-lab conform sim:// --rods-off
     """
-    json_mode(as_json)
     from dpr_lab.acquisition.conformance import ConformanceSettings, Conformity, conformity, refuse_with_rods
     from dpr_lab.cli.listener import Listener
     from dpr_lab.transports import open_transport

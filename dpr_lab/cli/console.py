@@ -11,14 +11,6 @@ from typing import Any, Protocol, TextIO
 from dpr_lab.errors import printable
 from dpr_lab.report.plain import as_json
 
-_state = {"json": False}
-
-
-def json_mode(on: bool) -> bool:
-    """Set JSON output for this process, so that errors are printed as JSON as well."""
-    _state["json"] = on
-    return on
-
 
 def line(text: object = "") -> None:
     """Print a line of the result on stdout."""
@@ -37,7 +29,7 @@ def emit(result: dict[str, Any] | list[dict[str, Any]]) -> None:
 
 def complain(message: str, exit_code: int) -> None:
     """Print an error for the operator on stderr, and with --json also as an object on stdout."""
-    if _state["json"]:
+    if "--json" in sys.argv:
         emit({"error": message, "exit_code": exit_code})
     say(f"dpr-lab: {message}")
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dpr_lab.cli.checks import Json
-from dpr_lab.cli.console import emit, json_mode, line, table
+from dpr_lab.cli.console import emit, line, table
 
 if TYPE_CHECKING:
     from dpr_lab.workflows.demo import DemoResult
@@ -37,7 +37,6 @@ def demo(
 
     Example: dpr-lab demo --out out/demo
     """
-    json_mode(as_json)
     if sample:
         _write_tables(out or Path("sample"), as_json)
         return

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dpr_lab.cli.checks import NO_RIG, REASON_NAMES, Json, complete_rig, names_in
-from dpr_lab.cli.console import emit, json_mode, line, say, table, text
+from dpr_lab.cli.console import emit, line, say, table, text
 from dpr_lab.cli.option_groups import DiagnosisChoices, with_groups
 from dpr_lab.shown import percent
 
@@ -92,7 +92,6 @@ def diagnose(
 
     Example: dpr-lab diagnose runs/*.mcap --simulator robot.xml --out out/diagnosis
     """
-    json_mode(as_json)
     if not rig and simulator is None:
         raise typer.BadParameter(f"give --rig, or --simulator with your own model. {NO_RIG}")
     if joints and simulator is None:

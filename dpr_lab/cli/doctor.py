@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import typer
 
 from dpr_lab.cli.checks import Json
-from dpr_lab.cli.console import emit, json_mode, table
+from dpr_lab.cli.console import emit, table
 from dpr_lab.errors import DprError
 
 
@@ -42,7 +42,6 @@ def doctor(
 
     Example: dpr-lab doctor --link sim:// --rig paper
     """
-    json_mode(as_json)
     from dpr_lab.cli.listener import Listener
 
     failed: list[DprError] = []
@@ -73,7 +72,7 @@ def _rows(findings: Sequence[SystemCheck]) -> list[tuple[str, str, str]]:
 
 
 def _examine(link: str | None, rig: str | None, failed: list[DprError]) -> Iterator[SystemCheck]:
-    yield _python()
+    yield SystemCheck("Python", "ok", f"{sys.version.split()[0]}, {sys.executable}")
     yield from _packages()
     yield from _plugins()
     yield _disk()
@@ -82,10 +81,6 @@ def _examine(link: str | None, rig: str | None, failed: list[DprError]) -> Itera
         yield _try("rig", lambda: _rig(rig), failed)
     if link is not None:
         yield _try("device", lambda: _device(link, rig), failed)
-
-
-def _python() -> SystemCheck:
-    return SystemCheck("Python", "ok", f"{sys.version.split()[0]}, {sys.executable}")
 
 
 def _packages() -> Iterator[SystemCheck]:

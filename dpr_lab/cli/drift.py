@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from dpr_lab.cli.checks import AnyClock, Json, RigName, TorqueKind
-from dpr_lab.cli.console import emit, json_mode, line, table
+from dpr_lab.cli.console import emit, line, table
 
 
 def drift(
@@ -35,7 +35,6 @@ def drift(
 
     Example: dpr-lab drift runs/*.mcap --rig paper --by day --fail-on-drift --out drift
     """
-    json_mode(as_json)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.drift import DriftRequest, watch_drift
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dpr_lab.cli.checks import EFFECT_NAMES, Json
-from dpr_lab.cli.console import emit, json_mode, line, table
+from dpr_lab.cli.console import emit, line, table
 from dpr_lab.cli.listing import Listing
 
 if TYPE_CHECKING:
@@ -46,7 +46,6 @@ def list_effects(
 
     Example: dpr-lab effects list
     """
-    json_mode(as_json)
     from dpr_lab.effects import EFFECTS
 
     if as_json:
@@ -70,7 +69,6 @@ def show_effect(
 
     Example: dpr-lab effects show coulomb_joint2
     """
-    json_mode(as_json)
     from dpr_lab.effects import EFFECTS
 
     described = _described(EFFECTS[name])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dpr_lab.cli.checks import EXPORT_NAMES, Json, RigName, TorqueKind, names_in
-from dpr_lab.cli.console import emit, json_mode, line, say, table, text
+from dpr_lab.cli.console import emit, line, say, table, text
 from dpr_lab.shown import percent
 
 if TYPE_CHECKING:
@@ -74,7 +74,6 @@ def export(
 
     Example: dpr-lab export out/diagnosis --rig paper --ensemble 50 --check runs/x1.mcap --out ensemble
     """
-    json_mode(as_json)
     if into is not None and ensemble is not None:
         raise typer.BadParameter("--into writes one file: remove the option --ensemble")
     if ensemble is not None:

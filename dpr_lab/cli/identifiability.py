@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dpr_lab.cli.checks import Json, RigName, TorqueKind
-from dpr_lab.cli.console import emit, json_mode, line, table
+from dpr_lab.cli.console import emit, line, table
 
 if TYPE_CHECKING:
     from dpr_lab.identification.identifiability import Identifiability
@@ -28,7 +28,6 @@ def identifiability(
 
     Example: dpr-lab identifiability runs/*.mcap --rig paper
     """
-    json_mode(as_json)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.identification.moving_arm.identifiability import ArmIdentifiability
     from dpr_lab.workflows.identifiability import IdentifiabilityRequest

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dpr_lab.cli.checks import OBJECTIVE_NAMES, SEARCHES, AnyClock, Json, RigName, TorqueKind
-from dpr_lab.cli.console import emit, json_mode, line, say, table
+from dpr_lab.cli.console import emit, line, say, table
 from dpr_lab.errors import IdentificationError
 
 if TYPE_CHECKING:
@@ -56,7 +56,6 @@ def identify(
 
     Example: dpr-lab identify runs/*.mcap --rig paper --out model.json
     """
-    json_mode(as_json)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.workflows.identify import IdentifyRequest

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dpr_lab.cli.checks import Elbow, Json, RigName, Rods
-from dpr_lab.cli.console import emit, json_mode, line, say, table
+from dpr_lab.cli.console import emit, line, say, table
 from dpr_lab.cli.listing import Listing
 from dpr_lab.cli.plugin_listing import PluginListing
 from dpr_lab.storage.tables.options import ImportOptions, TypedOption, parse_recorded_at, typed_options
@@ -49,7 +49,6 @@ def import_table(
 
     Example: dpr-lab import table swing.mat --rig paper --pose X1 --angles relative --zero hanging --dry-run
     """
-    json_mode(as_json)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.import_table import ImportRequest, import_table, preview_table
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from dpr_lab.cli.checks import positive
-from dpr_lab.cli.console import emit, json_mode, line, say
+from dpr_lab.cli.console import emit, line, say
 from dpr_lab.cli.option_groups import with_groups
 
 if TYPE_CHECKING:
@@ -147,7 +147,6 @@ def new(
 
     Example: dpr-lab rig new --name qube --rods inner --l0 0.085 --l1 0.129 --m1 0.024 --arm driven --input voltage
     """
-    json_mode(as_json)
     from dpr_lab.workflows.rig_file import RigMeasures, check_rig, new_rig
 
     ask = sys.stdin.isatty() and sys.stderr.isatty() and None in (name, *rods.needed)

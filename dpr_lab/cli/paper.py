@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from dpr_lab.cli.checks import Json
-from dpr_lab.cli.console import emit, json_mode, line, table
+from dpr_lab.cli.console import emit, line, table
 
 QUICK = {"seeds": 2, "generations": 60}
 
@@ -34,7 +34,6 @@ def paper(
 
     Example: dpr-lab paper --out out/paper
     """
-    json_mode(as_json)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.paper import PaperRequest
     from dpr_lab.workflows.paper import paper as run_again

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dpr_lab.cli.checks import AnyClock, Json, RigName, TorqueKind
-from dpr_lab.cli.console import emit, json_mode, line, table
+from dpr_lab.cli.console import emit, line, table
 from dpr_lab.shown import percent
 
 if TYPE_CHECKING:
@@ -61,7 +61,6 @@ def plan(
 
     Example: dpr-lab plan runs/*.mcap --rig paper --budget 10min
     """
-    json_mode(as_json)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.plan import PlanRequest
     from dpr_lab.workflows.plan import plan as plan_recordings

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from dpr_lab.cli.checks import built_in_rigs, complete_rig, names_in, positive
-from dpr_lab.cli.console import emit, json_mode, line, table, text
+from dpr_lab.cli.console import emit, line, table, text
 from dpr_lab.cli.listing import Listing
 from dpr_lab.cli.new_rig import new
 
@@ -27,7 +27,6 @@ def list_(as_json: Json = False) -> None:
 
     Example: dpr-lab rig list
     """
-    json_mode(as_json)
     from dpr_lab.configs import find_config
     from dpr_lab.rig import load_rig
 
@@ -48,7 +47,6 @@ def show(
 
     Example: dpr-lab rig show paper > my_rig.toml
     """
-    json_mode(as_json)
     from dpr_lab.rig import load_rig
 
     checked = load_rig(rig)
@@ -81,7 +79,6 @@ def from_model(
 
     Example: dpr-lab rig from robot.xml --joints shoulder,elbow --out rig.toml
     """
-    json_mode(as_json)
     from dpr_lab.workflows.rig_from import MEANING, rig_from_model
 
     read = rig_from_model(model, out, names_in(joints) or (), name, g)
@@ -116,7 +113,6 @@ def check(
 
     Example: dpr-lab rig check my_rig.toml
     """
-    json_mode(as_json)
     from dpr_lab.workflows.rig_file import check_rig
 
     findings = check_rig(rig)

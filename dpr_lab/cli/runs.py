@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from dpr_lab.cli.checks import Choices, Json
-from dpr_lab.cli.console import emit, json_mode, line, say, table
+from dpr_lab.cli.console import emit, line, say, table
 from dpr_lab.cli.listing import Listing
 from dpr_lab.errors import RunError
 
@@ -41,7 +41,6 @@ def info(files: RunFiles, as_json: JsonEach = False) -> None:
 
     Example: dpr-lab run info runs/20261121T101500Z_X1_1a2b3c4d.mcap
     """
-    json_mode(as_json)
     from dpr_lab.cli.run_info import info_rows
     from dpr_lab.storage.inspect import info as inspect_run
 
@@ -57,7 +56,6 @@ def verify(files: RunFiles, as_json: JsonEach = False) -> None:
 
     Example: dpr-lab run verify runs/*.mcap
     """
-    json_mode(as_json)
     from dpr_lab.storage.inspect import verify as verify_run
 
     def check(file: Path) -> dict[str, Any]:
@@ -83,7 +81,6 @@ def recover(
 
     Example: dpr-lab run recover broken.mcap --out whole.mcap
     """
-    json_mode(as_json)
     from dpr_lab.storage.inspect import info as inspect_run
     from dpr_lab.storage.inspect import recover as recover_run
 
@@ -113,7 +110,6 @@ def export(
 
     Example: dpr-lab run export runs/20261121T101500Z_X1_1a2b3c4d.mcap --xarray
     """
-    json_mode(as_json)
     if out is None and not xarray:
         raise typer.BadParameter("give --out FILE, whose suffix determines the format, or --xarray")
     if out is not None and xarray and out.suffix.lower() != ".nc":
@@ -145,7 +141,6 @@ def layout(
 
     Example: dpr-lab run layout foxglove --out dpr-lab.foxglove.json
     """
-    json_mode(as_json)
     from dpr_lab.storage.viewers import VIEWERS
     from dpr_lab.whole_file import write_text
 

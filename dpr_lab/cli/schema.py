@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from dpr_lab.cli.checks import Choices
-from dpr_lab.cli.console import emit, json_mode, table
+from dpr_lab.cli.console import emit, table
 
 
 def _schemas() -> Iterable[str]:
@@ -33,7 +33,6 @@ def schema(
 
     Example: dpr-lab schema diagnosis > diagnosis.schema.json
     """
-    json_mode(as_json or name is not None)
     from dpr_lab.report.schemas import SCHEMAS
     from dpr_lab.report.schemas import schema as schema_of
 

@@ -26,9 +26,9 @@ def serve(
     answers = _only_answers()
 
     def send(message: Mapping[str, Any]) -> None:
-        from dpr_lab.report.plain import as_json_line
+        from dpr_lab.report.plain import as_json
 
-        answers.write(as_json_line(message).encode("utf-8") + b"\n")
+        answers.write(as_json(message, indent=None).encode("utf-8") + b"\n")
         answers.flush()
 
     service = Service(send)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dpr_lab.cli.checks import Json, complete_rig
-from dpr_lab.cli.console import emit, json_mode, line, say, table
+from dpr_lab.cli.console import emit, line, say, table
 from dpr_lab.cli.listing import Listing
 from dpr_lab.shown import counted
 from dpr_lab.trials.sealing import DRAWN, ON_ARM, Kind, Level, TrialArm
@@ -95,7 +95,6 @@ def draw(
 
     Example: dpr-lab trials draw --kind pair --out trial
     """
-    json_mode(as_json)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.trials.sealing import PlantRequest
     from dpr_lab.workflows.trial import TrialRequest
@@ -117,7 +116,6 @@ def run(folder: Folder, as_json: Json = False) -> None:
 
     Example: dpr-lab trials run trial
     """
-    json_mode(as_json)
     from dpr_lab.cli.diagnose import show
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.trial import DiagnoseTrialRequest, diagnose_trial
@@ -138,7 +136,6 @@ def open_(folder: Folder, as_json: Json = False) -> None:
 
     Example: dpr-lab trials open trial
     """
-    json_mode(as_json)
     from dpr_lab.trials.protocol import open_trial, read_trial
 
     trial = read_trial(folder)
@@ -252,7 +249,6 @@ def campaign(
 
     Example: dpr-lab trials campaign --n 500 --kind single --kind clean --out out/campaign
     """
-    json_mode(as_json)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.report.trials.html import sentence
     from dpr_lab.report.trials.tables import KIND_COLUMNS, SCORE_COLUMNS, kind_rows, score_rows

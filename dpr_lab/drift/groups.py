@@ -90,9 +90,9 @@ def _sessions(runs: Sequence[Occasion]) -> list[str]:
     return names
 
 
-def _labels(runs: Sequence[Occasion]) -> list[str]:
-    return [run.label for run in runs]
-
-
-KEYS: Mapping[str, Callable[[Sequence[Occasion]], list[str]]] = {"day": _days, "session": _sessions, "label": _labels}
+KEYS: Mapping[str, Callable[[Sequence[Occasion]], list[str]]] = {
+    "day": _days,
+    "session": _sessions,
+    "label": lambda runs: [run.label for run in runs],
+}
 """Name of a grouping -> function that names the group of each run, for runs in the order of time."""

@@ -83,7 +83,17 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
         base=absolute,
         scale=scale,
         fit=_fit_summary(diagnosis),
-        search=_search_record(diagnosis),
+        search=SearchRecord(
+            algorithm="diagnosis",
+            objective="segments",
+            seed=0,
+            evaluations=0,
+            seconds=diagnosis.seconds,
+            generations=0,
+            best={},
+            best_cost=0.0,
+            history={},
+        ),
         runs=[
             RunUsed(
                 file=str(run.file or run.name),
@@ -110,21 +120,6 @@ def _fit_summary(diagnosis: Diagnosis) -> FitSummary:
         chi2_per_dof=diagnosis.chi2_per_dof,
         iterations=0,
         longest_segment_s=0.5,
-    )
-
-
-def _search_record(diagnosis: Diagnosis) -> SearchRecord:
-    """The record of a diagnosis, which has no generations."""
-    return SearchRecord(
-        algorithm="diagnosis",
-        objective="segments",
-        seed=0,
-        evaluations=0,
-        seconds=diagnosis.seconds,
-        generations=0,
-        best={},
-        best_cost=0.0,
-        history={},
     )
 
 

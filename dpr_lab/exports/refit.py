@@ -16,7 +16,7 @@ from dpr_lab.effects.effect import Effect
 from dpr_lab.exports import FORMATS
 from dpr_lab.exports.bodies import AnyModel, Effects, in_words, words_of
 from dpr_lab.exports.module_parts import known_effects
-from dpr_lab.exports.moving_arm.corrected import with_estimate
+from dpr_lab.exports.moving_arm.corrected import with_engine_values
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import Problem
@@ -183,7 +183,9 @@ def _typical(effect: Effect) -> dict[str, float]:
 
 def _with(model: AnyModel, estimate: Estimate, rig: Rig) -> AnyModel:
     """The model with other ratios and effects."""
-    return with_estimate(model, estimate, rig) if isinstance(model, MovingArmModel) else _with_rods(model, estimate)
+    if isinstance(model, MovingArmModel):
+        return with_engine_values(model, estimate.ratios, estimate.params, rig)
+    return _with_rods(model, estimate)
 
 
 def _with_rods(model: Model, estimate: Estimate) -> Model:

@@ -72,7 +72,8 @@ def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
 
 def _improved(recordings: Recordings, problem: Problem, model: Hypothesis, start: Shutter) -> tuple[float, Shutter]:
     """Predicted reduction of chi2 by another delay, and the shutter with it."""
-    limit = _longest_delay(recordings)
+    rate_hz = max(record.run.rate_hz for record in recordings.records)
+    limit = 1 / (recordings.rods_length * rate_hz)  # a frame for the length of the rods, s/m
     delays = [start.delay + SHUTTER.part * limit, start.delay - SHUTTER.part * limit]
     corrected = [recordings.with_shutter(Shutter(start.lines, delay)) for delay in delays]
     after, before = (runs.cut(recordings.working_length)[0].measured for runs in corrected)
@@ -84,8 +85,3 @@ def _improved(recordings: Recordings, problem: Problem, model: Hypothesis, start
     given = space.given(range(fitted), [fitted])
     step = given.solution(np.array([[-limit - start.delay], [limit - start.delay]]))
     return given.reduction(step), Shutter(start.lines, start.delay + float(step[0]))
-
-
-def _longest_delay(recordings: Recordings) -> float:
-    """Largest delay, s/m: a frame for the length of the rods."""
-    return 1 / (recordings.rods_length * max(record.run.rate_hz for record in recordings.records))

@@ -18,7 +18,7 @@ from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.search import search_words
 from dpr_lab.shown import FIXED_BY, Row, Shown
-from dpr_lab.whole_file import regular, write_text
+from dpr_lab.whole_file import read_text, write_text
 
 RODS = ("theta1", "theta2")
 
@@ -290,11 +290,6 @@ class Model(Shown, _Record):
         pairs = zip(self.base.items(), values, strict=True)
         return self.model_copy(update={"base": {k: v.model_copy(update={"value": value}) for (k, v), value in pairs}})
 
-    @property
-    def _determined(self) -> "dict[str, EstimatedValue]":
-        """The ratios that the recordings determine; the others are taken from the rig file."""
-        return {name: ratio for name, ratio in self.ratios.items() if ratio.fixed_by == "data"}
-
     def _rows(self) -> list[Row]:
         rows = [
             (
@@ -303,7 +298,8 @@ class Model(Shown, _Record):
                 "" if estimate.std is None else f"{estimate.std:.2g}",
                 FIXED_BY[estimate.fixed_by],
             )
-            for name, estimate in {**self._determined, **self.parameters}.items()
+            for name, estimate in (*self.ratios.items(), *self.parameters.items())
+            if name in self.parameters or estimate.fixed_by == "data"
         ]
         return [("", "value", "std", "determined by"), *rows]
 
@@ -363,7 +359,7 @@ def load_model(path: Path | str) -> Model:
         RunError: the file is missing, not JSON, or not a model; the message names the key.
     """
     try:
-        content = json.loads(regular(Path(path), RunError).read_text(encoding="utf-8"))
+        content = json.loads(read_text(Path(path), RunError))
         if isinstance(content, dict) and content.get("kind") == "moving_arm":
             raise RunError(
                 f"{path}: is a model of a rig with a free or driven arm, which only `compare` and `export` take"
@@ -373,8 +369,6 @@ def load_model(path: Path | str) -> Model:
         model = Model.model_validate(all_printable(content))
         refuse_unknown_effects(model.effects, Path(path))
         return model
-    except OSError as error:
-        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
     except ValidationError as error:
         raise RunError(f"{path}: is not a model of dpr-lab: {first_fault(error)}") from error
     except (ValueError, RecursionError) as error:  # other encoding, invalid JSON, a number of thousands of digits

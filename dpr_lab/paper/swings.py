@@ -26,14 +26,10 @@ def _angles(error: Array) -> Array:
     return error[..., :2]
 
 
-def _with_speeds(error: Array) -> Array:
-    return error
-
-
 TERMS: dict[str, Callable[[Array], Array]] = {
     "angles": _angles,
     "relative angles": lambda error: JointAngles(relative2=True).of_rods(_angles(error)),
-    "angles and speeds": _with_speeds,
+    "angles and speeds": lambda error: error,
 }
 """Interpretations of E(Z): the errors that are squared and summed.
 

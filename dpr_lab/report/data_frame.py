@@ -54,28 +54,13 @@ def _(run: Run) -> tuple[Any, str]:
 
 
 @_columns.register
-def _(model: Model) -> tuple[Any, str]:
-    quantities = model.ratios | model.base | model.parameters  # c1 and c2 are base parameters too
+def _(model: Model | MovingArmModel) -> tuple[Any, str]:
+    # c1 and c2 are base parameters too
+    absolute = model.absolute if isinstance(model, MovingArmModel) else model.base | model.parameters
     records = [
         {"name": name, "value": quantity.value, "std": quantity.std, "fixed_by": quantity.fixed_by}
         | dict(zip(("low", "high"), quantity.interval90 or (), strict=False))
-        for name, quantity in quantities.items()
-    ]
-    return records, "name"
-
-
-@_columns.register
-def _(model: MovingArmModel) -> tuple[Any, str]:
-    records = [
-        {
-            "name": name,
-            "value": quantity.value,
-            "std": quantity.std,
-            "fixed_by": quantity.fixed_by,
-            "low": quantity.interval90[0],
-            "high": quantity.interval90[1],
-        }
-        for name, quantity in (model.ratios | model.absolute).items()
+        for name, quantity in (model.ratios | absolute).items()
     ]
     return records, "name"
 

@@ -161,12 +161,8 @@ def _arm_errors(runs: Sequence[ArmComparison]) -> Figure:
     with style.house_style():
         figure, panels = _panels(runs)
         for axes, run, joint in panels:
-            band = NOISE_SIGMAS * 1e3 * run.noise_rad[JOINTS_READ[joint]]
-            residual = 1e3 * (run.measured[:, joint] - run.simulated[:, joint])
-            largest = 1.1 * max(1.2 * band, float(np.nanmax(np.abs(residual))))
-            axes.axhspan(-band, band, label=f"noise floor, ±{NOISE_SIGMAS}σ", **style.NOISE_BAND)
-            axes.plot(*trace(run.t, residual), label="measured − simulated", **style.RESIDUAL)
-            axes.set_ylim(-largest, largest)
+            residual = run.measured[:, joint] - run.simulated[:, joint]
+            _draw_error(axes, run.t, residual, run.noise_rad[JOINTS_READ[joint]])
             axes.set_ylabel(f"{JOINTS_READ[joint]} (mrad)")
         legend_above(figure)
         return figure
@@ -280,8 +276,8 @@ def _draw_errors(panels: NDArray[np.object_], comparison: Comparison) -> None:
     for axis, (left, right) in enumerate(panels):
         noise = float(comparison.noise_rad[axis])
         free, segment = comparison.free_run_error[:, axis], comparison.segment_residual[:, axis]
-        _draw_error(left, comparison.t[near], free[near], float(comparison.free_run_rms_rad[axis]), noise)
-        _draw_error(right, comparison.t, segment, float(comparison.segment_rms_rad[axis]), noise)
+        _draw_error(left, comparison.t[near], free[near], noise, float(comparison.free_run_rms_rad[axis]))
+        _draw_error(right, comparison.t, segment, noise, float(comparison.segment_rms_rad[axis]))
         left.set_ylabel(f"{AXES[axis]}\nerror (mrad)")
         right.set_ylabel("residual (mrad)")
     for upper in panels[0]:
@@ -290,7 +286,7 @@ def _draw_errors(panels: NDArray[np.object_], comparison: Comparison) -> None:
     panels[1, 1].set_xlabel("segments with free initial states: time since release (s)")
 
 
-def _draw_error(axes: Axes, t: Array, error: Array, rms_rad: float, noise_rad: float) -> None:
+def _draw_error(axes: Axes, t: Array, error: Array, noise_rad: float, rms_rad: float = np.nan) -> None:
     band = NOISE_SIGMAS * 1e3 * noise_rad
     axes.axhspan(-band, band, label=f"noise floor, ±{NOISE_SIGMAS}σ", **style.NOISE_BAND)
     axes.plot(*trace(t, 1e3 * error), label="measured − simulated", **style.RESIDUAL)

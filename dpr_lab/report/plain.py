@@ -15,17 +15,12 @@ class NotFinite(RuntimeWarning):
     """A result contains a number that is not finite."""
 
 
-def as_json(result: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> str:
-    """Format a JSON object or a list of them, indented.
+def as_json(result: Mapping[str, Any] | Sequence[Mapping[str, Any]], indent: int | None = 1) -> str:
+    """Format a JSON object or a list of them, on one line if `indent` is None.
 
     Warns `NotFinite` with the key of a number that is not finite.
     """
-    return json.dumps(_finite(result, "result"), indent=1, default=str, allow_nan=False)
-
-
-def as_json_line(result: Mapping[str, Any]) -> str:
-    """Format a JSON object on one line; warnings as for `as_json`."""
-    return json.dumps(_finite(result, "result"), default=str, allow_nan=False)
+    return json.dumps(_finite(result, "result"), indent=indent, default=str, allow_nan=False)
 
 
 def _finite(value: Any, key: str) -> Any:

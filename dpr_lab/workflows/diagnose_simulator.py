@@ -132,7 +132,7 @@ def diagnose_simulator(
         diff=_difference(simulator, text),
         lost=lost | patched.lost,
         forced=forced,
-        replays=_replays(simulator, patched, forced, names, model, rig, unseen) if _runs_here() else (),
+        replays=_replays(simulator, patched, forced, names, model, rig, unseen) if find_spec("mujoco") else (),
     )
     return _written(done, request.out, text) if request.out else done
 
@@ -196,11 +196,6 @@ def _forced(model: "AnyModel", rig: "Rig", simulator: Path, joints: Sequence[str
     except ConfigError:  # only this file cannot be written: that of the simpler model exists
         return None
     return whole if whole.passive.module else None
-
-
-def _runs_here() -> bool:
-    """Whether MuJoCo, which replays files, is installed."""
-    return find_spec("mujoco") is not None
 
 
 def _written(done: SimulatorDiagnosis, out: Path, text: str) -> SimulatorDiagnosis:

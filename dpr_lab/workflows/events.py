@@ -18,34 +18,6 @@ if TYPE_CHECKING:
     from dpr_lab.trials.score import TrialOutcome
     from firmware_protocol.identity import DeviceInfo
 
-__all__ = [
-    "ArmRunCompared",
-    "CaptureBegan",
-    "CaptureDone",
-    "CaptureProgress",
-    "DeviceGreeted",
-    "Event",
-    "FitBegan",
-    "GenerationDone",
-    "ImportProgress",
-    "JobBegan",
-    "LocalFitBegan",
-    "OnEvent",
-    "PaperSearchDone",
-    "Proceed",
-    "RunCompared",
-    "RunLeftOut",
-    "RunRead",
-    "ScoreTestBegan",
-    "StageBegan",
-    "TrialDone",
-    "TrialSealed",
-    "TrustTrialDone",
-    "Warned",
-    "always",
-    "ignore",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class JobBegan:

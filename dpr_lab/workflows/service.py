@@ -18,7 +18,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from importlib import import_module
-from importlib.util import find_spec
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Any, TypeAlias
@@ -66,11 +65,6 @@ class Method:
     result: Callable[[Any], Mapping[str, Any]]
     """Content of the response."""
 
-    @property
-    def available(self) -> bool:
-        """Whether this version has it."""
-        return find_spec(self.job.partition(":")[0]) is not None
-
 
 METHODS: dict[str, Method] = {
     "identify": Method(
@@ -86,6 +80,9 @@ METHODS: dict[str, Method] = {
     "plan": Method("dpr_lab.workflows.plan:PlanRequest", "dpr_lab.workflows.plan:plan", lambda done: done.to_json()),
 }
 """Name of a method -> job; results are those of the command of the same name with --json."""
+
+NAMES = [*METHODS, "status", "cancel"]
+"""Names of all methods."""
 
 
 @dataclass(slots=True)
@@ -134,7 +131,7 @@ class Service:
         """End: finish all jobs, or cancel them; returns when the last one has ended."""
         with self._changed:
             self._closed = True
-            for job in [*self._jobs, *([self._running] if self._running else [])]:
+            for job in self._all():
                 if cancel:
                     self._end(job)
             self._changed.notify_all()
@@ -149,8 +146,8 @@ class Service:
             return self._status()
         if name == "cancel":
             return {"cancelled": self._cancel(params)}
-        if name not in METHODS or not METHODS[name].available:
-            raise RpcError(RpcCode.NO_METHOD, f"no method {name!r}; available: {', '.join(_names())}")
+        if name not in METHODS:
+            raise RpcError(RpcCode.NO_METHOD, f"no method {name!r}; available: {', '.join(NAMES)}")
         job = _Job(request.get("id"), "id" in request, name, _request(METHODS[name], params))
         with self._changed:
             if job.answered and job.id in [other.id for other in self._all()]:
@@ -169,7 +166,7 @@ class Service:
             running, waiting = self._running, list(self._jobs)
         return {
             "version": __version__,
-            "methods": _names(),
+            "methods": NAMES,
             "running": running.id if running else None,
             "waiting": [job.id for job in waiting],
         }
@@ -288,10 +285,6 @@ def _done(name: str, request: Any, send: Callable[[Any], None]) -> tuple[Any, ..
         return "failed", RpcCode.FAILED, str(error), {"kind": type(error).__name__, "exit_code": error.exit_code}
     except Exception as error:  # a bug must not end the service
         return "failed", RpcCode.INTERNAL, f"internal error: {type(error).__name__}: {error}"
-
-
-def _names() -> list[str]:
-    return [*(name for name, method in METHODS.items() if method.available), "status", "cancel"]
 
 
 def _parsed(line: bytes) -> Any:

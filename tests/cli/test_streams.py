@@ -139,23 +139,19 @@ def test_an_interrupt_inside_a_library_is_an_interrupt() -> None:
     program = """
 import signal, sys
 from dpr_lab import cli
-from dpr_lab.cli.console import json_mode
 class Lost:
     def __del__(self):
         signal.raise_signal(signal.SIGINT)
 def wrapped(**_):
-    json_mode(True)
     try:
         raise KeyboardInterrupt
     except KeyboardInterrupt as error:
         raise RuntimeError("the compiler failed") from error
 def lost(**_):
     import time
-    json_mode(True)
     Lost()
     time.sleep(60)
 def replaced(**_):
-    json_mode(True)
     try:
         signal.raise_signal(signal.SIGINT)
     except KeyboardInterrupt:
@@ -163,7 +159,6 @@ def replaced(**_):
     raise AssertionError("a lock of the compiler")
 def dropped(**_):
     import time
-    json_mode(True)
     try:
         signal.raise_signal(signal.SIGINT)
     except KeyboardInterrupt:
@@ -175,7 +170,9 @@ dpr_lab.cli.app.app = {f.__name__: f for f in (wrapped, lost, replaced, dropped)
 cli.main()
 """
     for way in ("wrapped", "lost", "replaced", "dropped"):
-        done = subprocess.run([sys.executable, "-c", program, way], capture_output=True, text=True, timeout=100)
+        done = subprocess.run(
+            [sys.executable, "-c", program, way, "--json"], capture_output=True, text=True, timeout=100
+        )
         assert done.returncode == 130, done.stderr
         assert done.stderr == "dpr-lab: interrupted\n"
         assert json.loads(done.stdout) == {"error": "interrupted", "exit_code": 130}

@@ -55,10 +55,6 @@ class ModelCause:
     growth if no cause is corrected. It is the same for all numbers of one body. The first cause has the largest share.
     """
 
-    def with_share(self, share: float) -> "ModelCause":
-        """A copy of the cause with its share."""
-        return replace(self, share=share)
-
 
 TERMS = {
     "coulomb": ("friction", "torque_Nm", "Coulomb friction", "N m"),
@@ -186,4 +182,4 @@ def ranked(
     growths = [max(error - least, 0.0) for _, error in causes]
     whole = max(nothing - least, *growths, 1e-30)
     by_size = sorted(zip(growths, causes, strict=True), key=lambda pair: -pair[0])
-    return tuple(row.with_share(growth / whole) for growth, (rows, _) in by_size for row in rows)
+    return tuple(replace(row, share=growth / whole) for growth, (rows, _) in by_size for row in rows)

@@ -134,7 +134,13 @@ class Simulation:
                 return cls(model, names, zero, direction, gear)
         names = tuple(f"joint{number}" for number in range(1 - moving, 1 + len(chain.rods)))
         zero = np.array([*([0.0] if moving else []), np.pi, 0.0])[: len(parts)]
-        return cls(_compiled(_on_arm(chain) if moving else _planar(chain)), names, zero, np.ones(len(parts)), gear)
+        return cls(
+            _compiled(_on_arm(chain) if moving else _scene(_rods(chain), chain.gravity)),
+            names,
+            zero,
+            np.ones(len(parts)),
+            gear,
+        )
 
     def angles(self, swing: Replay, gain: Array | float = 1.0) -> Array:
         """(n, 2) angles of the rods, or (n, 3) of arm and rods, at the instants of a replay, rad.
@@ -194,11 +200,6 @@ def _compiled(text: str) -> Any:
     except ModuleNotFoundError as missing:
         raise ConfigError("replaying the file needs MuJoCo: pip install 'dpr-lab[exports]'") from missing
     return mujoco.MjModel.from_xml_string(text)
-
-
-def _planar(chain: ModelChain) -> str:
-    """The rods of a file on a clamped arm; all joints are zero for upright rods."""
-    return _scene(_rods(chain), chain.gravity)
 
 
 def _on_arm(chain: ModelChain) -> str:

@@ -11,7 +11,6 @@ from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects import EFFECTS, effect_params, named_params
 from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
@@ -84,11 +83,6 @@ def corrected_arm_model(
         warnings=[] if diagnosis.verdict in ("named", "no_gap") else [diagnosis.sentence],
         version=__version__,
     )
-
-
-def with_estimate(model: MovingArmModel, estimate: Estimate, rig: Rig) -> MovingArmModel:
-    """The model with the values and effects of another fit."""
-    return with_engine_values(model, estimate.ratios, estimate.params, rig)
 
 
 def with_engine_values(model: MovingArmModel, unknown: Array, params: Array, rig: Rig) -> MovingArmModel:

@@ -81,6 +81,11 @@ class ResidualStatistics:
         return float(np.sqrt(max(self.excess, 0.0) / (self.level * self.dof)))
 
 
+def degrees_of_freedom(problem: Problem) -> Array:
+    """(segments,) number of readings minus number of initial values."""
+    return np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
+
+
 def bounded_residual(problem: Problem, fit: Fit) -> Array:
     """(samples, 2) whitened residual; the maximum value in a segment that cannot be simulated."""
     wildest = ASSUMPTIONS.wildest

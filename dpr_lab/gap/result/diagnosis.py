@@ -23,7 +23,7 @@ from dpr_lab.gap.result.search_step import SearchStep
 from dpr_lab.gap.result.trust import Trust
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import Row, Shown, percent
-from dpr_lab.whole_file import regular
+from dpr_lab.whole_file import read_text
 
 Verdict = Literal["no_gap", "inconclusive", "named", "partly_explained", "unexplained"]
 Basis = Literal["one release", "releases left out", "held-out runs"]
@@ -199,12 +199,10 @@ def load_diagnosis(path: Path) -> Diagnosis:
     """
     try:
         path = diagnosis_file(path)
-        document = json.loads(regular(path, RunError).read_text(encoding="utf-8"))
+        document = json.loads(read_text(path, RunError))
         printed = ADDED_BY_COMMANDS if isinstance(document, dict) else ()
         stored = {key: document[key] for key in document if key not in printed} if printed else document
         diagnosis = Diagnosis.model_validate(stored)
-    except OSError as error:
-        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
     except ValidationError as error:
         raise RunError(f"{path}: is not a diagnosis that this dpr-lab wrote: {first_fault(error)}") from error
     except (ValueError, RecursionError) as error:

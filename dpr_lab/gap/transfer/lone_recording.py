@@ -20,6 +20,7 @@ from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import PRIOR
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.residuals import degrees_of_freedom
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +58,7 @@ def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) ->
     fit, run = model.fit, problem.segments.run
     if len(names) < LONE.recordings or not np.isfinite(fit.linear.chi2):
         return None
-    dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
+    dof = degrees_of_freedom(problem)
     noise = np.maximum(model.residuals.level * np.bincount(run, dof, len(names)), 1.0)
 
     def remainders(chi2: Array) -> Array:

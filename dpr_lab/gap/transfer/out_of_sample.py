@@ -12,6 +12,7 @@ from dpr_lab.fitting.gauss_newton import descend
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import folds, left_out_chi2
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.residuals import degrees_of_freedom
 from dpr_lab.gap.screen.recordings import Recordings
 
 
@@ -90,7 +91,7 @@ def held_out_prediction(recordings: Recordings, base: Hypothesis) -> OutOfSample
 
 
 def _out_of_sample(recordings: Recordings, problem: Problem, chi2: Callable[[Hypothesis], Array]) -> OutOfSample:
-    dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
+    dof = degrees_of_freedom(problem)
     noise = float(np.mean(problem.weight[problem.read] ** 2) ** -0.5)
     return OutOfSample(
         tuple(record.run.name for record in recordings.records), problem.segments.run, dof, noise, chi2, block(problem)

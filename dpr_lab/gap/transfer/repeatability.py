@@ -35,7 +35,7 @@ from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import TINY
 from dpr_lab.gap.hypothesis.cross_validation import PRIOR, folds, left_out_chi2
-from dpr_lab.gap.hypothesis.residuals import residual_statistics
+from dpr_lab.gap.hypothesis.residuals import degrees_of_freedom, residual_statistics
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.gap_budget import GapBudget, VaryingParameter
@@ -87,7 +87,7 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     followed = np.isfinite(before.linear.chi2_by_segment) & np.isfinite(after.linear.chi2_by_segment)
     fold = np.unique(folds(problem), return_inverse=True)[1]
     residuals = residual_statistics(problem, after)
-    dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
+    dof = degrees_of_freedom(problem)
     noise, total = residuals.level * float(dof[followed].sum()), float(left_out_chi2(before, fold)[followed].sum())
     if residual_statistics(problem, before).z < REPEATABILITY.gap_from or not followed.any() or total <= noise:
         return split(

@@ -13,7 +13,7 @@ from dpr_lab.effects.spring import SPRING_JOINT0
 from dpr_lab.errors import RunError, all_printable
 from dpr_lab.identification.model import EstimatedValue, Number, RigFacts, RunUsed, refuse_unknown_effects
 from dpr_lab.shown import Row, Shown
-from dpr_lab.whole_file import regular, write_text
+from dpr_lab.whole_file import read_text, write_text
 
 KIND = "moving_arm"
 CONFIG = ConfigDict(extra="ignore", frozen=True, defer_build=True)
@@ -130,9 +130,7 @@ def load_moving_arm_model(path: Path) -> MovingArmModel | None:
         RunError: it cannot be read, or is damaged; the message names the key.
     """
     try:
-        content = json.loads(regular(path, RunError).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+        content = json.loads(read_text(path, RunError))
     except (ValueError, RecursionError):
         return None
     if not isinstance(content, dict) or content.get("kind") != KIND:
