@@ -144,8 +144,8 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
 def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
     """Checks that are not done, with their expected information about the updated probabilities, largest first.
 
-    For an ideal measurement this is the remaining entropy. Other checks give the same fraction of the ideal information
-    as before.
+    For an ideal measurement this is the remaining entropy. Any other check is assumed to give the same fraction of this
+    information as before the result.
     """
     open_checks = [_reweighed(check, done) for check in diagnosis.checks if check.id != done.check.id]
     return sorted(open_checks, key=lambda check: -check.expected_bits)

@@ -196,7 +196,7 @@ def _with_effects(bare: RatioFit, measured: Array, rig: Rig, model: Model) -> Ra
 
 
 def _continued(problem: Problem, estimate: Estimate) -> Array:
-    """(segments, 4) initial states at which the segment before each of them ends; the first one keeps its own."""
+    """(segments, 4) end states of the preceding segments; the first segment keeps its initial state."""
     laid_out = problem.segments
     if len(laid_out) == 1:
         return estimate.initial

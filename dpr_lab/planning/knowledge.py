@@ -215,7 +215,7 @@ def _noise_of(rig: Rig) -> Array:
 
 
 def _noise_in(recordings: Recordings) -> Array:
-    """(3,) the same in the recordings; for an arm that was held, the value of the rig file."""
+    """(3,) noise densities as in `_noise_of`, from the recordings; for an arm that was held, from the rig file."""
     levels = [np.median(record.sigma, axis=0) / np.sqrt(RATE_HZ) for record in recordings.records]
     of_arm = [sigma[2] for sigma in levels if len(sigma) > 2] or [_noise_of(recordings.rig)[2]]
     return np.append(np.median([sigma[:2] for sigma in levels], axis=0), np.median(of_arm))

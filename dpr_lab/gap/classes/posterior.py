@@ -180,7 +180,7 @@ def _class_members(
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """Effects that are indistinguishable from the named one, and the richer forms that count as one of them.
 
-    The former have the prior of their size, the most plausible first.
+    The indistinguishable effects have the prior of their size, and the most plausible one is first.
     """
     least = detectable(selection.chosen, selection.final_test)
     same = [other for other, score in others.items() if _in_one_class(selection, without, test, named, score)]

@@ -77,7 +77,7 @@ class Jump:
 
 
 def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
-    """The jumps whose gain exceeds by far that of all segments elsewhere.
+    """The jumps with a gain far above the gains of all segments at other times.
 
     Args:
         candidates: the best jump of each segment; segments may overlap
@@ -164,7 +164,7 @@ class _Changes:
 
     @classmethod
     def of(cls, problem: Problem, fitted: Fit, reference: Trajectory, degree: int) -> "_Changes":
-        """The residuals of a fit with free initial states, without torques of a degree."""
+        """The residuals of a fit with free initial states, with polynomial torques of this degree projected out."""
         owner, offsets = problem.owner, problem.segments.offsets
         residual = np.where(np.isfinite(fitted.linear.residual), fitted.linear.residual, 0.0)
         Q = np.concatenate([fitted.linear.Q, _of_torques(problem, fitted, reference, degree)], axis=2)

@@ -48,8 +48,8 @@ SCAN = ScanSettings()
 ORDER = "order"
 """Shape parameter: number of periods of a torque per turn of its joint.
 
-On an arc of fewer periods than `SCAN.periods`, two harmonics act like a free polynomial in the angle. It fits any
-smooth force and any nonlinearity of the encoder, and is evidence of neither.
+On an arc of fewer periods than `SCAN.periods`, two harmonics act like a free polynomial in the angle. Such a polynomial
+fits any smooth force and any nonlinearity of the encoder, and is evidence of neither.
 """
 
 

@@ -70,8 +70,9 @@ class ScreenSettings:
     repeating_in_part: float = 0.05
     """Minimum excess of this fraction over that of all other readings, if only a part of the recording repeats."""
     rows_in_short_period: float = 80.0
-    """Minimum number of samples in the faster small oscillation for steps of two free rods: the local polynomial finds
-    steps of 5 to 12 counts in large swings without a fault with 58 and 68 samples, in none of 72 with 75 or more.
+    """Minimum number of samples in the faster small oscillation for steps of two free rods: in large swings without a
+    fault, the local polynomial finds steps of 5 to 12 counts with 58 and 68 samples, and no steps in 72 swings with 75
+    samples or more.
     """
     rows_in_period: float = 20.0
     """Minimum number of samples in a small oscillation for steps of one rod: of 40 simulated swings without a fault, 29
@@ -329,7 +330,7 @@ def _on_grid(run: Run, rig: Rig, joints: Array) -> Flags:
 def _dithered(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
     """Whether rounding errors are independent: the noise before rounding reaches a fifth of a count at rest.
 
-    Without a rest this is assumed, except for a table of which most readings equal the one before.
+    Without readings at rest, independence is assumed, except for tables in which most readings equal the previous one.
     """
     if run.counts is None:
         readings = rig.encoders.joint_angles.of_rods(run.swing.theta[:, 1:])

@@ -60,7 +60,7 @@ class FreeSwing:
         return A.T @ A + slow.T @ slow, A
 
     def settled(self, change: Array) -> Array:
-        """(n, 2, k) changes of the readings, (n, 2, k), that remain after the initial state is refitted."""
+        """(n, 2, k) changes that remain of these changes of the readings after the initial state is refitted."""
         normal, A = self._normal
         rows = (self.weight[:, :, None] * change)[self.head].reshape(len(A), -1)
         return change - self.by_start @ (_inverse(normal) @ (A.T @ rows))

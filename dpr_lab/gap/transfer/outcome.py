@@ -39,7 +39,7 @@ class TransferSettings:
     followed_s: float = 0.6
     """Minimum time of this comparison, since the beginning of the recording."""
     wildest: float = 1e12
-    """Maximum chi2 of a segment, for one that cannot be simulated."""
+    """Maximum chi2 of a segment; used for a segment that cannot be simulated."""
 
 
 TRANSFER = TransferSettings()

@@ -149,8 +149,8 @@ def split(
 def _fitted_to_all(everything: Recordings, known: Problem, *models: Fit) -> tuple[Problem, Fit, Fit]:
     """The models fitted to all recordings, starting from their fits to the first of them.
 
-    In long segments, the phases of a recording of a rig that was changed since then are so wrong that the residual is
-    no longer linear in the ratios. Short segments are used for such recordings.
+    If the rig was changed between the recordings, the phases in long segments are so wrong that the residual is no
+    longer linear in the ratios. Short segments are used for such recordings.
     """
     for length in (everything.working_length, LENGTHS.first):
         problem, initial = everything.cut(length)

@@ -160,7 +160,7 @@ class FittedSets:
         return reduce(self.without, (name for name in model.effects if name not in corrections), model)
 
     def start(self) -> Hypothesis:
-        """The bare model with the known effects of the rig that these recordings show, the largest score first."""
+        """The bare model with the rig's known effects that are significant in these recordings, largest first."""
         model = self.bare
         while scores := [
             score for score in self.test(model).ranking if score.effect.name in self.expected and score.gain > 0

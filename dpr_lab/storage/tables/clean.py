@@ -47,7 +47,7 @@ def clean_rows(text: str, width: int, delimiter: str | None, decimal_comma: bool
 def _all_wide(raw: NDArray[np.uint8], ends: NDArray[np.intp], width: int, delimiter: str | None) -> bool:
     """Whether all lines have this number of fields.
 
-    A comment may have it too, but is rejected later because it is not a number.
+    A comment may have the same number of fields, but it is rejected later because it is not a number.
     """
     if delimiter is None:
         begins = raw > _BLANK

@@ -117,7 +117,7 @@ class InterpretedTable:
 
     @property
     def rest(self) -> slice:
-        """Samples of the rest before it, or the first sample of the swing."""
+        """Samples at rest before the release, or the first sample of the swing."""
         return slice(self.part.rest, max(self.part.start, self.part.rest + 1))
 
     def looked_at(self, settings: QuestionSettings) -> slice:

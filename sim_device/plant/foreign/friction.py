@@ -175,7 +175,7 @@ FRICTION = (
     ),
     OutOfLibraryEffect(
         "hertzian_load_friction_joint1",
-        "rolling friction of joint 1 by the 4/3 power of its load",
+        "rolling friction of joint 1, proportional to the 4/3 power of its load",
         Size("torque_at_1N_Nm", 5e-5, 3e-4),
         motion=hertzian_joint1,
         dissipative=True,
